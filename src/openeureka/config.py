@@ -1,0 +1,96 @@
+"""Settings of a run as a frozen dataclass, read from `key=value` words."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from .errors import ConfigError, nearest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunConfig:
+    """One search. Zero means: the default of the task (steps, worlds) or of the kind of model (sample, iteration)."""
+
+    env: str = "cartpole"
+    model: str = "local"
+    """`local`, `local:PATH.gguf`, `random`, `replay:RUN`, or the name of a model at an OpenAI-compatible endpoint."""
+    base_url: str = ""
+    """OpenAI-compatible endpoint; empty means the one the openai package uses."""
+    sample: int = 0
+    """Candidates per generation, K."""
+    iteration: int = 0
+    """Generations, N."""
+    search: str = "best"
+    """`best` (global best is the parent, four-turn history) or `eureka` (as published)."""
+    repair: int = 0
+    """Repair turns a refused candidate may take before its slot is sampled anew."""
+    refill: int = 2
+    """Fresh samples a slot may take after refusals."""
+    temperature: float = 1.0
+    seed: int = 0
+    seeds: int = 3
+    """Fresh seeds the best reward is retrained with at the end."""
+    steps: int = 0
+    """Environment steps per candidate."""
+    worlds: int = 0
+    """Worlds per candidate."""
+    device: str = "cpu"
+    threads: int = 0
+    """Simulation threads; 0 means all cores."""
+    max_cost: float = 0.0
+    """Stop before the spending on replies exceeds this many US dollars; 0 means no limit."""
+    video: str = "best"
+    """`best` or `none`."""
+    dir: str = ""
+    """Run directory; empty means `outputs/<time>_<env>`."""
+    unsafe_no_sandbox: bool = False
+    """Run generated code in an unconfined child process where the kernel cannot confine it."""
+
+    def __post_init__(self) -> None:
+        for key in ("sample", "iteration", "repair", "refill", "steps", "worlds", "threads", "max_cost"):
+            if getattr(self, key) < 0:
+                raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
+        if self.seeds < 1:
+            raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")
+        for key, allowed in (("search", ("best", "eureka")), ("video", ("best", "none"))):
+            if getattr(self, key) not in allowed:
+                raise ConfigError(f"`{key}` must be one of {', '.join(allowed)}, not `{getattr(self, key)}`.")
+
+
+Config = TypeVar("Config")
+
+
+def parse(kind: type[Config], words: Sequence[str]) -> Config:
+    """Build a frozen config dataclass from `key=value` words.
+
+    Raises:
+        ConfigError: for a word that is not `key=value`, an unknown key (names the nearest) or a value of the wrong type.
+    """
+    fields = {field.name: field for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    values: dict[str, object] = {}
+    for word in words:
+        key, sign, value = word.partition("=")
+        if not sign:
+            raise ConfigError(f"`{word}` is not of the form key=value, for example env=cartpole.")
+        if key not in fields:
+            raise ConfigError(f"Unknown setting `{key}`.{nearest(key, fields)} Settings: {', '.join(fields)}.")
+        values[key] = value
+    try:
+        merged = OmegaConf.merge(OmegaConf.structured(kind), values)
+        built = {key: merged[key] for key in values}
+    except OmegaConfBaseException as error:
+        key = str(getattr(error, "full_key", "") or "")
+        wanted = fields[key].type if key in fields else "another type"
+        raise ConfigError(f"`{key}={values.get(key)}` does not fit: `{key}` takes {wanted}.") from None
+    return kind(**built)
+
+
+def as_dict(config: object) -> dict[str, object]:
+    """Every field of a config dataclass, for storing and printing it back."""
+    return dataclasses.asdict(config)  # type: ignore[call-overload]

@@ -1,0 +1,60 @@
+"""Errors a person can cause. Each message is one sentence that says what to do; programming errors are never wrapped."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class EurekaError(Exception):
+    """Base of every error whose text is meant for a person; the command line prints it and exits with `exit_code`."""
+
+    exit_code = 2
+
+
+class ConfigError(EurekaError):
+    """An unknown key, or a value out of range."""
+
+
+class TaskError(EurekaError):
+    """An environment that does not exist or cannot be loaded."""
+
+
+class RewardFileError(EurekaError):
+    """A reward file that cannot be read or was refused."""
+
+
+class ModelError(EurekaError):
+    """A language model that cannot be reached, loaded or paid."""
+
+    exit_code = 3
+
+
+class BudgetError(EurekaError):
+    """`max_cost` is reached; the run is complete up to here and can be resumed with a higher limit."""
+
+    exit_code = 4
+
+
+class StoreError(EurekaError):
+    """A run directory that cannot be opened, is locked, or a disk that is full."""
+
+    exit_code = 5
+
+
+class SandboxUnavailable(EurekaError):
+    """The kernel lacks what confinement needs."""
+
+    exit_code = 6
+
+
+class WorkerError(EurekaError):
+    """A worker process died or hung more often than it may."""
+
+    exit_code = 7
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """` Did you mean X?` for the closest known name, or an empty string."""
+    match = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
+    return f" Did you mean `{match[0]}`?" if match else ""

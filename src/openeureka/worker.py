@@ -1,0 +1,187 @@
+"""Child processes that talk in length-checked frames: a JSON header and named binary blobs, never pickle.
+
+The one module that starts processes. The sandbox server, the trainer and the embedded language model are each a module run
+by `Worker`; on their side they open a `Channel`.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import select
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import IO, Any
+
+from .errors import WorkerError
+
+_PREFIX = struct.Struct("<IQ")  # header bytes, blob bytes
+MAX_HEADER = 64 << 20
+MAX_BLOBS = 4 << 30
+
+
+class WorkerDied(WorkerError):
+    """The child ended or closed its pipe before it sent a whole frame."""
+
+
+class WorkerTimeout(WorkerError):
+    """The child sent nothing before the deadline."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    header: Mapping[str, Any]
+    blobs: Mapping[str, bytes] = field(default_factory=dict)
+
+
+def _encode(header: Mapping[str, Any], blobs: Mapping[str, bytes]) -> bytes:
+    head = json.dumps({"header": header, "blobs": {name: len(blob) for name, blob in blobs.items()}}).encode()
+    return b"".join((_PREFIX.pack(len(head), sum(map(len, blobs.values()))), head, *blobs.values()))
+
+
+class _Reader:
+    """Reads frames from a pipe with a deadline and size caps."""
+
+    def __init__(self, fd: int, max_header: int, max_blobs: int) -> None:
+        self.fd, self.max_header, self.max_blobs = fd, max_header, max_blobs
+        self._buffer = bytearray()
+
+    def _take(self, count: int, deadline: float | None) -> bytes:
+        while len(self._buffer) < count:
+            if deadline is not None:
+                left = deadline - time.monotonic()
+                if left <= 0 or not select.select([self.fd], [], [], left)[0]:
+                    raise WorkerTimeout("The worker process did not answer in time.")
+            chunk = os.read(self.fd, 1 << 20)
+            if not chunk:
+                raise WorkerDied("The worker process ended before it answered.")
+            self._buffer += chunk
+        taken = bytes(self._buffer[:count])
+        del self._buffer[:count]
+        return taken
+
+    def read(self, timeout: float | None) -> Frame:
+        deadline = None if timeout is None else time.monotonic() + timeout
+        head_size, blob_size = _PREFIX.unpack(self._take(_PREFIX.size, deadline))
+        if head_size > self.max_header or blob_size > self.max_blobs:
+            raise WorkerDied(f"The worker process announced an oversized frame ({head_size} + {blob_size} bytes).")
+        try:
+            head = json.loads(self._take(head_size, deadline))
+            header, sizes = head["header"], head["blobs"]
+            if not isinstance(header, dict) or sum(sizes.values()) != blob_size:
+                raise ValueError
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            raise WorkerDied("The worker process sent a malformed frame.") from None
+        return Frame(header, {name: self._take(size, deadline) for name, size in sizes.items()})
+
+
+class Worker:
+    """Parent's end: runs `python -m module` in its own process group and exchanges frames with it.
+
+    Args:
+        module: import path whose `__main__` opens a `Channel`.
+        env: the child's whole environment; None inherits this process's.
+        max_header, max_blobs: caps on what the child may send, in bytes.
+    """
+
+    def __init__(
+        self,
+        module: str,
+        *,
+        args: tuple[str, ...] = (),
+        env: Mapping[str, str] | None = None,
+        max_header: int = MAX_HEADER,
+        max_blobs: int = MAX_BLOBS,
+    ) -> None:
+        self._stderr: IO[bytes] = tempfile.TemporaryFile()
+        # The package directory travels as an argument of -c, so that an emptied environment still finds it.
+        root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+        code = f"import sys, runpy; sys.path.insert(0, {root!r}); runpy.run_module({module!r}, run_name='__main__', alter_sys=True)"
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", code, *args],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._stderr,
+            env=dict(os.environ if env is None else env),
+            start_new_session=True,
+        )
+        assert self.process.stdin is not None and self.process.stdout is not None
+        self._stdin = self.process.stdin
+        self._reader = _Reader(self.process.stdout.fileno(), max_header, max_blobs)
+
+    def send(self, header: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) -> None:
+        """Send one frame. Raises WorkerDied when the child is gone."""
+        try:
+            self._stdin.write(_encode(header, blobs or {}))
+            self._stdin.flush()
+        except (BrokenPipeError, ValueError):
+            raise WorkerDied("The worker process ended before it could be asked.") from None
+
+    def receive(self, timeout: float | None = None) -> Frame:
+        """Next frame. Raises WorkerDied or WorkerTimeout [s]; the worker must then be closed, its stream is broken."""
+        return self._reader.read(timeout)
+
+    @property
+    def alive(self) -> bool:
+        return self.process.poll() is None
+
+    def stderr_tail(self, size: int = 2000) -> str:
+        """Last part of what the child wrote to stderr, for a message to a person."""
+        end = self._stderr.seek(0, os.SEEK_END)
+        self._stderr.seek(max(0, end - size))
+        return self._stderr.read().decode(errors="replace").strip()
+
+    def close(self) -> None:
+        """Kill the child's process group and reap it; safe to call twice."""
+        if self.alive:
+            try:
+                os.killpg(self.process.pid, signal.SIGKILL)
+            except ProcessLookupError:
+                pass
+        self.process.wait()
+        for pipe in (self._stdin, self.process.stdout, self._stderr):
+            if pipe is not None and not pipe.closed:
+                try:
+                    pipe.close()
+                except BrokenPipeError:
+                    pass
+
+    def __enter__(self) -> Worker:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class Channel:
+    """Child's end. Stray prints go to stderr, and the child dies with its parent."""
+
+    def __init__(self) -> None:
+        self._out = os.dup(1)
+        os.dup2(2, 1)
+        self._reader = _Reader(os.dup(0), MAX_HEADER, MAX_BLOBS)
+        parent = os.getppid()
+        if sys.platform == "linux":
+            ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+            if os.getppid() != parent:
+                os._exit(1)
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+
+    def receive(self, timeout: float | None = None) -> Frame | None:
+        """Next frame, or None when the parent closed the pipe."""
+        try:
+            return self._reader.read(timeout)
+        except WorkerDied:
+            return None
+
+    def send(self, header: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) -> None:
+        data = memoryview(_encode(header, blobs or {}))
+        while data:
+            data = data[os.write(self._out, data) :]
