@@ -6,10 +6,10 @@ World axis N, lane axis L and worlds per lane n are used throughout; N = L * n.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Literal
+from typing import Literal, Protocol
 
 # --- state: the only names a reward may read -------------------------------------------------------------------------
 
@@ -58,6 +58,18 @@ class StateSpec:
 
     def __contains__(self, name: object) -> bool:
         return name in self.names
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskContext:
+    """What a language model may know of a task."""
+
+    env: str
+    description: str
+    """The intent, one sentence."""
+    state: StateSpec
+    source: str
+    """The task's file without fitness, rewards, success thresholds and training defaults."""
 
 
 # --- reward programs -------------------------------------------------------------------------------------------------
@@ -202,6 +214,14 @@ class TrainJob:
     seed: int = 0
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainBudget:
+    """What each lane may spend; zero means the task's default."""
+
+    env_steps: int = 0
+    worlds: int = 0
+
+
 class TrainingState(StrEnum):
     FINISHED = "finished"
     DIVERGED = "diverged"  # non-finite or absurd reward, policy or physics: the lane was masked
@@ -258,6 +278,20 @@ class Evaluation:
     fitness: float | None
     episode_length: float
     episodes: int
+
+
+class Trainer(Protocol):
+    """Trains lanes and scores policies. Implementations: `training.executor.PopulationTrainer`; tests bring their own."""
+
+    def train(
+        self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget
+    ) -> Iterator[TrainingProgress | TrainingResult]:
+        """Train every job; exactly one result per job, in any order, progress in between."""
+        ...
+
+    def evaluate(self, env: str, policies: Mapping[str, bytes], *, seed: int) -> Iterator[Evaluation]:
+        """Held-out score of each policy (job id -> safetensors bytes)."""
+        ...
 
 
 # --- search ----------------------------------------------------------------------------------------------------------
