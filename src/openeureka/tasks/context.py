@@ -8,7 +8,7 @@ from ..types import TaskContext
 from .registry import get
 from .task import Task
 
-# An allow-list, so that nothing added to a task later (fitness, rewards, thresholds, training defaults) leaks by default.
+# An allow-list, so that nothing a task adds later (fitness, rewards, thresholds, training defaults) leaks by default.
 _VISIBLE = ("apply_action", "compute_state", "observe")
 
 
@@ -19,11 +19,11 @@ def context(env: str) -> TaskContext:
 
 
 def prune(task: type[Task]) -> str:
-    """The task's class with only the methods that turn actions into motion and motion into state, without comments."""
-    tree = ast.parse(task.source())
-    for node in tree.body:
+    """The task's class with only the methods that turn actions into motion and motion into state."""
+    text = task.source()
+    for node in ast.parse(text).body:
         if isinstance(node, ast.ClassDef) and node.name == task.__name__:
-            node.body = [part for part in node.body if isinstance(part, ast.FunctionDef) and part.name in _VISIBLE]
-            node.decorator_list, node.bases = [], []
-            return ast.unparse(node)
+            methods = [part for part in node.body if isinstance(part, ast.FunctionDef) and part.name in _VISIBLE]
+            shown = [ast.get_source_segment(text, method, padded=True) or "" for method in methods]
+            return "\n\n".join([f"class {task.__name__}:", *shown])
     raise LookupError(f"{task.__name__} is not defined at the top level of its module")

@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from .registry import make
+from .task import State
 
 
 def record_states(env: str, *, worlds: int = 64, steps: int = 40, keep: int = 4) -> dict[str, Tensor | float | int]:
@@ -18,7 +19,7 @@ def record_states(env: str, *, worlds: int = 64, steps: int = 40, keep: int = 4)
     task = simulation.task
     generator = torch.Generator().manual_seed(0)
     simulation.reset()
-    taken = [simulation.current_state()]
+    taken: list[State] = [simulation.current_state()]
     for step in range(1, steps + 1):
         state = simulation.step(torch.randn(worlds, task.num_actions, generator=generator)).state
         if step % (steps // (keep - 1)) == 0 and len(taken) < keep:

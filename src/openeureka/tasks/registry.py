@@ -1,5 +1,5 @@
-"""Finds tasks by name: the built-in ones, those of installed packages (entry point group `openeureka.tasks`), and import
-strings `pkg.mod:Class`."""
+"""Finds tasks by name: the built-in ones, those of installed packages (entry point group `openeureka.tasks`), and
+import strings `pkg.mod:Class`."""
 
 from __future__ import annotations
 
