@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
 from ..report import video
+from ..report.text import columns
 from ..report.video import VideoUnavailable
-from .text import columns
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,8 @@ from typing import Annotated
 import typer
 
 from ..errors import EurekaError, StoreError
+from ..report.text import plain
 from .settings import ContextConfig, PlayConfig, describe
-from .text import plain
 
 app = typer.Typer(
     name="eureka",

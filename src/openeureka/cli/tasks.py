@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..config import parse
+from ..report.text import columns
 from ..tasks import registry
 from ..tasks.context import context as context_of
 from ..types import StateVar
 from .settings import ContextConfig
-from .text import columns
 
 
 def envs() -> None:
