@@ -61,7 +61,9 @@ def generated() -> Mapping[Path, str]:
 def main() -> int:
     stale = {path: text for path, text in generated().items() if not path.exists() or path.read_text() != text}
     for path, text in stale.items():
-        print(f"{path.relative_to(ROOT)} is out of date" if "--check" in sys.argv else f"wrote {path.relative_to(ROOT)}")
+        print(
+            f"{path.relative_to(ROOT)} is out of date" if "--check" in sys.argv else f"wrote {path.relative_to(ROOT)}"
+        )
         if "--check" not in sys.argv:
             path.write_text(text)
     return int("--check" in sys.argv and bool(stale))

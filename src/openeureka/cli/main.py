@@ -25,9 +25,7 @@ app = typer.Typer(
 )
 
 Settings = Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE", hidden=True)]
-Words = Annotated[
-    list[str] | None, typer.Argument(metavar="KEY=VALUE|PATH", hidden=True)
-]
+Words = Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE|PATH", hidden=True)]
 
 
 @app.command(epilog=describe(RunConfig))
