@@ -32,10 +32,10 @@ def train(words: Sequence[str]) -> None:
     jobs = {f"{name}-s{seed}": TrainJob(id=f"{name}-s{seed}", program=programs[name], seed=seed)
             for name in programs for seed in seeds}  # fmt: skip
     directory = output_directory(config.dir, f"train_{config.env}")
-    with PopulationTrainer(device=config.device, threads=config.threads) as trainer:
-        results = _train(trainer, config, list(jobs.values()), directory)
-        policies = {job: result.best_fitness.policy for job, result in results.items() if result.best_fitness}
-        held_out = {score.job: score for score in trainer.evaluate(config.env, policies, seed=config.seed)}
+    trainer = PopulationTrainer(device=config.device, threads=config.threads)
+    results = _train(trainer, config, list(jobs.values()), directory)
+    policies = {job: result.best_fitness.policy for job, result in results.items() if result.best_fitness}
+    held_out = {score.job: score for score in trainer.evaluate(config.env, policies, seed=config.seed)}
     _save(directory, config, results, held_out)
     rows = [_row(name, [f"{name}-s{seed}" for seed in seeds], results, held_out) for name in programs]
     print(columns([("reward", "F", "held-out F", "episode length", "correlation", "steps", "time"), *rows]))
