@@ -10,9 +10,10 @@ from typing import Annotated
 
 import typer
 
+from ..config import RunConfig
 from ..errors import EurekaError, StoreError
 from ..report.text import plain
-from .settings import ContextConfig, PlayConfig, describe
+from .settings import CheckConfig, ContextConfig, PlayConfig, TrainConfig, describe
 
 app = typer.Typer(
     name="eureka",
@@ -23,10 +24,41 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-Settings = Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE", help="Settings, listed below.")]
-Words = Annotated[
-    list[str] | None, typer.Argument(metavar="KEY=VALUE|PATH", help="Settings, listed below, and a path.")
-]
+Settings = Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE", hidden=True)]
+Words = Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE|PATH", hidden=True)]
+
+
+@app.command(epilog=describe(RunConfig))
+def run(words: Settings = None) -> None:
+    """Search for a reward and keep the best one, its policy, a video and a report.
+
+    Example: eureka run env=cartpole model=random sample=8 iteration=2
+    """
+    from .search import run
+
+    run(words or [])
+
+
+@app.command(epilog=describe(TrainConfig))
+def train(words: Settings = None) -> None:
+    """Train and compare given rewards, without a language model.
+
+    Example: eureka train env=cartpole reward=human,sparse seeds=3
+    """
+    from .training import train
+
+    train(words or [])
+
+
+@app.command(epilog=describe(CheckConfig))
+def check(words: Words = None) -> None:
+    """Check one reward file as a run would, and print the verdict.
+
+    Example: eureka check env=cartpole my_reward.py
+    """
+    from .check import check
+
+    raise typer.Exit(check(words or []))
 
 
 @app.command(epilog=describe(PlayConfig))

@@ -90,7 +90,7 @@ def _modules() -> SimpleNamespace:
 def load(program: Program) -> Runner:
     """The program as a function of a mapping that holds its inputs."""
     modules = _modules()
-    # torch imports lazily from C through the builtins of the running frame, hence `__import__`; the gate lets no program name it.
+    # torch imports lazily from C through the builtins of the running frame, hence `__import__`; no program may name it.
     allowed = {name: getattr(builtins, name) for name in (*surface.BUILTINS, "__import__")}
     names: dict[str, Any] = {"__builtins__": allowed}
     names.update({name: getattr(helper_functions, name) for name in surface.HELPERS})
@@ -108,6 +108,21 @@ def load(program: Program) -> Runner:
             return function(SimpleNamespace(**{name: state[name] for name in program.inputs}))
         names.update({name: state[name] for name in free})
         return function(**{name: state[name] for name in program.arguments})
+
+    return run
+
+
+def load_unchecked(source: str, spec: StateSpec) -> Runner:
+    """A program as it stands, with all of Python: what tests of confinement run, behind a gate that is switched off."""
+    names: dict[str, Any] = {"torch": torch, "math": math}
+    names.update({name: getattr(helper_functions, name) for name in surface.HELPERS})
+
+    def run(state: Mapping[str, Any]) -> object:
+        if "__builtins__" not in names:
+            exec(compile(source, FILENAME, "exec"), names)
+        functions = [value for value in names.values() if getattr(value, "__code__", None) and value.__module__ is None]
+        wanted = functions[-1].__code__
+        return functions[-1](*(state[name] for name in wanted.co_varnames[: wanted.co_argcount]))
 
     return run
 
@@ -257,10 +272,10 @@ def _edited(state: Mapping[str, Any], original: Mapping[str, Any]) -> str | None
 
 
 def _same_bits(a: Tensor | float, b: Tensor | float) -> bool:
-    a, b = torch.as_tensor(a), torch.as_tensor(b)
-    if a.shape != b.shape or a.dtype != b.dtype:
+    first, second = torch.as_tensor(a), torch.as_tensor(b)
+    if first.shape != second.shape or first.dtype != second.dtype:
         return False
-    return bool(((a == b) | ((a != a) & (b != b))).all())
+    return bool(((first == second) | (first.isnan() & second.isnan())).all())
 
 
 def _flat(result: Outputs) -> list[Tensor | float]:
