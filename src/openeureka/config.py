@@ -70,7 +70,7 @@ def parse(kind: type[Config], words: Sequence[str]) -> Config:
     """Build a frozen config dataclass from `key=value` words.
 
     Raises:
-        ConfigError: for a word that is not `key=value`, an unknown key (names the nearest) or a value of the wrong type.
+        ConfigError: for a word that is not `key=value`, an unknown key or a value of the wrong type.
     """
     fields = {field.name: field for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
     values: dict[str, object] = {}
@@ -83,7 +83,7 @@ def parse(kind: type[Config], words: Sequence[str]) -> Config:
         values[key] = value
     try:
         merged = OmegaConf.merge(OmegaConf.structured(kind), values)
-        built = {key: merged[key] for key in values}
+        built = {key: merged[key] for key in values}  # pyright: ignore[reportArgumentType]
     except OmegaConfBaseException as error:
         key = str(getattr(error, "full_key", "") or "")
         wanted = fields[key].type if key in fields else "another type"

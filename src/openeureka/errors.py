@@ -1,4 +1,4 @@
-"""Errors a person can cause. Each message is one sentence that says what to do; programming errors are never wrapped."""
+"""Errors a person can cause, each one sentence that says what to do; programming errors are never wrapped."""
 
 from __future__ import annotations
 

@@ -82,8 +82,8 @@ Arg = None | bool | int | float | str | Mapping[str, "Arg"] | tuple["Arg", ...]
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """One tensor operation. `op` is an allow-listed ATen overload (`add.Tensor`) or `input` with the variable's name as its
-    only argument."""
+    """One tensor operation: an allow-listed ATen overload (`add.Tensor`), or `input` with a variable's name as its only
+    argument."""
 
     op: str
     args: tuple[Arg, ...] = ()
@@ -167,8 +167,8 @@ class Message:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prompt:
-    """What a model is asked. `grammar` (GBNF) and `prefill` are set only for models whose style is `grammar`: the reply then
-    is `prefill` plus text that the grammar derives."""
+    """What a model is asked. `grammar` (GBNF) and `prefill` are set only for models whose style is `grammar`: the reply
+    then is `prefill` plus text that the grammar derives."""
 
     messages: tuple[Message, ...]
     grammar: str | None = None
@@ -247,8 +247,8 @@ class TrainingResult:
     fitness: float | None
     """Maximum over epochs of the task's F; None when F was never defined."""
     curves: Mapping[str, tuple[float | None, ...]]
-    """Per-epoch means over the lane's worlds: `fitness`, `episode_length` [steps], `reward` (own, per step), `human_reward`
-    (per step), and `component/<name>` for each component. None where a value was undefined in that epoch."""
+    """Per-epoch means over the lane's worlds: `fitness`, `episode_length` [steps], `reward` (own, per step),
+    `human_reward` (per step), and `component/<name>` for each component. None where undefined in that epoch."""
     env_steps: int
     seconds: float
     correlation: float | None = None
@@ -281,7 +281,7 @@ class Evaluation:
 
 
 class Trainer(Protocol):
-    """Trains lanes and scores policies. Implementations: `training.executor.PopulationTrainer`; tests bring their own."""
+    """Trains lanes and scores policies, like `training.executor.PopulationTrainer`."""
 
     def train(
         self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget

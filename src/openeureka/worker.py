@@ -1,7 +1,7 @@
 """Child processes that talk in length-checked frames: a JSON header and named binary blobs, never pickle.
 
-The one module that starts processes. The sandbox server, the trainer and the embedded language model are each a module run
-by `Worker`; on their side they open a `Channel`.
+The one module that starts processes. The sandbox server, the trainer and the embedded language model are each a module
+run by `Worker`; on their side they open a `Channel`.
 """
 
 from __future__ import annotations
@@ -100,10 +100,10 @@ class Worker:
         max_header: int = MAX_HEADER,
         max_blobs: int = MAX_BLOBS,
     ) -> None:
-        self._stderr: IO[bytes] = tempfile.TemporaryFile()
+        self._stderr: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
         # The package directory travels as an argument of -c, so that an emptied environment still finds it.
         root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-        code = f"import sys, runpy; sys.path.insert(0, {root!r}); runpy.run_module({module!r}, run_name='__main__', alter_sys=True)"
+        code = f"import sys, runpy; sys.path.insert(0, {root!r}); runpy.run_module({module!r}, run_name='__main__')"
         self.process = subprocess.Popen(
             [sys.executable, "-c", code, *args],
             stdin=subprocess.PIPE,

@@ -1,0 +1,6 @@
+"""Batched physics."""
+
+from .base import Simulator
+from .cpu import CpuSimulator
+
+__all__ = ["CpuSimulator", "Simulator"]

@@ -1,0 +1,60 @@
+"""Batched MuJoCo behind one small protocol; a task never knows which implementation it runs on."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import mujoco
+import torch
+from torch import Tensor
+
+INPUT_FIELDS = ("ctrl", "qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
+STATE_FIELDS = ("qpos", "qvel", "act")
+
+
+class Simulator(ABC):
+    """N copies of one model.
+
+    Field names are MjData's and MjModel's, in MuJoCo's own conventions (quaternions w, x, y, z; free-joint angular
+    velocity in the body frame). Tensors are float32 on `device`.
+
+    Attributes:
+        model: the compiled model; per-world values live in `expand`.
+        num_worlds: N.
+        bad: (N,) bool, worlds whose physics broke down in the last `step` (not finite, or a MuJoCo warning); the caller
+            resets them.
+    """
+
+    model: mujoco.MjModel
+    num_worlds: int
+    device: torch.device
+    bad: Tensor
+
+    @abstractmethod
+    def bind(self, field: str) -> Tensor:
+        """A live (N, ...) tensor of an MjData field.
+
+        Inputs (`ctrl`, `xfrc_applied`, ...) are read at the next `step`; state (`qpos`, `qvel`) is read at the next
+        `forward`, for the worlds named there. Every bound field is current after `step`, `reset` and `forward`, except
+        that forces and acceleration sensors after `step` are those of its last substep.
+        """
+
+    @abstractmethod
+    def expand(self, field: str) -> Tensor:
+        """Per-world values (N, ...) of an MjModel field, used from the next call on."""
+
+    @abstractmethod
+    def step(self, substeps: int) -> None:
+        """Advance all worlds by `substeps` timesteps under constant inputs."""
+
+    @abstractmethod
+    def reset(self, worlds: Tensor) -> None:
+        """Put worlds (k,) int64 into the model's default state with zero inputs. Derived fields follow at `forward`."""
+
+    @abstractmethod
+    def forward(self, worlds: Tensor) -> None:
+        """Take over written state of worlds (k,) int64 and recompute their derived fields."""
+
+    @abstractmethod
+    def snapshot(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """One world as plain MuJoCo objects, for rendering."""

@@ -1,0 +1,120 @@
+"""The CPU simulator: `mujoco.batch`, MuJoCo's own thread pool over many worlds."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import torch
+from mujoco.batch import Batch, SimulationError
+from torch import Tensor
+
+from .base import INPUT_FIELDS, STATE_FIELDS, Simulator
+
+_CURRENT = mujoco.mjtStage.mjSTAGE_VEL
+_ALL = slice(None)
+
+
+class CpuSimulator(Simulator):
+    """MuJoCo in double precision with float32 mirrors of the bound fields.
+
+    Only what is written goes back to the double state, so worlds that are merely stepped keep full precision.
+
+    Args:
+        model: compiled model, copied.
+        num_worlds: N.
+        threads: size of the thread pool; 0 means all cores.
+    """
+
+    def __init__(self, model: mujoco.MjModel, num_worlds: int, threads: int = 0) -> None:
+        mujoco.set_mju_user_warning(_ignore)
+        self.num_worlds = num_worlds
+        self.device = torch.device("cpu")
+        self.bad = torch.zeros(num_worlds, dtype=torch.bool)
+        # One MjData a world: making derived fields current is then the first half of the next step, for free.
+        self._batch = Batch(model, num_worlds, nthread=threads, persistent=True)
+        self.model = self._batch.get_model(0)
+        self._mirrors: dict[str, tuple[np.ndarray, Tensor]] = {}
+        self._expanded: dict[str, tuple[np.ndarray, Tensor]] = {}
+        self._warning = self._batch.warning
+        self._seen = self._warning[:, :, 1].copy()
+
+    def bind(self, field: str) -> Tensor:
+        if field not in self._mirrors:
+            array = self._batch.bind(field)
+            self._batch.forward()
+            self._mirrors[field] = (array, _float32(array))
+        return self._mirrors[field][1]
+
+    def expand(self, field: str) -> Tensor:
+        if field not in self._expanded:
+            array = self._batch.expand(field)
+            self._expanded[field] = (array, _float32(array))
+        return self._expanded[field][1]
+
+    def step(self, substeps: int) -> None:
+        self._push_model()
+        for name in INPUT_FIELDS:
+            if name in self._mirrors:
+                array, mirror = self._mirrors[name]
+                array[:] = mirror.numpy()
+        failed: list[int] = []
+        try:
+            self._batch.step(nstep=substeps, stage=_CURRENT)
+        except SimulationError as error:
+            failed = list(error.ids)
+        self._note_bad(failed)
+        self._pull()
+
+    def reset(self, worlds: Tensor) -> None:
+        if len(worlds):
+            self._batch.reset(worlds.numpy(), stage=mujoco.mjtStage.mjSTAGE_NONE)
+            self._seen[worlds.numpy()] = self._warning[worlds.numpy(), :, 1]
+            self._pull(worlds.numpy())
+
+    def forward(self, worlds: Tensor) -> None:
+        if not len(worlds):
+            return
+        self._push_model()
+        ids = worlds.numpy()
+        for name in (*STATE_FIELDS, *INPUT_FIELDS):
+            if name in self._mirrors:
+                array, mirror = self._mirrors[name]
+                array[ids] = mirror[worlds].numpy()
+        self._batch.forward(ids)
+        self._pull(ids)
+
+    def snapshot(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        model = self._batch.get_model(world)
+        data = self._batch.get_data(world)
+        mujoco.mj_forward(model, data)
+        return model, data
+
+    def _pull(self, worlds: np.ndarray | slice = _ALL) -> None:
+        for array, mirror in self._mirrors.values():
+            mirror.numpy()[worlds] = array[worlds]
+
+    def _push_model(self) -> None:
+        changed = False
+        for array, mirror in self._expanded.values():
+            values = mirror.numpy()
+            if not np.array_equal(values, array.astype(np.float32)):
+                array[:] = values
+                changed = True
+        if changed:
+            self._batch.set_const()
+
+    def _note_bad(self, failed: list[int]) -> None:
+        """Compare warning counters with those last seen; MuJoCo itself resets a world whose state is not finite."""
+        count = self._warning[:, :, 1]
+        bad = (count > self._seen).any(axis=1)
+        bad[failed] = True
+        np.copyto(self._seen, count)
+        self.bad.copy_(torch.from_numpy(bad))
+
+
+def _float32(array: np.ndarray) -> Tensor:
+    return torch.from_numpy(array.astype(np.float32))
+
+
+def _ignore(_: str) -> None:
+    """Warnings are counted per world; MuJoCo's own handler would write a log file into the working directory."""

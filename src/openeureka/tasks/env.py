@@ -1,0 +1,109 @@
+"""Steps a task: clamp, act, simulate, count, score, then reset what is done."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+
+from ..sim import CpuSimulator
+from .noise import WorldNoise
+from .task import Score, State, Task
+
+
+class Step(NamedTuple):
+    """What one control step of N worlds produced. All tensors are fresh."""
+
+    observation: Tensor
+    """(N, O) clipped, after reset where done: what the policy sees next."""
+    final_observation: Tensor
+    """(N, O) clipped, before any reset: what a time-out is bootstrapped from."""
+    state: State
+    """State variables before any reset: what rewards are computed on."""
+    terminated: Tensor
+    """(N,) bool, failed, succeeded or broken physics."""
+    timed_out: Tensor
+    """(N,) bool, cut off by the episode length; never together with `terminated`."""
+    score: Score
+    episode_length: Tensor
+    """(N,) int64, steps since the last reset, this one included."""
+    bad: Tensor
+    """(N,) bool, worlds whose physics broke down; they are reset and count for nothing."""
+
+    @property
+    def done(self) -> Tensor:
+        return self.terminated | self.timed_out
+
+
+class BatchedEnv:
+    """N = L * n worlds of one task, with automatic reset.
+
+    Unlike the original, which simulates one phantom step per episode, the observation after a reset is returned with
+    the step that ended the episode, and the terminal one beside it.
+
+    Args:
+        task: the task's class.
+        worlds: worlds per lane, n.
+        lane_seeds: one seed per lane, L.
+        threads: simulation threads, 0 for all cores (CPU only).
+    """
+
+    def __init__(
+        self, task: type[Task], *, worlds: int, lane_seeds: Sequence[int] = (0,), device: str = "cpu", threads: int = 0
+    ) -> None:
+        if device != "cpu":
+            raise NotImplementedError(device)
+        self.num_worlds = worlds * len(lane_seeds)
+        self.sim = CpuSimulator(task.compile_model(), self.num_worlds, threads)
+        self.task = task(self.sim, WorldNoise(lane_seeds, worlds, self.sim.device))
+        self.bad_total = 0
+
+    def reset(self) -> Tensor:
+        """Start an episode in every world; returns the first observation (N, O)."""
+        self._reset(torch.arange(self.num_worlds, device=self.sim.device))
+        return self._observe(self.current_state())
+
+    def step(self, actions: Tensor) -> Step:
+        """Advance all worlds by one action (N, A); values outside [-1, 1] are clamped."""
+        task = self.task
+        task.actions = actions.clamp(-1.0, 1.0)
+        task.apply_action(task.actions)
+        self.sim.step(task.substeps)
+        task.progress += 1
+
+        bad = self.sim.bad.clone()
+        state = self.current_state()
+        terminated = task.terminated(state) | bad
+        timed_out = (task.progress >= task.episode_length - 1) & ~terminated
+        done = terminated | timed_out
+        score = task.fitness(state, done)
+        score = Score(score.value, torch.where(bad, 0.0, score.weight))
+        length = task.progress.clone()
+        final = self._observe(state)
+
+        observation = final
+        if bool(done.any()):
+            self.bad_total += int(bad.sum())
+            worlds = done.nonzero().squeeze(-1)
+            self._reset(worlds)
+            observation = final.clone()
+            observation[worlds] = self._observe(self.current_state())[worlds]
+        return Step(observation, final, state, terminated, timed_out, score, length, bad)
+
+    def _reset(self, worlds: Tensor) -> None:
+        self.task.progress[worlds] = 0
+        self.task.actions[worlds] = 0.0
+        self.sim.reset(worlds)
+        self.task.reset(worlds)
+        self.sim.forward(worlds)
+
+    def current_state(self) -> dict[str, Any]:
+        """Every state variable as of now, `obs_buf` included."""
+        state = self.task.compute_state()
+        state["obs_buf"] = self.task.observe(state)
+        return state
+
+    def _observe(self, state: State) -> Tensor:
+        return state["obs_buf"].clamp(-self.task.clip_observations, self.task.clip_observations)

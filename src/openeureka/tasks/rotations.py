@@ -1,0 +1,44 @@
+"""Quaternions x, y, z, w, in the last axis."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+
+def xyzw(wxyz: Tensor) -> Tensor:
+    """MuJoCo's order to the order every state variable uses."""
+    return wxyz[..., [1, 2, 3, 0]]
+
+
+def rotate(quat: Tensor, vector: Tensor) -> Tensor:
+    """Turn body-frame vectors (..., 3) into the world frame; leading axes broadcast."""
+    axis, vector = torch.broadcast_tensors(quat[..., :3], vector)
+    w = quat[..., 3:]
+    cross = 2.0 * torch.linalg.cross(axis, vector)
+    return vector + w * cross + torch.linalg.cross(axis, cross)
+
+
+def rotate_inverse(quat: Tensor, vector: Tensor) -> Tensor:
+    """Turn world-frame vectors (..., 3) into the body frame; leading axes broadcast."""
+    axis, vector = torch.broadcast_tensors(quat[..., :3], vector)
+    w = quat[..., 3:]
+    cross = 2.0 * torch.linalg.cross(axis, vector)
+    return vector - w * cross + torch.linalg.cross(axis, cross)
+
+
+def euler_xyz(quat: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Roll, pitch, yaw [rad], each wrapped to [0, 2 pi) as Isaac Gym's helper returns them."""
+    x, y, z, w = quat.unbind(-1)
+    roll = torch.atan2(2.0 * (w * x + y * z), w * w - x * x - y * y + z * z)
+    pitch = torch.asin((2.0 * (w * y - z * x)).clamp(-1.0, 1.0))
+    yaw = torch.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    full = 2.0 * torch.pi
+    return roll % full, pitch % full, yaw % full
+
+
+def root_state(qpos: Tensor, qvel: Tensor) -> Tensor:
+    """State (N, 13) of the free joint in the first columns, in the world frame: position, quaternion, linear velocity,
+    angular velocity (which MuJoCo gives in the body frame)."""
+    quat = xyzw(qpos[:, 3:7])
+    return torch.cat((qpos[:, :3], quat, qvel[:, :3], rotate(quat, qvel[:, 3:6])), dim=-1)

@@ -1,0 +1,148 @@
+"""What a task is: one MDP over N worlds, written top to bottom in one file."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+import mujoco
+import torch
+from torch import Tensor
+
+from ..sim import Simulator
+from ..types import StateSpec
+from .noise import WorldNoise
+
+State = Mapping[str, Any]
+"""State variable name -> value: world variables are tensors (N, ...), constants tensors, the rest Python numbers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recipe:
+    """A task's PPO defaults (Eureka's rl_games settings, adapted to one CPU or GPU; see docs/concepts/benchmark.md)."""
+
+    hidden: tuple[int, ...]
+    env_steps: int
+    """Environment steps of one lane."""
+    worlds: int = 256
+    """Worlds of one lane."""
+    horizon: int = 16
+    epochs: int = 4
+    """Passes over a batch."""
+    minibatches: int = 4
+    learning_rate: float = 3e-4
+    kl_threshold: float = 0.008
+    gamma: float = 0.99
+    gae_lambda: float = 0.95
+    clip: float = 0.2
+    critic_coef: float = 2.0
+    bounds_coef: float = 1e-4
+    entropy_coef: float = 0.0
+    reward_scale: float = 1.0
+    max_grad_norm: float | None = 1.0
+    bootstrap_timeouts: bool = True
+
+
+class Score(NamedTuple):
+    """Contribution of each world to the fitness F, which over any window is sum(value * weight) / sum(weight)."""
+
+    value: Tensor
+    """(N,) float32."""
+    weight: Tensor
+    """(N,) float32; 0 where the world contributes nothing on this step."""
+
+
+class Task(ABC):
+    """One environment: model, state, observation, action, reset, termination, fitness, human and sparse reward.
+
+    Subclasses hold per-world memory in tensors with a leading world axis and never loop over worlds. State tensors are
+    fresh on every call (never views of simulator memory), quaternions are x, y, z, w.
+    """
+
+    env: ClassVar[str]
+    suite: ClassVar[str]
+    description: ClassVar[str]
+    """The intent, one sentence, as the language model reads it."""
+    episode_length: ClassVar[int]
+    """[steps]; a time-out is raised when `progress` reaches episode_length - 1."""
+    control_dt: ClassVar[float]
+    """[s] between two actions."""
+    substeps: ClassVar[int]
+    """Physics steps per action; the model's timestep is control_dt / substeps."""
+    num_observations: ClassVar[int]
+    num_actions: ClassVar[int]
+    clip_observations: ClassVar[float] = math.inf
+    spec: ClassVar[StateSpec]
+    recipe: ClassVar[Recipe]
+
+    def __init__(self, sim: Simulator, noise: WorldNoise) -> None:
+        self.sim = sim
+        self.noise = noise
+        self.num_envs = sim.num_worlds
+        self.device = sim.device
+        self.progress = torch.zeros(self.num_envs, dtype=torch.int64, device=self.device)
+        self.actions = torch.zeros(self.num_envs, self.num_actions, device=self.device)
+
+    @staticmethod
+    @abstractmethod
+    def model() -> mujoco.MjSpec:
+        """The robot and its scene. Timestep and shared solver options are set by `compile_model`."""
+
+    @abstractmethod
+    def apply_action(self, actions: Tensor) -> None:
+        """Turn actions (N, A), already clamped to [-1, 1], into simulator inputs."""
+
+    @abstractmethod
+    def compute_state(self) -> dict[str, Any]:
+        """Every variable of `spec`, from the simulator's current fields."""
+
+    @abstractmethod
+    def observe(self, s: State) -> Tensor:
+        """(N, O) observation before clipping; also what `obs_buf` holds."""
+
+    @abstractmethod
+    def terminated(self, s: State) -> Tensor:
+        """(N,) bool: the episode failed or succeeded on this step (time-outs are the environment's)."""
+
+    @abstractmethod
+    def reset(self, worlds: Tensor) -> None:
+        """Write the start state of worlds (k,) into the simulator's state fields and this task's memory."""
+
+    @abstractmethod
+    def fitness(self, s: State, done: Tensor) -> Score:
+        """F of the original benchmark, per world; no reward ever sees it."""
+
+    @abstractmethod
+    def human_reward(self, s: State) -> Tensor:
+        """(N,) reward its original authors wrote."""
+
+    @abstractmethod
+    def sparse_reward(self, s: State) -> Tensor:
+        """(N,) reward that is the fitness itself, per world."""
+
+    @classmethod
+    def compile_model(cls) -> mujoco.MjModel:
+        """Compile `model()` at this task's timestep."""
+        spec = cls.model()
+        spec.option.timestep = cls.control_dt / cls.substeps
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        return spec.compile()
+
+    @classmethod
+    def source(cls) -> str:
+        """Text of the file the task is written in."""
+        return inspect.getsource(inspect.getmodule(cls) or cls)
+
+
+def mean_over_steps(value: Tensor) -> Score:
+    """F is an average over all worlds and steps."""
+    return Score(value, torch.ones_like(value))
+
+
+def mean_over_episodes(value: Tensor, done: Tensor) -> Score:
+    """F is an average over the episodes that end in the window."""
+    return Score(value.to(torch.float32), done.to(torch.float32))

@@ -1,0 +1,25 @@
+"""Tests are offline and never meet a paid endpoint: keys are removed and sockets beyond loopback refuse to open."""
+
+import os
+import socket
+
+import pytest
+
+os.environ.setdefault("OMP_NUM_THREADS", "2")
+for key in [name for name in os.environ if name.endswith("_API_KEY")]:
+    del os.environ[key]
+
+_connect = socket.socket.connect
+
+
+def _loopback_only(self: socket.socket, address: object) -> None:
+    if self.family in (socket.AF_INET, socket.AF_INET6):
+        host = str(address[0]) if isinstance(address, tuple) else str(address)
+        if host not in ("127.0.0.1", "localhost", "::1"):
+            raise OSError(f"a test tried to reach {host}")
+    _connect(self, address)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.fixture(autouse=True)
+def offline(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(socket.socket, "connect", _loopback_only)

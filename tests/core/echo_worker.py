@@ -1,0 +1,24 @@
+"""A worker for tests: echoes frames, or misbehaves when told to."""
+
+import os
+import sys
+import time
+
+from openeureka.worker import Channel
+
+channel = Channel()
+while (frame := channel.receive()) is not None:
+    match frame.header.get("do"):
+        case "echo":
+            print("a stray print must not break the stream")
+            channel.send(frame.header, frame.blobs)
+        case "die":
+            sys.stderr.write("last words\n")
+            sys.stderr.flush()
+            os._exit(0)
+        case "hang":
+            time.sleep(60)
+        case "garbage":
+            os.write(channel._out, b"\xff" * 64)
+        case "environment":
+            channel.send({"environment": dict(os.environ)})

@@ -1,0 +1,78 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import openeureka
+from openeureka.worker import Worker, WorkerDied, WorkerTimeout
+
+HERE = str(Path(__file__).parent)
+SOURCE = str(Path(openeureka.__file__).parents[1])
+
+
+@pytest.fixture
+def worker():
+    with Worker("echo_worker", env={"PYTHONPATH": HERE}) as child:
+        yield child
+
+
+def test_a_frame_comes_back_with_its_blobs_despite_stray_prints(worker: Worker):
+    worker.send({"do": "echo", "text": "ü"}, {"a": b"\x00" * 1_000_000, "b": b""})
+    frame = worker.receive(timeout=20)
+    assert frame.header == {"do": "echo", "text": "ü"}
+    assert frame.blobs == {"a": b"\x00" * 1_000_000, "b": b""}
+
+
+def test_an_emptied_environment_stays_empty(worker: Worker):
+    worker.send({"do": "environment"})
+    seen = worker.receive(timeout=20).header["environment"]
+    assert set(seen) - {"LC_CTYPE"} == {"PYTHONPATH"}
+
+
+def test_death_is_reported_with_the_last_words(worker: Worker):
+    worker.send({"do": "die"})
+    with pytest.raises(WorkerDied):
+        worker.receive(timeout=20)
+    assert worker.stderr_tail() == "last words"
+
+
+def test_silence_is_a_timeout_and_close_kills(worker: Worker):
+    worker.send({"do": "hang"})
+    with pytest.raises(WorkerTimeout):
+        worker.receive(timeout=0.2)
+    worker.close()
+    assert worker.process.returncode == -signal.SIGKILL
+
+
+def test_garbage_is_refused_before_it_is_read_into_memory(worker: Worker):
+    worker.send({"do": "garbage"})
+    with pytest.raises(WorkerDied, match="oversized"):
+        worker.receive(timeout=20)
+
+
+def test_the_child_dies_with_its_parent():
+    script = (
+        f"import sys, os; sys.path[:0] = [{SOURCE!r}]\n"
+        "from openeureka.worker import Worker\n"
+        f"w = Worker('echo_worker', env={{'PYTHONPATH': {HERE!r}}})\n"
+        "w.send({'do': 'echo'}); w.receive(20)\n"
+        "print(w.process.pid, flush=True); os.kill(os.getpid(), 9)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    child = int(done.stdout)
+    deadline = time.monotonic() + 10
+    while _running(child) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not _running(child)
+
+
+def _running(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]
+    except FileNotFoundError:
+        return False
+    return state != "Z" and os.path.exists(f"/proc/{pid}")

@@ -1,0 +1,34 @@
+import torch
+
+from openeureka.tasks.noise import WorldNoise
+
+CPU = torch.device("cpu")
+
+
+def every(n: int) -> torch.Tensor:
+    return torch.arange(n)
+
+
+def test_lanes_of_equal_seed_draw_equal_numbers_and_others_do_not():
+    draws = WorldNoise([3, 3, 4], worlds=5, device=CPU).uniform(every(15), 2)
+    assert torch.equal(draws[0:5], draws[5:10])
+    assert not torch.isclose(draws[0:5], draws[10:15]).any()
+
+
+def test_a_world_does_not_notice_the_draws_of_another():
+    alone, beside = (WorldNoise([0], worlds=2, device=CPU) for _ in range(2))
+    for _ in range(7):
+        beside.uniform(torch.tensor([1]), 3)
+    first = torch.tensor([0])
+    assert torch.equal(alone.uniform(first, 3), beside.uniform(first, 3))
+
+
+def test_numbers_are_uniform_and_uncorrelated():
+    noise = WorldNoise([0], worlds=20_000, device=CPU)
+    a, b = noise.uniform(every(20_000), 2, -1.0, 3.0), noise.uniform(every(20_000), 2, -1.0, 3.0)
+    assert a.min() >= -1.0 and a.max() < 3.0
+    # Uniform on [-1, 3): mean 1, variance 16/12; standard error of the mean 0.008, of a correlation 0.007.
+    assert torch.allclose(a.mean(0), torch.ones(2), atol=0.04)
+    assert torch.allclose(a.var(0), torch.full((2,), 16 / 12), atol=0.04)
+    pairs = torch.corrcoef(torch.cat((a, b), dim=1).T) - torch.eye(4)
+    assert pairs.abs().max() < 0.04
