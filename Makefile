@@ -1,0 +1,52 @@
+# One verb per chore. `make run` and `make test` do all the set-up they need on a machine with Python 3.11+, make and a
+# package index: they build .venv from pyproject.toml and the pins in constraints.txt.
+
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
+RUN ?= env=ballbalance
+
+.DEFAULT_GOAL := help
+.PHONY: help run test check fix pins clean
+
+help: ## List these verbs
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-6s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+run: $(VENV)/local ## Search for a reward with the embedded language model, no key and no GPU needed
+	$(BIN)/eureka run $(RUN)
+
+test: $(VENV)/dev ## Run the tests
+	$(BIN)/python -m pytest
+
+check: $(VENV)/dev ## Lint, types, import layers and the tree's own rules; changes nothing
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/basedpyright --pythonpath $(BIN)/python
+	$(BIN)/lint-imports
+	$(BIN)/python scripts/check_tree.py
+
+fix: $(VENV)/dev ## Format and apply the linter's safe fixes
+	$(BIN)/ruff format
+	$(BIN)/ruff check --fix
+
+pins: ## Renew constraints.txt from a fresh environment with the newest allowed versions
+	PYTHON=$(PYTHON) scripts/pin.sh
+
+clean: ## Remove the environment and caches, never outputs/
+	rm -rf $(VENV) .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "openeureka needs Python 3.11 or newer; try: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+
+# The two files below mark a finished installation; they are older than pyproject.toml after it changes.
+$(VENV)/dev: pyproject.toml constraints.txt | $(BIN)/python
+	$(PIP) --editable '.[dev]'
+	@touch $@
+
+$(VENV)/local: pyproject.toml constraints.txt | $(BIN)/python
+	@echo "Installing openeureka with its language model, about 1.1 GB of weights; this is done once."
+	$(PIP) --editable '.[local]'
+	@touch $@

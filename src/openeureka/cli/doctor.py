@@ -1,0 +1,71 @@
+"""`eureka doctor`: what this machine can do."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+
+from ..report import video
+from ..report.text import columns
+from ..report.video import VideoUnavailable
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One line of the doctor's list. `needed` ones fail the command when they are not `good`."""
+
+    name: str
+    good: bool
+    detail: str
+    needed: bool = True
+
+
+def doctor() -> int:
+    """Print every finding; returns 1 when something a run needs is missing."""
+    found = [finding for look in LOOKS for finding in look()]
+    marks = {True: "ok", False: "MISSING"}
+    print(columns([(f.name, marks[f.good] if f.needed or f.good else "absent", f.detail) for f in found]))
+    return int(any(f.needed and not f.good for f in found))
+
+
+def python() -> list[Finding]:
+    return [Finding("python", True, f"{platform.python_version()} on {platform.platform()}")]
+
+
+def packages() -> list[Finding]:
+    """Versions of the packages that do the work."""
+    return [_package(name) for name in ("torch", "mujoco", "openai", "imageio-ffmpeg", "matplotlib", "tensorboard")]
+
+
+def _package(name: str) -> Finding:
+    try:
+        return Finding(name, True, version(name))
+    except PackageNotFoundError:
+        return Finding(name, False, f"pip install {name}")
+
+
+def cores() -> list[Finding]:
+    """Cores this process may use: a container often offers fewer than the machine has."""
+    return [Finding("threads", True, f"{len(os.sched_getaffinity(0))} of {os.cpu_count()} cores usable")]
+
+
+def rendering() -> list[Finding]:
+    try:
+        return [Finding("video", True, f"renders with {video.renderer()}")]
+    except VideoUnavailable as error:
+        return [Finding("video", False, str(error), needed=False)]
+
+
+def endpoint_key() -> list[Finding]:
+    """Whether a key is set; the key itself is never printed."""
+    present = bool(os.environ.get("OPENAI_API_KEY"))
+    detail = (
+        "OPENAI_API_KEY is set" if present else "OPENAI_API_KEY is not set; needed only for model=NAME at an endpoint"
+    )
+    return [Finding("key", present, detail, needed=False)]
+
+
+LOOKS: tuple[Callable[[], list[Finding]], ...] = (python, packages, cores, rendering, endpoint_key)

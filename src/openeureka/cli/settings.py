@@ -1,0 +1,121 @@
+"""Settings of the smaller commands, and how settings are shown in `--help`. Imports nothing heavy."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import inspect
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..errors import ConfigError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainConfig:
+    """Training of given rewards, without a language model. Zero means the default of the task."""
+
+    env: str = "cartpole"
+    reward: str = "human,sparse"
+    """Comma-separated: `human`, `sparse` or the path of a reward file."""
+    seeds: int = 1
+    """Trainings per reward."""
+    seed: int = 0
+    """First seed."""
+    steps: int = 0
+    """Environment steps per training."""
+    worlds: int = 0
+    """Worlds per training."""
+    device: str = "cpu"
+    threads: int = 0
+    """Simulation threads; 0 means all cores."""
+    dir: str = ""
+    """Output directory; empty means `outputs/<time>_train_<env>`."""
+    unsafe_no_sandbox: bool = False
+    """Run reward files in an unconfined child process where the kernel cannot confine it."""
+
+    def __post_init__(self) -> None:
+        if self.seeds < 1:
+            raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")
+        for key in ("steps", "worlds", "threads"):
+            if getattr(self, key) < 0:
+                raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckConfig:
+    """Check of one reward file."""
+
+    env: str = "cartpole"
+    unsafe_no_sandbox: bool = False
+    """Run the file in an unconfined child process where the kernel cannot confine it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlayConfig:
+    """Video of one policy."""
+
+    env: str = ""
+    """Empty means the task of the run directory."""
+    policy: str = ""
+    """`random`, `zero` or a policy.safetensors file; empty means the best policy of the run directory."""
+    out: str = ""
+    """File to write; empty means `<env>.mp4`, or `best/video.mp4` of the run directory."""
+    seconds: float = 10.0
+    """Length of the video in simulated time."""
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.seconds <= 600.0:
+            raise ConfigError(f"`seconds` must be above 0 and at most 600, not {self.seconds}.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContextConfig:
+    """Which task's context to print."""
+
+    env: str = "cartpole"
+
+
+def split(words: Sequence[str]) -> tuple[list[str], list[Path]]:
+    """Separate `key=value` words from paths."""
+    settings = [word for word in words if "=" in word]
+    return settings, [Path(word) for word in words if "=" not in word]
+
+
+def only_path(paths: Sequence[Path], usage: str) -> Path:
+    """The single path of a command line.
+
+    Raises:
+        ConfigError: for none or several.
+    """
+    if len(paths) != 1:
+        raise ConfigError(f"Name exactly one path, for example: {usage}")
+    return paths[0]
+
+
+def describe(kind: type) -> str:
+    """One line per setting: `key=default` and the first line of its docstring, for `--help`."""
+    notes = _attribute_docs(kind)
+    lines = []
+    for field in dataclasses.fields(kind):
+        default = f"{field.name}={field.default}".lower() if isinstance(field.default, bool) else ""
+        lines.append(f"  {default or f'{field.name}={field.default}':<26} {notes.get(field.name, '')}".rstrip())
+    return "\n".join(("\b", "Settings and their defaults:", *lines))
+
+
+def _attribute_docs(kind: type) -> dict[str, str]:
+    """Python drops the strings written below fields, so they are read from the source."""
+    body = ast.parse(inspect.getsource(kind)).body[0]
+    assert isinstance(body, ast.ClassDef)
+    notes: dict[str, str] = {}
+    for field, text in zip(body.body, body.body[1:], strict=False):
+        if (
+            isinstance(field, ast.AnnAssign)
+            and isinstance(field.target, ast.Name)
+            and isinstance(text, ast.Expr)
+            and isinstance(text.value, ast.Constant)
+        ):
+            notes[field.target.id] = str(text.value.value).split("\n")[0]
+    return notes

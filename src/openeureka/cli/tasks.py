@@ -1,0 +1,35 @@
+"""`eureka envs` and `eureka context`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..config import parse
+from ..report.text import columns
+from ..tasks import registry
+from ..tasks.context import context as context_of
+from ..types import StateVar
+from .settings import ContextConfig
+
+
+def envs() -> None:
+    """Print one line per task."""
+    tasks = [(name, registry.get(name)) for name in registry.names()]
+    rows = [
+        (name, task.suite, str(task.num_observations), str(task.num_actions), task.description) for name, task in tasks
+    ]
+    print(columns([("env", "suite", "observations", "actions", "description"), *rows]))
+
+
+def context(words: Sequence[str]) -> None:
+    """Print description, state table and pruned source of a task."""
+    known = context_of(parse(ContextConfig, words).env)
+    table = columns([(variable.name, _type(variable), variable.meaning) for variable in known.state.variables])
+    print(f"Task: {known.description}\n\n{table}\n\n{known.source}")
+
+
+def _type(variable: StateVar) -> str:
+    if variable.kind in ("world", "constant"):
+        sizes = ("N", *variable.shape) if variable.kind == "world" else variable.shape
+        return f"Tensor ({', '.join(map(str, sizes))})"
+    return "int" if variable.kind == "num_envs" else variable.kind

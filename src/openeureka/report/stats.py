@@ -1,0 +1,72 @@
+"""Numbers about a search, computed from its history alone."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ..types import Generation, History, TrainingState, VerdictCode
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GenerationStats:
+    """One generation in numbers."""
+
+    index: int
+    slots: int
+    verdicts: Mapping[VerdictCode, int]
+    replies: int
+    """Replies spent, repairs and refills included."""
+    trained: int
+    """Slots whose training finished with a fitness."""
+    best: float | None
+    mean: float | None
+    """Over the trained slots."""
+
+
+def by_generation(history: History) -> tuple[GenerationStats, ...]:
+    """Statistics of each generation, in order."""
+    return tuple(_of(generation) for generation in history.generations)
+
+
+def _of(generation: Generation) -> GenerationStats:
+    finished = [e for e in generation.entries if e.result is not None and e.result.state is TrainingState.FINISHED]
+    scores = [entry.fitness for entry in finished if entry.fitness is not None]
+    return GenerationStats(
+        index=generation.index,
+        slots=len(generation.entries),
+        verdicts=Counter(entry.sample.verdict.code for entry in generation.entries),
+        replies=sum(entry.sample.attempts for entry in generation.entries),
+        trained=len(scores),
+        best=generation.best.fitness if generation.best else None,
+        mean=math.fsum(scores) / len(scores) if scores else None,
+    )
+
+
+def best_so_far(history: History) -> tuple[float | None, ...]:
+    """Highest F up to and including each generation."""
+    best: float | None = None
+    curve = []
+    for generation in history.generations:
+        fitness = generation.best.fitness if generation.best else None
+        if fitness is not None:
+            best = fitness if best is None else max(best, fitness)
+        curve.append(best)
+    return tuple(curve)
+
+
+def human_normalised(fitness: float | None, human: float | None, sparse: float | None) -> float | None:
+    """(F - sparse) / |human - sparse| of arXiv 2310.12931: 0 is as good as the sparse reward, 1 as
+    good as the human one. None where it is undefined."""
+    if fitness is None or human is None or sparse is None or human == sparse:
+        return None
+    return (fitness - sparse) / abs(human - sparse)
+
+
+def trained_share(history: History) -> float | None:
+    """Slots whose training finished, over all slots. None before the first generation."""
+    stats = by_generation(history)
+    slots = sum(generation.slots for generation in stats)
+    return sum(generation.trained for generation in stats) / slots if slots else None

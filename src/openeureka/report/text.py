@@ -1,0 +1,45 @@
+"""Makes text that a model or a file wrote safe to print on a terminal."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Sequence
+
+# Whole escape sequences first, so that their printable rest (`[31m`, a window title) goes too.
+_ESCAPES = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b[\]PX^_].*?(?:\x07|\x1b\\|$)|\x1b.?", re.DOTALL)
+_HIDDEN = {"Cc", "Cf", "Cs", "Co"}  # controls, bidirectional and zero-width marks, surrogates, private use
+
+
+def plain(text: str) -> str:
+    """The text without terminal escapes, control characters and invisible marks; newlines and tabs stay."""
+    bare = _ESCAPES.sub("", text)
+    return "".join(c for c in bare if c in "\n\t" or unicodedata.category(c) not in _HIDDEN)
+
+
+def one_line(text: str, width: int = 100) -> str:
+    """The text on one line of at most `width` characters."""
+    flat = " ".join(plain(text).split())
+    return flat if len(flat) <= width else flat[: width - 1] + "…"
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """A score for a table; a dash where there is none."""
+    return "-" if value is None else f"{value:.{digits}g}"
+
+
+def duration(seconds: float) -> str:
+    """`42 s`, `3 min 05 s` or `2 h 10 min`."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+def columns(rows: Sequence[Sequence[str]]) -> str:
+    """Rows of cells as aligned text; the last column is not padded."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    widths[-1] = 0
+    return "\n".join("  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)) for row in rows)

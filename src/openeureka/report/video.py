@@ -1,0 +1,61 @@
+"""Videos of policies without a display, rendered in a child so that a crash of a graphics driver stays there."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+
+from ..errors import EurekaError
+from ..worker import Worker, WorkerDied, WorkerTimeout
+
+INSTALL = "install a software renderer (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri, or libosmesa6)"
+
+
+class VideoUnavailable(EurekaError):
+    """This machine cannot render, or the policy cannot be shown."""
+
+
+def render(env: str, policy: bytes | str, *, seconds: float = 10.0, seed: int = 0, timeout: float = 600.0) -> bytes:
+    """An mp4 of one world.
+
+    Args:
+        policy: safetensors bytes of a trained policy, or `random` or `zero`.
+        seconds: length in simulated time.
+        timeout: [s] for each way of rendering that is tried.
+
+    Raises:
+        VideoUnavailable: with one sentence that says what to install.
+    """
+    request = {"env": env, "agent": policy if isinstance(policy, str) else "policy", "seconds": seconds, "seed": seed}
+    blobs = {"policy": policy} if isinstance(policy, bytes) else {}
+    return _first_that_works(request, blobs, timeout)["video"]
+
+
+def renderer() -> str:
+    """Name of the rendering back end that works here. Raises VideoUnavailable."""
+    return _first_that_works({"agent": "none"}, {}, 60.0)["backend"].decode()
+
+
+def _first_that_works(request: dict[str, object], blobs: dict[str, bytes], timeout: float) -> dict[str, bytes]:
+    reasons = []
+    for backend in _backends():
+        with Worker("openeureka.report.render", env={**os.environ, "MUJOCO_GL": backend}) as worker:
+            try:
+                worker.send(request, blobs)
+                answer = worker.receive(timeout)
+            except (WorkerDied, WorkerTimeout) as error:
+                reasons.append(f"{backend}: {_last_line(worker.stderr_tail()) or error}")
+                continue
+        if "refused" in answer.header:
+            raise VideoUnavailable(answer.header["refused"])
+        return {**answer.blobs, "backend": backend.encode()}
+    raise VideoUnavailable(f"No video: this machine has no OpenGL to render with; {INSTALL}. ({'; '.join(reasons)})")
+
+
+def _backends() -> Iterator[str]:
+    chosen = os.environ.get("MUJOCO_GL")
+    yield from [chosen] if chosen else ["egl", "osmesa"]
+
+
+def _last_line(text: str) -> str:
+    return text.splitlines()[-1].strip() if text else ""

@@ -1,0 +1,59 @@
+"""A small made-up search, whose numbers the tests of the report know by heart."""
+
+from __future__ import annotations
+
+from openeureka.types import (
+    Candidate,
+    Finding,
+    Generation,
+    History,
+    Sample,
+    Scored,
+    TrainingResult,
+    TrainingState,
+    Verdict,
+    VerdictCode,
+)
+
+
+def trained(generation: int, slot: int, fitness: float | None, source: str = "", attempts: int = 1) -> Scored:
+    """A slot whose program was accepted and trained; None: it diverged."""
+    candidate = Candidate.of(source or f"# reward {generation}.{slot}")
+    sample = Sample(
+        generation=generation,
+        slot=slot,
+        candidate=candidate,
+        verdict=Verdict(candidate=candidate.id, code=VerdictCode.ACCEPTED),
+        attempts=attempts,
+    )
+    return Scored(sample=sample, result=result(candidate.id, fitness), feedback="")
+
+
+def refused(generation: int, slot: int, message: str) -> Scored:
+    """A slot whose program was refused, three replies spent."""
+    finding = Finding(rule="unknown-input", message=message, line=2)
+    verdict = Verdict(candidate="c", code=VerdictCode.REFUSED, findings=(finding,))
+    sample = Sample(generation=generation, slot=slot, candidate=None, verdict=verdict, attempts=3)
+    return Scored(sample=sample, result=None, feedback="")
+
+
+def result(job: str, fitness: float | None) -> TrainingResult:
+    """A training of two epochs; None: it diverged."""
+    return TrainingResult(
+        job=job,
+        state=TrainingState.DIVERGED if fitness is None else TrainingState.FINISHED,
+        fitness=fitness,
+        curves={"fitness": (None, fitness), "component/$upright": (0.25, 0.5)},
+        env_steps=100,
+        seconds=1.0,
+    )
+
+
+HISTORY = History(
+    (
+        Generation(0, (trained(0, 0, 10.0), trained(0, 1, 30.0, attempts=2), refused(0, 2, "no `spede` in the state"))),
+        Generation(1, (trained(1, 0, 20.0), trained(1, 1, None))),
+        Generation(2, (trained(2, 0, 50.0, source="def compute_reward(x):\n    return x, {}"),)),
+    )
+)
+BASELINES = {"human": result("human-s0", 60.0), "sparse": result("sparse-s0", 20.0)}
