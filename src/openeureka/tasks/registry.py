@@ -13,6 +13,7 @@ from .task import Task
 
 _BUILT_IN = {
     "cartpole": "openeureka.tasks.classic.cartpole:Cartpole",
+    "ant": "openeureka.tasks.locomotion.ant:Ant",
 }
 
 
