@@ -11,6 +11,7 @@ from torch import Tensor
 from .base import INPUT_FIELDS, STATE_FIELDS, Simulator
 
 _CURRENT = mujoco.mjtStage.mjSTAGE_VEL
+_ALL = slice(None)
 
 
 class CpuSimulator(Simulator):
@@ -41,13 +42,13 @@ class CpuSimulator(Simulator):
         if field not in self._mirrors:
             array = self._batch.bind(field)
             self._batch.forward()
-            self._mirrors[field] = (array, torch.from_numpy(array).to(torch.float32))
+            self._mirrors[field] = (array, _float32(array))
         return self._mirrors[field][1]
 
     def expand(self, field: str) -> Tensor:
         if field not in self._expanded:
             array = self._batch.expand(field)
-            self._expanded[field] = (array, torch.from_numpy(array).to(torch.float32))
+            self._expanded[field] = (array, _float32(array))
         return self._expanded[field][1]
 
     def step(self, substeps: int) -> None:
@@ -68,7 +69,7 @@ class CpuSimulator(Simulator):
         if len(worlds):
             self._batch.reset(worlds.numpy(), stage=mujoco.mjtStage.mjSTAGE_NONE)
             self._seen[worlds.numpy()] = self._warning[worlds.numpy(), :, 1]
-            self._pull()
+            self._pull(worlds.numpy())
 
     def forward(self, worlds: Tensor) -> None:
         if not len(worlds):
@@ -80,7 +81,7 @@ class CpuSimulator(Simulator):
                 array, mirror = self._mirrors[name]
                 array[ids] = mirror[worlds].numpy()
         self._batch.forward(ids)
-        self._pull()
+        self._pull(ids)
 
     def snapshot(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         model = self._batch.get_model(world)
@@ -88,9 +89,9 @@ class CpuSimulator(Simulator):
         mujoco.mj_forward(model, data)
         return model, data
 
-    def _pull(self) -> None:
+    def _pull(self, worlds: np.ndarray | slice = _ALL) -> None:
         for array, mirror in self._mirrors.values():
-            mirror.copy_(torch.from_numpy(array))
+            mirror.numpy()[worlds] = array[worlds]
 
     def _push_model(self) -> None:
         changed = False
@@ -109,6 +110,10 @@ class CpuSimulator(Simulator):
         bad[failed] = True
         np.copyto(self._seen, count)
         self.bad.copy_(torch.from_numpy(bad))
+
+
+def _float32(array: np.ndarray) -> Tensor:
+    return torch.from_numpy(array.astype(np.float32))
 
 
 def _ignore(_: str) -> None:

@@ -14,6 +14,8 @@ from .task import Task
 _BUILT_IN = {
     "cartpole": "openeureka.tasks.classic.cartpole:Cartpole",
     "ant": "openeureka.tasks.locomotion.ant:Ant",
+    "ballbalance": "openeureka.tasks.classic.ballbalance:BallBalance",
+    "quadcopter": "openeureka.tasks.classic.quadcopter:Quadcopter",
 }
 
 

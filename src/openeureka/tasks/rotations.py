@@ -12,15 +12,17 @@ def xyzw(wxyz: Tensor) -> Tensor:
 
 
 def rotate(quat: Tensor, vector: Tensor) -> Tensor:
-    """Turn body-frame vectors (..., 3) into the world frame."""
-    axis, w = quat[..., :3], quat[..., 3:]
+    """Turn body-frame vectors (..., 3) into the world frame; leading axes broadcast."""
+    axis, vector = torch.broadcast_tensors(quat[..., :3], vector)
+    w = quat[..., 3:]
     cross = 2.0 * torch.linalg.cross(axis, vector)
     return vector + w * cross + torch.linalg.cross(axis, cross)
 
 
 def rotate_inverse(quat: Tensor, vector: Tensor) -> Tensor:
-    """Turn world-frame vectors (..., 3) into the body frame."""
-    axis, w = quat[..., :3], quat[..., 3:]
+    """Turn world-frame vectors (..., 3) into the body frame; leading axes broadcast."""
+    axis, vector = torch.broadcast_tensors(quat[..., :3], vector)
+    w = quat[..., 3:]
     cross = 2.0 * torch.linalg.cross(axis, vector)
     return vector - w * cross + torch.linalg.cross(axis, cross)
 

@@ -1,0 +1,357 @@
+"""The first filter: reads a reward program as text and says, with line and fix, what is not allowed.
+
+It never runs anything. It exists for good messages and to keep ordinary mistakes cheap; the boundary that holds against a
+program that means harm is the kernel's (`sandbox.confine`).
+"""
+
+from __future__ import annotations
+
+import ast
+import unicodedata
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import CodeType
+
+from ..errors import nearest
+from ..types import Finding, StateSpec
+from . import surface
+from .normalise import Draft, Normaliser, dotted
+
+FILENAME = "<reward>"
+MAX_BYTES = 20_000
+MAX_NODES = 4_000
+MAX_DEPTH = 100
+MAX_RANGE = 1_000
+IMPLICIT = ("num_envs", "device")
+"""Readable in every task, whether or not its table lists them."""
+
+_STATEMENTS = (
+    ast.Module, ast.FunctionDef, ast.Return, ast.Assign, ast.AugAssign, ast.Expr, ast.If, ast.For, ast.Pass, ast.Break,
+    ast.Continue, ast.Assert, ast.Raise, ast.arguments, ast.arg, ast.keyword, ast.comprehension,
+)  # fmt: skip
+_EXPRESSIONS = (
+    ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.IfExp, ast.Call, ast.Attribute, ast.Name, ast.Constant,
+    ast.Subscript, ast.Slice, ast.Tuple, ast.List, ast.Dict, ast.ListComp, ast.DictComp, ast.GeneratorExp, ast.Lambda,
+    ast.Starred, ast.JoinedStr, ast.FormattedValue,
+    ast.operator, ast.unaryop, ast.boolop, ast.cmpop, ast.expr_context,
+)  # fmt: skip
+_FIXES = {
+    ast.While: "use tensor operations, or `for` over a small `range`",
+    ast.Try: "remove it: an error in a reward is reported with its line",
+    ast.ClassDef: "write plain functions",
+    ast.Global: "pass the value as an argument",
+    ast.NamedExpr: "assign on a line of its own",
+    ast.Match: "use torch.where",
+    ast.With: "remove it",
+}
+_AUGMENTED = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A reward program that passed the gate."""
+
+    draft: Draft
+    inputs: tuple[str, ...]
+    """Every state variable it reads."""
+    arguments: tuple[str, ...]
+    """The inputs that are arguments of the reward function; others are read as free names or through `self`."""
+
+    @property
+    def entry(self) -> str:
+        return self.draft.entry.name
+
+    @property
+    def method(self) -> bool:
+        return self.draft.method
+
+    def code(self) -> CodeType:
+        return compile(self.draft.tree, FILENAME, "exec")
+
+
+def check(source: str, state: StateSpec) -> Program | tuple[Finding, ...]:
+    """The program in plain form, or every reason why it is refused, in the order of its lines."""
+    findings = list(_text_findings(source))
+    if findings:
+        return tuple(findings)
+    tree = _parse(source)
+    if isinstance(tree, Finding):
+        return (tree,)
+    normaliser = Normaliser()
+    draft = normaliser.build(tree)
+    if draft is None:
+        return tuple(normaliser.findings)
+    rules = _Rules(draft, state)
+    rules.run()
+    found = {finding: None for finding in (*normaliser.findings, *rules.findings)}
+    if found:
+        return tuple(sorted(found, key=lambda finding: finding.line or 0))
+    return Program(draft, tuple(rules.inputs), tuple(rules.arguments))
+
+
+def _text_findings(source: str) -> Iterator[Finding]:
+    if len(source.encode(errors="surrogatepass")) > MAX_BYTES:
+        yield Finding(rule="size", message=f"the program is longer than {MAX_BYTES} bytes", fix="write a shorter one")
+        return
+    for number, line in enumerate(source.split("\n"), start=1):
+        for character in line:
+            if unicodedata.category(character) in ("Cc", "Cf", "Cs") and character not in "\t\r":
+                message = f"invisible or control character U+{ord(character):04X}"
+                yield Finding(rule="characters", message=message, fix="remove it", line=number)
+                return
+
+
+def _parse(source: str) -> ast.Module | Finding:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            tree = ast.parse(source, FILENAME)
+    except SyntaxError as error:
+        return Finding(rule="syntax", message=f"Python cannot read it: {error.msg}", line=error.lineno)
+    except (ValueError, RecursionError, MemoryError):
+        return Finding(rule="size", message="it is nested too deeply", fix="split it into several lines")
+    # Counted without recursion: the visitors below recurse, and this bounds them.
+    count, level = 0, [tree]
+    for depth in range(MAX_DEPTH + 1):
+        count += len(level)
+        if count > MAX_NODES:
+            return Finding(rule="size", message="the program is too long", fix="write a shorter one")
+        level = [child for node in level for child in ast.iter_child_nodes(node)]
+        if not level:
+            return tree
+        if depth == MAX_DEPTH:
+            break
+    line = next((node.lineno for node in level if isinstance(node, ast.expr)), None)
+    return Finding(rule="size", message="an expression is nested too deeply", fix="split it into lines", line=line)
+
+
+class _Rules(ast.NodeVisitor):
+    """Walks a draft against the allow-lists and collects the inputs on the way."""
+
+    def __init__(self, draft: Draft, state: StateSpec) -> None:
+        self.draft, self.state = draft, state
+        self.findings: list[Finding] = []
+        self.inputs: dict[str, None] = {}
+        self.arguments: dict[str, None] = {}
+        self._locals: frozenset[str] = frozenset()
+        self._protected: frozenset[str] = frozenset()
+
+    def run(self) -> None:
+        self._signature()
+        for statement in self.draft.tree.body:
+            if isinstance(statement, ast.FunctionDef):
+                stored = _stored_names(statement)
+                self._locals = frozenset(stored)
+                is_entry = statement is self.draft.entry
+                self._protected = frozenset(self.arguments) - _rebound(statement) if is_entry else frozenset()
+            self.visit(statement)
+
+    def _refuse(self, rule: str, message: str, node: ast.AST, fix: str = "") -> None:
+        self.findings.append(Finding(rule=rule, message=message, fix=fix, line=getattr(node, "lineno", None)))
+
+    def _is_input(self, name: str) -> bool:
+        return name in self.state or name in IMPLICIT
+
+    def _unknown_input(self, name: str, node: ast.AST) -> None:
+        guess = nearest(name, self.state.names).replace("Did you mean", "did you mean").strip()
+        inputs = f"inputs are {', '.join(self.state.names)}"
+        message = f"`{name}` is not a state variable of this task"
+        self._refuse("unknown-input", message, node, f"{guess} {inputs}" if guess else f"the {inputs}")
+
+    def _signature(self) -> None:
+        arguments = self.draft.entry.args
+        positional = arguments.args[1:] if self.draft.method else arguments.args
+        defaulted = {argument.arg for argument in arguments.args[len(arguments.args) - len(arguments.defaults) :]}
+        pairs = zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)
+        defaulted |= {argument.arg for argument, default in pairs if default is not None}
+        for argument in (*positional, *arguments.kwonlyargs):
+            if self._is_input(argument.arg):
+                self.inputs[argument.arg] = self.arguments[argument.arg] = None
+            elif argument.arg not in defaulted:
+                self._unknown_input(argument.arg, argument)
+
+    # --- nodes ---
+
+    def visit(self, node: ast.AST) -> None:
+        if not isinstance(node, (*_STATEMENTS, *_EXPRESSIONS)):
+            kind = type(node).__name__
+            self._refuse("statement", f"`{kind}` is not allowed", node, _FIXES.get(type(node), "remove it"))
+            return
+        for name in _identifiers(node):
+            if not name.isascii():
+                self._refuse("characters", "identifiers must be plain ASCII", node, "rename it")
+            elif name.startswith("__"):
+                self._refuse("dunder", f"`{name[:40]}` is not allowed", node, "remove it")
+        super().visit(node)
+
+    def visit_Constant(self, node: ast.Constant) -> None:
+        if isinstance(node.value, bytes | complex):
+            self._refuse("literal", "bytes and complex numbers are not allowed", node, "use a float")
+
+    def visit_FormattedValue(self, node: ast.FormattedValue) -> None:
+        if node.format_spec is not None or node.conversion != -1:
+            self._refuse("f-string", "a format in an f-string is not allowed", node, "write `{name}` alone")
+        self.visit(node.value)
+
+    def visit_Name(self, node: ast.Name) -> None:
+        name = node.id
+        if isinstance(node.ctx, ast.Store | ast.Del):
+            if name in ("torch", "math", "self"):
+                self._refuse("shadowing", f"`{name}` may not be assigned", node, "choose another name")
+            return
+        draft = self.draft
+        if name in self._locals or name in draft.functions or name in draft.constants:
+            return
+        if name in draft.names:
+            self._path(draft.names[name], node)
+        elif name in surface.HELPERS or name in surface.BUILTINS:
+            return
+        elif self._is_input(name):
+            self.inputs[name] = None
+        elif name in surface.RANDOM:
+            self._random(name, node)
+        else:
+            known = (*self.state.names, *surface.HELPERS, *surface.BUILTINS, *self._locals)
+            fix = nearest(name, known).replace("Did you mean", "did you mean").strip() or "define it or remove it"
+            self._refuse("unknown-name", f"`{name}` is not defined", node, fix)
+
+    def visit_Attribute(self, node: ast.Attribute) -> None:
+        path = dotted(node)
+        root = path.split(".")[0] if path else ""
+        if path and root not in self._locals and root in self.draft.names:
+            self._path(f"{self.draft.names[root]}{path[len(root) :]}", node)
+            return
+        if isinstance(node.value, ast.Name) and node.value.id == "self":
+            self._self_attribute(node)
+            return
+        self._method(node)
+        self.visit(node.value)
+
+    def _method(self, node: ast.Attribute) -> None:
+        name = node.attr
+        if isinstance(node.ctx, ast.Store):
+            self._refuse("attribute", f"`.{name}` may not be assigned", node, "use a local variable")
+        elif name in surface.RANDOM:
+            self._random(name, node)
+        elif name in surface.READS:
+            message = f"`.{name}` turns tensor values into Python values"
+            self._refuse("data-read", message, node, "stay with tensors of one value per world")
+        elif name not in surface.METHODS and name not in surface.IN_PLACE_METHODS:
+            fix = nearest(name, surface.METHODS).replace("Did you mean", "did you mean").strip() or "remove it"
+            self._refuse("attribute", f"`.{name[:40]}` is not an allowed attribute", node, fix)
+
+    def _self_attribute(self, node: ast.Attribute) -> None:
+        if isinstance(node.ctx, ast.Store):
+            message = f"`self.{node.attr}` may not be assigned"
+            self._refuse("input-edit", message, node, "use a local variable and return it")
+        elif self._is_input(node.attr):
+            self.inputs[node.attr] = None
+        else:
+            self._unknown_input(node.attr, node)
+
+    def _path(self, path: str, node: ast.AST) -> None:
+        """An imported name or a chain that starts at one: `torch.exp`, `F.softplus`, `torch.pi.x`."""
+        parts = path.split(".")
+        for end in range(len(parts), 1, -1):
+            module, name = ".".join(parts[: end - 1]), parts[end - 1]
+            if name in surface.MODULES.get(module, ()):
+                for attribute in parts[end:]:
+                    if attribute not in surface.METHODS:
+                        self._refuse("attribute", f"`.{attribute[:40]}` is not an allowed attribute", node, "remove it")
+                return
+        name = parts[-1]
+        if path in surface.MODULES or path in surface.PACKAGES:
+            self._refuse("module-value", f"`{path}` cannot be used as a value", node, "call one of its functions")
+        elif name in surface.RANDOM:
+            self._random(path, node)
+        elif name in surface.READS:
+            message = f"`{path}` returns values whose number depends on the data"
+            self._refuse("data-read", message, node, "use torch.where or a mask")
+        else:
+            offered = surface.MODULES.get(path.rpartition(".")[0], surface.TORCH)
+            fix = (
+                nearest(name, offered).replace("Did you mean", "did you mean").strip()
+                or "write it with tensor operations"
+            )
+            self._refuse("torch-function", f"`{path[:60]}` is not available to a reward", node, fix)
+
+    def _random(self, name: str, node: ast.AST) -> None:
+        message = f"`{name}` is random, and a reward must give the same value for the same state"
+        self._refuse("randomness", message, node, "remove it")
+
+    # --- calls and assignments ---
+
+    def visit_Call(self, node: ast.Call) -> None:
+        for keyword in node.keywords:
+            if keyword.arg in ("out", "inplace"):
+                message = f"`{keyword.arg}=` writes into an existing tensor"
+                self._refuse("input-edit", message, node, "use the returned value")
+            elif keyword.arg is None:
+                self._refuse("statement", "`**` in a call is not allowed", node, "name the arguments")
+        if isinstance(node.func, ast.Name) and node.func.id == "range":
+            for argument in node.args:
+                if (
+                    isinstance(argument, ast.Constant)
+                    and isinstance(argument.value, int)
+                    and argument.value > MAX_RANGE
+                ):
+                    self._refuse("loop-size", f"a loop of more than {MAX_RANGE} turns", node, "use tensor operations")
+        if isinstance(node.func, ast.Attribute) and node.func.attr in surface.IN_PLACE_METHODS:
+            name = self._protected_root(node.func.value)
+            if name:
+                message = f"in-place `.{node.func.attr}` on input `{name}`"
+                self._refuse("input-edit", message, node, f"use `.{node.func.attr[:-1]}` and keep the result")
+        self.generic_visit(node)
+
+    def visit_AugAssign(self, node: ast.AugAssign) -> None:
+        name = self._protected_root(node.target)
+        if name:
+            sign = _AUGMENTED.get(type(node.op), "op")
+            if isinstance(node.target, ast.Name):
+                fix = f"write `{name} = {name} {sign} {ast.unparse(node.value)[:60]}`"
+            else:
+                fix = f"copy it first: `{name} = {name}.clone()`"
+            self._refuse("input-edit", f"in-place `{sign}=` on input `{name}`", node, fix)
+        self.generic_visit(node)
+
+    def visit_Assign(self, node: ast.Assign) -> None:
+        for target in node.targets:
+            name = self._protected_root(target) if isinstance(target, ast.Subscript) else None
+            if name:
+                message = f"assignment into input `{name}`"
+                self._refuse("input-edit", message, node, f"copy it first: `{name} = {name}.clone()`")
+        self.generic_visit(node)
+
+    def _protected_root(self, node: ast.AST) -> str | None:
+        """The input tensor that `x`, `x[...]` or `self.x[...]` names."""
+        while isinstance(node, ast.Subscript):
+            node = node.value
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "self":
+            return f"self.{node.attr}" if node.attr in self.state else None
+        if not isinstance(node, ast.Name) or node.id not in self._protected or node.id not in self.state:
+            return None
+        return node.id if self.state[node.id].kind in ("world", "constant") else None
+
+
+def _identifiers(node: ast.AST) -> Iterator[str]:
+    for field in ("id", "attr", "arg", "name"):
+        value = getattr(node, field, None)
+        if isinstance(value, str):
+            yield value
+
+
+def _stored_names(function: ast.FunctionDef) -> set[str]:
+    """Names bound anywhere in a function: arguments, assignments, loop variables, nested functions."""
+    names = {node.arg for node in ast.walk(function) if isinstance(node, ast.arg)}
+    names |= {node.id for node in ast.walk(function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+    return names | {
+        node.name for node in ast.walk(function) if isinstance(node, ast.FunctionDef) and node is not function
+    }
+
+
+def _rebound(function: ast.FunctionDef) -> set[str]:
+    """Names given a new value by a plain assignment; the probe judges edits of these."""
+    targets = [target for node in ast.walk(function) if isinstance(node, ast.Assign) for target in node.targets]
+    names = [name for target in targets for name in ast.walk(target)]
+    return {name.id for name in names if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)}

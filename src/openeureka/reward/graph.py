@@ -1,0 +1,362 @@
+"""Reward graphs: JSON in and out, validation against the allow-list, interpretation and compilation."""
+
+from __future__ import annotations
+
+import json
+import math
+import operator
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import torch
+from torch import Tensor, fx
+
+from ..types import Arg, Node, RewardGraph, StateSpec
+from . import surface
+
+MAX_NODES = 2_000
+MAX_CONSTANT = 4_096
+MAX_COMPONENTS = 16
+COMPONENT_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
+MAX_SIZE_PER_WORLD = 16_384
+"""Elements of one intermediate value per world (64 KiB in float32)."""
+
+_LEAVES = ("input", "constant")
+_MADE_FROM_NOTHING = frozenset(
+    "zeros.default ones.default full.default arange.default arange.start arange.start_step linspace.default eye.default "
+    "eye.m scalar_tensor.default".split()
+)
+"""Operations that take no tensor and so must be told the device."""
+_MAX_INT = 2**63 - 1
+
+State = Mapping[str, Tensor | float | int]
+
+
+class GraphError(ValueError):
+    """A graph that is not well formed or not allowed. The text says where."""
+
+
+# --- data ------------------------------------------------------------------------------------------------------------
+
+
+def to_json(graph: RewardGraph) -> str:
+    """Canonical text: equal graphs give equal text."""
+    nodes = [[node.op, _plain(node.args), _plain(node.kwargs)] for node in graph.nodes]
+    data = {"version": 1, "nodes": nodes, "reward": graph.reward, "components": graph.components}
+    return json.dumps(data, allow_nan=False, sort_keys=True, separators=(",", ":"))
+
+
+def from_json(text: str) -> RewardGraph:
+    """Parse and validate.
+
+    Raises:
+        GraphError: for anything but a well-formed graph of allow-listed operations.
+    """
+    try:
+        data = json.loads(text)
+        nodes = tuple(Node(op, _arg_tuple(args), _arg_map(kwargs)) for op, args, kwargs in data["nodes"])
+        components = tuple((str(name), index) for name, index in data["components"])
+        graph = RewardGraph(nodes=nodes, reward=data["reward"], components=components)
+        version = data["version"]
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise GraphError(f"not a reward graph: {error!r:.80}") from None
+    if version != 1:
+        raise GraphError(f"graph version {version!r:.20} is not known")
+    validate(graph)
+    return graph
+
+
+def _plain(arg: Any) -> Any:
+    if isinstance(arg, float) and not math.isfinite(arg):
+        return {"float": str(arg)}
+    if isinstance(arg, Mapping):
+        return {key: _plain(value) for key, value in arg.items()}
+    if isinstance(arg, tuple):
+        return [_plain(value) for value in arg]
+    return arg
+
+
+def _arg(data: Any) -> Arg:
+    if isinstance(data, list):
+        return tuple(_arg(value) for value in data)
+    if isinstance(data, dict):
+        (key, value), *more = data.items()
+        if more or key not in ("ref", "n", "float"):
+            raise ValueError(f"argument {data!r:.60}")
+        if key == "float":
+            if value not in ("inf", "-inf", "nan"):
+                raise ValueError(f"float {value!r:.20}")
+            return float(value)
+        return {key: value}
+    return data
+
+
+def _arg_tuple(data: Any) -> tuple[Arg, ...]:
+    if not isinstance(data, list):
+        raise ValueError("arguments")
+    return tuple(_arg(value) for value in data)
+
+
+def _arg_map(data: Any) -> dict[str, Arg]:
+    if not isinstance(data, dict):
+        raise ValueError("keyword arguments")
+    return {str(key): _arg(value) for key, value in data.items()}
+
+
+def validate(graph: RewardGraph) -> None:
+    """Raises GraphError unless every operation is allowed and every reference points backwards."""
+    if not 0 < len(graph.nodes) <= MAX_NODES:
+        raise GraphError(f"{len(graph.nodes)} nodes; between 1 and {MAX_NODES} are allowed")
+    for index, node in enumerate(graph.nodes):
+        try:
+            _validate_node(node, index)
+        except GraphError as error:
+            raise GraphError(f"node {index}: {error}") from None
+    if len(graph.components) > MAX_COMPONENTS:
+        raise GraphError(f"{len(graph.components)} components; at most {MAX_COMPONENTS} are allowed")
+    names = [name for name, _ in graph.components]
+    if len(set(names)) != len(names) or not all(COMPONENT_NAME.fullmatch(name) for name in names):
+        raise GraphError("component names must be distinct identifiers")
+    for index in (graph.reward, *(index for _, index in graph.components)):
+        if type(index) is not int or not 0 <= index < len(graph.nodes):
+            raise GraphError(f"output {index!r:.20} is not a node")
+
+
+def _validate_node(node: Node, index: int) -> None:
+    if node.op == "input":
+        if len(node.args) != 1 or not isinstance(node.args[0], str) or node.kwargs:
+            raise GraphError("an input has one name")
+    elif node.op == "constant":
+        _validate_constant(node)
+    elif node.op == "getitem":
+        if len(node.args) != 2 or not isinstance(node.args[0], Mapping) or type(node.args[1]) is not int or node.kwargs:
+            raise GraphError("getitem takes a node and a position")
+    elif node.op not in surface.ATEN:
+        raise GraphError(f"operation {node.op!r:.40} is not allowed")
+    for leaf in _leaves((node.args, tuple(node.kwargs.values()))):
+        if isinstance(leaf, Mapping):
+            ((key, value),) = leaf.items()
+            upper = index - 1 if key == "ref" else MAX_SIZE_PER_WORLD
+            if type(value) is not int or not 0 <= value <= upper:
+                raise GraphError(f"{key} {value!r:.20} is out of range")
+        elif isinstance(leaf, str):
+            if len(leaf) > 100:
+                raise GraphError("a text is too long")
+        elif isinstance(leaf, int):
+            if abs(leaf) > _MAX_INT:
+                raise GraphError("a number is too large")
+        elif leaf is not None and not isinstance(leaf, float):
+            raise GraphError(f"argument {leaf!r:.40}")
+    dtype = node.kwargs.get("dtype")
+    if dtype is not None and dtype not in surface.DTYPES:
+        raise GraphError(f"dtype {dtype!r:.20}")
+
+
+def _validate_constant(node: Node) -> None:
+    if len(node.args) != 3 or node.kwargs:
+        raise GraphError("a constant has values, a shape and a dtype")
+    values, shape, dtype = node.args
+    if not isinstance(values, tuple) or not isinstance(shape, tuple) or dtype not in surface.DTYPES:
+        raise GraphError("a constant has values, a shape and a dtype")
+    if not all(isinstance(value, bool | int | float) for value in values):
+        raise GraphError("a constant holds numbers")
+    if not all(type(size) is int and size >= 0 for size in shape) or len(values) > MAX_CONSTANT:
+        raise GraphError(f"a constant holds at most {MAX_CONSTANT} numbers")
+    if math.prod(shape) != len(values):  # type: ignore[arg-type]
+        raise GraphError("a constant's shape does not fit its values")
+
+
+def _leaves(arg: Any) -> Iterator[Any]:
+    if isinstance(arg, tuple):
+        for value in arg:
+            yield from _leaves(value)
+    else:
+        yield arg
+
+
+def inputs(graph: RewardGraph) -> tuple[str, ...]:
+    """Names of the state variables a graph reads."""
+    return tuple(str(node.args[0]) for node in graph.nodes if node.op == "input")
+
+
+def references(node: Node) -> tuple[int, ...]:
+    """Indices of the nodes whose values a node uses."""
+    leaves = _leaves((node.args, tuple(node.kwargs.values())))
+    return tuple(leaf["ref"] for leaf in leaves if isinstance(leaf, Mapping) and "ref" in leaf)
+
+
+def simplify(graph: RewardGraph) -> tuple[RewardGraph, tuple[int, ...]]:
+    """Drop what no output needs and compute equal things once; also the old index of each remaining node."""
+    needed = {graph.reward, *(index for _, index in graph.components)}
+    for index in reversed(range(len(graph.nodes))):
+        if index in needed:
+            needed.update(references(graph.nodes[index]))
+    place: dict[int, int] = {}
+    seen: dict[str, int] = {}
+    nodes: list[Node] = []
+    origin: list[int] = []
+    for index in sorted(needed):
+        old = graph.nodes[index]
+        node = Node(old.op, _moved(old.args, place), {key: _moved(value, place) for key, value in old.kwargs.items()})
+        key = repr((node.op, node.args, sorted(node.kwargs.items())))
+        if key not in seen:
+            seen[key] = len(nodes)
+            nodes.append(node)
+            origin.append(index)
+        place[index] = seen[key]
+    components = tuple((name, place[index]) for name, index in graph.components)
+    return RewardGraph(nodes=tuple(nodes), reward=place[graph.reward], components=components), tuple(origin)
+
+
+def _moved(arg: Any, place: Mapping[int, int]) -> Any:
+    if isinstance(arg, tuple):
+        return tuple(_moved(value, place) for value in arg)
+    if isinstance(arg, Mapping) and "ref" in arg:
+        return {"ref": place[arg["ref"]]}
+    return arg
+
+
+# --- execution -------------------------------------------------------------------------------------------------------
+
+
+def operation(op: str) -> Callable[..., Any]:
+    """The ATen overload a node names."""
+    if op not in surface.ATEN:
+        raise GraphError(f"operation {op!r:.40} is not allowed")
+    name, _, overload = op.partition(".")
+    return getattr(getattr(torch.ops.aten, name), overload)
+
+
+def _constant(node: Node, device: torch.device | str) -> Tensor:
+    values, shape, dtype = node.args
+    return torch.tensor(values, dtype=getattr(torch, str(dtype)), device=device).reshape(shape)  # type: ignore[arg-type]
+
+
+def values(graph: RewardGraph, state: State, num_worlds: int, device: torch.device | str = "cpu") -> Iterator[Any]:
+    """The value of each node in turn: the reference interpreter, for checks. On the meta device it computes shapes only.
+
+    A boolean mask as an index selects every element on the meta device: the largest result it can have.
+    """
+    done: list[Any] = []
+
+    def fill(arg: Any) -> Any:
+        if isinstance(arg, tuple):
+            return [fill(value) for value in arg]
+        if isinstance(arg, Mapping):
+            return done[arg["ref"]] if "ref" in arg else arg["n"] * num_worlds
+        return arg
+
+    for node in graph.nodes:
+        if node.op == "input":
+            value = torch.as_tensor(state[str(node.args[0])], device=device)
+        elif node.op == "constant":
+            value = _constant(node, device)
+        elif node.op == "getitem":
+            value = fill(node.args[0])[node.args[1]]
+        else:
+            args, kwargs = [fill(arg) for arg in node.args], {key: fill(arg) for key, arg in node.kwargs.items()}
+            if "dtype" in kwargs and kwargs["dtype"] is not None:
+                kwargs["dtype"] = getattr(torch, kwargs["dtype"])
+            if node.op in _MADE_FROM_NOTHING:
+                kwargs["device"] = device
+            if device == "meta" and node.op == "index.Tensor":
+                args[1] = _largest_selection(args[1])
+            value = operation(node.op)(*args, **kwargs)
+        done.append(value)
+        yield value
+
+
+def _largest_selection(indices: Sequence[Tensor | None]) -> list[Tensor | None]:
+    every: list[Tensor | None] = []
+    for index in indices:
+        if index is not None and index.dtype == torch.bool:
+            every += [torch.empty(index.numel(), dtype=torch.long, device="meta")] * index.dim()
+        else:
+            every.append(index)
+    return every
+
+
+class CompiledReward:
+    """A graph as a function of the state, on the device of its inputs and for any number of worlds."""
+
+    def __init__(self, graph: RewardGraph, spec: StateSpec) -> None:
+        self.graph = graph
+        self.inputs = inputs(graph)
+        unknown = [name for name in self.inputs if name not in spec]
+        if unknown:
+            raise GraphError(f"input {unknown[0]!r:.60} is not a state variable")
+        self._world = next((name for name in self.inputs if spec[name].kind == "world"), None)
+        self._names = tuple(name for name, _ in graph.components)
+        self._module = _module(graph, self.inputs)
+        self._device = torch.device("cpu")
+
+    def __call__(self, state: State, num_worlds: int | None = None) -> tuple[Tensor, dict[str, Tensor]]:
+        """Reward (N,) and each component (N,), float32, sharing memory with nothing.
+
+        Args:
+            state: at least the variables in `inputs`; they are only read.
+            num_worlds: N; needed only by a graph that reads no per-world variable.
+        """
+        tensors = [state[name] for name in self.inputs]
+        if num_worlds is None:
+            if self._world is None:
+                raise ValueError("this reward reads no per-world variable: give num_worlds")
+            num_worlds = state[self._world].shape[0]  # type: ignore[union-attr]
+        device = next((value.device for value in tensors if isinstance(value, Tensor)), self._device)
+        if device != self._device:
+            self._module.to(device)
+            self._device = device
+        reward, *components = self._module(*tensors, num_worlds, device)
+        own = {name: _own(value, num_worlds) for name, value in zip(self._names, components, strict=True)}
+        return _own(reward, num_worlds), own
+
+
+def _own(value: Tensor, num_worlds: int) -> Tensor:
+    return value.to(torch.float32).expand(num_worlds).clone()
+
+
+def compile(graph: RewardGraph, spec: StateSpec) -> CompiledReward:
+    """The graph as a fast function; validates it first.
+
+    Raises:
+        GraphError: as `validate`, or for an input that the table does not hold.
+    """
+    validate(graph)
+    return CompiledReward(graph, spec)
+
+
+def _module(graph: RewardGraph, names: Sequence[str]) -> fx.GraphModule:
+    root = torch.nn.Module()
+    built = fx.Graph()
+    places = {name: built.placeholder(f"in_{index}") for index, name in enumerate(names)}
+    count, device = built.placeholder("num_worlds"), built.placeholder("device")
+    done: list[fx.Node] = []
+
+    def fill(arg: Any) -> Any:
+        if isinstance(arg, tuple):
+            return [fill(value) for value in arg]
+        if isinstance(arg, Mapping):
+            if "ref" in arg:
+                return done[arg["ref"]]
+            return count if arg["n"] == 1 else built.call_function(operator.mul, (count, arg["n"]))
+        return arg
+
+    for index, node in enumerate(graph.nodes):
+        if node.op == "input":
+            done.append(places[str(node.args[0])])
+        elif node.op == "constant":
+            root.register_buffer(f"constant_{index}", _constant(node, "cpu"), persistent=False)
+            done.append(built.get_attr(f"constant_{index}"))
+        elif node.op == "getitem":
+            done.append(built.call_function(operator.getitem, (fill(node.args[0]), node.args[1])))
+        else:
+            kwargs = {key: fill(arg) for key, arg in node.kwargs.items()}
+            if kwargs.get("dtype") is not None:
+                kwargs["dtype"] = getattr(torch, kwargs["dtype"])
+            if node.op in _MADE_FROM_NOTHING:
+                kwargs["device"] = device
+            args = tuple(fill(arg) for arg in node.args)
+            done.append(built.call_function(operation(node.op), args, kwargs))
+    built.output((done[graph.reward], *(done[index] for _, index in graph.components)))
+    return fx.GraphModule(root, built)

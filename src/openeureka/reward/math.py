@@ -1,0 +1,286 @@
+"""Rotation and vector helpers that reward programs of this kind call, under the names the field uses.
+
+Quaternions are (x, y, z, w), batched in the leading dimensions. Formulas: Diebel, "Representing attitude" (2006), with the
+conventions that published rewards rely on (`get_euler_xyz` wraps to [0, 2 pi)). All functions are pure.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+_TINY = 1e-9
+
+
+def to_torch(x: object, dtype: torch.dtype = torch.float, device: object = None, requires_grad: bool = False) -> Tensor:
+    """A tensor of literal numbers; `device` and `requires_grad` are accepted for compatibility and have no effect."""
+    return torch.as_tensor(x, dtype=dtype)
+
+
+# --- vectors and angles ----------------------------------------------------------------------------------------------
+
+
+def normalize(x: Tensor, eps: float = _TINY) -> Tensor:
+    return x / x.norm(p=2, dim=-1).clamp(min=eps).unsqueeze(-1)
+
+
+def normalize_angle(x: Tensor) -> Tensor:
+    """Wrap to [-pi, pi]."""
+    return torch.atan2(torch.sin(x), torch.cos(x))
+
+
+def wrap_to_pi(angles: Tensor) -> Tensor:
+    """Wrap to (-pi, pi]."""
+    wrapped = angles % (2 * math.pi)
+    return wrapped - 2 * math.pi * (wrapped > math.pi)
+
+
+def copysign(a: float, b: Tensor) -> Tensor:
+    """|a| with the sign of b; 0 where b is 0."""
+    return abs(a) * torch.sign(b)
+
+
+def tensor_clamp(t: Tensor, min_t: Tensor, max_t: Tensor) -> Tensor:
+    return torch.max(torch.min(t, max_t), min_t)
+
+
+def saturate(x: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
+    return torch.max(torch.min(x, upper), lower)
+
+
+def scale(x: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
+    """[-1, 1] to [lower, upper]."""
+    return 0.5 * (x + 1.0) * (upper - lower) + lower
+
+
+def unscale(x: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
+    """[lower, upper] to [-1, 1]."""
+    return (2.0 * x - upper - lower) / (upper - lower)
+
+
+def scale_transform(x: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
+    """[lower, upper] to [-1, 1]; the name is the field's, the direction is that of `unscale`."""
+    return unscale(x, lower, upper)
+
+
+def unscale_transform(x: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
+    """[-1, 1] to [lower, upper]."""
+    return scale(x, lower, upper)
+
+
+def get_axis_params(value: float, axis_idx: int, x_value: float = 0.0, n_dims: int = 3) -> list[float]:
+    """Numbers of a vector that is `value` along one axis; axis 0 holds `x_value` otherwise."""
+    params = [0.0] * n_dims
+    params[axis_idx] = value
+    params[0] = value if axis_idx == 0 else x_value
+    return params
+
+
+# --- quaternions -----------------------------------------------------------------------------------------------------
+
+
+def quat_unit(a: Tensor) -> Tensor:
+    return normalize(a)
+
+
+def quat_conjugate(a: Tensor) -> Tensor:
+    return torch.cat((-a[..., :3], a[..., 3:]), dim=-1)
+
+
+def quat_mul(a: Tensor, b: Tensor) -> Tensor:
+    """Hamilton product a b: rotate by b, then by a."""
+    a, b = torch.broadcast_tensors(a, b)
+    a_vec, a_w, b_vec, b_w = a[..., :3], a[..., 3:], b[..., :3], b[..., 3:]
+    vec = a_w * b_vec + b_w * a_vec + torch.cross(a_vec, b_vec, dim=-1)
+    w = a_w * b_w - (a_vec * b_vec).sum(dim=-1, keepdim=True)
+    return torch.cat((vec, w), dim=-1)
+
+
+def quat_apply(a: Tensor, b: Tensor) -> Tensor:
+    """Rotate vectors b by unit quaternions a."""
+    vec = a[..., :3].expand_as(b)
+    twice = 2.0 * torch.cross(vec, b, dim=-1)
+    return b + a[..., 3:] * twice + torch.cross(vec, twice, dim=-1)
+
+
+def quat_rotate(q: Tensor, v: Tensor) -> Tensor:
+    return quat_apply(q, v)
+
+
+def my_quat_rotate(q: Tensor, v: Tensor) -> Tensor:
+    return quat_apply(q, v)
+
+
+def get_basis_vector(q: Tensor, v: Tensor) -> Tensor:
+    return quat_apply(q, v)
+
+
+def quat_rotate_inverse(q: Tensor, v: Tensor) -> Tensor:
+    """Vectors v in the frame that q rotates to."""
+    return quat_apply(quat_conjugate(q), v)
+
+
+def quat_from_angle_axis(angle: Tensor, axis: Tensor) -> Tensor:
+    half = (0.5 * angle).unsqueeze(-1)
+    return quat_unit(torch.cat((normalize(axis) * half.sin(), half.cos()), dim=-1))
+
+
+def quat_diff_rad(a: Tensor, b: Tensor) -> Tensor:
+    """Angle [rad] of the rotation between two orientations."""
+    difference = quat_mul(a, quat_conjugate(b))
+    return 2.0 * torch.asin(torch.clamp(difference[..., :3].norm(p=2, dim=-1), max=1.0))
+
+
+def quat_axis(q: Tensor, axis: int = 0) -> Tensor:
+    """World direction of a body axis."""
+    return quat_apply(q, torch.eye(3, dtype=q.dtype, device=q.device)[axis].expand(q.shape[:-1] + (3,)))
+
+
+def quat_apply_yaw(quat: Tensor, vec: Tensor) -> Tensor:
+    """Rotate by the yaw part of the orientation only."""
+    return quat_apply(normalize(torch.cat((torch.zeros_like(quat[..., :2]), quat[..., 2:]), dim=-1)), vec)
+
+
+def quat_to_tan_norm(q: Tensor) -> Tensor:
+    """World directions of the body's x and z axes, (..., 6)."""
+    return torch.cat((quat_axis(q, 0), quat_axis(q, 2)), dim=-1)
+
+
+def slerp(q0: Tensor, q1: Tensor, t: Tensor) -> Tensor:
+    """Shortest spherical interpolation; t has a trailing dimension of 1."""
+    cosine = (q0 * q1).sum(dim=-1, keepdim=True)
+    q1 = torch.where(cosine < 0, -q1, q1)
+    cosine = cosine.abs().clamp(max=1.0)
+    angle, sine = torch.acos(cosine), torch.sqrt(1.0 - cosine * cosine)
+    safe = sine.clamp(min=1e-3)
+    curved = torch.sin((1.0 - t) * angle) / safe * q0 + torch.sin(t * angle) / safe * q1
+    return torch.where(sine < 1e-3, normalize((1.0 - t) * q0 + t * q1), curved)
+
+
+# --- Euler angles, headings, exponential maps ------------------------------------------------------------------------
+
+
+def get_euler_xyz(q: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Roll, pitch and yaw [rad], each in [0, 2 pi)."""
+    x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    roll = torch.atan2(2.0 * (w * x + y * z), w * w - x * x - y * y + z * z)
+    pitch = torch.asin(torch.clamp(2.0 * (w * y - z * x), -1.0, 1.0))
+    yaw = torch.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    return roll % (2 * math.pi), pitch % (2 * math.pi), yaw % (2 * math.pi)
+
+
+def quat_from_euler_xyz(roll: Tensor, pitch: Tensor, yaw: Tensor) -> Tensor:
+    """Inverse of `get_euler_xyz`: rotate about x by roll, then y by pitch, then z by yaw."""
+    cr, sr = torch.cos(0.5 * roll), torch.sin(0.5 * roll)
+    cp, sp = torch.cos(0.5 * pitch), torch.sin(0.5 * pitch)
+    cy, sy = torch.cos(0.5 * yaw), torch.sin(0.5 * yaw)
+    x = cy * sr * cp - sy * cr * sp
+    y = cy * cr * sp + sy * sr * cp
+    z = sy * cr * cp - cy * sr * sp
+    w = cy * cr * cp + sy * sr * sp
+    return torch.stack((x, y, z, w), dim=-1)
+
+
+def calc_heading(q: Tensor) -> Tensor:
+    """Angle [rad] of the body's x axis in the ground plane."""
+    forward = quat_axis(q, 0)
+    return torch.atan2(forward[..., 1], forward[..., 0])
+
+
+def calc_heading_quat(q: Tensor) -> Tensor:
+    half = 0.5 * calc_heading(q)
+    zero = torch.zeros_like(half)
+    return torch.stack((zero, zero, torch.sin(half), torch.cos(half)), dim=-1)
+
+
+def calc_heading_quat_inv(q: Tensor) -> Tensor:
+    return quat_conjugate(calc_heading_quat(q))
+
+
+def quat_to_angle_axis(q: Tensor) -> tuple[Tensor, Tensor]:
+    """Angle in [-pi, pi] and unit axis; the z axis where there is no rotation."""
+    w = q[..., 3].clamp(-1.0, 1.0)
+    sine = torch.sqrt(1.0 - w * w)
+    turned = sine > 1e-5
+    angle = torch.where(turned, normalize_angle(2.0 * torch.acos(w)), torch.zeros_like(w))
+    up = torch.eye(3, dtype=q.dtype, device=q.device)[2].expand(q.shape[:-1] + (3,))
+    axis = torch.where(turned.unsqueeze(-1), q[..., :3] / sine.clamp(min=1e-5).unsqueeze(-1), up)
+    return angle, axis
+
+
+def angle_axis_to_exp_map(angle: Tensor, axis: Tensor) -> Tensor:
+    return angle.unsqueeze(-1) * axis
+
+
+def quat_to_exp_map(q: Tensor) -> Tensor:
+    return angle_axis_to_exp_map(*quat_to_angle_axis(q))
+
+
+def exp_map_to_angle_axis(exp_map: Tensor) -> tuple[Tensor, Tensor]:
+    length = exp_map.norm(p=2, dim=-1)
+    turned = length > 1e-5
+    angle = torch.where(turned, normalize_angle(length), torch.zeros_like(length))
+    up = torch.eye(3, dtype=exp_map.dtype, device=exp_map.device)[2].expand(exp_map.shape)
+    return angle, torch.where(turned.unsqueeze(-1), exp_map / length.clamp(min=1e-5).unsqueeze(-1), up)
+
+
+def exp_map_to_quat(exp_map: Tensor) -> Tensor:
+    return quat_from_angle_axis(*exp_map_to_angle_axis(exp_map))
+
+
+# --- rigid transforms ------------------------------------------------------------------------------------------------
+
+
+def tf_inverse(q: Tensor, t: Tensor) -> tuple[Tensor, Tensor]:
+    inverse = quat_conjugate(q)
+    return inverse, -quat_apply(inverse, t)
+
+
+def tf_apply(q: Tensor, t: Tensor, v: Tensor) -> Tensor:
+    return quat_apply(q, v) + t
+
+
+def tf_vector(q: Tensor, v: Tensor) -> Tensor:
+    return quat_apply(q, v)
+
+
+def tf_combine(q1: Tensor, t1: Tensor, q2: Tensor, t2: Tensor) -> tuple[Tensor, Tensor]:
+    return quat_mul(q1, q2), quat_apply(q1, t2) + t1
+
+
+def local_to_world_space(pos_offset_local: Tensor, pose_global: Tensor) -> Tensor:
+    """World position of a point given in the frame of a pose (position 3, quaternion 4)."""
+    return quat_apply(pose_global[..., 3:7], pos_offset_local) + pose_global[..., :3]
+
+
+def normalise_quat_in_pose(pose: Tensor) -> Tensor:
+    return torch.cat((pose[..., :3], normalize(pose[..., 3:7])), dim=-1)
+
+
+# --- the observations of the locomotion tasks ------------------------------------------------------------------------
+
+
+def compute_heading_and_up(
+    torso_rotation: Tensor, inv_start_rot: Tensor, to_target: Tensor, vec0: Tensor, vec1: Tensor, up_idx: int
+) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
+    """Torso orientation relative to the start, up and heading projections (N,), up and heading vectors (N, 3)."""
+    torso_quat = quat_mul(torso_rotation, inv_start_rot)
+    up_vec, heading_vec = quat_apply(torso_quat, vec1), quat_apply(torso_quat, vec0)
+    heading_proj = (heading_vec * normalize(to_target)).sum(dim=-1)
+    return torso_quat, up_vec[..., up_idx], heading_proj, up_vec, heading_vec
+
+
+def compute_rot(
+    torso_quat: Tensor, velocity: Tensor, ang_velocity: Tensor, targets: Tensor, torso_positions: Tensor
+) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor, Tensor]:
+    """Velocities in the torso frame, roll, pitch, yaw, and the angle to the target.
+
+    The target's direction is taken in the x-z plane, as the environments that define this helper do.
+    """
+    to_target = targets - torso_positions
+    roll, pitch, yaw = get_euler_xyz(torso_quat)
+    angle_to_target = torch.atan2(to_target[..., 2], to_target[..., 0]) - yaw
+    local = quat_rotate_inverse(torso_quat, velocity), quat_rotate_inverse(torso_quat, ang_velocity)
+    return *local, roll, pitch, yaw, angle_to_target

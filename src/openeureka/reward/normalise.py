@@ -1,0 +1,222 @@
+"""From the ways people write reward programs to one plain form: functions and literal constants, nothing else.
+
+Imports become a table of names, and decorators, annotations, docstrings, prints and `device=` vanish. Line numbers stay those of the
+author. What cannot be brought to that form becomes a finding; whether the rest is allowed is for `gate`.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeVar
+
+from ..types import Finding
+from . import surface
+
+ENTRY_NAMES = ("compute_reward", "compute_gpt_reward", "_get_rewards_eureka", "_get_rewards")
+DROPPED_DECORATORS = frozenset({
+    "torch.jit.script", "torch.jit.export", "torch.jit.ignore", "torch.no_grad", "torch.inference_mode", "staticmethod",
+    "script", "jit.script",
+})  # fmt: skip
+IGNORED_PACKAGES = frozenset({"typing", "typing_extensions", "__future__", "isaacgym", "isaacgymenvs", "collections"})
+"""Their names are annotations, or helpers that are present without an import."""
+SHORT_NAMES = {"torch": "torch", "math": "math", "F": "torch.nn.functional", "nn": "torch.nn"}
+"""Bound in every program, imported or not."""
+_ANNOTATION_NODES = (
+    ast.Name, ast.Attribute, ast.Subscript, ast.Tuple, ast.List, ast.Constant, ast.BinOp, ast.BitOr, ast.Load,
+)  # fmt: skip
+
+_Function = TypeVar("_Function", ast.FunctionDef, ast.Lambda)
+
+
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """A program in plain form, not yet checked."""
+
+    tree: ast.Module
+    entry: ast.FunctionDef
+    functions: Mapping[str, ast.FunctionDef]
+    names: Mapping[str, str]
+    """Name to dotted path, for everything imported and the short names every program has."""
+    constants: frozenset[str]
+    """Names of module-level literals."""
+
+    @property
+    def method(self) -> bool:
+        """Whether the reward reads the state as attributes of `self`."""
+        return bool(self.entry.args.args) and self.entry.args.args[0].arg == "self"
+
+
+def dotted(node: ast.AST) -> str | None:
+    """`a.b.c` of nested attributes, or None."""
+    parts: list[str] = []
+    while isinstance(node, ast.Attribute):
+        parts.append(node.attr)
+        node = node.value
+    if not isinstance(node, ast.Name):
+        return None
+    return ".".join((node.id, *reversed(parts)))
+
+
+class Normaliser(ast.NodeTransformer):
+    """Builds a `Draft`; `findings` says why where it cannot."""
+
+    def __init__(self) -> None:
+        self.findings: list[Finding] = []
+        self.names = dict(SHORT_NAMES)
+        self.functions: dict[str, ast.FunctionDef] = {}
+        self.constants: set[str] = set()
+
+    def build(self, tree: ast.Module) -> Draft | None:
+        self.functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
+        body: list[ast.stmt] = []
+        for statement in tree.body:
+            kept = self._top_level(statement)
+            if kept is not None:
+                body.append(kept)
+        if not self.functions:
+            self._refuse("no-function", "the program defines no function", tree, "define `def compute_reward(...)`")
+            return None
+        entry = next((self.functions[name] for name in ENTRY_NAMES if name in self.functions), None)
+        entry = entry or list(self.functions.values())[-1]
+        plain = ast.fix_missing_locations(ast.Module(body=body, type_ignores=[]))
+        return Draft(plain, entry, self.functions, self.names, frozenset(self.constants))
+
+    def _refuse(self, rule: str, message: str, node: ast.AST, fix: str = "") -> None:
+        self.findings.append(Finding(rule=rule, message=message, fix=fix, line=getattr(node, "lineno", None)))
+
+    # --- module level ---
+
+    def _top_level(self, node: ast.stmt) -> ast.stmt | None:
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            self._import(node)
+            return None
+        if isinstance(node, ast.FunctionDef):
+            return self.visit(node)
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            return None
+        if isinstance(node, ast.AnnAssign | ast.Assign):
+            plain = self.visit(node)
+            if isinstance(plain, ast.Assign) and self._literal_assignment(plain):
+                return plain
+        self._refuse(
+            "statement",
+            "only imports, functions and literal constants may stand outside a function",
+            node,
+            "move it into the reward function or remove it",
+        )
+        return None
+
+    def _literal_assignment(self, node: ast.Assign) -> bool:
+        if len(node.targets) != 1 or not isinstance(node.targets[0], ast.Name):
+            return False
+        try:
+            ast.literal_eval(node.value)
+        except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):
+            return False
+        self.constants.add(node.targets[0].id)
+        return True
+
+    def _import(self, node: ast.Import | ast.ImportFrom) -> None:
+        for alias in node.names:
+            if isinstance(node, ast.Import):
+                path, bound = alias.name, alias.asname or alias.name.split(".")[0]
+                target = path if alias.asname else bound
+            else:
+                path, bound = f"{node.module or ''}.{alias.name}", alias.asname or alias.name
+                target = path
+            root = path.split(".")[0]
+            if root in IGNORED_PACKAGES:
+                continue
+            parent, _, name = path.rpartition(".")
+            known = path in surface.MODULES or path in surface.PACKAGES or name in surface.MODULES.get(parent, ())
+            if not known:
+                self._refuse(
+                    "import",
+                    f"`{path}` cannot be imported",
+                    node,
+                    "only torch, math and typing are there; helpers such as `quat_mul` need no import",
+                )
+                continue
+            self.names[bound] = target
+
+    # --- inside functions ---
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
+        for decorator in node.decorator_list:
+            plain = decorator.func if isinstance(decorator, ast.Call) and not decorator.args else decorator
+            if dotted(plain) not in DROPPED_DECORATORS:
+                self._refuse("decorator", "this decorator is not allowed", decorator, "remove it")
+        node.decorator_list = []
+        if node.returns is not None:
+            self._annotation(node.returns)
+            node.returns = None
+        if isinstance(node.body[0], ast.Expr) and isinstance(node.body[0].value, ast.Constant):
+            node.body = node.body[1:] or [ast.copy_location(ast.Pass(), node.body[0])]
+        return self._function(node)
+
+    def visit_Lambda(self, node: ast.Lambda) -> ast.Lambda:
+        return self._function(node)
+
+    def _function(self, node: _Function) -> _Function:
+        arguments = node.args
+        if arguments.posonlyargs or arguments.vararg or arguments.kwarg:
+            self._refuse("signature", "`*`, `**` and `/` are not allowed in a signature", node, "name every argument")
+        for argument in (*arguments.args, *arguments.kwonlyargs):
+            if argument.annotation is not None:
+                self._annotation(argument.annotation)
+                argument.annotation = None
+        for default in (*arguments.defaults, *arguments.kw_defaults):
+            try:
+                ast.literal_eval(default) if default is not None else None
+            except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):
+                self._refuse("signature", "a default must be a literal number", node, "write the number itself")
+        self.generic_visit(node)
+        return node
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.stmt:
+        self._annotation(node.annotation)
+        if node.value is None:
+            return ast.copy_location(ast.Pass(), node)
+        plain = ast.Assign(targets=[node.target], value=node.value)
+        self.generic_visit(plain)
+        return ast.copy_location(plain, node)
+
+    def _annotation(self, node: ast.expr) -> None:
+        if not all(isinstance(part, _ANNOTATION_NODES) for part in ast.walk(node)):
+            self._refuse("annotation", "an annotation may only name types", node, "remove the annotation")
+
+    def visit_Expr(self, node: ast.Expr) -> ast.stmt:
+        value = node.value
+        printed = isinstance(value, ast.Call) and dotted(value.func) == "print"
+        if printed or isinstance(value, ast.Constant):
+            return ast.copy_location(ast.Pass(), node)
+        self.generic_visit(node)
+        return node
+
+    def visit_With(self, node: ast.With) -> ast.stmt | list[ast.stmt]:
+        for item in node.items:
+            call = item.context_expr
+            if not (isinstance(call, ast.Call) and not call.args and dotted(call.func) in DROPPED_DECORATORS):
+                return node
+        body: list[ast.stmt] = []
+        for statement in node.body:
+            kept = self.visit(statement)
+            body.extend(kept if isinstance(kept, list) else [kept])
+        return body
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        self.generic_visit(node)
+        # A graph runs on the device of its inputs, so a device that the author names has no meaning.
+        node.keywords = [word for word in node.keywords if word.arg not in ("device", "requires_grad")]
+        function = node.func
+        if isinstance(function, ast.Attribute):
+            moved = function.attr == "to" and len(node.args) == 1 and isinstance(node.args[0], ast.Constant)
+            if moved or function.attr == "cuda":
+                return function.value
+            owner = function.value
+            if isinstance(owner, ast.Name) and owner.id == "self" and function.attr in self.functions:
+                helper = ast.copy_location(ast.Name(function.attr, ast.Load()), function)
+                return ast.copy_location(ast.Call(helper, [owner, *node.args], node.keywords), node)
+        return node

@@ -1,0 +1,241 @@
+"""Watches a reward program run: `Guard` stops it at the first thing it may not do, `Tracer` writes down the operations."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.func import functionalize
+from torch.utils._python_dispatch import TorchDispatchMode
+
+from ..types import Finding, Node, RewardGraph
+from . import surface
+from .gate import FILENAME
+
+_READS = frozenset(
+    "_local_scalar_dense is_nonzero equal nonzero nonzero_static masked_select _unique _unique2 unique_dim "
+    "unique_consecutive bincount".split()
+)
+_UNUSED_KWARGS = frozenset("device layout pin_memory memory_format non_blocking".split())
+_SAME_VALUE = frozenset("lift_fresh.default detach.default alias.default".split())
+
+
+class Refused(Exception):
+    """Ends a probe with a finding."""
+
+    def __init__(self, rule: str, message: str, fix: str = "", line: int | None = None) -> None:
+        super().__init__(message)
+        self.finding = Finding(rule=rule, message=message, fix=fix, line=line)
+
+
+def current_line() -> int | None:
+    """Line of the program that is running."""
+    frame = sys._getframe(1)
+    while frame is not None:
+        if frame.f_code.co_filename == FILENAME:
+            return frame.f_lineno
+        frame = frame.f_back
+    return None
+
+
+class Guard(TorchDispatchMode):
+    """Refuses random numbers, values read out of tensors and writes into the inputs."""
+
+    def __init__(self, inputs: Mapping[str, Tensor]) -> None:
+        super().__init__()
+        self._owner = {tensor.untyped_storage().data_ptr(): name for name, tensor in inputs.items()}
+        self.refusal: Refused | None = None
+        """The first one; kept because a program could catch the exception."""
+
+    def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
+        kwargs = kwargs or {}
+        try:
+            _judge(func)
+            if func._schema.is_mutable:
+                self._judge_write(func, args, kwargs)
+        except Refused as refusal:
+            self.refusal = self.refusal or refusal
+            raise
+        return func(*args, **kwargs)
+
+    def _judge_write(self, func: Any, args: Sequence[Any], kwargs: Mapping[str, Any]) -> None:
+        for index, argument in enumerate(func._schema.arguments):
+            if argument.alias_info is None or not argument.alias_info.is_write:
+                continue
+            value = args[index] if index < len(args) else kwargs.get(argument.name)
+            for tensor in value if isinstance(value, list | tuple) else (value,):
+                name = self._owner.get(tensor.untyped_storage().data_ptr()) if isinstance(tensor, Tensor) else None
+                if name is not None:
+                    message = f"in-place edit of input `{name}`"
+                    raise Refused("input-edit", message, f"copy it first: `x = {name}.clone()`", current_line())
+
+
+def _judge(func: Any) -> None:
+    name = func._overloadpacket.__name__
+    if torch.Tag.nondeterministic_seeded in func.tags:
+        message = f"`{name}` is random, and a reward must give the same value for the same state"
+        raise Refused("randomness", message, "remove it", current_line())
+    if name in _READS:
+        raise Refused(
+            "branch",
+            "Python reads a value out of a tensor here (`if`, `and`, `max()`, `float()`, `math.` or the like), so one "
+            "decision would hold for all worlds",
+            "use torch.where(condition, a, b), masks, torch.minimum and torch functions on whole tensors",
+            current_line(),
+        )
+
+
+class Tracer(TorchDispatchMode):
+    """Writes every operation below autograd down as a graph node."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.nodes: list[Node] = []
+        self.lines: list[int | None] = []
+        self._index: dict[int, int] = {}
+        self._alive: list[Tensor] = []  # an id is only unique while its object lives
+
+    def add(self, op: str, args: tuple[Any, ...], kwargs: Mapping[str, Any] | None = None) -> int:
+        if len(self.nodes) >= 20_000:
+            raise Refused("memory", "the program runs too many operations", "use fewer, larger tensors", current_line())
+        self.nodes.append(Node(op, args, kwargs or {}))
+        self.lines.append(current_line())
+        return len(self.nodes) - 1
+
+    def name(self, tensor: Tensor, index: int) -> None:
+        self._index[id(tensor)] = index
+        self._alive.append(tensor)
+
+    def index(self, value: Tensor | float) -> int:
+        """The node that holds a value; a tensor that no operation made is a constant."""
+        if not isinstance(value, Tensor):
+            return self.add("full.default", ((), float(value)))
+        known = self._index.get(id(value))
+        return self._constant(value) if known is None else known
+
+    def _constant(self, tensor: Tensor) -> int:
+        if tensor.numel() > 4096:
+            raise Refused("memory", "a literal tensor is too large", "build it with torch operations", current_line())
+        # The mode is not active inside its own handler, but `index` is also called from outside of it.
+        with torch.utils._python_dispatch._disable_current_modes():
+            numbers = tuple(tensor.detach().reshape(-1).tolist())
+        index = self.add("constant", (numbers, tuple(tensor.shape), _dtype(tensor.dtype)))
+        self.name(tensor, index)
+        return index
+
+    def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
+        kwargs = kwargs or {}
+        _judge(func)
+        result = func(*args, **kwargs)
+        op = str(func).removeprefix("aten.")
+        if op in _SAME_VALUE:
+            self.name(result, self.index(args[0]))
+            return result
+        if op.startswith("squeeze."):
+            op, args = _squeeze(args)
+        if op not in surface.ATEN:
+            message = f"the operation `{op}` cannot be part of a reward"
+            raise Refused("operation", message, "write it with simpler tensor operations", current_line())
+        kept = {key: self._encode(value) for key, value in kwargs.items() if key not in _UNUSED_KWARGS}
+        index = self.add(op, tuple(self._encode(arg) for arg in args), kept)
+        if isinstance(result, Tensor):
+            self.name(result, index)
+        else:
+            for position, part in enumerate(result):
+                self.name(part, self.add("getitem", ({"ref": index}, position)))
+        return result
+
+    def _encode(self, value: Any) -> Any:
+        if isinstance(value, Tensor):
+            return {"ref": self.index(value)}
+        if isinstance(value, list | tuple):
+            return tuple(self._encode(part) for part in value)
+        if isinstance(value, torch.dtype):
+            return _dtype(value)
+        if value is None or isinstance(value, bool | int | float | str):
+            return value
+        raise Refused(
+            "operation", f"an argument of type {type(value).__name__} cannot be part of a reward", "", current_line()
+        )
+
+
+def _dtype(dtype: torch.dtype) -> str:
+    return str(dtype).removeprefix("torch.")
+
+
+def _squeeze(args: Sequence[Any]) -> tuple[str, tuple[Any, ...]]:
+    """Name the dimensions that are dropped, so that a single world keeps its world axis."""
+    tensor = args[0]
+    asked = range(tensor.dim()) if len(args) == 1 else args[1] if isinstance(args[1], list | tuple) else [args[1]]
+    return "squeeze.dims", (tensor, tuple(dim for dim in asked if tensor.dim() and tensor.shape[dim] == 1))
+
+
+Outputs = tuple[Tensor, Mapping[str, Tensor | float]]
+
+
+def trace(
+    run: Callable[[Mapping[str, Tensor]], Outputs], inputs: Mapping[str, Tensor]
+) -> tuple[RewardGraph, list[int | None]]:
+    """The operations of one run as a graph of that size, with the program's line for each node.
+
+    Edits of fresh tensors become pure operations (functionalisation).
+    """
+    tracer = Tracer()
+    for name, tensor in inputs.items():
+        tracer.name(tensor, tracer.add("input", (name,)))
+    numbers: dict[str, float] = {}
+    order: list[str] = []
+
+    def flat(*tensors: Tensor) -> list[Tensor]:
+        reward, components = run(dict(zip(inputs, tensors, strict=True)))
+        order.extend(components)
+        numbers.update({name: value for name, value in components.items() if not isinstance(value, Tensor)})
+        return [reward, *(value for value in components.values() if isinstance(value, Tensor))]
+
+    with torch.no_grad(), tracer:
+        reward, *rest = functionalize(flat, remove="mutations")(*inputs.values())
+    tensors = iter(rest)
+    components = tuple((name, tracer.index(numbers[name] if name in numbers else next(tensors))) for name in order)
+    return RewardGraph(nodes=tuple(tracer.nodes), reward=tracer.index(reward), components=components), tracer.lines
+
+
+def unify(first: RewardGraph, second: RewardGraph, sizes: tuple[int, int], lines: Sequence[int | None]) -> RewardGraph:
+    """One graph for any number of worlds from two traces of different size; integers that grow with N become `{"n": k}`.
+
+    Raises:
+        Refused: where the traces differ in another way.
+    """
+    nodes: list[Node] = []
+    for left, right, line in zip(first.nodes, second.nodes, lines, strict=False):
+        if left.op != right.op or left.kwargs.keys() != right.kwargs.keys():
+            raise _differs(line)
+        args = _unified(left.args, right.args, sizes, line)
+        kwargs = {key: _unified(value, right.kwargs[key], sizes, line) for key, value in left.kwargs.items()}
+        nodes.append(Node(left.op, args, kwargs))
+    if len(first.nodes) != len(second.nodes) or (first.reward, first.components) != (second.reward, second.components):
+        raise _differs(lines[-1])
+    return RewardGraph(nodes=tuple(nodes), reward=first.reward, components=first.components)
+
+
+def _differs(line: int | None) -> Refused:
+    return Refused(
+        "world-count",
+        "what the program computes depends on the number of worlds or on the values it saw",
+        "treat all worlds alike: no loop over worlds, no numbers taken from tensors",
+        line,
+    )
+
+
+def _unified(left: Any, right: Any, sizes: tuple[int, int], line: int | None) -> Any:
+    if isinstance(left, tuple) and isinstance(right, tuple) and len(left) == len(right):
+        return tuple(_unified(a, b, sizes, line) for a, b in zip(left, right, strict=True))
+    if type(left) is type(right) and (left == right or (left != left and right != right)):
+        return left
+    if type(left) is int and type(right) is int:
+        factor = left // sizes[0]
+        if left == factor * sizes[0] and right == factor * sizes[1]:
+            return {"n": factor}
+    raise _differs(line)

@@ -1,0 +1,37 @@
+from dataclasses import dataclass
+
+import pytest
+
+from openeureka.cli.settings import describe, only_path, split
+from openeureka.config import RunConfig
+from openeureka.errors import ConfigError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Example:
+    speed: int = 3
+    """How fast [m/s].
+    The second line is for readers of the code."""
+    loud: bool = False
+
+
+def test_settings_are_described_with_default_and_first_line():
+    assert describe(Example).splitlines()[2:] == [
+        f"  {'speed=3':<26} How fast [m/s].",
+        "  loud=false",
+    ]
+
+
+def test_every_setting_of_a_run_is_described():
+    assert len(describe(RunConfig).splitlines()) == 2 + len(RunConfig.__dataclass_fields__)
+
+
+def test_words_are_separated_from_paths():
+    settings, paths = split(["env=ant", "my_reward.py"])
+    assert (settings, [str(path) for path in paths]) == (["env=ant"], ["my_reward.py"])
+
+
+@pytest.mark.parametrize("words", [[], ["a.py", "b.py"]])
+def test_a_command_for_one_file_shows_how_to_name_it(words):
+    with pytest.raises(ConfigError, match="Name exactly one path, for example: eureka show DIR"):
+        only_path(split(words)[1], "eureka show DIR")

@@ -1,0 +1,52 @@
+"""What a fresh clone relies on: pins that hold for any index, and a tree that names no machine."""
+
+import re
+import runpy
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+check_tree = runpy.run_path(str(ROOT / "scripts" / "check_tree.py"))
+
+PINS = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if not line.startswith("#")]
+
+
+def test_every_pin_is_an_exact_public_version():
+    assert [pin for pin in PINS if not re.fullmatch(r"[A-Za-z0-9._-]+==[0-9][0-9a-z.]*", pin)] == []
+
+
+def test_every_direct_dependency_is_pinned():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    wanted = [*project["dependencies"], *(d for extra in project["optional-dependencies"].values() for d in extra)]
+    pinned = {_normal(pin.split("==")[0]) for pin in PINS}
+    assert {_normal(re.split(r"[<>=!~;\[ ]", requirement)[0]) for requirement in wanted} <= pinned
+
+
+def _normal(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+@pytest.mark.parametrize(
+    ("line", "count"),
+    [
+        ("data = '/" + "home/somebody/data'", 1),
+        ("pip install --index-" + "url x", 1),
+        ("see https://example.org/simple" + " there", 1),
+        ("outputs/home/x and ~/work/y", 0),
+        ("import os", 0),
+    ],
+)
+def test_the_tree_check_names_machine_paths_and_indexes(line, count, tmp_path):
+    path = tmp_path / "file.py"
+    path.write_text("first\n" + line)
+    found = check_tree["findings"](path)
+    assert len(found) == count
+    assert all(text.startswith(f"{path}:2: ") for text in found)
+
+
+def test_the_tree_check_names_large_files(tmp_path):
+    path = tmp_path / "weights.bin"
+    path.write_bytes(bytes(500_001))
+    assert check_tree["findings"](path) == [f"{path}: 500001 bytes, more than 500000"]
