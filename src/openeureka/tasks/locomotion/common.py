@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import mujoco
 import torch
 from torch import Tensor
 
-from ..rotations import rotate_inverse
+from ...types import StateVar
+from ..rotations import root_state, rotate, rotate_inverse
 from ..task import Score, State, Task, mean_over_steps
 
 TARGET = (1000.0, 0.0, 0.0)  # [m]
@@ -29,6 +30,9 @@ class Runner(Task):
     """Torso height at reset [m]."""
     fall_height: ClassVar[float]
     """Torso height below which the episode ends [m]."""
+    dof_vel_scale: ClassVar[float]
+    contact_force_scale: ClassVar[float]
+    angular_velocity_scale: ClassVar[float] = 1.0
 
     def __init__(self, *args) -> None:
         super().__init__(*args)
@@ -57,6 +61,40 @@ class Runner(Task):
         """Motor torque is action times gear."""
         self.prev_potentials = self.potential(self.qpos[:, :3])
         self.ctrl[:] = actions
+
+    def compute_state(self) -> dict[str, Any]:
+        root_states = root_state(self.qpos, self.qvel)
+        torso_position, torso_quat = root_states[:, :3], root_states[:, 3:7]
+        dof_pos = self.qpos[:, 7:].clone()
+        up_vec = rotate(torso_quat, self.basis_vec1)
+        heading_vec = rotate(torso_quat, self.basis_vec0)
+        target_dirs = torch.nn.functional.normalize(self.targets[:, :2] - torso_position[:, :2], dim=-1)
+        return {
+            "root_states": root_states,
+            "targets": self.targets,
+            "potentials": self.potential(torso_position),
+            "prev_potentials": self.prev_potentials.clone(),
+            "up_vec": up_vec,
+            "heading_vec": heading_vec,
+            "dof_pos": dof_pos,
+            "dof_vel": self.qvel[:, 6:].clone(),
+            "dof_limits_lower": self.dof_limits_lower,
+            "dof_limits_upper": self.dof_limits_upper,
+            "vec_sensor_tensor": self.foot_wrenches(),
+            "actions": self.actions.clone(),
+            "inv_start_rot": self.inv_start_rot,
+            "basis_vec0": self.basis_vec0,
+            "basis_vec1": self.basis_vec1,
+            "dt": self.control_dt,
+            "dof_vel_scale": self.dof_vel_scale,
+            "contact_force_scale": self.contact_force_scale,
+            "torso_velocity": root_states[:, 7:10],
+            "torso_angular_velocity": self.qvel[:, 3:6].clone(),
+            "torso_height": torso_position[:, 2],
+            "up_proj": up_vec[:, 2],
+            "heading_proj": (heading_vec[:, :2] * target_dirs).sum(dim=-1),
+            "dof_pos_scaled": scaled(dof_pos, self.dof_limits_lower, self.dof_limits_upper),
+        }
 
     def terminated(self, s: State) -> Tensor:
         return s["torso_height"] < self.fall_height
@@ -94,6 +132,60 @@ class Runner(Task):
         quat = frame[..., [4, 5, 6, 3]].unsqueeze(-2)
         on_foot = -torch.stack((force, torque), dim=-2)  # the sensor gives what the foot does to the world
         return rotate_inverse(quat, on_foot).flatten(1)
+
+
+def running_variables(*, joints: str, dofs: int, feet: int, torque: str, standing: str) -> tuple[StateVar, ...]:
+    """The state variables of a Runner; words for what differs between robots."""
+    return (
+        StateVar(
+            name="root_states",
+            shape=(13,),
+            meaning="torso in the world frame: position [m], quaternion x y z w, linear velocity [m/s], angular "
+            "velocity [rad/s]; column 7 is the forward speed",
+        ),
+        StateVar(name="targets", shape=(3,), meaning="target position [m], 1000 m ahead along x"),
+        StateVar(name="potentials", meaning="minus horizontal distance to the target / dt; grows by the speed"),
+        StateVar(name="prev_potentials", meaning="potentials one step ago; the difference is the forward speed [m/s]"),
+        StateVar(name="up_vec", shape=(3,), meaning="up axis of the torso in the world frame"),
+        StateVar(name="heading_vec", shape=(3,), meaning="forward axis of the torso in the world frame"),
+        StateVar(name="dof_pos", shape=(dofs,), meaning=f"joint angles [rad]: {joints}"),
+        StateVar(name="dof_vel", shape=(dofs,), meaning="joint rates [rad/s]", use="zero_centred"),
+        StateVar(name="dof_limits_lower", shape=(dofs,), kind="constant", meaning="lower joint limits [rad]"),
+        StateVar(name="dof_limits_upper", shape=(dofs,), kind="constant", meaning="upper joint limits [rad]"),
+        StateVar(
+            name="vec_sensor_tensor",
+            shape=(6 * feet,),
+            meaning="contact force [N] and torque [N m] on each foot, in the foot's frame",
+        ),
+        StateVar(name="actions", shape=(dofs,), meaning=f"last action, {torque}", use="zero_centred"),
+        StateVar(name="inv_start_rot", shape=(4,), meaning="inverse of the start orientation, x y z w"),
+        StateVar(name="basis_vec0", shape=(3,), meaning="forward axis (1, 0, 0)"),
+        StateVar(name="basis_vec1", shape=(3,), meaning="up axis (0, 0, 1)"),
+        StateVar(name="dt", kind="float", meaning="time between two actions [s]"),
+        StateVar(name="dof_vel_scale", kind="float", meaning="factor of joint rates in the observation"),
+        StateVar(name="contact_force_scale", kind="float", meaning="factor of foot wrenches in the observation"),
+        StateVar(
+            name="torso_velocity",
+            shape=(3,),
+            meaning="torso velocity [m/s] in the world frame: forward, left, up",
+            use="directional",
+        ),
+        StateVar(
+            name="torso_angular_velocity",
+            shape=(3,),
+            meaning="torso angular velocity [rad/s] in the torso frame",
+            use="zero_centred",
+        ),
+        StateVar(name="torso_height", meaning=f"torso height [m], {standing}", use="directional"),
+        StateVar(name="up_proj", meaning="1 when upright, 0 on the side, -1 upside down", use="directional"),
+        StateVar(name="heading_proj", meaning="1 when facing the target, -1 when facing away", use="directional"),
+        StateVar(
+            name="dof_pos_scaled",
+            shape=(dofs,),
+            meaning="joint angles in their range, -1 and 1 at the limits",
+            use="zero_centred",
+        ),
+    )
 
 
 def add_foot_sensors(spec: mujoco.MjSpec, feet: Sequence[str]) -> None:
