@@ -13,7 +13,7 @@ from typing import Any
 from torch import Tensor
 
 from ..errors import SandboxUnavailable, WorkerError
-from ..reward import gate, graph, probe
+from ..reward import examine, gate, graph, probe
 from ..types import Candidate, Finding, Node, RewardGraph, StateSpec, Verdict, VerdictCode
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 from . import confine, server
@@ -105,7 +105,7 @@ class Sandbox:
             return VerdictCode.CONTRACT, (finding,), None
         lines = answer.get("lines")
         known = lines if isinstance(lines, list) and all(type(n) is int or n is None for n in lines) else []
-        findings = probe.examine(probe.Traced(parsed, tuple(known)), self.state, self.recorded)
+        findings = examine.examine(probe.Traced(parsed, tuple(known)), self.state, self.recorded)
         if findings:
             return VerdictCode.CONTRACT, findings, None
         return VerdictCode.ACCEPTED, (), parsed
@@ -142,7 +142,7 @@ class Sandbox:
         total = Node("sum.dim_IntList", ({"ref": 1}, tuple(range(1, len(variable.shape) + 1))))
         nodes = (Node("input", (variable.name,)), square, *((total,) if variable.shape else ()))
         small = RewardGraph(nodes=nodes, reward=len(nodes) - 1, components=())
-        probe.examine(probe.Traced(small, ()), self.state, self.recorded)
+        examine.examine(probe.Traced(small, ()), self.state, self.recorded)
 
     def _ask(self, source: str) -> Frame | None:
         """The server's frame; None when it hung. A server that died is started again, once."""

@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 
 import torch
 
-from ..reward import gate, graph, probe
+from ..reward import gate, graph, load, probe
 from ..reward.trace import Refused
 from ..types import Finding, StateSpec, StateVar
 from ..worker import Channel, Frame
@@ -79,9 +79,9 @@ def _probe_source(source: str, bench: _Bench, gated: bool) -> dict[str, Any]:
             program = gate.check(source, bench.spec)
             if not isinstance(program, gate.Program):
                 return {"findings": [_finding(finding) for finding in program]}
-            run = probe.load(program)
+            run = load.load(program)
         else:
-            run = probe.load_unchecked(source, bench.spec)
+            run = load.unchecked(source, bench.spec)
         traced = probe.probe(run, bench.spec, bench.recorded)
     except Refused as refusal:
         return {"findings": [_finding(refusal.finding)]}
