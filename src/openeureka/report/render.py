@@ -61,7 +61,7 @@ def encode(images: Iterator[np.ndarray]) -> bytes:
 
 
 def _stage(task: type[Task]) -> mujoco.MjModel:
-    """The task's model in daylight: a sky, a chequered floor to see speed by, and light; training needs none of them."""
+    """The task's model with a sky, light and a chequered floor to see speed by; training needs none of them."""
     spec = task.model()
     sky = {"builtin": mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, "width": 256, "height": 256}
     spec.add_texture(type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, rgb1=[0.75, 0.85, 0.95], rgb2=[0.3, 0.45, 0.65], **sky)
