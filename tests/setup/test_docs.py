@@ -48,3 +48,8 @@ def test_pages_link_to_files_that_exist():
 @pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*_reward.py")), ids=lambda path: path.stem)
 def test_example_rewards_are_accepted(path):
     assert check([f"env={path.stem.removesuffix('_reward')}", str(path)]) == 0
+
+
+def test_the_guide_shows_the_example_as_it_is():
+    code = (ROOT / "examples" / "cartpole_reward.py").read_text().split('"""\n\n')[1]
+    assert f"```python\n{code}```" in (ROOT / "docs" / "guides" / "your-own-reward.md").read_text()
