@@ -18,6 +18,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from loop.standins import CONTEXT
+
 from openeureka import search
 from openeureka.config import RunConfig
 from openeureka.loop import run
