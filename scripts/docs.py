@@ -11,8 +11,9 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from openeureka.cli.main import app
 from typer.testing import CliRunner
+
+from openeureka.cli.main import app
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "docs" / "reference" / "commands.md"

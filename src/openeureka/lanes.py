@@ -13,6 +13,7 @@ from .types import (
     Evaluation,
     RewardProgram,
     Sample,
+    Scored,
     TrainBudget,
     Trainer,
     TrainingProgress,
@@ -32,6 +33,17 @@ def programs(samples: Iterable[Sample]) -> list[tuple[CandidateId, RewardProgram
     """The accepted programs; equal ones once."""
     graphs = {sample.verdict.candidate: sample.verdict.graph for sample in samples}
     return [(candidate, graph) for candidate, graph in graphs.items() if graph is not None]
+
+
+def final_seeds(config: RunConfig) -> range:
+    """Seeds of the final trainings; the search trains with `config.seed`."""
+    return range(config.seed + 1, config.seed + 1 + config.seeds)
+
+
+def final_lanes(config: RunConfig, best: Scored) -> dict[str, list[str]]:
+    """Job ids of the final trainings of the best reward (`method`) and of both baselines."""
+    names = {"method": best.sample.verdict.candidate, "human": "human", "sparse": "sparse"}
+    return {arm: [lane(name, seed) for seed in final_seeds(config)] for arm, name in names.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +78,7 @@ class Lanes:
         known = self.store.evaluations()
         policies = {job: self.store.policy(job, peak) for job in jobs if job not in known}
         missing = {job: policy for job, policy in policies.items() if policy is not None}
-        # The seed is one that no lane trained with: those are config.seed and the next config.seeds.
-        held_out = self.config.seed + 1_000_003
+        held_out = self.config.seed + 1_000_003  # a seed that no lane trained with
         for evaluation in self.trainer.evaluate(self.config.env, missing, seed=held_out) if missing else ():
             self.store.save_evaluation(evaluation)
         return {job: score for job, score in self.store.evaluations().items() if job in jobs}

@@ -8,7 +8,7 @@ from __future__ import annotations
 from random import Random
 
 from .config import RunConfig
-from .lanes import BASELINES, Lanes, lane, programs
+from .lanes import BASELINES, Lanes, final_lanes, final_seeds, lane, programs
 from .llm.client import LanguageModel
 from .observer import NullObserver, Observer
 from .reflection import reflect
@@ -55,35 +55,37 @@ def run(
             result = results.get(lane(sample.verdict.candidate, config.seed))
             entries.append(Scored(sample=sample, result=result, feedback=reflect(sample, result, model.style)))
         history = strategy.tell(history, entries)
+        if history.best is not None:
+            store.save_best(history.best, lane(history.best.sample.verdict.candidate, config.seed), strategy.checkpoint)
         store.save_generation(history.generations[-1])
         observer.generation(history.generations[-1])
 
-    outcome = conclude(config, store, lanes, strategy, history, observer)
+    if history.best is not None:
+        conclude(config, store, lanes, strategy, history.best, observer)
+    outcome = summarise(config, store, history)
     observer.outcome(outcome)
     return outcome
 
 
 def conclude(
-    config: RunConfig, store: Store, lanes: Lanes, strategy: SearchStrategy, history: History, observer: Observer
-) -> Outcome:
+    config: RunConfig, store: Store, lanes: Lanes, strategy: SearchStrategy, best: Scored, observer: Observer
+) -> None:
     """Retrain the best reward with fresh seeds beside the human and the sparse one, and score all on held-out episodes.
 
     The search's own F is the maximum of many tries; only fresh seeds and fresh episodes say what the reward is worth.
     """
-    best = history.best
-    if best is None or best.sample.candidate is None:
-        return Outcome(best=None)
-    candidate = best.sample.candidate
-
     observer.phase(config.iteration, "final")
-    seeds = range(config.seed + 1, config.seed + 1 + config.seeds)
-    results = lanes.train([*programs([best.sample]), *BASELINES], seeds)
+    results = lanes.train([*programs([best.sample]), *BASELINES], final_seeds(config))
     observer.phase(config.iteration, "evaluate")
     scores = lanes.evaluate(results, strategy.checkpoint)
+    own = {job: scores[job].fitness for job in final_lanes(config, best)["method"] if job in scores}
+    winner = max(own, key=lambda job: rank(own[job]), default=lane(best.sample.verdict.candidate, config.seed))
+    store.save_best(best, winner, strategy.checkpoint)
 
-    names = {"method": candidate.id, "human": "human", "sparse": "sparse"}
-    arms = {arm: [lane(name, seed) for seed in seeds] for arm, name in names.items()}
-    ranked = {job: scores[job].fitness for job in arms["method"] if job in scores}
-    winner = max(ranked, key=lambda job: rank(ranked[job]), default=lane(candidate.id, config.seed))
-    store.save_best(candidate, store.policy(winner, strategy.checkpoint))
-    return compare(best, arms, results, scores)
+
+def summarise(config: RunConfig, store: Store, history: History) -> Outcome:
+    """The outcome as far as the store holds it."""
+    best = history.best
+    if best is None:
+        return Outcome(best=None)
+    return compare(best, final_lanes(config, best), store.results(), store.evaluations())

@@ -36,6 +36,8 @@ def reflect(sample: Sample, result: TrainingResult | None, style: Style) -> str:
     """
     if result is None:
         return refusal(sample)
+    if result.state is TrainingState.FAILED:
+        return "No policy could be trained with this reward function."  # the reason is about this machine, not for it
     if style == "grammar":
         return "\n".join([*_ending(result), *summary(result.curves, points=4, brief=True)])
     introduction = _INTRODUCTION.format(interval=_interval(result.curves, points=10))
@@ -58,11 +60,11 @@ def summary(curves: Curves, *, points: int, brief: bool = False) -> list[str]:
 
 
 def _ending(result: TrainingResult) -> list[str]:
-    """A sentence for a training that did not run to its end."""
+    """A sentence for a training that was stopped."""
     if result.state is TrainingState.FINISHED:
         return []
     reason = f" ({result.message})" if result.message else ""
-    return [f"The training ended early{reason}: keep every part of the reward finite and of moderate size."]
+    return [f"The training was stopped early{reason}: keep every part of the reward finite and of moderate size."]
 
 
 def _interval(curves: Curves, points: int) -> int:

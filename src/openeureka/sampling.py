@@ -68,6 +68,8 @@ class Sampler:
         turns = 1 + self.config.repair
         for attempt in range(turns * (1 + self.config.refill)):
             vacant = [slot for slot in slots if slot not in filled or not filled[slot].verdict.accepted]
+            if not vacant:
+                break
             if attempt % turns == 0:
                 self._draw(prompt, generation, attempt, vacant)
             else:
@@ -75,6 +77,7 @@ class Sampler:
                     reply = self._reply(generation, attempt - 1, slot)
                     repair = prompts.repair(prompt, reply.text, filled[slot].verdict)
                     self._draw(repair, generation, attempt, [slot])
+            self.observer.phase(generation, "check")
             for slot in vacant:
                 filled[slot] = self._check(generation, attempt, slot)
         return [filled[slot] for slot in slots]

@@ -88,19 +88,24 @@ def compare(
     results: Mapping[str, TrainingResult],
     scores: Mapping[str, Evaluation],
 ) -> Outcome:
-    """The outcome of the final trainings; `lanes` holds the job ids of `method`, `human` and `sparse`, a seed each."""
+    """The outcome of the final trainings; `lanes` holds the job ids of `method`, `human` and `sparse`, a seed each.
 
-    def arm(jobs: Sequence[str]) -> Arm:
-        held_out = [scores[job].fitness if job in scores else None for job in jobs]
-        return Arm(training=tuple(results[job].fitness for job in jobs), held_out=tuple(held_out))
+    A lane that is missing, because the run is not that far, counts as undefined.
+    """
 
-    trained = [results[job] for job in lanes["method"]]
+    fitness = {job: result.fitness for job, result in results.items()}
+    held_out = {job: score.fitness for job, score in scores.items()}
+
+    def arm(name: str) -> Arm:
+        return Arm(training=tuple(map(fitness.get, lanes[name])), held_out=tuple(map(held_out.get, lanes[name])))
+
+    trained = [results[job] for job in lanes["method"] if job in results]
     curves = [(result.curves.get("reward", ()), result.curves.get("human_reward", ())) for result in trained]
     return Outcome(
         best=best,
-        method=arm(lanes["method"]),
-        human=arm(lanes["human"]),
-        sparse=arm(lanes["sparse"]),
+        method=arm("method"),
+        human=arm("human"),
+        sparse=arm("sparse"),
         correlation=mean([result.correlation for result in trained]),
         curve_correlation=mean([pearson(own, human) for own, human in curves]),
     )

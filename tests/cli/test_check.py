@@ -1,4 +1,5 @@
 import pytest
+
 from openeureka.cli.check import check
 from openeureka.errors import RewardFileError
 
@@ -31,7 +32,7 @@ def test_a_refused_reward_is_explained_with_line_rule_and_fix(tmp_path, capsys):
 
 def test_a_missing_or_binary_file_is_named(tmp_path):
     (tmp_path / "binary.py").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(RewardFileError, match="Cannot read the reward file .*absent.py: No such file"):
+    with pytest.raises(RewardFileError, match=r"Cannot read the reward file .*absent\.py: No such file"):
         check(["env=cartpole", f"{tmp_path}/absent.py"])
-    with pytest.raises(RewardFileError, match="binary.py is not a text file"):
+    with pytest.raises(RewardFileError, match=r"binary\.py is not a text file"):
         check(["env=cartpole", f"{tmp_path}/binary.py"])

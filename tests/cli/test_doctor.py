@@ -1,4 +1,5 @@
 import pytest
+
 from openeureka.cli import doctor
 from openeureka.cli.doctor import Finding
 

@@ -1,8 +1,9 @@
 import io
 
+from rich.console import Console
+
 from openeureka.cli.progress import ProgressLine
 from openeureka.types import TrainingProgress
-from rich.console import Console
 
 PROGRESS = TrainingProgress(
     epoch=5, epochs=20, env_steps_per_second=12345.6, fitness={"human-s0": 321.0, "[red]": None}

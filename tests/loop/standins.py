@@ -4,7 +4,7 @@ import re
 import sys
 import types
 
-from openeureka.types import Message, Prompt
+from openeureka.types import Message, Prompt, StateSpec, TaskContext
 
 
 def install() -> None:
@@ -43,3 +43,5 @@ def install() -> None:
 
 
 install()
+
+CONTEXT = TaskContext(env="toy", description="Do the thing.", state=StateSpec(()), source="")

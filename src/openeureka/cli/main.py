@@ -6,6 +6,7 @@ import errno
 import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -26,6 +27,7 @@ app = typer.Typer(
 
 Settings = Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE", hidden=True)]
 Words = Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE|PATH", hidden=True)]
+RunDirectory = Annotated[Path, typer.Argument(metavar="DIR", hidden=True)]
 
 
 @app.command(epilog=describe(RunConfig))
@@ -37,6 +39,39 @@ def run(words: Settings = None) -> None:
     from .search import run
 
     run(words or [])
+
+
+@app.command()
+def resume(words: Words = None) -> None:
+    """Continue a search where it stopped; no reply is paid for twice.
+
+    Example: eureka resume outputs/2026-01-31_12-00-00_cartpole max_cost=10
+    """
+    from .search import resume
+
+    resume(words or [])
+
+
+@app.command()
+def show(directory: RunDirectory) -> None:
+    """Print a run as a table, finished or not.
+
+    Example: eureka show outputs/2026-01-31_12-00-00_cartpole
+    """
+    from .show import show
+
+    show(directory)
+
+
+@app.command()
+def report(directory: RunDirectory) -> None:
+    """Write report.md, summary.png, TensorBoard events and the video of a run again.
+
+    Example: eureka report outputs/2026-01-31_12-00-00_cartpole
+    """
+    from .show import report
+
+    report(directory)
 
 
 @app.command(epilog=describe(TrainConfig))
@@ -112,7 +147,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     except (EurekaError, OSError) as error:
         if os.environ.get("EUREKA_DEBUG") or not _is_for_a_person(error):
             raise
-        print(plain(_sentence(error)), file=sys.stderr)
+        for line in (_sentence(error), *getattr(error, "__notes__", ())):
+            print(plain(line), file=sys.stderr)
         raise SystemExit(error.exit_code if isinstance(error, EurekaError) else StoreError.exit_code) from None
 
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import statistics
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ..config import as_dict, parse
 from ..errors import ConfigError, RewardFileError
 from ..report import events
-from ..report.text import columns, duration, number
+from ..report.text import columns, duration, spread
 from ..store import artifacts
 from ..tasks.registry import get
 from ..training.executor import PopulationTrainer
@@ -117,13 +116,3 @@ def _row(
         str(sum(result.env_steps for result in done)),
         duration(max(result.seconds for result in done)),
     )
-
-
-def spread(values: Sequence[float | None]) -> str:
-    """Mean and, for several, standard deviation of the defined values; says how many are undefined."""
-    defined = [value for value in values if value is not None]
-    if not defined:
-        return "-"
-    missing = f" ({len(values) - len(defined)} undefined)" if len(defined) < len(values) else ""
-    deviation = f" ± {number(statistics.stdev(defined), 2)}" if len(defined) > 1 else ""
-    return f"{number(statistics.fmean(defined))}{deviation}{missing}"

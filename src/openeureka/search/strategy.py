@@ -29,6 +29,10 @@ class SearchStrategy(Protocol):
         ...
 
 
+_EARLIER_TURNS = 3
+"""Winners that `best` shows before the parent: four turns in all."""
+
+
 @dataclass(frozen=True, slots=True)
 class Eureka:
     """As published: greedy. The best of the last generation is the parent, even where an earlier one was better."""
@@ -52,7 +56,6 @@ class Best:
     """
 
     samples: int
-    turns: int = 4
     checkpoint: Literal["fitness", "reward"] = "reward"
 
     def ask(self, history: History, rng: Random) -> Sequence[PromptPlan]:
@@ -61,7 +64,7 @@ class Best:
             return [PromptPlan(count=self.samples, failures=_failures(history))]
         others = {winner.sample.candidate: winner for winner in _winners(history)}
         others.pop(parent.sample.candidate)
-        turns = (*list(others.values())[-(self.turns - 1) :], parent)
+        turns = (*list(others.values())[-_EARLIER_TURNS:], parent)
         return [PromptPlan(count=self.samples, turns=turns, failures=_failures(history))]
 
     def tell(self, history: History, entries: Sequence[Scored]) -> History:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from pathlib import Path
 
 from .db import explained
@@ -12,22 +11,23 @@ from .db import explained
 def write(path: Path, content: str | bytes) -> None:
     """Replace the file atomically and durably, making its folder when missing.
 
+    The caller holds the run's lock. The temporary name is always the same, so what a killed writer left is overwritten.
+
     Raises:
         StoreError: when the disk is full or the folder cannot be written; the old file is then still whole.
     """
     data = content.encode() if isinstance(content, str) else content
+    temporary = path.with_name(f".{path.name}.tmp")
     with explained(path.parent):
         path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
-            with os.fdopen(descriptor, "wb") as file:
+            with temporary.open("wb") as file:
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
-            os.chmod(temporary, 0o644)  # mkstemp makes 0600
             os.replace(temporary, path)
         except BaseException:
-            Path(temporary).unlink(missing_ok=True)
+            temporary.unlink(missing_ok=True)
             raise
         _sync_folder(path.parent)
 

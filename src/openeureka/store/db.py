@@ -15,6 +15,7 @@ from typing import Any
 from ..errors import StoreError
 
 FILENAME = "run.sqlite"
+AGAIN = "start it again with the same `eureka run` command."
 
 _TABLES = """
 CREATE TABLE run (
@@ -129,6 +130,8 @@ class Database:
         if schema > len(MIGRATIONS):
             raise StoreError(f"{self.directory} was written by a newer openeureka; install that version to open it.")
         if not writable:
+            if schema == 0:
+                raise StoreError(f"{self.directory} holds a run that never began; {AGAIN}")
             self._connection.execute("PRAGMA query_only = ON")
             return
         self._connection.execute("PRAGMA journal_mode = WAL")

@@ -29,7 +29,7 @@ from ..types import (
 )
 from . import artifacts
 from .codec import decode_result, decode_verdict, encode_result, encode_verdict, finite, safe_text
-from .db import FILENAME, Database, explained
+from .db import AGAIN, FILENAME, Database, explained
 
 Peak = Literal["fitness", "reward"]
 """Which of a lane's two checkpoints: where F, or where its own reward, was highest."""
@@ -114,7 +114,7 @@ class Store:
         """The settings that the run began with."""
         row = self._database.row("run")
         if row is None:
-            raise StoreError(f"{self.directory} holds a run that never began; start it again with `eureka run`.")
+            raise StoreError(f"{self.directory} holds a run that never began; {AGAIN}")
         try:
             return RunConfig(**json.loads(row["config"]))
         except TypeError:
@@ -191,7 +191,8 @@ class Store:
             return path.read_bytes() if path.is_file() else None
 
     def save_evaluation(self, evaluation: Evaluation) -> None:
-        self._database.put("evaluations", dataclasses.asdict(evaluation))
+        row = dataclasses.asdict(evaluation)
+        self._database.put("evaluations", row | {"fitness": finite(evaluation.fitness)})
 
     def evaluations(self) -> dict[str, Evaluation]:
         return {row["job"]: Evaluation(**dict(row)) for row in self._database.rows("evaluations")}
@@ -235,9 +236,11 @@ class Store:
         row = self._database.row("verdicts", candidate=identity) if identity is not None else None
         return Candidate(id=row["candidate"], source=row["source"]) if row is not None else None
 
-    def save_best(self, candidate: Candidate, policy: bytes | None) -> None:
-        """Replace `best/`: the one place of a run that changes, as better rewards come."""
-        artifacts.write(self.directory / "best" / "reward.py", candidate.source)
+    def save_best(self, best: Scored, job: str, peak: Peak) -> None:
+        """Fill `best/` with the program and a lane's policy: the one place that changes, as better rewards come."""
+        assert best.sample.candidate is not None
+        artifacts.write(self.directory / "best" / "reward.py", best.sample.candidate.source)
+        policy = self.policy(job, peak)
         if policy is not None:
             artifacts.write(self.directory / "best" / "policy.safetensors", policy)
 

@@ -89,6 +89,7 @@ class Quadcopter(Task):
         Left out: contacts, because an episode ends before a rotor can reach the ground.
         """
         spec = mujoco.MjSpec()
+        spec.compiler.degree = False
         spec.worldbody.add_light(pos=[0, 0, 5])
         intangible = {"contype": 0, "conaffinity": 0}
         spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 0.1], **intangible)

@@ -68,9 +68,8 @@ class TaskConformance:
         assert not torch.equal(start[0:4], start[8:12])
         assert not torch.equal(start[0], start[1])
         actions = torch.zeros(12, simulation.task.num_actions)
-        for _ in range(10):
-            after = simulation.step(actions).observation
-        assert torch.equal(after[0:4], after[4:8])
+        steps = [simulation.step(actions) for _ in range(10)]
+        assert all(torch.equal(step.observation[0:4], step.observation[4:8]) for step in steps)
 
     def test_results_do_not_depend_on_the_number_of_threads(self) -> None:
         one, two = (self._make(worlds=6, threads=threads) for threads in (1, 2))
@@ -80,7 +79,8 @@ class TaskConformance:
 
     def test_a_broken_world_is_reset_and_counted_and_leaves_the_others_alone(self) -> None:
         broken, sound = self._make(worlds=4), self._make(worlds=4)
-        broken.reset(), sound.reset()
+        broken.reset()
+        sound.reset()
         actions = torch.zeros(4, sound.task.num_actions)
         poison = actions.clone()
         poison[2] = torch.nan
@@ -96,6 +96,11 @@ class TaskConformance:
             after, expected = broken.step(actions), sound.step(actions)
             assert not bool(after.bad.any())
             assert torch.equal(after.observation[others], expected.observation[others])
+
+        for simulation in (broken, sound):
+            simulation.task.progress[others] = simulation.task.episode_length
+        after, expected = broken.step(actions), sound.step(actions)
+        assert torch.equal(after.observation[others], expected.observation[others]), "their next episodes differ"
 
     def test_an_episode_is_cut_off_one_step_before_its_length(self) -> None:
         simulation = self._make(worlds=4)
