@@ -73,10 +73,10 @@ class Quadcopter(Task):
         )
     )
     recipe = Recipe(
-        hidden=(128, 128, 64),
-        env_steps=3_000_000,
-        horizon=16,
-        epochs=8,
+        hidden=(64, 64),
+        env_steps=600_000,
+        epochs=5,
+        minibatches=2,
         learning_rate=1e-3,
         kl_threshold=0.016,
         reward_scale=0.1,
