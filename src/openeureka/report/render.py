@@ -18,6 +18,7 @@ from torch import Tensor
 from ..errors import EurekaError
 from ..tasks import registry
 from ..tasks.task import Task
+from ..training.policy import Player, Policy
 from ..worker import Channel
 
 WIDTH, HEIGHT = 640, 480
@@ -105,7 +106,7 @@ def _agent(kind: str, env: str, policy: bytes, seed: int) -> Agent:
         return lambda observation: torch.rand(len(observation), actions, generator=generator) * 2 - 1
     if kind == "zero":
         return lambda observation: torch.zeros(len(observation), actions)
-    raise NotImplementedError(kind)
+    return Player([Policy.from_bytes(policy)])
 
 
 def _try_renderer() -> None:

@@ -22,11 +22,10 @@ COMPONENT_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 MAX_SIZE_PER_WORLD = 16_384
 """Elements of one intermediate value per world (64 KiB in float32)."""
 
-_LEAVES = ("input", "constant")
-_MADE_FROM_NOTHING = frozenset(
-    "zeros.default ones.default full.default arange.default arange.start arange.start_step linspace.default eye.default "
-    "eye.m scalar_tensor.default".split()
-)
+_MADE_FROM_NOTHING = surface.words("""
+    arange.default arange.start arange.start_step eye.default eye.m full.default linspace.default ones.default
+    scalar_tensor.default zeros.default
+""")
 """Operations that take no tensor and so must be told the device."""
 _MAX_INT = 2**63 - 1
 
@@ -234,7 +233,7 @@ def _constant(node: Node, device: torch.device | str) -> Tensor:
 
 
 def values(graph: RewardGraph, state: State, num_worlds: int, device: torch.device | str = "cpu") -> Iterator[Any]:
-    """The value of each node in turn: the reference interpreter, for checks. On the meta device it computes shapes only.
+    """The value of each node in turn: the reference interpreter, for checks; on the meta device, shapes only.
 
     A boolean mask as an index selects every element on the meta device: the largest result it can have.
     """

@@ -1,0 +1,67 @@
+"""What is remembered of each epoch of each lane."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from ..tasks.env import Step
+from .rewards import correlation, moments
+
+
+class Curves:
+    """Sums over the steps of an epoch, and the curves made of them."""
+
+    def __init__(self, lanes: int, worlds: int) -> None:
+        self.lanes, self.worlds = lanes, worlds
+        self.curves: list[dict[str, list[float | None]]] = [{} for _ in range(lanes)]
+        self._moments = torch.zeros(lanes, 6, dtype=torch.float64)
+        self._start()
+
+    def _start(self) -> None:
+        self._sums = torch.zeros(self.lanes, 6, dtype=torch.float64)
+        self._components: list[dict[str, float]] = [{} for _ in range(self.lanes)]
+        self._steps = 0
+
+    def add(self, step: Step, own: Tensor, human: Tensor, components: list[dict[str, Tensor]]) -> None:
+        """Take in one step of all lanes; rewards (L, n)."""
+
+        def per_lane(x: Tensor) -> Tensor:
+            return x.view(self.lanes, self.worlds).double().sum(1)
+
+        value, weight = step.score
+        length = step.episode_length * step.done
+        self._sums += torch.stack(
+            [per_lane(x) for x in (value * weight, weight, length, step.done, own, human)], dim=-1
+        ).cpu()
+        self._moments += moments(own, human).cpu()
+        for lane, parts in enumerate(components):
+            sums = self._components[lane]
+            for name, part in parts.items():
+                sums[name] = sums.get(name, 0.0) + float(part.mean())
+        self._steps += 1
+
+    def close_epoch(self) -> tuple[list[float | None], list[float]]:
+        """Append the epoch to every curve; returns F and the mean own reward per step of each lane."""
+        fitness, own_means = [], []
+        for lane, row in enumerate(self._sums.tolist()):
+            value, weight, length, done, own, human = row
+            transitions = self._steps * self.worlds
+            point: dict[str, float | None] = {
+                "fitness": value / weight if weight else None,
+                "episode_length": length / done if done else None,
+                "reward": own / transitions,
+                "human_reward": human / transitions,
+            }
+            point |= {f"component/{name}": total / self._steps for name, total in self._components[lane].items()}
+            for name, number in point.items():
+                finite = number is not None and abs(number) < float("inf")
+                self.curves[lane].setdefault(name, []).append(number if finite else None)
+            fitness.append(self.curves[lane]["fitness"][-1])
+            own_means.append(own / transitions)
+        self._start()
+        return fitness, own_means
+
+    def correlation(self, lane: int) -> float | None:
+        """Of own and human reward over every transition so far."""
+        return correlation(self._moments[lane])

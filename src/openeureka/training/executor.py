@@ -1,0 +1,79 @@
+"""Runs training in a worker process, so that a crash of the simulator never takes a run down."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from ..errors import WorkerError
+from ..types import Evaluation, TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
+from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
+from .wire import pack_jobs, unpack
+
+SILENCE = 600.0
+"""[s] without a sign of life after which a worker counts as hung; it reports every second and compiles for seconds."""
+RETRIES = 2
+
+
+class PopulationTrainer:
+    """A `types.Trainer`: all jobs of a call are lanes of one population in one process.
+
+    Args:
+        device: `cpu` (or a device the simulator supports).
+        threads: simulation and tensor threads, 0 for all cores.
+        module: what the worker runs; tests replace it.
+    """
+
+    def __init__(
+        self,
+        device: str = "cpu",
+        threads: int = 0,
+        *,
+        module: str = "openeureka.training.worker",
+        silence: float = SILENCE,
+    ) -> None:
+        self._options = {"device": device, "threads": threads}
+        self._module, self._silence = module, silence
+
+    def train(
+        self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget
+    ) -> Iterator[TrainingProgress | TrainingResult]:
+        """Train every job. A worker that dies or hangs is started again with the jobs that have no result yet, at most
+        twice; then those jobs are FAILED with the reason."""
+        left = {job.id: job for job in jobs}
+        for attempt in range(RETRIES + 1):
+            try:
+                for frame in self._ask({"do": "train", **pack_jobs(env, list(left.values()), budget)}, {}):
+                    message = unpack(frame)
+                    if isinstance(message, TrainingResult):
+                        del left[message.job]
+                    yield message
+                return
+            except WorkerError as error:
+                if attempt == RETRIES:
+                    yield from (_failed(job, str(error)) for job in left.values())
+
+    def evaluate(self, env: str, policies: Mapping[str, bytes], *, seed: int) -> Iterator[Evaluation]:
+        """Held-out score of each policy. Raises WorkerError when the worker dies."""
+        if policies:
+            for frame in self._ask({"do": "evaluate", "env": env, "seed": seed}, policies):
+                yield Evaluation(**frame.header["score"])
+
+    def _ask(self, request: Mapping[str, Any], blobs: Mapping[str, bytes]) -> Iterator[Frame]:
+        """Frames of one request, up to the one that says it is done."""
+        # Idle OpenMP threads that spin would starve the simulator's threads, many times over on a busy machine.
+        with Worker(self._module, env={"GOMP_SPINCOUNT": "0", **os.environ}) as worker:
+            try:
+                worker.send({**request, **self._options}, blobs)
+                while not (frame := worker.receive(self._silence)).header.get("done"):
+                    yield frame
+            except (WorkerDied, WorkerTimeout) as error:
+                last = worker.stderr_tail().splitlines()[-1:]
+                raise WorkerError(" ".join([f"Training stopped: {error}", *last])) from None
+
+
+def _failed(job: TrainJob, reason: str) -> TrainingResult:
+    return TrainingResult(
+        job=job.id, state=TrainingState.FAILED, fitness=None, curves={}, env_steps=0, seconds=0.0, message=reason
+    )

@@ -1,0 +1,85 @@
+"""L actor-critic networks as one: every weight carries a leading lane axis, every layer is one batched product."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+
+class Output(NamedTuple):
+    mean: Tensor
+    """(L, B, A) action means."""
+    value: Tensor
+    """(L, B) state values, in units of the value normaliser."""
+
+
+class StackedActorCritic:
+    """A shared ELU trunk with linear heads for action mean and value, and a free log standard deviation, per lane.
+
+    All parameters are views of `flat` (L, P), so that an optimiser and a checkpoint are single tensor operations. Lanes
+    of equal seed start from equal weights: PyTorch's default linear initialisation, biases 0, log std 0.
+    """
+
+    def __init__(
+        self, seeds: Sequence[int], observations: int, actions: int, hidden: Sequence[int], device: torch.device
+    ) -> None:
+        self.lanes, self.actions = len(seeds), actions
+        self.sizes = (observations, *hidden)
+        shapes = _shapes(observations, actions, hidden)
+        initial = {seed: _initial(shapes, seed) for seed in set(seeds)}
+        self.flat = torch.stack([initial[seed] for seed in seeds]).to(device)
+        self.parameters: dict[str, Tensor] = {}
+        offset = 0
+        for name, shape in shapes.items():
+            size = math.prod(shape)
+            view = self.flat[:, offset : offset + size].view(self.lanes, *shape)
+            self.parameters[name] = view.detach().requires_grad_()
+            offset += size
+
+    def __call__(self, x: Tensor) -> Output:
+        """Evaluate normalised observations (L, B, O)."""
+        p = self.parameters
+        for layer in range(len(self.sizes) - 1):
+            x = functional.elu(torch.baddbmm(p[f"b{layer}"], x, p[f"w{layer}"]))
+        heads = torch.baddbmm(p["head_b"], x, p["head_w"])
+        return Output(heads[..., : self.actions], heads[..., self.actions])
+
+    @property
+    def log_std(self) -> Tensor:
+        """(L, 1, A)."""
+        return self.parameters["log_std"]
+
+    def lane(self, index: int) -> dict[str, Tensor]:
+        """A copy of one lane's parameters."""
+        return {name: value[index].detach().clone() for name, value in self.parameters.items()}
+
+    def load_lane(self, index: int, parameters: Mapping[str, Tensor]) -> None:
+        with torch.no_grad():
+            for name, value in self.parameters.items():
+                value[index] = parameters[name]
+
+
+def _shapes(observations: int, actions: int, hidden: Sequence[int]) -> dict[str, tuple[int, ...]]:
+    sizes = (observations, *hidden)
+    shapes: dict[str, tuple[int, ...]] = {}
+    for layer, (inputs, outputs) in enumerate(pairwise(sizes)):
+        shapes |= {f"w{layer}": (inputs, outputs), f"b{layer}": (1, outputs)}
+    return shapes | {"head_w": (sizes[-1], actions + 1), "head_b": (1, actions + 1), "log_std": (1, actions)}
+
+
+def _initial(shapes: Mapping[str, tuple[int, ...]], seed: int) -> Tensor:
+    generator = torch.Generator().manual_seed(seed)
+    parts = []
+    for name, shape in shapes.items():
+        if "w" in name:
+            bound = 1.0 / math.sqrt(shape[0])
+            parts.append(torch.empty(math.prod(shape)).uniform_(-bound, bound, generator=generator))
+        else:
+            parts.append(torch.zeros(math.prod(shape)))
+    return torch.cat(parts)

@@ -1,0 +1,47 @@
+"""Running mean and variance, one per lane."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+EPSILON = 1e-5
+LIMIT = 5.0
+
+
+class RunningNorm:
+    """Normalises the last axis with statistics of everything seen, separately for each lane.
+
+    Statistics start as those of one sample with mean 0 and variance 1 (rl_games' convention).
+
+    Args:
+        lanes, size: L and the size D of the last axis.
+    """
+
+    def __init__(self, lanes: int, size: int, device: torch.device) -> None:
+        self.mean = torch.zeros(lanes, 1, size, device=device)
+        self.var = torch.ones(lanes, 1, size, device=device)
+        self.count = 1.0
+
+    def update(self, x: Tensor) -> None:
+        """Take in x (L, B, D), by the parallel formula of Chan, Golub and LeVeque (1979)."""
+        batch = x.shape[1]
+        var, mean = torch.var_mean(x, dim=1, correction=0, keepdim=True)
+        total = self.count + batch
+        delta = mean - self.mean
+        self.mean = self.mean + delta * (batch / total)
+        self.var = (self.var * self.count + var * batch + delta**2 * (self.count * batch / total)) / total
+        self.count = total
+
+    def normalize(self, x: Tensor) -> Tensor:
+        """(L, B, D) to zero mean and unit variance, clamped at +-5."""
+        return normalize(x, self.mean, self.var)
+
+    def denormalize(self, x: Tensor) -> Tensor:
+        """Back to the original scale (clamped at +-5 standard deviations)."""
+        return x.clamp(-LIMIT, LIMIT) * torch.sqrt(self.var + EPSILON) + self.mean
+
+
+def normalize(x: Tensor, mean: Tensor, var: Tensor) -> Tensor:
+    """x in standard deviations from its mean, clamped at +-5."""
+    return ((x - mean) * torch.rsqrt(var + EPSILON)).clamp(-LIMIT, LIMIT)

@@ -1,0 +1,93 @@
+"""A trained policy as a safetensors file: weights, observation statistics, and what is needed to run it anywhere."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load, save
+from torch import Tensor
+
+from ..errors import RewardFileError
+from .network import StackedActorCritic
+from .normalize import normalize
+from .ppo import PPO
+
+FORMAT = "openeureka-policy-1"
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """One lane's network with its observation normaliser.
+
+    Tensors by name: `w0`, `b0`, ... trunk layers, `head_w`, `head_b` (actions, then the value), `log_std`,
+    `observation_mean`, `observation_var`, and `value_mean`, `value_var`. The action is the head's output clamped to
+    [-1, 1]; hidden layers are ELU; inputs are (x - mean) / sqrt(var + 1e-5) clamped at +-5.
+    """
+
+    env: str
+    tensors: Mapping[str, Tensor]
+
+    @staticmethod
+    def of(env: str, ppo: PPO, lane: int) -> Policy:
+        """A copy of one lane as it is now."""
+        norms = {"observation": ppo.observations, "value": ppo.values}
+        statistics = {f"{name}_mean": norm.mean[lane].clone() for name, norm in norms.items()}
+        statistics |= {f"{name}_var": norm.var[lane].clone() for name, norm in norms.items()}
+        return Policy(env, ppo.network.lane(lane) | statistics)
+
+    def to_bytes(self) -> bytes:
+        # One entry: safetensors writes several in no fixed order, and equal policies shall be equal files.
+        header = {"format": FORMAT, "env": self.env, "hidden": self.hidden, "activation": "elu"}
+        tensors = {name: value.cpu().contiguous() for name, value in self.tensors.items()}
+        return save(tensors, {"openeureka": json.dumps(header)})
+
+    @staticmethod
+    def from_bytes(data: bytes) -> Policy:
+        """Raises RewardFileError for anything but a policy this version wrote."""
+        try:
+            size = int.from_bytes(data[:8], "little")
+            header = json.loads(json.loads(data[8 : 8 + size])["__metadata__"]["openeureka"])
+            if header["format"] != FORMAT:
+                raise ValueError(header["format"])
+            return Policy(header["env"], load(data))
+        except (SafetensorError, ValueError, KeyError, TypeError) as error:
+            raise RewardFileError(
+                f"This is not a policy file of openeureka ({error!r:.80}); pass policy=FILE."
+            ) from None
+
+    @property
+    def hidden(self) -> tuple[int, ...]:
+        count = sum(name[0] == "w" for name in self.tensors)
+        return tuple(self.tensors[f"w{layer}"].shape[1] for layer in range(count))
+
+    @property
+    def observations(self) -> int:
+        return self.tensors["w0"].shape[0]
+
+    @property
+    def actions(self) -> int:
+        return self.tensors["log_std"].shape[-1]
+
+
+class Player:
+    """Deterministic play of L policies of equal shape, each in its own lane of worlds."""
+
+    def __init__(self, policies: list[Policy], device: torch.device | str = "cpu") -> None:
+        first = policies[0]
+        device = torch.device(device)
+        self.network = StackedActorCritic([0] * len(policies), first.observations, first.actions, first.hidden, device)
+        for lane, policy in enumerate(policies):
+            self.network.load_lane(lane, policy.tensors)
+        self.mean = torch.stack([policy.tensors["observation_mean"] for policy in policies]).to(device)
+        self.var = torch.stack([policy.tensors["observation_var"] for policy in policies]).to(device)
+
+    @torch.no_grad()
+    def __call__(self, observation: Tensor) -> Tensor:
+        """Mean actions (N, A), clamped, for observations (N, O); N = L * n, lane by lane."""
+        x = observation.view(len(self.mean), -1, observation.shape[-1])
+        x = normalize(x, self.mean, self.var)
+        return self.network(x).mean.clamp(-1.0, 1.0).flatten(0, 1)

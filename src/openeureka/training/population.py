@@ -1,0 +1,142 @@
+"""Trains a generation at once: L lanes (reward program x seed) of n worlds each in one simulation."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+
+import torch
+from torch import Tensor
+
+from ..tasks import registry
+from ..types import (
+    Checkpoint,
+    TrainBudget,
+    TrainingProgress,
+    TrainingResult,
+    TrainingState,
+    TrainJob,
+)
+from .curves import Curves
+from .policy import Policy
+from .ppo import PPO, Rollout
+from .rewards import LaneRewards
+
+ABSURD = 1e6  # a reward of this size per step is a fault, not a preference
+PROGRESS_SECONDS = 1.0
+
+
+class Population:
+    """One batch of lanes of one task.
+
+    Args:
+        env: name of the task.
+        jobs: one lane each.
+        budget: steps and worlds of each lane; zeros take the task's recipe.
+    """
+
+    def __init__(
+        self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget, *, device: str = "cpu", threads: int = 0
+    ) -> None:
+        task = registry.get(env)
+        self.env_name, self.jobs, self.recipe = env, list(jobs), task.recipe
+        self.lanes, self.worlds = len(jobs), budget.worlds or task.recipe.worlds
+        self.horizon = task.recipe.horizon
+        self.epochs = max(1, (budget.env_steps or task.recipe.env_steps) // (self.worlds * self.horizon))
+        seeds = [job.seed for job in jobs]
+        self.env = registry.make(env, worlds=self.worlds, lane_seeds=seeds, device=device, threads=threads)
+        self.device = self.env.sim.device
+        self.rewards = LaneRewards(self.env.task, [job.program for job in jobs], self.worlds)
+        self.ppo = PPO(seeds, task.num_observations, task.num_actions, task.recipe, self.device)
+        self.rollout = Rollout(
+            self.lanes, self.worlds, self.horizon, task.num_observations, task.num_actions, self.device
+        )
+        self.curves = Curves(self.lanes, self.worlds)
+        self.best_fitness: list[Peak | None] = [None] * self.lanes
+        self.best_reward: list[Peak | None] = [None] * self.lanes
+        self.messages = [""] * self.lanes
+
+    def train(self) -> Iterator[TrainingProgress | TrainingResult]:
+        """Yields progress about once a second, then one result per job."""
+        started = reported = time.monotonic()
+        observation = self._split(self.env.reset())
+        for epoch in range(self.epochs):
+            for t in range(self.horizon):
+                action = self.ppo.act(observation)
+                step = self.env.step(action.action.flatten(0, 1))
+                own, human, components = self.rewards(step.state)
+                self.curves.add(step, own, human, components)
+                reward = own * self.recipe.reward_scale
+                if self.recipe.bootstrap_timeouts and bool(step.timed_out.any()):
+                    beyond = self.ppo.value(self._split(step.final_observation))
+                    reward = reward + self.recipe.gamma * beyond * self._split(step.timed_out)
+                self.rollout.store(t, observation, action, reward, self._split(step.done))
+                observation = self._split(step.observation)
+            self._mask_diverged(epoch)
+            self._checkpoint(epoch)
+            self.ppo.update(self.rollout, self.ppo.value(observation))
+            now = time.monotonic()
+            if now - reported > PROGRESS_SECONDS:
+                reported = now
+                yield self._progress(epoch + 1, now - started)
+        seconds = time.monotonic() - started
+        for lane in range(self.lanes):
+            yield self._result(lane, seconds)
+
+    def _split(self, x: Tensor) -> Tensor:
+        """(N, ...) to (L, n, ...)."""
+        return x.view(self.lanes, self.worlds, *x.shape[1:])
+
+    def _mask_diverged(self, epoch: int) -> None:
+        """Freeze lanes whose reward or policy is no longer a usable number; the others do not notice."""
+        reward = self.rollout.reward
+        usable = (reward.abs() <= ABSURD).flatten(1).all(1)  # False for NaN
+        sound = torch.isfinite(self.ppo.network.flat).all(1)
+        for lane in (self.ppo.active & ~(usable & sound)).nonzero().flatten().tolist():
+            what = "the reward was not finite or beyond 1e6" if not usable[lane] else "the policy was not finite"
+            self.messages[lane] = f"stopped in epoch {epoch} of {self.epochs}: {what}"
+        self.ppo.active &= usable & sound
+        # Frozen lanes still flow through the shared kernels: zeros keep them finite.
+        reward[~self.ppo.active] = 0.0
+
+    def _checkpoint(self, epoch: int) -> None:
+        """Keep the policy that produced this epoch wherever F or the own reward peaks."""
+        fitness, own = self.curves.close_epoch()
+        for lane in range(self.lanes):
+            if not self.ppo.active[lane]:
+                continue
+            for peaks, value in ((self.best_fitness, fitness[lane]), (self.best_reward, own[lane])):
+                known = peaks[lane]
+                if value is not None and (known is None or value > known.value):
+                    peaks[lane] = Peak(epoch, value, Policy.of(self.env_name, self.ppo, lane))
+
+    def _progress(self, epoch: int, seconds: float) -> TrainingProgress:
+        best = {job.id: peak.value if peak else None for job, peak in zip(self.jobs, self.best_fitness, strict=True)}
+        rate = epoch * self.horizon * self.worlds * self.lanes / seconds
+        return TrainingProgress(epoch=epoch, epochs=self.epochs, env_steps_per_second=rate, fitness=best)
+
+    def _result(self, lane: int, seconds: float) -> TrainingResult:
+        peak, peak_reward = self.best_fitness[lane], self.best_reward[lane]
+        message = self.messages[lane]
+        return TrainingResult(
+            job=self.jobs[lane].id,
+            state=TrainingState.DIVERGED if message else TrainingState.FINISHED,
+            fitness=peak.value if peak else None,
+            curves={name: tuple(curve) for name, curve in self.curves.curves[lane].items()},
+            env_steps=self.epochs * self.horizon * self.worlds,
+            seconds=seconds,
+            correlation=self.curves.correlation(lane),
+            best_fitness=peak.checkpoint() if peak else None,
+            best_reward=peak_reward.checkpoint() if peak_reward else None,
+            message=message,
+        )
+
+
+class Peak:
+    """The best epoch so far, with its policy still as tensors."""
+
+    def __init__(self, epoch: int, value: float, policy: Policy) -> None:
+        self.epoch, self.value, self.policy = epoch, value, policy
+
+    def checkpoint(self) -> Checkpoint:
+        return Checkpoint(epoch=self.epoch, value=self.value, policy=self.policy.to_bytes())

@@ -1,0 +1,190 @@
+"""Proximal policy optimisation of L lanes at once (Schulman et al., arXiv 1707.06347, with rl_games' details)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from ..tasks.task import Recipe
+from .network import StackedActorCritic
+from .normalize import RunningNorm
+
+BOUND = 1.1  # action means beyond this are pulled back
+LEARNING_RATES = (1e-6, 1e-2)
+_HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
+
+
+class Action(NamedTuple):
+    action: Tensor
+    """(L, n, A), not clamped."""
+    log_prob: Tensor
+    """(L, n)."""
+    mean: Tensor
+    value: Tensor
+    """(L, n) in reward units."""
+
+
+class Rollout:
+    """What L lanes of n worlds did in T steps, world-major so that a slice of worlds is a contiguous minibatch."""
+
+    def __init__(self, lanes: int, worlds: int, horizon: int, observations: int, actions: int, device: torch.device):
+        def empty(*sizes: int) -> Tensor:
+            return torch.zeros(lanes, worlds, horizon, *sizes, device=device)
+
+        self.observation, self.action, self.mean = empty(observations), empty(actions), empty(actions)
+        self.log_prob, self.value, self.reward, self.done = empty(), empty(), empty(), empty()
+
+    def store(self, t: int, observation: Tensor, step: Action, reward: Tensor, done: Tensor) -> None:
+        """Keep step t: the raw observation (L, n, O) acted on, and what came of it; reward and done are (L, n)."""
+        self.observation[:, :, t], self.action[:, :, t], self.mean[:, :, t] = observation, step.action, step.mean
+        self.log_prob[:, :, t], self.value[:, :, t] = step.log_prob, step.value
+        self.reward[:, :, t], self.done[:, :, t] = reward, done
+
+
+def advantages(rollout: Rollout, last_value: Tensor, gamma: float, lam: float) -> Tensor:
+    """Generalised advantage estimates (L, n, T) (arXiv 1506.02438).
+
+    A done step ends its episode; what a time-out is worth beyond it must already be in its reward.
+
+    Args:
+        last_value: (L, n) value of the observation after the last step.
+    """
+    result = torch.empty_like(rollout.reward)
+    running = torch.zeros_like(last_value)
+    following = last_value
+    for t in reversed(range(rollout.reward.shape[2])):
+        alive = 1.0 - rollout.done[:, :, t]
+        delta = rollout.reward[:, :, t] + gamma * following * alive - rollout.value[:, :, t]
+        running = delta + gamma * lam * alive * running
+        result[:, :, t] = running
+        following = rollout.value[:, :, t]
+    return result
+
+
+class PPO:
+    """Policies, normalisers and optimiser of L lanes; knows no environment.
+
+    Lanes share every kernel and nothing else: gradients, gradient norms, learning rates and statistics are per lane, so
+    that a lane learns what it would learn alone. A lane of `active` False is frozen.
+    """
+
+    def __init__(
+        self, seeds: Sequence[int], observations: int, actions: int, recipe: Recipe, device: torch.device
+    ) -> None:
+        self.recipe, self.device = recipe, device
+        lanes = len(seeds)
+        self.network = StackedActorCritic(seeds, observations, actions, recipe.hidden, device)
+        self.observations = RunningNorm(lanes, observations, device)
+        self.values = RunningNorm(lanes, 1, device)
+        self.active = torch.ones(lanes, dtype=torch.bool, device=device)
+        self.learning_rate = torch.full((lanes, 1), recipe.learning_rate, device=device)
+        self._first = torch.zeros_like(self.network.flat)
+        self._second = torch.zeros_like(self.network.flat)
+        self._updates = 0
+        # Lanes of equal seed share their noise: candidates are compared under the same exploration.
+        distinct = sorted(set(seeds))
+        self._row = torch.tensor([distinct.index(seed) for seed in seeds], device=device)
+        self._generators = [torch.Generator(device).manual_seed(seed + 1) for seed in distinct]
+
+    @torch.no_grad()
+    def act(self, observation: Tensor) -> Action:
+        """Sample actions for observations (L, n, O)."""
+        mean, value = self.network(self.observations.normalize(observation))
+        log_std = self.network.log_std
+        noise = torch.stack([torch.randn(mean.shape[1:], generator=g, device=self.device) for g in self._generators])
+        noise = noise[self._row]
+        log_prob = -(0.5 * noise**2 + log_std + _HALF_LOG_2PI).sum(-1)
+        return Action(mean + log_std.exp() * noise, log_prob, mean, self._value(value))
+
+    @torch.no_grad()
+    def value(self, observation: Tensor) -> Tensor:
+        """(L, n) state values in reward units."""
+        return self._value(self.network(self.observations.normalize(observation)).value)
+
+    def _value(self, normalised: Tensor) -> Tensor:
+        return self.values.denormalize(normalised[..., None])[..., 0]
+
+    def update(self, rollout: Rollout, last_value: Tensor) -> None:
+        """One PPO epoch on a rollout; `last_value` (L, n) is the value after its last step."""
+        recipe = self.recipe
+        advantage = advantages(rollout, last_value, recipe.gamma, recipe.gae_lambda)
+        returns = advantage + rollout.value
+        lanes, worlds, horizon = advantage.shape
+        self.values.update(returns.reshape(lanes, -1, 1))
+        spread, centre = torch.std_mean(advantage, dim=(1, 2), keepdim=True)
+        advantage = (advantage - centre) / (spread + 1e-8)
+        target, old_value = (self.values.normalize(v.reshape(lanes, -1, 1))[..., 0] for v in (returns, rollout.value))
+
+        size = worlds * horizon
+        raw, actions, means = (v.flatten(1, 2) for v in (rollout.observation, rollout.action, rollout.mean))
+        # Statistics take the observations in at the end: the whole update sees them as the acting policy saw them.
+        observations = self.observations.normalize(raw)
+        log_prob, advantage = rollout.log_prob.flatten(1), advantage.flatten(1)
+        edges = [round(i * size / recipe.minibatches) for i in range(recipe.minibatches + 1)]
+        slices = [slice(a, b) for a, b in pairwise(edges)]
+        old_std = [self.network.log_std.detach().clone() for _ in slices]
+        for _ in range(recipe.epochs):
+            for index, part in enumerate(slices):
+                old = (means[:, part], old_std[index], log_prob[:, part], old_value[:, part])
+                means[:, part], old_std[index] = self._step(
+                    observations[:, part], actions[:, part], old, advantage[:, part], target[:, part]
+                )
+        self.observations.update(raw)
+
+    def _step(
+        self, observation: Tensor, action: Tensor, old: tuple[Tensor, ...], advantage: Tensor, target: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """One gradient step on a minibatch; returns the means and log std that it measured the divergence with."""
+        recipe = self.recipe
+        old_mean, old_log_std, old_log_prob, old_value = old
+        mean, value = self.network(observation)
+        log_std = self.network.log_std
+        z = (action - mean) * (-log_std).exp()
+        log_prob = -(0.5 * z**2 + log_std + _HALF_LOG_2PI).sum(-1)
+        ratio = (log_prob - old_log_prob).exp()
+        clipped = ratio.clamp(1.0 - recipe.clip, 1.0 + recipe.clip)
+        policy_loss = torch.maximum(-advantage * ratio, -advantage * clipped)
+        near = old_value + (value - old_value).clamp(-recipe.clip, recipe.clip)
+        value_loss = torch.maximum((value - target) ** 2, (near - target) ** 2)
+        bounds_loss = ((mean.abs() - BOUND).clamp(min=0.0) ** 2).sum(-1)
+        loss = (policy_loss + 0.5 * recipe.critic_coef * value_loss + recipe.bounds_coef * bounds_loss).mean(1)
+        if recipe.entropy_coef:
+            loss = loss - recipe.entropy_coef * log_std.sum((1, 2))
+        gradients = torch.autograd.grad(loss.sum(), list(self.network.parameters.values()))
+        with torch.no_grad():
+            new_mean, new_log_std = mean.detach(), log_std.detach().clone()
+            self._adapt(_divergence(new_mean, new_log_std, old_mean, old_log_std))
+            self._adam(torch.cat([g.flatten(1) for g in gradients], dim=1))
+        return new_mean, new_log_std
+
+    def _adapt(self, divergence: Tensor) -> None:
+        """Per-lane learning rate from the KL divergence (L, 1) since the minibatch was last seen."""
+        threshold, rate = self.recipe.kl_threshold, self.learning_rate
+        rate = torch.where(divergence > 2.0 * threshold, rate / 1.5, rate)
+        rate = torch.where(divergence < 0.5 * threshold, rate * 1.5, rate)
+        self.learning_rate = rate.clamp(*LEARNING_RATES)
+
+    def _adam(self, gradient: Tensor) -> None:
+        """Adam (arXiv 1412.6980) on all lanes' parameters, gradient (L, P) clipped by its norm per lane."""
+        if self.recipe.max_grad_norm is not None:
+            norm = gradient.norm(dim=1, keepdim=True)
+            gradient = gradient * (self.recipe.max_grad_norm / (norm + 1e-6)).clamp(max=1.0)
+        self._updates += 1
+        self._first.lerp_(gradient, 0.1)
+        self._second.mul_(0.999).addcmul_(gradient, gradient, value=0.001)
+        first = self._first / (1.0 - 0.9**self._updates)
+        second = self._second / (1.0 - 0.999**self._updates)
+        step = self.learning_rate * first / (second.sqrt() + 1e-8)
+        self.network.flat.sub_(torch.where(self.active[:, None], step, 0.0))
+
+
+def _divergence(mean: Tensor, log_std: Tensor, old_mean: Tensor, old_log_std: Tensor) -> Tensor:
+    """KL(new || old) of diagonal Gaussians, summed over actions, averaged over samples: (L, 1)."""
+    variance, old_variance = (2.0 * log_std).exp(), (2.0 * old_log_std).exp()
+    ratio = (variance + (mean - old_mean) ** 2) / (2.0 * old_variance)
+    return (old_log_std - log_std + ratio - 0.5).sum(-1).mean(1, keepdim=True)
