@@ -1,6 +1,8 @@
 import io
 
 import pytest
+from rich.console import Console
+
 from openeureka.cli import live
 from openeureka.cli.live import PlainView, TerminalView, view
 from openeureka.config import RunConfig
@@ -18,7 +20,6 @@ from openeureka.types import (
     Verdict,
     VerdictCode,
 )
-from rich.console import Console
 
 CONFIG = RunConfig(env="cartpole", sample=2, iteration=2)
 PROGRAM = Candidate.of("good")

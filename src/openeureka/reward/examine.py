@@ -14,11 +14,11 @@ from torch import Tensor
 from ..types import Finding, RewardGraph, StateSpec
 from . import graph as graphs
 from .probe import Traced, outputs
-from .states import Recorded, is_world, take, world_count
+from .states import Recorded, is_world, only, take, world_count
 from .trace import Refused
 
 MAX_REWARD = 1e6
-_MEMORY_SIZES = (1024, 2048)
+_MANY_WORLDS = 4 * graphs.MAX_SIZE_PER_WORLD
 
 
 def examine(traced: Traced, spec: StateSpec, recorded: Recorded) -> tuple[Finding, ...]:
@@ -26,6 +26,7 @@ def examine(traced: Traced, spec: StateSpec, recorded: Recorded) -> tuple[Findin
     try:
         graphs.validate(traced.graph)
         _examine_inputs(traced.graph, spec)
+        recorded = only(recorded, spec, graphs.inputs(traced.graph))
         _examine_memory(traced, spec, recorded)
         _examine_values(traced, spec, recorded)
     except Refused as refusal:
@@ -55,18 +56,11 @@ def _examine_inputs(graph: RewardGraph, spec: StateSpec) -> None:
 
 
 def _examine_memory(traced: Traced, spec: StateSpec, recorded: Recorded) -> None:
-    sizes: list[list[int]] = []
-    for count in _MEMORY_SIZES:
-        state = {name: _meta(name, value, spec, count) for name, value in recorded.items()}
-        sizes.append([])
-        for index, value in enumerate(graphs.values(traced.graph, state, count, "meta")):
-            size = value.numel() if isinstance(value, Tensor) else 0
-            sizes[-1].append(size)
-            # Judged before the next operation runs, so that nothing large is ever built from it.
-            if size > count * graphs.MAX_SIZE_PER_WORLD:
-                raise _too_large(traced, index)
-    for index, (small, large) in enumerate(zip(*sizes, strict=True)):
-        if large > 3 * small and large > 10_000:
+    """Shapes for so many worlds that anything which grows with their square breaks the limit per world."""
+    state = {name: _meta(name, value, spec) for name, value in recorded.items()}
+    for index, value in enumerate(graphs.values(traced.graph, state, _MANY_WORLDS, "meta")):
+        # Judged before the next operation runs, so that nothing large is ever built from it.
+        if isinstance(value, Tensor) and value.numel() > _MANY_WORLDS * graphs.MAX_SIZE_PER_WORLD:
             raise _too_large(traced, index)
 
 
@@ -79,10 +73,10 @@ def _too_large(traced: Traced, index: int) -> Refused:
     )
 
 
-def _meta(name: str, value: Tensor | float | int, spec: StateSpec, count: int) -> Any:
+def _meta(name: str, value: Tensor | float | int, spec: StateSpec) -> Any:
     if not isinstance(value, Tensor):
         return value
-    shape = (count, *value.shape[1:]) if is_world(name, spec) else value.shape
+    shape = (_MANY_WORLDS, *value.shape[1:]) if is_world(name, spec) else value.shape
     return torch.empty(shape, dtype=value.dtype, device="meta")
 
 
@@ -92,15 +86,20 @@ def _examine_values(traced: Traced, spec: StateSpec, recorded: Recorded) -> None
         done = list(graphs.values(graph, recorded, count))
     reward = done[graph.reward]
     outputs({} if not isinstance(reward, Tensor) else (reward, {name: done[i] for name, i in graph.components}), count)
-    bad = ~torch.isfinite(reward.double())
-    if bad.any():
-        line = next((_line(traced, i) for i, value in enumerate(done) if _makes_bad(graph, done, i, value)), None)
-        message = f"the reward is NaN or infinite in {int(bad.sum())} of {count} recorded states"
-        raise Refused("nan", message, "guard divisions, sqrt, log, acos and large exponents with clamp", line)
+    for name, index in _named_outputs(graph):
+        bad = ~torch.isfinite(done[index].double())
+        if bad.any():
+            line = next((_line(traced, i) for i, value in enumerate(done) if _makes_bad(graph, done, i, value)), None)
+            message = f"{name} is NaN or infinite in {int(bad.sum())} of {count} recorded states"
+            raise Refused("nan", message, "guard divisions, sqrt, log, acos and large exponents with clamp", line)
     largest = float(reward.double().abs().max())
     if largest > MAX_REWARD:
         raise Refused("magnitude", f"the reward reaches {largest:.3g}", f"keep it within {MAX_REWARD:.0e}")
     _examine_independence(traced, spec, recorded, done, count)
+
+
+def _named_outputs(graph: RewardGraph) -> list[tuple[str, int]]:
+    return [("the reward", graph.reward), *((f"component `{name}`", index) for name, index in graph.components)]
 
 
 def _makes_bad(graph: RewardGraph, done: Sequence[Any], index: int, value: Any) -> bool:
@@ -120,10 +119,10 @@ def _examine_independence(
     for worlds in ([count // 2], shuffled[:7], shuffled[:64], shuffled):
         with torch.no_grad():
             part = list(graphs.values(graph, take(recorded, spec, worlds), len(worlds)))
-        differs = [_differs(some, all_, worlds, count) for some, all_ in zip(part, whole, strict=True)]
-        for name, index in (("the reward", graph.reward), *((f"component `{n}`", i) for n, i in graph.components)):
-            if differs[index]:
-                line = _line(traced, differs.index(True))
+        for name, index in _named_outputs(graph):
+            if _differs(part[index], whole[index], worlds, count):
+                first = next(i for i in range(len(whole)) if _differs(part[i], whole[i], worlds, count))
+                line = _line(traced, first)
                 message = f"{name} of one world depends on the other worlds"
                 fix = "reduce over the last dimension (dim=-1) only, never over all worlds"
                 raise Refused("coupling", message, fix, line)

@@ -1,4 +1,4 @@
-"""Turns program text into a function of the state. What comes out runs generated Python: for the confined child only."""
+"""Turns program text into a function of the state. It runs generated Python: for the confined child only."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import torch
+from torch import Tensor
 
-from ..types import StateSpec
 from . import math as helper_functions
 from . import surface
 from .gate import FILENAME, Program
@@ -19,8 +19,21 @@ Runner = Callable[[Mapping[str, Any]], object]
 """Takes every state variable, `num_envs` and `device` by name; returns whatever the program returns."""
 
 
+def _cosine_similarity(x1: Tensor, x2: Tensor, dim: int = 1, eps: float = 1e-8) -> Tensor:
+    lengths = x1.norm(dim=dim).clamp(min=eps) * x2.norm(dim=dim).clamp(min=eps)
+    return (x1 * x2).sum(dim=dim) / lengths
+
+
+def _isclose(input: Tensor, other: Tensor, rtol: float = 1e-5, atol: float = 1e-8) -> Tensor:
+    return (input - other).abs() <= atol + rtol * other.abs()
+
+
+# torch's own write in place below the level that tracing sees.
+_REPLACED = {"cosine_similarity": _cosine_similarity, "isclose": _isclose}
+
+
 def _namespace(module: str, real: Any) -> SimpleNamespace:
-    return SimpleNamespace(**{name: getattr(real, name) for name in surface.MODULES[module]})
+    return SimpleNamespace(**{n: _REPLACED.get(n) or getattr(real, n) for n in surface.MODULES[module]})
 
 
 def _modules() -> SimpleNamespace:
@@ -29,7 +42,7 @@ def _modules() -> SimpleNamespace:
     offered.nn = SimpleNamespace(functional=_namespace("torch.nn.functional", torch.nn.functional))
     offered.linalg = _namespace("torch.linalg", torch.linalg)
     offered.device = lambda *_: torch.device("cpu")
-    return SimpleNamespace(torch=offered, math=_namespace("math", math))
+    return SimpleNamespace(torch=offered, math=SimpleNamespace(**{name: getattr(math, name) for name in surface.MATH}))
 
 
 def load(program: Program) -> Runner:
@@ -57,7 +70,7 @@ def load(program: Program) -> Runner:
     return run
 
 
-def unchecked(source: str, spec: StateSpec) -> Runner:
+def unchecked(source: str) -> Runner:
     """A program as it stands, with all of Python: what tests of confinement run, behind a gate that is switched off."""
     names: dict[str, Any] = {"torch": torch, "math": math}
     names.update({name: getattr(helper_functions, name) for name in surface.HELPERS})

@@ -42,14 +42,11 @@ def _guarded(run: Runner, state: Mapping[str, Any]) -> object:
     except BaseException as error:
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == FILENAME]
         text = (str(error).strip() or "no message").splitlines()[0][:300]
-        shapes = ", ".join(f"{name} {_shape(value)}" for name, value in state.items() if isinstance(value, Tensor))
+        count = state["num_envs"]
+        shapes = ", ".join(f"{name} {_symbolic(value, count)}" for name, value in _tensors(state).items())
         raise Refused(
             "error", f"{type(error).__name__}: {text}", f"input shapes: {shapes}", lines[-1] if lines else None
         ) from None
-
-
-def _shape(value: Tensor) -> str:
-    return str(tuple(value.shape))
 
 
 def outputs(result: object, num_worlds: int) -> Outputs:
@@ -125,46 +122,40 @@ def probe(run: Runner, spec: StateSpec, recorded: Recorded) -> Traced:
     Raises:
         Refused: at the first rule it breaks.
     """
-    count = world_count(recorded, spec)
-    eager = _run_guarded(run, spec, recorded, count)
-    again = outputs(_guarded(run, _whole(take(recorded, spec, range(count)), count)), count)
-    if not all(_same_bits(a, b) for a, b in zip(_flat(eager), _flat(again), strict=True)):
+    everyone = range(world_count(recorded, spec))
+    eager = _run_guarded(run, spec, recorded, everyone)
+    again = outputs(_guarded(run, _state(recorded, spec, everyone)), len(everyone))
+    if len(eager[1]) != len(again[1]) or not all(map(_same_bits, _flat(eager), _flat(again))):
         raise Refused("nondeterminism", "the same states give another reward on the second call", "keep no state")
     small, large = TRACE_SIZES
     first, lines = _traced(run, spec, recorded, range(small))
     second, _ = _traced(run, spec, recorded, range(small, small + large))
     graph, origin = graphs.simplify(unify(first, second, TRACE_SIZES, lines))
-    try:
-        graphs.validate(graph)
-    except graphs.GraphError as error:
-        raise Refused("operation", f"it cannot be written as a graph: {error}", "simplify it") from None
-    _compare(graph, _whole(take(recorded, spec, range(count)), count), eager, count)
+    _compare(graph, _state(recorded, spec, everyone), eager)
     return Traced(graph, tuple(lines[index] for index in origin))
 
 
-def _whole(state: dict[str, Any], count: int) -> dict[str, Any]:
-    """A state with what every program may read besides the task's table."""
-    return {"num_envs": count, "device": torch.device("cpu"), **state}
+def _state(recorded: Recorded, spec: StateSpec, worlds: range) -> dict[str, Any]:
+    """States of some worlds, with what every program may read besides the task's table."""
+    return {"num_envs": len(worlds), "device": torch.device("cpu"), **take(recorded, spec, worlds)}
 
 
 def _tensors(state: Mapping[str, Any]) -> dict[str, Tensor]:
     return {name: value for name, value in state.items() if isinstance(value, Tensor)}
 
 
-def _run_guarded(run: Runner, spec: StateSpec, recorded: Recorded, count: int) -> Outputs:
+def _run_guarded(run: Runner, spec: StateSpec, recorded: Recorded, worlds: range) -> Outputs:
     """The program's outputs on all recorded states, refused if it edits them, draws numbers or reads values."""
-    state = _whole(take(recorded, spec, range(count)), count)
+    state = _state(recorded, spec, worlds)
     guard = Guard(_tensors(state))
-    try:
-        with torch.no_grad(), guard:
-            result = _guarded(run, state)
-        if guard.refusal is not None:
-            raise guard.refusal
-    finally:
-        edited = _edited(state, take(recorded, spec, range(count)))
+    with torch.no_grad(), guard:
+        result = _guarded(run, state)
+    if guard.refusal is not None:
+        raise guard.refusal
+    edited = _edited(state, take(recorded, spec, worlds))
     if edited is not None:
         raise Refused("input-edit", f"the program changes its input `{edited}`", f"work on `{edited}.clone()`")
-    reward, components = outputs(result, count)
+    reward, components = outputs(result, len(worlds))
     clones = {name: value.clone() if isinstance(value, Tensor) else value for name, value in components.items()}
     return reward.clone(), clones
 
@@ -189,7 +180,7 @@ def _flat(result: Outputs) -> list[Tensor | float]:
 
 
 def _traced(run: Runner, spec: StateSpec, recorded: Recorded, worlds: range) -> tuple[RewardGraph, list[int | None]]:
-    state = _whole(take(recorded, spec, worlds), len(worlds))
+    state = _state(recorded, spec, worlds)
 
     def from_tensors(tensors: Mapping[str, Tensor]) -> Outputs:
         return outputs(_guarded(run, {**state, **tensors}), len(worlds))
@@ -197,10 +188,13 @@ def _traced(run: Runner, spec: StateSpec, recorded: Recorded, worlds: range) -> 
     return trace(from_tensors, _tensors(state))
 
 
-def _compare(graph: RewardGraph, state: Mapping[str, Any], eager: Outputs, count: int) -> None:
-    done = list(graphs.values(graph, state, count))
+def _compare(graph: RewardGraph, state: Mapping[str, Any], eager: Outputs) -> None:
+    try:
+        graphs.validate(graph)
+        done = list(graphs.values(graph, state, state["num_envs"]))
+    except (graphs.GraphError, RuntimeError, IndexError, TypeError) as error:
+        raise Refused("operation", f"it cannot be written as a graph: {str(error)[:200]}", "simplify it") from None
     found = [done[graph.reward], *(done[index] for _, index in graph.components)]
-    for value, expected in zip(found, _flat(eager), strict=True):
-        expected = torch.as_tensor(expected)
+    for value, expected in zip(found, map(torch.as_tensor, _flat(eager)), strict=True):
         if not torch.allclose(value.double(), expected.double(), rtol=1e-4, atol=1e-5, equal_nan=True):
             raise Refused("graph-mismatch", "the traced graph and the program disagree", "use plain tensor operations")

@@ -38,3 +38,9 @@ def take(recorded: Recorded, spec: StateSpec, worlds: Sequence[int]) -> dict[str
         if variable.kind == "num_envs":
             values[variable.name] = len(worlds)
     return values
+
+
+def only(recorded: Recorded, spec: StateSpec, names: Sequence[str]) -> Recorded:
+    """The named variables, and one per-world variable in any case: it says how many worlds there are."""
+    world = next(variable.name for variable in spec.variables if variable.kind == "world")
+    return {name: value for name, value in recorded.items() if name in names or name == world}

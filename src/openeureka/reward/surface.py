@@ -56,7 +56,7 @@ METHODS = words("""
     abs absolute acos add all amax amin any append argmax argmin asin atan atan2 bmm bool ceil chunk clamp
     clamp_max clamp_min clip clone contiguous copy copysign cos cosh cpu cross cumprod cumsum deg2rad detach
     device diff dim div divide dot double dtype eq erf exp exp2 expand expand_as expm1 extend flatten flip float
-    floor floor_divide fmod frac gather ge get gt half index_select indices int is_floating_point isclose
+    floor floor_divide fmod frac gather ge get gt half index_select indices int is_floating_point
     isfinite isinf isnan items keys le lerp log log10 log1p log2 logical_and logical_not logical_or logical_xor
     logsumexp long lt masked_fill matmul max maximum mean median mH min minimum mm movedim mT mul multiply
     nan_to_num narrow ndim ndimension ne neg negative new_full new_ones new_tensor new_zeros norm numel permute

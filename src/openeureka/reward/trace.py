@@ -19,7 +19,7 @@ _READS = surface.words("""
     _local_scalar_dense is_nonzero equal nonzero nonzero_static masked_select _unique _unique2 unique_dim
     unique_consecutive bincount
 """)
-_UNUSED_KWARGS = surface.words("device layout pin_memory memory_format non_blocking")
+_UNUSED_KWARGS = surface.words("device layout pin_memory non_blocking")
 _SAME_VALUE = surface.words("lift_fresh.default detach.default alias.default")
 
 
@@ -126,7 +126,7 @@ class Tracer(TorchDispatchMode):
         # The mode is not active inside its own handler, but `index` is also called from outside of it.
         with _disable_current_modes():
             numbers = tuple(tensor.detach().reshape(-1).tolist())
-        index = self.add("constant", (numbers, tuple(tensor.shape), _dtype(tensor.dtype)))
+        index = self.add("constant", (numbers, tuple(tensor.shape), str(tensor.dtype).removeprefix("torch.")))
         self.name(tensor, index)
         return index
 
@@ -157,17 +157,13 @@ class Tracer(TorchDispatchMode):
             return {"ref": self.index(value)}
         if isinstance(value, list | tuple):
             return tuple(self._encode(part) for part in value)
-        if isinstance(value, torch.dtype):
-            return _dtype(value)
+        if isinstance(value, torch.dtype | torch.memory_format):
+            return str(value).removeprefix("torch.")
         if value is None or isinstance(value, bool | int | float | str):
             return value
         raise Refused(
             "operation", f"an argument of type {type(value).__name__} cannot be part of a reward", "", current_line()
         )
-
-
-def _dtype(dtype: torch.dtype) -> str:
-    return str(dtype).removeprefix("torch.")
 
 
 def _squeeze(args: Sequence[Any]) -> tuple[str, tuple[Any, ...]]:

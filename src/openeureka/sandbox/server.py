@@ -20,6 +20,7 @@ from typing import Any, NoReturn
 import torch
 
 from ..reward import gate, graph, load, probe
+from ..reward.states import only
 from ..reward.trace import Refused
 from ..types import Finding, StateSpec, StateVar
 from ..worker import Channel, Frame
@@ -79,10 +80,10 @@ def _probe_source(source: str, bench: _Bench, gated: bool) -> dict[str, Any]:
             program = gate.check(source, bench.spec)
             if not isinstance(program, gate.Program):
                 return {"findings": [_finding(finding) for finding in program]}
-            run = load.load(program)
+            run, recorded = load.load(program), only(bench.recorded, bench.spec, program.inputs)
         else:
-            run = load.unchecked(source, bench.spec)
-        traced = probe.probe(run, bench.spec, bench.recorded)
+            run, recorded = load.unchecked(source), bench.recorded
+        traced = probe.probe(run, bench.spec, recorded)
     except Refused as refusal:
         return {"findings": [_finding(refusal.finding)]}
     return {"graph": graph.to_json(traced.graph), "lines": traced.lines}

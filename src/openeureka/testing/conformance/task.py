@@ -97,6 +97,11 @@ class TaskConformance:
             assert not bool(after.bad.any())
             assert torch.equal(after.observation[others], expected.observation[others])
 
+        for simulation in (broken, sound):
+            simulation.task.progress[others] = simulation.task.episode_length
+        after, expected = broken.step(actions), sound.step(actions)
+        assert torch.equal(after.observation[others], expected.observation[others]), "their next episodes differ"
+
     def test_an_episode_is_cut_off_one_step_before_its_length(self) -> None:
         simulation = self._make(worlds=4)
         simulation.reset()

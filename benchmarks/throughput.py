@@ -1,0 +1,198 @@
+"""How fast a population trains, as ratios measured in one run.
+
+    python benchmarks/throughput.py                # needs the extra `bench`; about 15 minutes on 2 cores
+    python benchmarks/throughput.py --tiny         # seconds, to see that it works
+
+Arms take turns, `--repeats` times over, so that a busy machine slows all of them alike; ratios are of medians. Every
+arm reports environment steps a second over its whole training, network updates included; building models and starting
+processes is left out except where a line says otherwise.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import statistics
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import torch
+from mujoco.batch import Batch
+
+from openeureka.tasks import registry
+from openeureka.training.executor import PopulationTrainer
+from openeureka.training.population import Population
+from openeureka.types import TrainBudget, TrainingResult, TrainJob
+
+GYM_ANT = "gym_ant:GymAnt"
+LANES = 8
+RAW_EPISODE = 100  # control steps between resets of raw stepping: roughly the episodes of a policy that learns
+
+Arm = Callable[[], float]
+
+
+def raw(env: str, worlds: int, steps: int) -> float:
+    """Env steps a second of bare `mujoco.batch`: random controls, no observation, reward or policy."""
+    task = registry.get(env)
+    batch = Batch(task.compile_model(), worlds, nthread=0, persistent=True)
+    ctrl = batch.bind("ctrl")
+    random = np.random.default_rng(0)
+    batch.step(nstep=task.substeps)
+    started = time.perf_counter()
+    for step in range(steps):
+        if step % RAW_EPISODE == 0:
+            batch.reset()
+        ctrl[:] = random.uniform(-1.0, 1.0, ctrl.shape)
+        batch.step(nstep=task.substeps)
+    return steps * worlds / (time.perf_counter() - started)
+
+
+def lanes(env: str, count: int, worlds: int, epochs: int) -> float:
+    """`count` lanes in this process."""
+    budget = TrainBudget(worlds=worlds, env_steps=epochs * registry.get(env).recipe.horizon * worlds)
+    population = Population(env, [TrainJob(id=str(i), program="human", seed=i) for i in range(count)], budget)
+    results = [message for message in population.train() if isinstance(message, TrainingResult)]
+    return sum(result.env_steps for result in results) / results[0].seconds
+
+
+def waited(env: str, processes: int, worlds: int, epochs: int) -> float:
+    """8 lanes spread over worker processes, with their start: what a person waits for."""
+    budget = TrainBudget(worlds=worlds, env_steps=epochs * registry.get(env).recipe.horizon * worlds)
+    jobs = [TrainJob(id=str(i), program="human", seed=i) for i in range(LANES)]
+    threads = 0 if processes == 1 else max(1, (os.cpu_count() or 1) // processes)
+
+    def train(share: list[TrainJob]) -> int:
+        messages = PopulationTrainer(threads=threads).train(env, share, budget)
+        results = [message for message in messages if isinstance(message, TrainingResult)]
+        failed = [result.message for result in results if not result.env_steps]
+        if failed:
+            raise SystemExit(failed[0])
+        return sum(result.env_steps for result in results)
+
+    started = time.perf_counter()
+    with ThreadPoolExecutor(processes) as pool:
+        steps = sum(pool.map(train, [jobs[i::processes] for i in range(processes)]))
+    return steps / (time.perf_counter() - started)
+
+
+def stable_baselines(envs: int, steps: int, **options: object) -> float:
+    """Stable-baselines3's PPO on Ant-v5; more than one environment runs in a process per core."""
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.env_util import make_vec_env
+    from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
+
+    kind = DummyVecEnv if envs == 1 else SubprocVecEnv
+    vector = make_vec_env("Ant-v5", n_envs=envs, seed=0, vec_env_cls=kind)
+    try:
+        learner = PPO("MlpPolicy", vector, device="cpu", seed=0, **options)  # pyright: ignore[reportArgumentType]
+        started = time.perf_counter()
+        learner.learn(total_timesteps=steps)
+        return learner.num_timesteps / (time.perf_counter() - started)
+    finally:
+        vector.close()
+
+
+def arms(tiny: bool) -> dict[str, Arm]:
+    """Every measurement by name; sizes give each a quarter of a minute or so on two cores."""
+    scale = 20 if tiny else 1
+    cores = os.cpu_count() or 1
+    # Its fastest honest setting: one environment a core, and the batch, passes and network of our recipe.
+    ours = registry.get(GYM_ANT).recipe
+    batch = ours.worlds * ours.horizon
+    matched = {
+        "n_steps": batch // cores,
+        "batch_size": batch // ours.minibatches,
+        "n_epochs": ours.epochs,
+        "policy_kwargs": {"net_arch": list(ours.hidden)},
+    }
+    found: dict[str, Arm] = {
+        "gym_ant/raw": lambda: raw(GYM_ANT, 512, 320 // scale),
+        "gym_ant/8 lanes": lambda: lanes(GYM_ANT, LANES, 64, max(1, 20 // scale)),
+        "gym_ant/stable-baselines3, defaults": lambda: stable_baselines(
+            1, 20_480 // scale, **({"n_steps": 256} if tiny else {})
+        ),
+        "gym_ant/stable-baselines3, our batch, an environment a core": lambda: stable_baselines(
+            cores, 20_480 // scale, **matched
+        ),
+    }
+    for env in ("ant", "humanoid"):
+        if env in registry.names():
+            found |= {
+                f"{env}/raw": lambda env=env: raw(env, 512, 400 // scale),
+                f"{env}/1 lane": lambda env=env: lanes(env, 1, 512, max(1, 20 // scale)),
+                f"{env}/8 lanes": lambda env=env: lanes(env, LANES, 64, max(1, 20 // scale)),
+            }
+    if "ant" in registry.names():
+        found |= {
+            "ant/8 lanes, 1 process, with its start": lambda: waited("ant", 1, 128, max(1, 40 // scale)),
+            "ant/8 lanes, 8 processes, with their start": lambda: waited("ant", LANES, 128, max(1, 40 // scale)),
+        }
+    return found
+
+
+RATIOS = {
+    "training over stable-baselines3 defaults": ("gym_ant/8 lanes", "gym_ant/stable-baselines3, defaults"),
+    "training over stable-baselines3 at its best": (
+        "gym_ant/8 lanes",
+        "gym_ant/stable-baselines3, our batch, an environment a core",
+    ),
+    "training over raw stepping, Gymnasium's ant": ("gym_ant/8 lanes", "gym_ant/raw"),
+    "training over raw stepping, ant": ("ant/8 lanes", "ant/raw"),
+    "training over raw stepping, ant, 1 lane": ("ant/1 lane", "ant/raw"),
+    "training over raw stepping, humanoid": ("humanoid/8 lanes", "humanoid/raw"),
+    "one process over eight": (
+        "ant/8 lanes, 1 process, with its start",
+        "ant/8 lanes, 8 processes, with their start",
+    ),
+}
+
+
+def measure(repeats: int, tiny: bool, only: str) -> dict[str, list[float]]:
+    """Env steps a second, one number a repeat, of the arms whose name contains `only`."""
+    chosen = {name: arm for name, arm in arms(tiny).items() if only in name}
+    found: dict[str, list[float]] = {name: [] for name in chosen}
+    for repeat in range(repeats):
+        for name, arm in chosen.items():
+            found[name].append(round(arm(), 1))
+            print(f"{repeat + 1}/{repeats} {name:62s} {found[name][-1]:>10.0f} steps/s", flush=True)
+    return found
+
+
+def report(measured: dict[str, list[float]], tiny: bool) -> dict[str, object]:
+    median = {name: statistics.median(values) for name, values in measured.items()}
+    return {
+        "steps_per_second": measured,
+        "ratio_of_medians": {
+            name: round(median[ours] / median[theirs], 3)
+            for name, (ours, theirs) in RATIOS.items()
+            if ours in median and theirs in median
+        },
+        "machine": {"cores": os.cpu_count(), "python": platform.python_version(), "load_at_end": os.getloadavg()[0]},
+        "versions": {name: version(name) for name in ("mujoco", "torch", "gymnasium", "stable-baselines3")},
+        "torch_threads": torch.get_num_threads(),
+        "tiny": tiny,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--tiny", action="store_true", help="a twentieth of the work, for a look")
+    parser.add_argument("--only", default="", help="measure the arms whose name contains this")
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "throughput.json")
+    options = parser.parse_args()
+    found = report(measure(options.repeats, options.tiny, options.only), options.tiny)
+    for name, ratio in found["ratio_of_medians"].items():  # pyright: ignore[reportAttributeAccessIssue]
+        print(f"{name:62s} {ratio:>8.2f}")
+    options.out.parent.mkdir(exist_ok=True)
+    options.out.write_text(json.dumps(found, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
