@@ -45,6 +45,8 @@ class RunConfig:
     """Simulation threads; 0 means all cores."""
     max_cost: float = 0.0
     """Stop before the spending on replies exceeds this many US dollars; 0 means no limit."""
+    price: str = ""
+    """`INPUT,OUTPUT` in US dollars per million tokens; empty means the built-in table of prices."""
     video: str = "best"
     """`best` or `none`."""
     dir: str = ""

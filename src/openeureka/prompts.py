@@ -1,9 +1,9 @@
 """The words sent to a language model, made from templates. Pure functions: types in, types out.
 
-Two styles. `free` is a conversation for strong models, in the manner of Eureka (arXiv 2310.12931): source and state table
-of the task, then each earlier program followed by its feedback. `grammar` is for the embedded model: a compact table,
-three worked examples, at most one parent, and an answer that begins with the function's signature and goes on as the typed
-grammar allows.
+Two styles. `free` is a conversation for strong models, in the manner of Eureka (arXiv 2310.12931): source and state
+table of the task, then each earlier program followed by its feedback. `grammar` is for the embedded model: a compact
+table, three worked examples, at most one parent, and an answer that begins with the function's signature and goes on as
+the typed grammar allows.
 
 What programs, models and trainings wrote is data: it is cleaned and capped before it enters a prompt.
 """

@@ -141,6 +141,4 @@ def _expand(grammar: Grammar, random: Random, item: Item) -> str:
 def _characters(choice: str) -> str:
     """`a-cx` -> `abcx`; a dash at the end stands for itself."""
     ranges = re.findall(r"(.)-(.)|(.)", choice)
-    return "".join(
-        single or "".join(map(chr, range(ord(first), ord(last) + 1))) for first, last, single in ranges
-    )
+    return "".join(single or "".join(map(chr, range(ord(first), ord(last) + 1))) for first, last, single in ranges)

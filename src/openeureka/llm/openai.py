@@ -1,0 +1,252 @@
+"""Models behind an OpenAI-compatible endpoint."""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import replace
+from typing import Any, Literal
+
+import openai
+
+from ..errors import BudgetError, ConfigError, ModelError
+from ..types import Prompt, Reply, Usage
+from .client import share
+from .price import Price
+
+ATTEMPTS = 7
+"""Tries of one request; with the waits between them about a minute, or as long as the endpoint asks for."""
+ROUNDS = 3
+"""Times that empty or truncated replies are asked for again."""
+PARALLEL = 8
+MAX_WAIT = 120.0  # [s]
+TIMEOUT = 300.0  # [s]
+
+_FIRST_GUESS = 1500
+"""Tokens of a reply, before the first one is in."""
+_log = logging.getLogger(__name__)
+
+
+class EndpointModel:
+    """Samples by one request where the endpoint knows `n`, by parallel requests where it does not.
+
+    The key comes from the environment variable OPENAI_API_KEY and is never kept anywhere else.
+
+    Args:
+        name: of the model, as the endpoint knows it.
+        base_url: of the endpoint; empty means the openai package's.
+        price: None where it is not known; costs then count as zero.
+        max_cost: US dollars that this process may spend; 0 means no limit.
+        wait: sleeps between tries; tests pass one that does not.
+
+    Raises:
+        ModelError: no key.
+        ConfigError: `max_cost` for a model whose price is not known.
+    """
+
+    style: Literal["free", "grammar"] = "free"
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        base_url: str = "",
+        temperature: float = 1.0,
+        price: Price | None = None,
+        max_cost: float = 0.0,
+        wait: Callable[[float], None] = time.sleep,
+    ) -> None:
+        if price is None and max_cost:
+            raise ConfigError(f"The price of {name} is not known, so max_cost cannot be kept; add price=INPUT,OUTPUT.")
+        if price is None:
+            _log.warning("The price of %s is not known: its replies count as free. Add price=INPUT,OUTPUT.", name)
+        self.name = name
+        self._key = _key(base_url)
+        # Retries are ours: the package's own do not tell a quota that is spent from a busy moment.
+        self._client = openai.OpenAI(api_key=self._key, base_url=base_url or None, max_retries=0, timeout=TIMEOUT)
+        self._temperature: float | None = temperature
+        self._price = price
+        self._max_cost = max_cost
+        self._wait = wait
+        self._spent = Usage()
+        self._replies = 0
+        self._knows_n = True
+        self._reached = False
+
+    def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
+        """Yield n replies. The seed is not sent: endpoints ignore or refuse it.
+
+        Raises:
+            ModelError: the endpoint cannot answer.
+            BudgetError: the replies would cost more than is left of `max_cost`.
+        """
+        missing, wasted = n, Usage()
+        for last in (*[False] * (ROUNDS - 1), True):
+            self._afford(prompt, missing)
+            for reply, whole in self._round(prompt, missing):
+                if whole or last:  # in the end a slot is better spent on half a reply than the run on one slot
+                    yield replace(reply, usage=reply.usage + wasted)
+                    missing, wasted = missing - 1, Usage()
+                else:
+                    wasted += reply.usage
+            if not missing:
+                return
+
+    def close(self) -> None:
+        """Holds no memory worth freeing."""
+
+    def _round(self, prompt: Prompt, count: int) -> Iterator[tuple[Reply, bool]]:
+        """`count` replies, each with whether it is whole."""
+        if count > 1 and self._knows_n:
+            try:
+                choices = self._call(prompt, count)
+            except _BatchRefused:
+                choices = []
+            self._knows_n = len(choices) == count
+            yield from choices
+            count -= len(choices)
+        if not count:
+            return
+        pool = ThreadPoolExecutor(min(count, PARALLEL))
+        try:
+            failure: Exception | None = None
+            for future in as_completed([pool.submit(self._call, prompt, 1) for _ in range(count)]):
+                if (error := future.exception()) is None:
+                    yield from future.result()
+                elif isinstance(error, Exception):
+                    failure = error  # raised when all that were paid for are handed over
+            if failure is not None:
+                raise failure
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+    def _call(self, prompt: Prompt, n: int) -> list[tuple[Reply, bool]]:
+        """One request, tried again while that makes sense."""
+        for attempt in range(ATTEMPTS):
+            began = time.monotonic()
+            try:
+                completion = self._client.chat.completions.create(**self._arguments(prompt, n))
+            except openai.APIError as error:
+                if not self._adapted(error, n):
+                    if attempt == ATTEMPTS - 1 or not self._passing(error, attempt):
+                        raise self._explained(error) from None
+                    self._wait(_delay(error, attempt))
+            else:
+                self._reached = True
+                return self._read(completion, n, time.monotonic() - began)
+        raise ModelError(f"{self._client.base_url} accepts no request for {self.name}; choose another model.")
+
+    def _arguments(self, prompt: Prompt, n: int) -> dict[str, Any]:
+        arguments: dict[str, Any] = {
+            "model": self.name,
+            "messages": [{"role": message.role, "content": message.content} for message in prompt.messages],
+        }
+        if self._temperature is not None:
+            arguments["temperature"] = self._temperature
+        return arguments if n == 1 else {**arguments, "n": n}
+
+    def _adapted(self, error: openai.APIError, n: int) -> bool:
+        """Whether the request will be another one next time. Raises _BatchRefused to have it split."""
+        if not isinstance(error, openai.BadRequestError | openai.UnprocessableEntityError):
+            return False
+        if self._temperature is not None and "temperature" in error.message:
+            self._temperature = None  # reasoning models know only their own
+            return True
+        if n > 1:
+            raise _BatchRefused  # whatever else is wrong will show with n = 1
+        return False
+
+    def _passing(self, error: openai.APIError, attempt: int) -> bool:
+        """Whether waiting may help."""
+        if error.code == "insufficient_quota":
+            return False
+        if isinstance(error, openai.APIConnectionError) and not self._reached:
+            return attempt == 0  # more likely a mistake in base_url than an interruption
+        return isinstance(
+            error,
+            openai.APIConnectionError | openai.RateLimitError | openai.InternalServerError | openai.ConflictError,
+        )
+
+    def _explained(self, error: openai.APIError) -> ModelError:
+        where = str(self._client.base_url)
+        if isinstance(error, openai.APITimeoutError):
+            return ModelError(
+                f"{where} did not answer within {TIMEOUT:.0f} s; try again later or with a smaller sample=."
+            )
+        if isinstance(error, openai.APIConnectionError):
+            return ModelError(f"{where} cannot be reached; check base_url and the network.")
+        if isinstance(error, openai.AuthenticationError | openai.PermissionDeniedError):
+            return ModelError(f"{where} refused the key; set the environment variable OPENAI_API_KEY to a valid one.")
+        if isinstance(error, openai.NotFoundError):
+            return ModelError(
+                f"{where} has no model `{self.name}`; check model= and base_url (which often ends in /v1)."
+            )
+        if error.code == "insufficient_quota":
+            return ModelError(f"The account at {where} has no credit left; add some, then run the same command again.")
+        said = error.message.replace(self._key, "***")[:300]
+        return ModelError(f"{where} cannot answer now ({said}); run the same command again to go on where it stopped.")
+
+    def _read(self, completion: Any, n: int, seconds: float) -> list[tuple[Reply, bool]]:
+        """The replies of an answer, each with whether it is whole; an answer without any is one empty reply."""
+        if not isinstance(getattr(completion, "choices", None), list):
+            raise ModelError(
+                f"{self._client.base_url} does not answer like an OpenAI-compatible endpoint; check base_url, which "
+                "often ends in /v1."
+            )
+        choices = completion.choices[:n] or [None]
+        usage = completion.usage
+        prompt_tokens, completion_tokens = (usage.prompt_tokens, usage.completion_tokens) if usage else (0, 0)
+        read = []
+        for index, choice in enumerate(choices):
+            text = (choice.message.content if choice is not None else None) or ""
+            spent = self._used(prompt_tokens if index == 0 else 0, share(completion_tokens, len(choices), index))
+            reply = Reply(text=text, model=completion.model or self.name, usage=spent, seconds=seconds)
+            read.append((reply, bool(text) and choice is not None and choice.finish_reason != "length"))
+        return read
+
+    def _used(self, prompt_tokens: int, completion_tokens: int) -> Usage:
+        cost = self._price.of(prompt_tokens, completion_tokens) if self._price is not None else 0.0
+        usage = Usage(prompt_tokens=prompt_tokens, completion_tokens=completion_tokens, cost_usd=cost)
+        self._spent += usage
+        self._replies += 1
+        return usage
+
+    def _afford(self, prompt: Prompt, n: int) -> None:
+        """Stop before a round of requests that is expected to pass the limit."""
+        if self._price is None or not self._max_cost:
+            return
+        prompt_tokens = sum(len(message.content) for message in prompt.messages) / 4
+        each = self._spent.completion_tokens / self._replies if self._replies else _FIRST_GUESS
+        prompts = 1 if self._knows_n else n
+        expected = self._price.of(prompt_tokens * prompts, each * n)
+        if self._spent.cost_usd + expected > self._max_cost:
+            raise BudgetError(
+                f"{n} more replies of {self.name} would cost about {expected:.2f} US dollars and pass max_cost="
+                f"{self._max_cost:g}. Nothing is lost; run the same command with a higher max_cost to go on."
+            )
+
+
+class _BatchRefused(Exception):
+    """The endpoint refused a request for several replies."""
+
+
+def _key(base_url: str) -> str:
+    key = os.environ.get("OPENAI_API_KEY", "")
+    if not key and not base_url:
+        raise ModelError(
+            "There is no key for the model's endpoint: set the environment variable OPENAI_API_KEY, or base_url= to a "
+            "server that needs none, or choose model=local."
+        )
+    return key or "none"
+
+
+def _delay(error: openai.APIError, attempt: int) -> float:
+    """Seconds to wait: what the endpoint says, else 1, 2, 4, ..."""
+    headers = error.response.headers if isinstance(error, openai.APIStatusError) else {}
+    try:
+        return min(max(float(headers.get("retry-after", "")), 0.0), MAX_WAIT)
+    except ValueError:
+        return min(2.0**attempt, MAX_WAIT)

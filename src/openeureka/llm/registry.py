@@ -1,0 +1,80 @@
+"""From `model=` to a language model."""
+
+from __future__ import annotations
+
+import importlib
+from functools import partial
+from pathlib import Path
+
+from ..config import RunConfig
+from ..errors import ConfigError
+from . import hub, price, weights
+from .client import LanguageModel
+from .local import LocalModel
+from .random import RandomModel
+from .replay import ReplayModel
+
+
+def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
+    """The model that `config.model` names. Costly things (weights, processes, sockets) wait for the first sample.
+
+    `local`, `local:PATH.gguf`, `local:hub:OWNER/REPO/FILE.gguf`, `random`, `replay:RUN`, an import string
+    `pkg.mod:factory` of a function from RunConfig to a model, or the name of a model at an OpenAI-compatible endpoint.
+
+    Args:
+        held: replies that the run already has; a replaying model goes on after them.
+
+    Raises:
+        ModelError, ConfigError, StoreError: it names something that is not there.
+    """
+    kind, _, rest = config.model.partition(":")
+    if kind == "local":
+        return _local(config, rest)
+    if config.model == "random":
+        return RandomModel()
+    if kind == "replay":
+        return _replay(rest, held)
+    if rest and not config.base_url and "." in kind:
+        return _imported(config)
+    return _endpoint(config)
+
+
+def _local(config: RunConfig, where: str) -> LanguageModel:
+    if where.startswith("hub:"):
+        find = partial(hub.fetch, where.removeprefix("hub:"))
+    else:
+        find = partial(weights.existing, Path(where)) if where else weights.default
+    return LocalModel(find, name=config.model, temperature=config.temperature, threads=config.threads)
+
+
+def _replay(run: str, held: int) -> LanguageModel:
+    from ..store import read_config, read_replies
+
+    if not run:
+        raise ConfigError("`model=replay:` must name the directory of a run, for example model=replay:outputs/RUN.")
+    recorded = read_config(run).model
+    style = "grammar" if recorded.partition(":")[0] in ("local", "random") else "free"
+    return ReplayModel(read_replies(run), style, held=held)
+
+
+def _endpoint(config: RunConfig) -> LanguageModel:
+    from .openai import EndpointModel  # the package takes a second to import, and only this needs it
+
+    return EndpointModel(
+        config.model,
+        base_url=config.base_url,
+        temperature=config.temperature,
+        price=price.find(config.model, config.price),
+        max_cost=config.max_cost,
+    )
+
+
+def _imported(config: RunConfig) -> LanguageModel:
+    module, _, name = config.model.partition(":")
+    try:
+        factory = getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise ConfigError(
+            f"`model={config.model}` cannot be imported ({error}); it must be pkg.mod:factory."
+        ) from error
+    return factory(config)
