@@ -8,7 +8,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constr
 RUN ?= env=ballbalance
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check fix pins clean
+.PHONY: help run test check fix docs pins clean
 
 help: ## List these verbs
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-6s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -19,16 +19,20 @@ run: $(VENV)/local ## Search for a reward with the embedded language model, no k
 test: $(VENV)/dev ## Run the tests
 	$(BIN)/python -m pytest
 
-check: $(VENV)/dev ## Lint, types, import layers and the tree's own rules; changes nothing
+check: $(VENV)/dev ## Lint, types, import layers, the tree's own rules, generated pages; changes nothing
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/basedpyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 	$(BIN)/python scripts/check_tree.py
+	$(BIN)/python scripts/docs.py --check
 
 fix: $(VENV)/dev ## Format and apply the linter's safe fixes
 	$(BIN)/ruff format
 	$(BIN)/ruff check --fix
+
+docs: $(VENV)/dev ## Renew the generated pages: command reference, tree in README.md
+	$(BIN)/python scripts/docs.py
 
 pins: ## Renew constraints.txt from a fresh environment with the newest allowed versions
 	PYTHON=$(PYTHON) scripts/pin.sh

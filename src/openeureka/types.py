@@ -110,7 +110,7 @@ class Candidate:
 
     @staticmethod
     def of(source: str) -> Candidate:
-        return Candidate(id=hashlib.sha256(source.encode()).hexdigest()[:12], source=source)
+        return Candidate(id=hashlib.sha256(source.encode(errors="surrogatepass")).hexdigest()[:12], source=source)
 
 
 class VerdictCode(StrEnum):

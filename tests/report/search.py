@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from openeureka.config import RunConfig
+from openeureka.report.run import Run
 from openeureka.types import (
     Candidate,
+    Evaluation,
     Finding,
     Generation,
     History,
@@ -11,6 +16,7 @@ from openeureka.types import (
     Scored,
     TrainingResult,
     TrainingState,
+    Usage,
     Verdict,
     VerdictCode,
 )
@@ -56,4 +62,25 @@ HISTORY = History(
         Generation(2, (trained(2, 0, 50.0, source="def compute_reward(x):\n    return x, {}"),)),
     )
 )
-BASELINES = {"human": result("human-s0", 60.0), "sparse": result("sparse-s0", 20.0)}
+BEST = "def compute_reward(x):\n    return x, {}"
+BASELINES = [result("human-s0", 60.0), result("sparse-s0", 20.0)]
+
+
+def run(history: History, results: Sequence[TrainingResult] = (), evaluations: Sequence[Evaluation] = ()) -> Run:
+    """A run of three generations and two final seeds."""
+    return Run(
+        config=RunConfig(env="cartpole", iteration=3, seeds=2),
+        history=history,
+        results={r.job: r for r in results},
+        evaluations={e.job: e for e in evaluations},
+        usage=Usage(prompt_tokens=1200, completion_tokens=340, cost_usd=0.0125),
+    )
+
+
+def finished() -> Run:
+    """HISTORY with its final trainings: two seeds of the best, the human and the sparse reward."""
+    best = Candidate.of(BEST).id
+    final = {f"{best}-s1": 46.0, f"{best}-s2": 50.0, "human-s1": 60.0, "human-s2": 62.0, "sparse-s1": 20.0}
+    scores = [Evaluation(job=job, fitness=value - 2, episode_length=9.0, episodes=4) for job, value in final.items()]
+    trained_again = [result(job, value) for job, value in final.items()]
+    return run(HISTORY, [*BASELINES, *trained_again, result("sparse-s2", None)], scores)

@@ -1,6 +1,6 @@
 import pytest
 
-from openeureka.report.stats import best_so_far, by_generation, human_normalised, trained_share
+from openeureka.report.stats import best_so_far, by_generation, trained_share
 from openeureka.types import History, VerdictCode
 
 from .search import HISTORY
@@ -26,18 +26,3 @@ def test_best_so_far_never_falls():
 def test_trained_share_is_of_all_slots():
     assert trained_share(HISTORY) == pytest.approx(4 / 6)
     assert trained_share(History()) is None
-
-
-@pytest.mark.parametrize(
-    ("fitness", "human", "sparse", "score"),
-    [
-        (50.0, 60.0, 20.0, 0.75),  # 30 / 40
-        (-0.3, -0.2, -1.0, 0.875),  # 0.7 / 0.8
-        (5.0, 2.0, 3.0, 2.0),  # the human reward is the worse one: 2 / |-1|
-        (5.0, 3.0, 3.0, None),
-        (None, 60.0, 20.0, None),
-        (50.0, None, 20.0, None),
-    ],
-)
-def test_human_normalised_score(fitness, human, sparse, score):
-    assert human_normalised(fitness, human, sparse) == (None if score is None else pytest.approx(score))

@@ -1,6 +1,6 @@
 import pytest
 
-from openeureka.report.text import columns, duration, number, one_line, plain
+from openeureka.report.text import columns, duration, number, one_line, plain, spread
 
 
 @pytest.mark.parametrize(
@@ -32,3 +32,17 @@ def test_columns_are_as_wide_as_their_widest_cell():
 def test_numbers_and_durations_for_people():
     assert (number(None), number(498.76543), number(-0.000123456)) == ("-", "498.8", "-0.0001235")
     assert (duration(41.6), duration(185), duration(7810)) == ("42 s", "3 min 05 s", "2 h 10 min")
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ((), "-"),
+        ((None, None), "-"),
+        ((5.0,), "5"),
+        ((2.0, 4.0, 6.0), "4 ± 2"),  # sample deviation sqrt((4 + 0 + 4) / 2)
+        ((2.0, None), "2 (1 undefined)"),
+    ],
+)
+def test_spread_is_mean_and_sample_deviation_of_the_defined_values(values, text):
+    assert spread(values) == text

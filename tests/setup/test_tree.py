@@ -33,7 +33,7 @@ def _normal(name: str) -> str:
     [
         ("data = '/" + "home/somebody/data'", 1),
         ("pip install --index-" + "url x", 1),
-        ("see https://example.org/simple" + " there", 1),
+        ("see https://example.org/" + "simple there", 1),
         ("outputs/home/x and ~/work/y", 0),
         ("import os", 0),
     ],

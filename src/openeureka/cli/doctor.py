@@ -11,6 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from ..report import video
 from ..report.text import columns
 from ..report.video import VideoUnavailable
+from ..sandbox import confine
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +53,11 @@ def cores() -> list[Finding]:
     return [Finding("threads", True, f"{len(os.sched_getaffinity(0))} of {os.cpu_count()} cores usable")]
 
 
+def confinement() -> list[Finding]:
+    offered = confine.support()
+    return [Finding("sandbox", offered.complete, offered.sentence())]
+
+
 def rendering() -> list[Finding]:
     try:
         return [Finding("video", True, f"renders with {video.renderer()}")]
@@ -68,4 +74,4 @@ def endpoint_key() -> list[Finding]:
     return [Finding("key", present, detail, needed=False)]
 
 
-LOOKS: tuple[Callable[[], list[Finding]], ...] = (python, packages, cores, rendering, endpoint_key)
+LOOKS: tuple[Callable[[], list[Finding]], ...] = (python, packages, cores, confinement, rendering, endpoint_key)

@@ -6,13 +6,15 @@ import errno
 import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from ..config import RunConfig
 from ..errors import EurekaError, StoreError
 from ..report.text import plain
-from .settings import ContextConfig, PlayConfig, describe
+from .settings import CheckConfig, ContextConfig, PlayConfig, TrainConfig, describe
 
 app = typer.Typer(
     name="eureka",
@@ -23,10 +25,75 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-Settings = Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE", help="Settings, listed below.")]
-Words = Annotated[
-    list[str] | None, typer.Argument(metavar="KEY=VALUE|PATH", help="Settings, listed below, and a path.")
-]
+Settings = Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE", hidden=True)]
+Words = Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE|PATH", hidden=True)]
+RunDirectory = Annotated[Path, typer.Argument(metavar="DIR", hidden=True)]
+
+
+@app.command(epilog=describe(RunConfig))
+def run(words: Settings = None) -> None:
+    """Search for a reward and keep the best one, its policy, a video and a report.
+
+    Example: eureka run env=cartpole model=random sample=8 iteration=2
+    """
+    from .search import run
+
+    run(words or [])
+
+
+@app.command()
+def resume(words: Words = None) -> None:
+    """Continue a search where it stopped; no reply is paid for twice.
+
+    Example: eureka resume outputs/2026-01-31_12-00-00_cartpole max_cost=10
+    """
+    from .search import resume
+
+    resume(words or [])
+
+
+@app.command()
+def show(directory: RunDirectory) -> None:
+    """Print a run as a table, finished or not.
+
+    Example: eureka show outputs/2026-01-31_12-00-00_cartpole
+    """
+    from .show import show
+
+    show(directory)
+
+
+@app.command()
+def report(directory: RunDirectory) -> None:
+    """Write report.md, summary.png, TensorBoard events and the video of a run again.
+
+    Example: eureka report outputs/2026-01-31_12-00-00_cartpole
+    """
+    from .show import report
+
+    report(directory)
+
+
+@app.command(epilog=describe(TrainConfig))
+def train(words: Settings = None) -> None:
+    """Train and compare given rewards, without a language model.
+
+    Example: eureka train env=cartpole reward=human,sparse seeds=3
+    """
+    from .training import train
+
+    train(words or [])
+
+
+@app.command(epilog=describe(CheckConfig))
+def check(words: Words = None) -> None:
+    """Check one reward file as a run would, and print the verdict.
+
+    Example: eureka check env=cartpole my_reward.py
+    """
+    from .check import check
+
+    raise typer.Exit(check(words or []))
 
 
 @app.command(epilog=describe(PlayConfig))
@@ -80,7 +147,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     except (EurekaError, OSError) as error:
         if os.environ.get("EUREKA_DEBUG") or not _is_for_a_person(error):
             raise
-        print(plain(_sentence(error)), file=sys.stderr)
+        for line in (_sentence(error), *getattr(error, "__notes__", ())):
+            print(plain(line), file=sys.stderr)
         raise SystemExit(error.exit_code if isinstance(error, EurekaError) else StoreError.exit_code) from None
 
 

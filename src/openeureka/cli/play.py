@@ -2,24 +2,37 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
 from ..config import parse
 from ..errors import ConfigError
 from ..report.video import render
-from .settings import PlayConfig, split
+from ..store import artifacts
+from ..training.policy import Policy
+from .settings import PlayConfig, only_path, split
+
+AGENTS = ("random", "zero")
 
 
 def play(words: Sequence[str]) -> None:
     """Render a policy and say where the video is."""
-    settings, _ = split(words)
+    settings, paths = split(words)
     config = parse(PlayConfig, settings)
-    policy: str | bytes = config.policy
-    if policy not in ("random", "zero"):
+    if paths:
+        directory = only_path(paths, "eureka play DIR")
+        video = str(directory / "best" / "video.mp4")
+        policy = str(directory / "best" / "policy.safetensors")
+        config = dataclasses.replace(config, policy=config.policy or policy, out=config.out or video)
+    if config.policy in AGENTS:
+        policy = config.policy
+        env = config.env or "cartpole"
+    else:
         policy = _read(Path(config.policy))
-    target = Path(config.out or f"{config.env}.mp4")
-    target.write_bytes(render(config.env, policy, seconds=config.seconds, seed=config.seed))
+        env = _env_of(policy, config.env)
+    target = Path(config.out or f"{env}.mp4")
+    artifacts.write(target, render(env, policy, seconds=config.seconds, seed=config.seed))
     print(f"Wrote {target}")
 
 
@@ -27,4 +40,14 @@ def _read(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise ConfigError(f"Cannot read the policy {path}: {error.strerror}.") from None
+        raise ConfigError(
+            f"Cannot read the policy {path}: {error.strerror}; name a run directory or policy=FILE, random or zero."
+        ) from None
+
+
+def _env_of(policy: bytes, wanted: str) -> str:
+    """The task a policy was trained on; it fits no other."""
+    trained = Policy.from_bytes(policy).env
+    if wanted and wanted != trained:
+        raise ConfigError(f"The policy was trained on env={trained}, not on env={wanted}; leave env= out.")
+    return trained

@@ -2,52 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from ..config import RunConfig, as_dict
-from ..types import Evaluation, History, Scored, TrainingResult, Usage
-from .stats import by_generation, human_normalised
-from .text import number, one_line, plain
+from ..score import Outcome
+from ..types import History, Scored, Usage
+from .run import Run
+from .stats import by_generation
+from .text import number, one_line, plain, spread
 
 
-def report(
-    config: RunConfig,
-    history: History,
-    baselines: Mapping[str, TrainingResult],
-    evaluations: Mapping[str, Evaluation],
-    usage: Usage,
-) -> str:
-    """The whole file.
-
-    Args:
-        baselines: results of the `human` and `sparse` rewards, as far as they were trained.
-        evaluations: held-out scores by job.
-    """
+def report(run: Run) -> str:
+    """The whole file."""
     sections = (
-        _headline(config, history, baselines),
+        f"# {run.config.env}: search for a reward",
+        _verdict(run),
         "![Summary](summary.png)",
-        _generations(history),
-        _best(history.best),
-        _held_out(evaluations),
-        _failures(history),
-        _spent(usage),
-        _settings(config),
+        _final(run.outcome),
+        _generations(run.history),
+        _best(run.history.best),
+        _failures(run.history),
+        _spent(run.usage),
+        _settings(run.config),
     )
     return "\n\n".join(section for section in sections if section) + "\n"
 
 
-def _headline(config: RunConfig, history: History, baselines: Mapping[str, TrainingResult]) -> str:
-    best = history.best
-    human, sparse = (baselines[name].fitness if name in baselines else None for name in ("human", "sparse"))
-    rows = [
-        ("best generated reward", number(best.fitness if best else None)),
-        ("human reward", number(human)),
-        ("sparse reward", number(sparse)),
-        ("human-normalised score of the best", number(human_normalised(best.fitness if best else None, human, sparse))),
+def _verdict(run: Run) -> str:
+    best = run.history.best
+    rows = [("best generated reward", number(best.fitness if best else None))]
+    rows += [(f"{name} reward", number(result.fitness)) for name, result in run.baselines.items()]
+    note = "F is the task's own score, its maximum over training. The best of many flatters: see the final scores."
+    return f"{note}\n\n{_table(('search', 'F'), rows)}"
+
+
+def _final(outcome: Outcome | None) -> str:
+    if outcome is None:
+        return "## Final scores\n\nThe final trainings are not done yet."
+    arms = {"best generated reward": outcome.method, "human reward": outcome.human, "sparse reward": outcome.sparse}
+    seeds = len(outcome.method.training)
+    note = f"Mean ± standard deviation over {seeds} fresh seeds. Held out: deterministic actions, fresh episodes."
+    rows = [(name, spread(arm.training), spread(arm.held_out)) for name, arm in arms.items()]
+    scores = [
+        ("human-normalised score, (F - sparse) / abs(human - sparse), held out", number(outcome.normalised)),
+        ("the same on maxima over training, as published", number(outcome.normalised_training)),
+        ("correlation with the human reward over transitions", number(outcome.correlation, 2)),
+        ("the same over epochs, as the published code computes it", number(outcome.curve_correlation, 2)),
     ]
-    if best and best.result:
-        rows.append(("correlation of the best with the human reward", number(best.result.correlation, 2)))
-    return f"# {config.env}: search for a reward\n\n" + _table(("", "F"), rows)
+    titles = ("", "F, maximum over training", "F, held out")
+    return f"## Final scores\n\n{note}\n\n{_table(titles, rows)}\n\n{_table(('score', 'value'), scores)}"
 
 
 def _generations(history: History) -> str:
@@ -72,17 +75,6 @@ def _best(best: Scored | None) -> str:
         return "## Best reward\n\nNo reward has been trained yet."
     place = f"Generation {best.sample.generation}, slot {best.sample.slot}, candidate {best.sample.candidate.id}."
     return f"## Best reward\n\n{place}\n\n{_code(best.sample.candidate.source)}"
-
-
-def _held_out(evaluations: Mapping[str, Evaluation]) -> str:
-    if not evaluations:
-        return ""
-    rows = [
-        (job, number(score.fitness), number(score.episode_length), str(score.episodes))
-        for job, score in evaluations.items()
-    ]
-    note = "Deterministic actions, fresh episodes; each policy is the one at the peak of F in its training."
-    return f"## Held-out scores\n\n{note}\n\n" + _table(("policy", "F", "episode length", "episodes"), rows)
 
 
 def _failures(history: History) -> str:

@@ -10,25 +10,22 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ..types import History, TrainingResult
+from .run import Run
 from .stats import best_so_far
 
 _BASELINE_STYLE = {"human": ("tab:green", "--"), "sparse": ("tab:gray", ":")}
 
 
-def summary(env: str, history: History, baselines: Mapping[str, TrainingResult]) -> bytes:
-    """A PNG of three panels: the search, how the best reward's policy learnt, and the components of that reward.
-
-    Args:
-        baselines: results of the `human` and `sparse` rewards, as far as they were trained.
-    """
+def summary(run: Run) -> bytes:
+    """A PNG of three panels: the search, how the best reward's policy learnt, and the components of that reward."""
     figure = Figure(figsize=(15, 4.5), layout="constrained")
     search, learning, components = figure.subplots(1, 3)
-    _search(search, history, baselines)
-    best = history.best
+    _search(search, run.history, run.baselines)
+    best = run.history.best
     result = best.result if best else None
-    _learning(learning, result, baselines)
+    _learning(learning, result, run.baselines)
     _components(components, result)
-    figure.suptitle(env)
+    figure.suptitle(run.config.env)
     buffer = BytesIO()
     FigureCanvasAgg(figure).print_png(buffer)
     return buffer.getvalue()

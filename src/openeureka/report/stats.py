@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from ..score import mean
 from ..types import Generation, History, TrainingState, VerdictCode
 
 
@@ -41,7 +41,7 @@ def _of(generation: Generation) -> GenerationStats:
         replies=sum(entry.sample.attempts for entry in generation.entries),
         trained=len(scores),
         best=generation.best.fitness if generation.best else None,
-        mean=math.fsum(scores) / len(scores) if scores else None,
+        mean=mean(scores),
     )
 
 
@@ -55,14 +55,6 @@ def best_so_far(history: History) -> tuple[float | None, ...]:
             best = fitness if best is None else max(best, fitness)
         curve.append(best)
     return tuple(curve)
-
-
-def human_normalised(fitness: float | None, human: float | None, sparse: float | None) -> float | None:
-    """(F - sparse) / |human - sparse| of arXiv 2310.12931: 0 is as good as the sparse reward, 1 as
-    good as the human one. None where it is undefined."""
-    if fitness is None or human is None or sparse is None or human == sparse:
-        return None
-    return (fitness - sparse) / abs(human - sparse)
 
 
 def trained_share(history: History) -> float | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import statistics
 import unicodedata
 from collections.abc import Sequence
 
@@ -26,6 +27,16 @@ def one_line(text: str, width: int = 100) -> str:
 def number(value: float | None, digits: int = 4) -> str:
     """A score for a table; a dash where there is none."""
     return "-" if value is None else f"{value:.{digits}g}"
+
+
+def spread(values: Sequence[float | None]) -> str:
+    """Mean and, for several values, sample standard deviation of the defined ones; says how many are undefined."""
+    defined = [value for value in values if value is not None]
+    if not defined:
+        return "-"
+    missing = f" ({len(values) - len(defined)} undefined)" if len(defined) < len(values) else ""
+    deviation = f" ± {number(statistics.stdev(defined), 2)}" if len(defined) > 1 else ""
+    return f"{number(statistics.fmean(defined))}{deviation}{missing}"
 
 
 def duration(seconds: float) -> str:

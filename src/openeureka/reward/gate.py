@@ -1,7 +1,7 @@
 """The first filter: reads a reward program as text and says, with line and fix, what is not allowed.
 
-It never runs anything. It exists for good messages and to keep ordinary mistakes cheap; the boundary that holds against a
-program that means harm is the kernel's (`sandbox.confine`).
+It never runs anything. It exists for good messages and to keep ordinary mistakes cheap; the boundary that holds against
+a program that means harm is the kernel's (`sandbox.confine`).
 """
 
 from __future__ import annotations
@@ -217,6 +217,9 @@ class _Rules(ast.NodeVisitor):
             self._refuse("unknown-name", f"`{name}` is not defined", node, fix)
 
     def visit_Attribute(self, node: ast.Attribute) -> None:
+        if not isinstance(node.ctx, ast.Load):
+            self._attribute_store(node)
+            return
         path = dotted(node)
         root = path.split(".")[0] if path else ""
         if path and root not in self._locals and root in self.draft.names:
@@ -225,14 +228,18 @@ class _Rules(ast.NodeVisitor):
         if isinstance(node.value, ast.Name) and node.value.id == "self":
             self._self_attribute(node)
             return
-        self._method(node)
         self.visit(node.value)
+        self._method(node)
+
+    def _attribute_store(self, node: ast.Attribute) -> None:
+        of_self = isinstance(node.value, ast.Name) and node.value.id == "self"
+        target = ast.unparse(node)[:60]
+        rule = "input-edit" if of_self else "attribute"
+        self._refuse(rule, f"`{target}` may not be assigned", node, "use a local variable and return it")
 
     def _method(self, node: ast.Attribute) -> None:
         name = node.attr
-        if isinstance(node.ctx, ast.Store):
-            self._refuse("attribute", f"`.{name}` may not be assigned", node, "use a local variable")
-        elif name in surface.RANDOM:
+        if name in surface.RANDOM:
             self._random(name, node)
         elif name in surface.READS:
             message = f"`.{name}` turns tensor values into Python values"
@@ -242,10 +249,7 @@ class _Rules(ast.NodeVisitor):
             self._refuse("attribute", f"`.{name[:40]}` is not an allowed attribute", node, fix)
 
     def _self_attribute(self, node: ast.Attribute) -> None:
-        if isinstance(node.ctx, ast.Store):
-            message = f"`self.{node.attr}` may not be assigned"
-            self._refuse("input-edit", message, node, "use a local variable and return it")
-        elif self._is_input(node.attr):
+        if self._is_input(node.attr):
             self.inputs[node.attr] = None
         else:
             self._unknown_input(node.attr, node)

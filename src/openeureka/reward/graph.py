@@ -22,12 +22,13 @@ COMPONENT_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 MAX_SIZE_PER_WORLD = 16_384
 """Elements of one intermediate value per world (64 KiB in float32)."""
 
-_LEAVES = ("input", "constant")
-_MADE_FROM_NOTHING = frozenset(
-    "zeros.default ones.default full.default arange.default arange.start arange.start_step linspace.default eye.default "
-    "eye.m scalar_tensor.default".split()
-)
+_MADE_FROM_NOTHING = surface.words("""
+    arange.default arange.start arange.start_step eye.default eye.m full.default linspace.default ones.default
+    scalar_tensor.default zeros.default
+""")
 """Operations that take no tensor and so must be told the device."""
+_TORCH_NAMES = {"dtype": surface.DTYPES, "memory_format": surface.words("contiguous_format preserve_format")}
+"""Keyword arguments that name an attribute of torch."""
 _MAX_INT = 2**63 - 1
 
 State = Mapping[str, Tensor | float | int]
@@ -148,9 +149,10 @@ def _validate_node(node: Node, index: int) -> None:
                 raise GraphError("a number is too large")
         elif leaf is not None and not isinstance(leaf, float):
             raise GraphError(f"argument {leaf!r:.40}")
-    dtype = node.kwargs.get("dtype")
-    if dtype is not None and dtype not in surface.DTYPES:
-        raise GraphError(f"dtype {dtype!r:.20}")
+    for key, allowed in _TORCH_NAMES.items():
+        name = node.kwargs.get(key)
+        if name is not None and name not in allowed:
+            raise GraphError(f"{key} {name!r:.20}")
 
 
 def _validate_constant(node: Node) -> None:
@@ -228,13 +230,18 @@ def operation(op: str) -> Callable[..., Any]:
     return getattr(getattr(torch.ops.aten, name), overload)
 
 
+def _named(kwargs: dict[str, Any]) -> dict[str, Any]:
+    """Keyword arguments with the torch attributes that some of them name."""
+    return {k: getattr(torch, v) if k in _TORCH_NAMES and v is not None else v for k, v in kwargs.items()}
+
+
 def _constant(node: Node, device: torch.device | str) -> Tensor:
     values, shape, dtype = node.args
     return torch.tensor(values, dtype=getattr(torch, str(dtype)), device=device).reshape(shape)  # type: ignore[arg-type]
 
 
 def values(graph: RewardGraph, state: State, num_worlds: int, device: torch.device | str = "cpu") -> Iterator[Any]:
-    """The value of each node in turn: the reference interpreter, for checks. On the meta device it computes shapes only.
+    """The value of each node in turn: the reference interpreter, for checks; on the meta device, shapes only.
 
     A boolean mask as an index selects every element on the meta device: the largest result it can have.
     """
@@ -255,9 +262,7 @@ def values(graph: RewardGraph, state: State, num_worlds: int, device: torch.devi
         elif node.op == "getitem":
             value = fill(node.args[0])[node.args[1]]
         else:
-            args, kwargs = [fill(arg) for arg in node.args], {key: fill(arg) for key, arg in node.kwargs.items()}
-            if "dtype" in kwargs and kwargs["dtype"] is not None:
-                kwargs["dtype"] = getattr(torch, kwargs["dtype"])
+            args, kwargs = [fill(arg) for arg in node.args], _named({k: fill(arg) for k, arg in node.kwargs.items()})
             if node.op in _MADE_FROM_NOTHING:
                 kwargs["device"] = device
             if device == "meta" and node.op == "index.Tensor":
@@ -351,9 +356,7 @@ def _module(graph: RewardGraph, names: Sequence[str]) -> fx.GraphModule:
         elif node.op == "getitem":
             done.append(built.call_function(operator.getitem, (fill(node.args[0]), node.args[1])))
         else:
-            kwargs = {key: fill(arg) for key, arg in node.kwargs.items()}
-            if kwargs.get("dtype") is not None:
-                kwargs["dtype"] = getattr(torch, kwargs["dtype"])
+            kwargs = _named({key: fill(arg) for key, arg in node.kwargs.items()})
             if node.op in _MADE_FROM_NOTHING:
                 kwargs["device"] = device
             args = tuple(fill(arg) for arg in node.args)

@@ -1,7 +1,7 @@
 """Rotation and vector helpers that reward programs of this kind call, under the names the field uses.
 
-Quaternions are (x, y, z, w), batched in the leading dimensions. Formulas: Diebel, "Representing attitude" (2006), with the
-conventions that published rewards rely on (`get_euler_xyz` wraps to [0, 2 pi)). All functions are pure.
+Quaternions are (x, y, z, w), batched in the leading dimensions. Formulas: Diebel, "Representing attitude" (2006), with
+the conventions that published rewards rely on (`get_euler_xyz` wraps to [0, 2 pi)). All functions are pure.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ def quat_diff_rad(a: Tensor, b: Tensor) -> Tensor:
 
 def quat_axis(q: Tensor, axis: int = 0) -> Tensor:
     """World direction of a body axis."""
-    return quat_apply(q, torch.eye(3, dtype=q.dtype, device=q.device)[axis].expand(q.shape[:-1] + (3,)))
+    return quat_apply(q, torch.eye(3, dtype=q.dtype, device=q.device)[axis].expand((*q.shape[:-1], 3)))
 
 
 def quat_apply_yaw(quat: Tensor, vec: Tensor) -> Tensor:
@@ -205,7 +205,7 @@ def quat_to_angle_axis(q: Tensor) -> tuple[Tensor, Tensor]:
     sine = torch.sqrt(1.0 - w * w)
     turned = sine > 1e-5
     angle = torch.where(turned, normalize_angle(2.0 * torch.acos(w)), torch.zeros_like(w))
-    up = torch.eye(3, dtype=q.dtype, device=q.device)[2].expand(q.shape[:-1] + (3,))
+    up = torch.eye(3, dtype=q.dtype, device=q.device)[2].expand((*q.shape[:-1], 3))
     axis = torch.where(turned.unsqueeze(-1), q[..., :3] / sine.clamp(min=1e-5).unsqueeze(-1), up)
     return angle, axis
 

@@ -1,7 +1,7 @@
 """From the ways people write reward programs to one plain form: functions and literal constants, nothing else.
 
-Imports become a table of names, and decorators, annotations, docstrings, prints and `device=` vanish. Line numbers stay those of the
-author. What cannot be brought to that form becomes a finding; whether the rest is allowed is for `gate`.
+Imports become a table of names; decorators, annotations, docstrings, prints and `device=` vanish. Line numbers stay
+those of the author. What cannot be brought to that form becomes a finding; whether the rest is allowed is for `gate`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Watches a reward program run: `Guard` stops it at the first thing it may not do, `Tracer` writes down the operations."""
+"""Watches a reward program run: `Guard` stops it at the first forbidden thing, `Tracer` writes the operations down."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from typing import Any
 import torch
 from torch import Tensor
 from torch.func import functionalize
-from torch.utils._python_dispatch import TorchDispatchMode
+from torch.utils._python_dispatch import TorchDispatchMode, _disable_current_modes
 
 from ..types import Finding, Node, RewardGraph
 from . import surface
 from .gate import FILENAME
 
-_READS = frozenset(
-    "_local_scalar_dense is_nonzero equal nonzero nonzero_static masked_select _unique _unique2 unique_dim "
-    "unique_consecutive bincount".split()
-)
-_UNUSED_KWARGS = frozenset("device layout pin_memory memory_format non_blocking".split())
-_SAME_VALUE = frozenset("lift_fresh.default detach.default alias.default".split())
+_READS = surface.words("""
+    _local_scalar_dense is_nonzero equal nonzero nonzero_static masked_select _unique _unique2 unique_dim
+    unique_consecutive bincount
+""")
+_UNUSED_KWARGS = surface.words("device layout pin_memory non_blocking")
+_SAME_VALUE = surface.words("lift_fresh.default detach.default alias.default")
 
 
 class Refused(Exception):
@@ -66,11 +66,15 @@ class Guard(TorchDispatchMode):
             if argument.alias_info is None or not argument.alias_info.is_write:
                 continue
             value = args[index] if index < len(args) else kwargs.get(argument.name)
-            for tensor in value if isinstance(value, list | tuple) else (value,):
-                name = self._owner.get(tensor.untyped_storage().data_ptr()) if isinstance(tensor, Tensor) else None
+            tensors = value if isinstance(value, list | tuple) else (value,)
+            for tensor in tensors:
+                name = self._input_of(tensor)
                 if name is not None:
                     message = f"in-place edit of input `{name}`"
                     raise Refused("input-edit", message, f"copy it first: `x = {name}.clone()`", current_line())
+
+    def _input_of(self, value: object) -> str | None:
+        return self._owner.get(value.untyped_storage().data_ptr()) if isinstance(value, Tensor) else None
 
 
 def _judge(func: Any) -> None:
@@ -120,9 +124,9 @@ class Tracer(TorchDispatchMode):
         if tensor.numel() > 4096:
             raise Refused("memory", "a literal tensor is too large", "build it with torch operations", current_line())
         # The mode is not active inside its own handler, but `index` is also called from outside of it.
-        with torch.utils._python_dispatch._disable_current_modes():
+        with _disable_current_modes():
             numbers = tuple(tensor.detach().reshape(-1).tolist())
-        index = self.add("constant", (numbers, tuple(tensor.shape), _dtype(tensor.dtype)))
+        index = self.add("constant", (numbers, tuple(tensor.shape), str(tensor.dtype).removeprefix("torch.")))
         self.name(tensor, index)
         return index
 
@@ -153,17 +157,13 @@ class Tracer(TorchDispatchMode):
             return {"ref": self.index(value)}
         if isinstance(value, list | tuple):
             return tuple(self._encode(part) for part in value)
-        if isinstance(value, torch.dtype):
-            return _dtype(value)
+        if isinstance(value, torch.dtype | torch.memory_format):
+            return str(value).removeprefix("torch.")
         if value is None or isinstance(value, bool | int | float | str):
             return value
         raise Refused(
             "operation", f"an argument of type {type(value).__name__} cannot be part of a reward", "", current_line()
         )
-
-
-def _dtype(dtype: torch.dtype) -> str:
-    return str(dtype).removeprefix("torch.")
 
 
 def _squeeze(args: Sequence[Any]) -> tuple[str, tuple[Any, ...]]:
@@ -203,7 +203,7 @@ def trace(
 
 
 def unify(first: RewardGraph, second: RewardGraph, sizes: tuple[int, int], lines: Sequence[int | None]) -> RewardGraph:
-    """One graph for any number of worlds from two traces of different size; integers that grow with N become `{"n": k}`.
+    """One graph for any number of worlds, from traces of two sizes; integers that grow with N become `{"n": k}`.
 
     Raises:
         Refused: where the traces differ in another way.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import ast
+import inspect
 
 from ..types import TaskContext
 from .registry import get
@@ -19,11 +19,14 @@ def context(env: str) -> TaskContext:
 
 
 def prune(task: type[Task]) -> str:
-    """The task's class with only the methods that turn actions into motion and motion into state."""
-    text = task.source()
-    for node in ast.parse(text).body:
-        if isinstance(node, ast.ClassDef) and node.name == task.__name__:
-            methods = [part for part in node.body if isinstance(part, ast.FunctionDef) and part.name in _VISIBLE]
-            shown = [ast.get_source_segment(text, method, padded=True) or "" for method in methods]
-            return "\n\n".join([f"class {task.__name__}:", *shown])
-    raise LookupError(f"{task.__name__} is not defined at the top level of its module")
+    """The task's class, and above it those it builds on, with only the methods that turn actions into motion and motion
+    into state."""
+    lineage = [cls for cls in reversed(task.__mro__) if issubclass(cls, Task) and cls is not Task]
+    return "\n\n\n".join(_visible_part(cls) for cls in lineage)
+
+
+def _visible_part(cls: type[Task]) -> str:
+    bases = ", ".join(base.__name__ for base in cls.__bases__ if base is not Task)
+    header = f"class {cls.__name__}({bases}):" if bases else f"class {cls.__name__}:"
+    shown = [inspect.getsource(vars(cls)[name]).rstrip() for name in _VISIBLE if name in vars(cls)]
+    return "\n\n".join((header, *shown))

@@ -94,7 +94,7 @@ class BatchedEnv:
 
     def _reset(self, worlds: Tensor) -> None:
         self.task.progress[worlds] = 0
-        self.task.actions[worlds] = 0.0
+        self.task.actions = self.task.actions.index_fill(0, worlds, 0.0)  # a copy: the step's state holds the old one
         self.sim.reset(worlds)
         self.task.reset(worlds)
         self.sim.forward(worlds)

@@ -13,6 +13,8 @@ from .task import Task
 
 _BUILT_IN = {
     "cartpole": "openeureka.tasks.classic.cartpole:Cartpole",
+    "ant": "openeureka.tasks.locomotion.ant:Ant",
+    "humanoid": "openeureka.tasks.locomotion.humanoid:Humanoid",
     "ballbalance": "openeureka.tasks.classic.ballbalance:BallBalance",
     "quadcopter": "openeureka.tasks.classic.quadcopter:Quadcopter",
 }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -131,11 +130,6 @@ class Task(ABC):
         spec.option.timestep = cls.control_dt / cls.substeps
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         return spec.compile()
-
-    @classmethod
-    def source(cls) -> str:
-        """Text of the file the task is written in."""
-        return inspect.getsource(inspect.getmodule(cls) or cls)
 
 
 def mean_over_steps(value: Tensor) -> Score:

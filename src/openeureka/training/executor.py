@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -61,7 +62,8 @@ class PopulationTrainer:
 
     def _ask(self, request: Mapping[str, Any], blobs: Mapping[str, bytes]) -> Iterator[Frame]:
         """Frames of one request, up to the one that says it is done."""
-        with Worker(self._module) as worker:
+        # Idle OpenMP threads that spin would starve the simulator's threads, many times over on a busy machine.
+        with Worker(self._module, env={"GOMP_SPINCOUNT": "0", **os.environ}) as worker:
             try:
                 worker.send({**request, **self._options}, blobs)
                 while not (frame := worker.receive(self._silence)).header.get("done"):

@@ -16,6 +16,8 @@ from .network import StackedActorCritic
 from .normalize import normalize
 from .ppo import PPO
 
+FORMAT = "openeureka-policy-1"
+
 
 @dataclass(frozen=True, slots=True)
 class Policy:
@@ -38,24 +40,20 @@ class Policy:
         return Policy(env, ppo.network.lane(lane) | statistics)
 
     def to_bytes(self) -> bytes:
-        layers = sorted((name for name in self.tensors if name[0] == "w"), key=lambda name: int(name[1:]))
-        metadata = {
-            "format": "openeureka-policy-1",
-            "env": self.env,
-            "hidden": json.dumps([self.tensors[name].shape[1] for name in layers]),
-            "activation": "elu",
-        }
-        return save({name: value.cpu().contiguous() for name, value in self.tensors.items()}, metadata)
+        # One entry: safetensors writes several in no fixed order, and equal policies shall be equal files.
+        header = {"format": FORMAT, "env": self.env, "hidden": self.hidden, "activation": "elu"}
+        tensors = {name: value.cpu().contiguous() for name, value in self.tensors.items()}
+        return save(tensors, {"openeureka": json.dumps(header)})
 
     @staticmethod
     def from_bytes(data: bytes) -> Policy:
         """Raises RewardFileError for anything but a policy this version wrote."""
         try:
             size = int.from_bytes(data[:8], "little")
-            metadata = json.loads(data[8 : 8 + size])["__metadata__"]
-            if metadata["format"] != "openeureka-policy-1":
-                raise ValueError(metadata["format"])
-            return Policy(metadata["env"], load(data))
+            header = json.loads(json.loads(data[8 : 8 + size])["__metadata__"]["openeureka"])
+            if header["format"] != FORMAT:
+                raise ValueError(header["format"])
+            return Policy(header["env"], load(data))
         except (SafetensorError, ValueError, KeyError, TypeError) as error:
             raise RewardFileError(
                 f"This is not a policy file of openeureka ({error!r:.80}); pass policy=FILE."

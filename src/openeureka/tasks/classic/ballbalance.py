@@ -25,6 +25,8 @@ LEG_ANGLES = (0.0, 2 * math.pi / 3, 4 * math.pi / 3)
 RIM_POINTS = tuple((RIM_RADIUS * math.cos(angle), RIM_RADIUS * math.sin(angle), 0.0) for angle in LEG_ANGLES)
 KNEE_LIMITS = (math.radians(-70.0), math.radians(90.0))
 KNEE_SPEED = 20.0  # [rad/s] of the knee targets at full action
+KNEE_STIFFNESS = 4000.0  # [N m/rad]
+MAX_TORQUE = KNEE_STIFFNESS * 0.2  # [N m] one full action's pull; without a limit feet are torn 14 cm off their pins
 
 _BALL_CONTACT = 1
 _WRENCH_DATA = sum(
@@ -108,11 +110,12 @@ class BallBalance(Task):
 
     @staticmethod
     def model() -> mujoco.MjSpec:
-        """Drives keep the original's gains; armature on all leg joints and stiff `connect` feet keep them stable.
+        """The original's gains, kept stable by armature on all leg joints; feet are pinned by stiff `connect`.
 
         Left out: contacts of the legs with each other, the tray and the ground, which the joint limits keep apart.
         """
         spec = mujoco.MjSpec()
+        spec.compiler.degree = False
         spec.worldbody.add_light(pos=[0, 0, 5])
         spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[3, 3, 0.1], contype=0, conaffinity=0)
 
@@ -255,7 +258,9 @@ def _add_leg(spec: mujoco.MjSpec, tray: mujoco.MjsBody, index: int) -> None:
     lower.add_geom(**capsule)
 
     knee = spec.add_actuator(name=f"knee{index}", target=f"lower_leg_joint{index}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    knee.set_to_position(kp=4000, kv=100)
+    knee.set_to_position(kp=KNEE_STIFFNESS, kv=100)
+    knee.forcelimited = True
+    knee.forcerange = [-MAX_TORQUE, MAX_TORQUE]
     foot = spec.add_equality(
         name=f"foot{index}",
         type=mujoco.mjtEq.mjEQ_CONNECT,

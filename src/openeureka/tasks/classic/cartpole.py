@@ -53,7 +53,8 @@ class Cartpole(Task):
         cart.add_joint(name="slide", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 1, 0], range=[-4, 4], limited=True)
         cart.add_geom(size=[0.1, 0.125, 0.1], mass=1, **box)
         pole = cart.add_body(name="pole", pos=[0.12, 0, 0])
-        pole.add_joint(name="hinge", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1, 0, 0])
+        # The original damps each link's rotation by 0.5 1/s; the pole's inertia about its centre is 0.0836 kg m^2.
+        pole.add_joint(name="hinge", axis=[1, 0, 0], damping=[0.5 * 0.0836, 0, 0])
         pole.add_geom(size=[0.02, 0.03, 0.5], pos=[0, 0, 0.47], mass=1, **box)
         motor = spec.add_actuator(name="force", target="slide", trntype=mujoco.mjtTrn.mjTRN_JOINT)
         motor.gear[0] = MAX_FORCE

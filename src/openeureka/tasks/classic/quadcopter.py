@@ -20,6 +20,9 @@ TILT_LIMIT = math.radians(30.0)
 TILT_SPEED = 8.0 * math.pi  # [rad/s] of the rotor angle targets at full action
 MAX_THRUST = 2.0  # [N] per rotor
 THRUST_RATE = 200.0  # [N/s] at full action
+# The original clamps spin at 4 pi rad/s. Cubic damping balances the largest roll torque, 0.41 N m, at that speed; below
+# 3 rad/s and 5 m/s it stays under 2 % of the torque and of the weight.
+SPIN_LIMIT = (0.0, 0.0, 2e-4)
 
 
 class Quadcopter(Task):
@@ -81,17 +84,18 @@ class Quadcopter(Task):
 
     @staticmethod
     def model() -> mujoco.MjSpec:
-        """The original's rotor drive (stiffness 1000, no damping) diverges here; this one follows within a step or two.
+        """The original's rotor drive (stiffness 1000, no damping) diverges here; this one is critically damped, 40 ms.
 
         Left out: contacts, because an episode ends before a rotor can reach the ground.
         """
         spec = mujoco.MjSpec()
+        spec.compiler.degree = False
         spec.worldbody.add_light(pos=[0, 0, 5])
         intangible = {"contype": 0, "conaffinity": 0}
         spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 0.1], **intangible)
 
         chassis = spec.worldbody.add_body(name="chassis", pos=TARGET)
-        chassis.add_freejoint(name="chassis")
+        chassis.add_joint(name="chassis", type=mujoco.mjtJoint.mjJNT_FREE, damping=SPIN_LIMIT)
         cylinder = {"type": mujoco.mjtGeom.mjGEOM_CYLINDER, **intangible}
         chassis.add_geom(size=[0.1, 0.015, 0], density=50, **cylinder)
         for index in range(4):

@@ -1,0 +1,210 @@
+"""What a search shows while it runs: a table that is redrawn on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import time
+from types import TracebackType
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from ..config import RunConfig
+from ..lanes import BASELINES, lane
+from ..observer import Phase
+from ..report.text import duration, number, one_line
+from ..score import Outcome
+from ..types import Generation, Reply, Sample, TrainingProgress, TrainingResult, TrainingState, Usage
+from .progress import ProgressLine
+
+_PHASES: dict[Phase, str] = {
+    "sample": "asking the model",
+    "check": "checking programs",
+    "train": "training",
+    "final": "retraining the best",
+    "evaluate": "scoring on held-out episodes",
+}
+
+
+class Tally:
+    """What both displays count. All text that a model wrote leaves here cleaned and as one line."""
+
+    def __init__(self, config: RunConfig, usage: Usage) -> None:
+        self.config = config
+        self.usage = usage
+        self.index = 0
+        self.doing = "starting"
+        self.started = time.monotonic()
+        self.durations: list[float] = []
+        """Seconds of each generation that this process has done."""
+        self._generation_started = self.started
+
+    def phase(self, generation: int, name: Phase) -> None:
+        if generation != self.index:
+            self.index, self._generation_started = generation, time.monotonic()
+        self.doing = _PHASES[name]
+
+    def generation_done(self, generation: Generation) -> str:
+        """One line on a generation, which is counted unless the store had it already."""
+        if self.doing != "starting":
+            self.durations.append(time.monotonic() - self._generation_started)
+        best = generation.best
+        trained = sum(entry.fitness is not None for entry in generation.entries)
+        return (
+            f"Generation {generation.index}: best F {number(best.fitness if best else None)}, "
+            f"{trained} of {len(generation.entries)} trained"
+        )
+
+    def remaining(self) -> float | None:
+        """[s] left for the generations, judged by those done; None before the first."""
+        if not self.durations:
+            return None
+        mean = sum(self.durations) / len(self.durations)
+        total = mean * (self.config.iteration - self.index)
+        return max(0.0, total - (time.monotonic() - self._generation_started))
+
+    def headline(self) -> str:
+        left = self.remaining()
+        spent = self.usage.prompt_tokens + self.usage.completion_tokens
+        last = self.config.iteration - 1
+        parts = (
+            self.config.env,
+            f"generation {self.index} (0 to {last})" if self.index <= last else "final",
+            self.doing,
+            duration(time.monotonic() - self.started),
+            f"about {duration(left)} of search left" if left else "",
+            f"{spent:,} tokens",
+            f"US$ {self.usage.cost_usd:.4f}" if self.usage.cost_usd else "",
+        )
+        return " · ".join(part for part in parts if part)
+
+
+def verdict_line(sample: Sample) -> str:
+    """`accepted`, or the code and the first finding."""
+    first = sample.verdict.findings[0].sentence() if sample.verdict.findings else ""
+    return str(sample.verdict.code) + (f": {one_line(first, 80)}" if first else "")
+
+
+class PlainView:
+    """Lines for logs and pipes."""
+
+    def __init__(self, console: Console, config: RunConfig, usage: Usage) -> None:
+        self._console = console
+        self._tally = Tally(config, usage)
+        self._line = ProgressLine(console)
+
+    def __enter__(self) -> PlainView:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None: ...
+
+    def _say(self, text: str) -> None:
+        self._console.print(Text(text), soft_wrap=True)
+
+    def phase(self, generation: int, name: Phase) -> None:
+        self._tally.phase(generation, name)
+        self._say(self._tally.headline())
+        self._line = ProgressLine(self._console)
+
+    def reply(self, generation: int, slot: int, reply: Reply) -> None:
+        self._tally.usage += reply.usage
+
+    def verdict(self, sample: Sample) -> None:
+        name = sample.candidate.id if sample.candidate else "-"
+        self._say(f"  slot {sample.slot}, try {sample.attempts}, {name}: {verdict_line(sample)}")
+
+    def progress(self, progress: TrainingProgress) -> None:
+        self._line.show(progress)
+
+    def result(self, result: TrainingResult) -> None:
+        state = "" if result.state is TrainingState.FINISHED else f" {result.state}: {one_line(result.message, 80)}"
+        self._say(f"  {result.job}: F {number(result.fitness)}{state}")
+
+    def generation(self, generation: Generation) -> None:
+        self._say(self._tally.generation_done(generation))
+
+    def outcome(self, outcome: Outcome) -> None: ...
+
+
+class TerminalView:
+    """One table, redrawn: a row for every slot of the generation, or for every lane of the final trainings."""
+
+    def __init__(self, console: Console, config: RunConfig, usage: Usage) -> None:
+        self._tally = Tally(config, usage)
+        self._samples: dict[int, Sample] = {}
+        self._replied: set[int] = set()
+        self._fitness: dict[str, float | None] = {}
+        self._epochs = ""
+        self._done: list[str] = []
+        self._live = Live(console=console, get_renderable=self.render, refresh_per_second=4)
+
+    def __enter__(self) -> TerminalView:
+        self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._live.stop()
+
+    def phase(self, generation: int, name: Phase) -> None:
+        if generation != self._tally.index or name == "final":
+            self._samples.clear()
+            self._replied.clear()
+            self._fitness.clear()
+        self._epochs = ""
+        self._tally.phase(generation, name)
+
+    def reply(self, generation: int, slot: int, reply: Reply) -> None:
+        self._tally.usage += reply.usage
+        self._replied.add(slot)
+
+    def verdict(self, sample: Sample) -> None:
+        self._samples[sample.slot] = sample
+
+    def progress(self, progress: TrainingProgress) -> None:
+        self._fitness |= progress.fitness
+        self._epochs = f"epoch {progress.epoch} of {progress.epochs}, {progress.env_steps_per_second:,.0f} steps/s"
+
+    def result(self, result: TrainingResult) -> None:
+        self._fitness[result.job] = result.fitness
+
+    def generation(self, generation: Generation) -> None:
+        self._done.append(self._tally.generation_done(generation))
+
+    def outcome(self, outcome: Outcome) -> None: ...
+
+    def render(self) -> Group:
+        lines = [Text(line) for line in (*self._done, self._tally.headline(), self._epochs) if line]
+        return Group(*lines, self._slots() if self._tally.index < self._tally.config.iteration else self._lanes())
+
+    def _slots(self) -> Table:
+        table = Table("slot", "candidate", "try", "verdict", "F", box=None, pad_edge=False)
+        seed = self._tally.config.seed
+        for slot in range(self._tally.config.sample):
+            sample = self._samples.get(slot)
+            if sample is None:
+                table.add_row(str(slot), "", "", "replied" if slot in self._replied else "", "")
+                continue
+            name = sample.candidate.id if sample.candidate else "-"
+            fitness = number(self._fitness.get(lane(name, seed)))
+            table.add_row(str(slot), name, str(sample.attempts), Text(verdict_line(sample)), fitness)
+        for name, _ in BASELINES:
+            if lane(name, seed) in self._fitness:
+                table.add_row("", f"{name} reward", "", "", number(self._fitness[lane(name, seed)]))
+        return table
+
+    def _lanes(self) -> Table:
+        table = Table("training", "F", box=None, pad_edge=False)
+        for job, fitness in self._fitness.items():
+            table.add_row(Text(job), number(fitness))
+        return table
+
+
+def view(config: RunConfig, usage: Usage, console: Console | None = None) -> PlainView | TerminalView:
+    """The display that fits where the output goes; `usage` is what earlier processes of this run spent."""
+    console = console or Console()
+    return (TerminalView if console.is_terminal else PlainView)(console, config, usage)

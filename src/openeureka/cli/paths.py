@@ -1,0 +1,18 @@
+"""Where outputs go."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+
+def output_directory(chosen: str, name: str) -> Path:
+    """The chosen directory, or a new name `outputs/<time>_<name>`; nothing is made yet."""
+    if chosen:
+        return Path(chosen)
+    path = Path("outputs") / f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{name}"
+    number = 2
+    while path.exists():
+        path = path.with_name(f"{path.name.split('~')[0]}~{number}")
+        number += 1
+    return path

@@ -1,0 +1,55 @@
+"""One line that says how far a training is."""
+
+from __future__ import annotations
+
+import time
+from types import TracebackType
+
+from rich.console import Console
+from rich.text import Text
+
+from ..report.text import duration, number
+from ..types import TrainingProgress
+
+SECONDS_BETWEEN_LINES = 10.0
+"""Where there is no terminal to redraw."""
+
+
+class ProgressLine:
+    """A line that is redrawn on a terminal, and now and then a new one elsewhere."""
+
+    def __init__(self, console: Console | None = None) -> None:
+        self._console = console or Console()
+        self._status = self._console.status("Starting") if self._console.is_terminal else None
+        self._started = time.monotonic()
+        self._printed = 0.0
+
+    def __enter__(self) -> ProgressLine:
+        if self._status is not None:
+            self._status.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        if self._status is not None:
+            self._status.stop()
+
+    def show(self, progress: TrainingProgress) -> None:
+        text = self._sentence(progress)
+        now = time.monotonic()
+        if self._status is not None:
+            self._status.update(Text(text))
+        elif now - self._printed >= SECONDS_BETWEEN_LINES:
+            self._console.print(Text(text), soft_wrap=True)
+            self._printed = now
+
+    def _sentence(self, progress: TrainingProgress) -> str:
+        elapsed = time.monotonic() - self._started
+        left = elapsed / progress.epoch * (progress.epochs - progress.epoch) if progress.epoch else None
+        best = ", ".join(f"{job} {number(fitness)}" for job, fitness in progress.fitness.items())
+        return (
+            f"Training: epoch {progress.epoch} of {progress.epochs}, "
+            f"{progress.env_steps_per_second:,.0f} steps/s, "
+            f"{duration(left) + ' left' if left is not None else 'starting'}; F: {best}"
+        )

@@ -1,0 +1,39 @@
+"""Reward files named on a command line: reading and checking them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..errors import RewardFileError
+from ..report.text import plain
+from ..sandbox.client import Sandbox
+from ..tasks.record import record_states
+from ..tasks.registry import get
+from ..types import Candidate, Verdict
+
+
+def read(path: Path) -> Candidate:
+    """The program in a file. Raises RewardFileError."""
+    try:
+        return Candidate.of(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise RewardFileError(f"Cannot read the reward file {path}: {error.strerror}.") from None
+    except UnicodeDecodeError:
+        raise RewardFileError(f"{path} is not a text file; a reward file is Python source in UTF-8.") from None
+
+
+def judge(env: str, candidates: Sequence[Candidate], *, unsafe: bool) -> list[Verdict]:
+    """Verdicts in the order of the candidates, by the same gate and sandbox as in a run."""
+    if not candidates:
+        return []
+    with Sandbox(get(env).spec, record_states(env), unsafe=unsafe) as sandbox:
+        return [sandbox.check(candidate) for candidate in candidates]
+
+
+def explain(verdict: Verdict) -> str:
+    """The verdict for a terminal: what was found, line by line, or what the program computes."""
+    if verdict.graph is None:
+        return "\n".join(plain(finding.sentence()) for finding in verdict.findings)
+    names = ", ".join(plain(name) for name, _ in verdict.graph.components) or "none"
+    return f"{len(verdict.graph.nodes)} tensor operations; components: {names}; {verdict.seconds * 1000:.0f} ms"

@@ -1,0 +1,88 @@
+"""`eureka run` and `eureka resume`: puts the parts of a search together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from .. import loop, search
+from ..config import RunConfig, as_dict, parse
+from ..errors import EurekaError
+from ..llm import open_model
+from ..report.build import build
+from ..report.run import Run
+from ..report.text import plain
+from ..sandbox.client import Sandbox
+from ..store import Store, read_config
+from ..tasks.context import context
+from ..tasks.record import record_states
+from ..training.executor import PopulationTrainer
+from .live import view
+from .paths import output_directory
+from .settings import only_path, split
+from .show import summary
+
+
+class Interrupted(EurekaError):
+    """Ctrl-C."""
+
+    exit_code = 130
+
+
+def run(words: Sequence[str]) -> None:
+    """Start a search, or continue the one that `dir=` holds."""
+    config = parse(RunConfig, words)
+    _search(config, output_directory(config.dir, config.env))
+
+
+def resume(words: Sequence[str]) -> None:
+    """Continue a search; settings that do not change what is searched may be given anew."""
+    settings, paths = split(words)
+    directory = only_path(paths, "eureka resume outputs/<time>_cartpole")
+    stored = [f"{key}={value}" for key, value in as_dict(read_config(directory)).items()]
+    _search(parse(RunConfig, [*stored, *settings]), directory)
+
+
+def _search(config: RunConfig, directory: Path) -> None:
+    known = context(config.env)
+    model = open_model(config)
+    config = search.sized(config, model.style)
+    strategy = search.make(config)
+    trainer = PopulationTrainer(device=config.device, threads=config.threads)
+    try:
+        with (
+            Sandbox(known.state, record_states(config.env), unsafe=config.unsafe_no_sandbox) as checker,
+            Store.open(directory, config) as store,
+            _telling_how_to_continue(directory),
+            view(config, store.usage()) as observer,
+        ):
+            loop.run(config, store, model, checker, trainer, known, strategy, observer)
+    finally:
+        model.close()
+    _conclude(config, directory)
+
+
+@contextmanager
+def _telling_how_to_continue(directory: Path) -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise Interrupted(f"Stopped, nothing is lost. Continue with: eureka resume {directory}") from None
+    except EurekaError as error:
+        error.add_note(f"What is done is kept. Continue with: eureka resume {directory}")
+        raise
+
+
+def _conclude(config: RunConfig, directory: Path) -> None:
+    """Reports come last: the search is complete without them."""
+    problem = build(directory, with_video=config.video == "best")
+    with Store.view(directory) as store:
+        result = Run.read(store)
+    best = result.history.best
+    if best is not None and best.sample.candidate is not None:
+        print(f"\nBest reward:\n\n{plain(best.sample.candidate.source)}")
+    print("\n".join(summary(result)))
+    if problem:
+        print(problem)
+    print(f"\nEverything is in {directory}; begin with report.md")

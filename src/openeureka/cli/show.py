@@ -1,0 +1,63 @@
+"""`eureka show` and `eureka report`: a run as a table, and as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..report.build import build
+from ..report.run import Run
+from ..report.stats import by_generation
+from ..report.text import columns, number, plain, spread
+from ..score import Outcome
+from ..store import Store
+from ..types import Scored
+from .live import verdict_line
+
+
+def show(directory: Path) -> None:
+    """Print every slot of every generation, the final scores and the best reward."""
+    with Store.view(directory) as store:
+        run = Run.read(store)
+    slots = [_slot(entry) for generation in run.history.generations for entry in generation.entries]
+    print(columns([("generation", "slot", "candidate", "try", "F", "verdict"), *slots]))
+    print()
+    print("\n".join(summary(run)))
+    best = run.history.best
+    if best is not None and best.sample.candidate is not None:
+        print(f"\nBest reward ({best.sample.candidate.id}):\n\n{plain(best.sample.candidate.source)}")
+
+
+def _slot(entry: Scored) -> tuple[str, ...]:
+    sample = entry.sample
+    name = sample.candidate.id if sample.candidate else "-"
+    place = (str(sample.generation), str(sample.slot), name, str(sample.attempts))
+    return (*place, number(entry.fitness), verdict_line(sample))
+
+
+def summary(run: Run) -> list[str]:
+    """The result in a few lines."""
+    lines = [f"Generation {g.index}: best F {number(g.best)}, {g.trained} of {g.slots} trained"
+             for g in by_generation(run.history)]  # fmt: skip
+    lines += [f"{name.capitalize()} reward: F {number(result.fitness)}" for name, result in run.baselines.items()]
+    if run.outcome is not None:
+        lines += final(run.outcome)
+    elif len(run.history.generations) < run.config.iteration:
+        lines.append(f"{len(run.history.generations)} of {run.config.iteration} generations are done.")
+    tokens = run.usage.prompt_tokens + run.usage.completion_tokens
+    return [*lines, f"Spent: {tokens:,} tokens, US$ {run.usage.cost_usd:.4f}"]
+
+
+def final(outcome: Outcome) -> list[str]:
+    """The final comparison as aligned text."""
+    arms = {"best generated": outcome.method, "human": outcome.human, "sparse": outcome.sparse}
+    rows = [(name, spread(arm.training), spread(arm.held_out)) for name, arm in arms.items()]
+    table = columns([("final, fresh seeds", "F in training", "F held out"), *rows])
+    return [*table.splitlines(), f"Human-normalised score, held out: {number(outcome.normalised)}"]
+
+
+def report(directory: Path) -> None:
+    """Write the files of the report again and say where they are."""
+    problem = build(directory)
+    print(f"Wrote {directory / 'report.md'}")
+    if problem:
+        print(problem)

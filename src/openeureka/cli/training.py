@@ -1,0 +1,118 @@
+"""`eureka train`: given rewards as lanes of one population."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from ..config import as_dict, parse
+from ..errors import ConfigError, RewardFileError
+from ..report import events
+from ..report.text import columns, duration, spread
+from ..store import artifacts
+from ..tasks.registry import get
+from ..training.executor import PopulationTrainer
+from ..types import Evaluation, RewardProgram, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainJob
+from .paths import output_directory
+from .progress import ProgressLine
+from .rewards import explain, judge, read
+from .settings import TrainConfig
+
+BUILT_IN = ("human", "sparse")
+
+
+def train(words: Sequence[str]) -> None:
+    """Train every reward with every seed at once, print a table and leave curves and policies."""
+    config = parse(TrainConfig, words)
+    get(config.env)
+    programs = _programs(config)
+    seeds = range(config.seed, config.seed + config.seeds)
+    jobs = {f"{name}-s{seed}": TrainJob(id=f"{name}-s{seed}", program=programs[name], seed=seed)
+            for name in programs for seed in seeds}  # fmt: skip
+    directory = output_directory(config.dir, f"train_{config.env}")
+    trainer = PopulationTrainer(device=config.device, threads=config.threads)
+    results = _train(trainer, config, list(jobs.values()), directory)
+    policies = {job: result.best_fitness.policy for job, result in results.items() if result.best_fitness}
+    held_out = {score.job: score for score in trainer.evaluate(config.env, policies, seed=config.seed)}
+    _save(directory, config, results, held_out)
+    rows = [_row(name, [f"{name}-s{seed}" for seed in seeds], results, held_out) for name in programs]
+    print(columns([("reward", "F", "held-out F", "episode length", "correlation", "steps", "time"), *rows]))
+    print(f"\nCurves and policies are in {directory}")
+
+
+def _programs(config: TrainConfig) -> dict[str, RewardProgram]:
+    """Label -> program: reward files are checked first and named by their stem."""
+    names = [name.strip() for name in config.reward.split(",") if name.strip()]
+    if not names:
+        raise ConfigError("`reward` names nothing to train, write for example reward=human,sparse.")
+    files = {name: read(Path(name)) for name in names if name not in BUILT_IN}
+    verdicts = judge(config.env, list(files.values()), unsafe=config.unsafe_no_sandbox)
+    checked = dict(zip(files, verdicts, strict=True))
+    programs: dict[str, RewardProgram] = {}
+    for name in names:
+        label = name if name in BUILT_IN else Path(name).stem
+        if label in programs:
+            raise ConfigError(f"`reward` names `{label}` twice; give the files different names.")
+        if name == "human" or name == "sparse":
+            programs[label] = name
+        elif (graph := checked[name].graph) is not None:
+            programs[label] = graph
+        else:
+            raise RewardFileError(f"{name} was refused: {explain(checked[name])}")
+    return programs
+
+
+def _train(
+    trainer: Trainer, config: TrainConfig, jobs: Sequence[TrainJob], directory: Path
+) -> dict[str, TrainingResult]:
+    """Results by job; policies and curves of each are written as soon as it is there."""
+    results: dict[str, TrainingResult] = {}
+    budget = TrainBudget(env_steps=config.steps, worlds=config.worlds)
+    with ProgressLine() as line:
+        for report in trainer.train(config.env, jobs, budget):
+            if isinstance(report, TrainingProgress):
+                line.show(report)
+                continue
+            results[report.job] = report
+            artifacts.write(directory / report.job / events.FILE_NAME, events.encode(report.curves))
+            if report.best_fitness is not None:
+                artifacts.write(directory / report.job / "policy.safetensors", report.best_fitness.policy)
+    return results
+
+
+def _save(
+    directory: Path, config: TrainConfig, results: Mapping[str, TrainingResult], held_out: Mapping[str, Evaluation]
+) -> None:
+    curves = {job: result.curves for job, result in results.items()}
+    artifacts.write(directory / "curves.json", json.dumps(curves))
+    jobs = {
+        job: {
+            "state": result.state,
+            "fitness": result.fitness,
+            "held_out_fitness": held_out[job].fitness if job in held_out else None,
+            "held_out_episode_length": held_out[job].episode_length if job in held_out else None,
+            "correlation_with_human": result.correlation,
+            "env_steps": result.env_steps,
+            "seconds": result.seconds,
+            "message": result.message,
+        }
+        for job, result in results.items()
+    }
+    artifacts.write(directory / "result.json", json.dumps({"config": as_dict(config), "jobs": jobs}, indent=2))
+
+
+def _row(
+    name: str, jobs: Sequence[str], results: Mapping[str, TrainingResult], held_out: Mapping[str, Evaluation]
+) -> tuple[str, ...]:
+    done = [results[job] for job in jobs]
+    scores = [held_out[job] for job in jobs if job in held_out]
+    return (
+        name,
+        spread([result.fitness for result in done]),
+        spread([score.fitness for score in scores]),
+        spread([score.episode_length for score in scores]),
+        spread([result.correlation for result in done]),
+        str(sum(result.env_steps for result in done)),
+        duration(max(result.seconds for result in done)),
+    )

@@ -1,0 +1,84 @@
+"""Trains and scores what the store does not hold yet, and names every lane."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from .config import RunConfig
+from .observer import Observer
+from .store import Peak, Store
+from .types import (
+    CandidateId,
+    Evaluation,
+    RewardProgram,
+    Sample,
+    Scored,
+    TrainBudget,
+    Trainer,
+    TrainingProgress,
+    TrainingResult,
+    TrainJob,
+)
+
+BASELINES: tuple[tuple[str, RewardProgram], ...] = (("human", "human"), ("sparse", "sparse"))
+
+
+def lane(name: str, seed: int) -> str:
+    """The job id of a reward (candidate id, `human` or `sparse`) and a seed."""
+    return f"{name}-s{seed}"
+
+
+def programs(samples: Iterable[Sample]) -> list[tuple[CandidateId, RewardProgram]]:
+    """The accepted programs; equal ones once."""
+    graphs = {sample.verdict.candidate: sample.verdict.graph for sample in samples}
+    return [(candidate, graph) for candidate, graph in graphs.items() if graph is not None]
+
+
+def final_seeds(config: RunConfig) -> range:
+    """Seeds of the final trainings; the search trains with `config.seed`."""
+    return range(config.seed + 1, config.seed + 1 + config.seeds)
+
+
+def final_lanes(config: RunConfig, best: Scored) -> dict[str, list[str]]:
+    """Job ids of the final trainings of the best reward (`method`) and of both baselines."""
+    names = {"method": best.sample.verdict.candidate, "human": "human", "sparse": "sparse"}
+    return {arm: [lane(name, seed) for seed in final_seeds(config)] for arm, name in names.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Lanes:
+    """A Trainer that remembers through the store."""
+
+    config: RunConfig
+    store: Store
+    trainer: Trainer
+    observer: Observer
+
+    def train(self, rewards: Iterable[tuple[str, RewardProgram]], seeds: Sequence[int]) -> dict[str, TrainingResult]:
+        """Results of every reward with every seed, by job id."""
+        jobs = [
+            TrainJob(id=lane(name, seed), program=program, seed=seed) for name, program in rewards for seed in seeds
+        ]
+        known = self.store.results()
+        missing = [job for job in jobs if job.id not in known]
+        budget = TrainBudget(env_steps=self.config.steps, worlds=self.config.worlds)
+        for event in self.trainer.train(self.config.env, missing, budget) if missing else ():
+            if isinstance(event, TrainingProgress):
+                self.observer.progress(event)
+            else:
+                self.store.save_result(event)
+                self.observer.result(event)
+        results = self.store.results()
+        return {job.id: results[job.id] for job in jobs}
+
+    def evaluate(self, jobs: Iterable[str], peak: Peak) -> dict[str, Evaluation]:
+        """Held-out scores by job id, of those lanes that left a policy."""
+        jobs = tuple(jobs)
+        known = self.store.evaluations()
+        policies = {job: self.store.policy(job, peak) for job in jobs if job not in known}
+        missing = {job: policy for job, policy in policies.items() if policy is not None}
+        held_out = self.config.seed + 1_000_003  # a seed that no lane trained with
+        for evaluation in self.trainer.evaluate(self.config.env, missing, seed=held_out) if missing else ():
+            self.store.save_evaluation(evaluation)
+        return {job: score for job, score in self.store.evaluations().items() if job in jobs}

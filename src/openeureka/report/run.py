@@ -1,0 +1,53 @@
+"""Everything that reports and tables show of a run, read once from its store."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ..config import RunConfig
+from ..lanes import BASELINES, lane
+from ..score import Outcome, compare
+from ..store import Store
+from ..types import Evaluation, History, TrainingResult, Usage
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """A run as far as it has come."""
+
+    config: RunConfig
+    history: History
+    results: Mapping[str, TrainingResult]
+    """By job id; checkpoints without their policies."""
+    evaluations: Mapping[str, Evaluation]
+    usage: Usage
+
+    @staticmethod
+    def read(store: Store) -> Run:
+        return Run(
+            config=store.config,
+            history=store.history(),
+            results=store.results(),
+            evaluations=store.evaluations(),
+            usage=store.usage(),
+        )
+
+    @property
+    def baselines(self) -> dict[str, TrainingResult]:
+        """The trainings of `human` and `sparse` that the candidates were compared with, as far as they are done."""
+        jobs = {name: lane(name, self.config.seed) for name, _ in BASELINES}
+        return {name: self.results[job] for name, job in jobs.items() if job in self.results}
+
+    @property
+    def outcome(self) -> Outcome | None:
+        """The final comparison; None before all its trainings are done."""
+        best = self.history.best
+        if best is None or best.sample.candidate is None:
+            return None
+        seeds = range(self.config.seed + 1, self.config.seed + 1 + self.config.seeds)
+        names = {"method": best.sample.candidate.id, "human": "human", "sparse": "sparse"}
+        arms = {arm: [lane(name, seed) for seed in seeds] for arm, name in names.items()}
+        if any(job not in self.results for jobs in arms.values() for job in jobs):
+            return None
+        return compare(best, arms, self.results, self.evaluations)

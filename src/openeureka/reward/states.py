@@ -1,0 +1,46 @@
+"""Recorded states of a task: what a reward is judged on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ..types import StateSpec
+
+Recorded = Mapping[str, Tensor | float | int]
+"""Per-world variables (M, *shape), constants and Python numbers, by name."""
+
+
+def world_count(recorded: Recorded, spec: StateSpec) -> int:
+    return next(
+        value.shape[0] for name, value in recorded.items() if is_world(name, spec) and isinstance(value, Tensor)
+    )
+
+
+def is_world(name: str, spec: StateSpec) -> bool:
+    return name in spec and spec[name].kind == "world"
+
+
+def take(recorded: Recorded, spec: StateSpec, worlds: Sequence[int]) -> dict[str, Any]:
+    """Copies of the states of some worlds, repeated where there are too few."""
+    count = world_count(recorded, spec)
+    index = torch.tensor(worlds) % count
+    values: dict[str, Any] = {}
+    for name, value in recorded.items():
+        if is_world(name, spec) and isinstance(value, Tensor):
+            values[name] = value[index]
+        else:
+            values[name] = value.clone() if isinstance(value, Tensor) else value
+    for variable in spec.variables:
+        if variable.kind == "num_envs":
+            values[variable.name] = len(worlds)
+    return values
+
+
+def only(recorded: Recorded, spec: StateSpec, names: Sequence[str]) -> Recorded:
+    """The named variables, and one per-world variable in any case: it says how many worlds there are."""
+    world = next(variable.name for variable in spec.variables if variable.kind == "world")
+    return {name: value for name, value in recorded.items() if name in names or name == world}

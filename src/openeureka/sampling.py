@@ -1,0 +1,135 @@
+"""Fills the slots of a generation with accepted programs, as far as the allowed attempts go."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from . import prompts
+from .config import RunConfig
+from .errors import BudgetError
+from .llm import extract
+from .llm.client import LanguageModel
+from .observer import Observer
+from .store import Store
+from .types import Candidate, Finding, Prompt, PromptPlan, Reply, Sample, TaskContext, Verdict, VerdictCode
+
+
+class Checker(Protocol):
+    """Judges programs, like `sandbox.client`."""
+
+    def check(self, candidate: Candidate) -> Verdict:
+        """Never raises for a program's fault; SandboxUnavailable where nothing can be judged."""
+        ...
+
+
+NO_PROGRAM = Verdict(
+    candidate="",
+    code=VerdictCode.NO_PROGRAM,
+    findings=(
+        Finding(
+            rule="no-program",
+            message="the reply holds no Python function",
+            fix="answer with one function `compute_reward` in a python code block",
+        ),
+    ),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Sampler:
+    """Draws replies until each slot holds an accepted program or its attempts are spent.
+
+    Attempt 0 is a fresh sample. A refused one may take `repair` repair turns, then the slot is sampled anew, `refill`
+    times. A reply is committed before anything else happens to it, so only one that is under way can be lost.
+    """
+
+    config: RunConfig
+    store: Store
+    model: LanguageModel
+    checker: Checker
+    context: TaskContext
+    observer: Observer
+
+    def fill(self, generation: int, plans: Sequence[PromptPlan]) -> tuple[Sample, ...]:
+        """One sample per slot; slots are numbered through the plans in order."""
+        samples: list[Sample] = []
+        for plan in plans:
+            slots = range(len(samples), len(samples) + plan.count)
+            prompt = prompts.render(self.context, plan, self.model.style)
+            self.store.save_prompt(generation, slots.start, prompt)
+            samples += self._fill(generation, prompt, slots)
+        return tuple(samples)
+
+    def _fill(self, generation: int, prompt: Prompt, slots: Sequence[int]) -> list[Sample]:
+        filled: dict[int, Sample] = {}
+        turns = 1 + self.config.repair
+        for attempt in range(turns * (1 + self.config.refill)):
+            vacant = [slot for slot in slots if slot not in filled or not filled[slot].verdict.accepted]
+            if not vacant:
+                break
+            if attempt % turns == 0:
+                self._draw(prompt, generation, attempt, vacant)
+            else:
+                for slot in vacant:
+                    reply = self._reply(generation, attempt - 1, slot)
+                    repair = prompts.repair(prompt, reply.text, filled[slot].verdict)
+                    self._draw(repair, generation, attempt, [slot])
+            self.observer.phase(generation, "check")
+            for slot in vacant:
+                filled[slot] = self._check(generation, attempt, slot)
+        return [filled[slot] for slot in slots]
+
+    def _draw(self, prompt: Prompt, generation: int, attempt: int, slots: Sequence[int]) -> None:
+        """Ask for the replies that the store does not hold yet."""
+        missing = [slot for slot in slots if self.store.reply(generation, attempt, slot) is None]
+        if not missing:
+            return
+        self.observer.phase(generation, "sample")
+        self._afford(len(missing))
+        seed = request_seed(self.config.seed, generation, attempt, missing[0])
+        for slot, reply in zip(missing, self.model.sample(prompt, n=len(missing), seed=seed), strict=True):
+            self.store.save_reply(generation, attempt, slot, reply)
+            self.observer.reply(generation, slot, reply)
+
+    def _afford(self, count: int) -> None:
+        """Stop before a request that would, at the mean price so far, pass the limit."""
+        replies, limit = self.store.replies(), self.config.max_cost
+        spent = sum(reply.usage.cost_usd for reply in replies)
+        price = spent / len(replies) if replies else 0.0
+        if limit and spent + price * count > limit:
+            raise BudgetError(
+                f"{count} more replies would pass max_cost={limit:g}: {spent:.2f} US dollars are spent. "
+                "Nothing is lost; run the same command with a higher max_cost to go on."
+            )
+
+    def _check(self, generation: int, attempt: int, slot: int) -> Sample:
+        reply = self._reply(generation, attempt, slot)
+        source = extract.program(reply.text)
+        candidate = Candidate.of(source) if source is not None else None
+        verdict = self._verdict(candidate, reply) if candidate is not None else NO_PROGRAM
+        sample = Sample(generation=generation, slot=slot, candidate=candidate, verdict=verdict, attempts=attempt + 1)
+        self.observer.verdict(sample)
+        return sample
+
+    def _verdict(self, candidate: Candidate, reply: Reply) -> Verdict:
+        """Equal programs are judged once."""
+        if self.store.verdict(candidate.id) is None:
+            self.store.save_verdict(candidate, self.checker.check(candidate), reply)
+        verdict = self.store.verdict(candidate.id)
+        assert verdict is not None
+        return verdict
+
+    def _reply(self, generation: int, attempt: int, slot: int) -> Reply:
+        """As stored, not as received: so that a resumed run reads the same."""
+        reply = self.store.reply(generation, attempt, slot)
+        assert reply is not None
+        return reply
+
+
+def request_seed(seed: int, generation: int, attempt: int, slot: int) -> int:
+    """A 31-bit seed for each request; consecutive slots have consecutive seeds, anything else is far apart."""
+    digest = hashlib.blake2b(f"{seed}/{generation}/{attempt}".encode(), digest_size=4).digest()
+    return (int.from_bytes(digest) + slot) % 2**31

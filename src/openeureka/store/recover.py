@@ -1,0 +1,24 @@
+"""What other runs want of a finished or interrupted one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..config import RunConfig
+from ..types import Reply
+from .store import Store
+
+
+def read_config(directory: Path | str) -> RunConfig:
+    """The settings a run began with, for `eureka resume`. Raises StoreError when there is no run."""
+    with Store.view(directory) as store:
+        return store.config
+
+
+def read_replies(directory: Path | str) -> tuple[Reply, ...]:
+    """Every reply of a run in the order in which the same search asks for them, for `model=replay:DIR`.
+
+    A replaying run that is itself resumed skips as many as its own store already holds.
+    """
+    with Store.view(directory) as store:
+        return store.replies()

@@ -1,0 +1,258 @@
+"""A run directory: what is finished, and nothing else. The directory is the run."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sqlite3
+from pathlib import Path
+from types import TracebackType
+from typing import Literal
+
+from filelock import FileLock, Timeout
+
+from .. import __version__
+from ..config import RunConfig, as_dict
+from ..errors import StoreError
+from ..types import (
+    Candidate,
+    Evaluation,
+    Generation,
+    History,
+    Prompt,
+    Reply,
+    Sample,
+    Scored,
+    TrainingResult,
+    Usage,
+    Verdict,
+)
+from . import artifacts
+from .codec import decode_result, decode_verdict, encode_result, encode_verdict, finite, safe_text
+from .db import AGAIN, FILENAME, Database, explained
+
+Peak = Literal["fitness", "reward"]
+"""Which of a lane's two checkpoints: where F, or where its own reward, was highest."""
+
+_FREE_TO_CHANGE = {"dir", "device", "threads", "base_url", "max_cost", "video", "unsafe_no_sandbox"}
+"""Settings that say how and where to run, not what is searched: a resumed run may have others."""
+
+
+class Store:
+    """Everything that a run has finished, readable at once and never changed afterwards.
+
+    Files come before the row that stands for them: a row whose file is missing cannot exist. Writing the same thing
+    twice is a programming error and raises sqlite3.IntegrityError.
+    """
+
+    def __init__(self, directory: Path, database: Database, lock: FileLock | None) -> None:
+        self.directory = directory
+        self._database = database
+        self._lock = lock
+
+    @classmethod
+    def open(cls, directory: Path | str, config: RunConfig) -> Store:
+        """Begin the run, or continue it when the directory holds one; nobody else can until `close`.
+
+        Raises:
+            StoreError: when another process has it, it holds something else, or its settings differ.
+        """
+        directory = Path(directory)
+        if directory.exists() and not (directory / FILENAME).exists() and _foreign(directory):
+            raise StoreError(f"{directory} is not empty and not a run; choose another dir=.")
+        with explained(directory):
+            directory.mkdir(parents=True, exist_ok=True)
+            lock = FileLock(directory / "run.lock", timeout=0)
+            try:
+                lock.acquire()
+            except Timeout:
+                raise StoreError(f"Another process is working on {directory}; wait for it or stop it.") from None
+        try:
+            store = cls(directory, Database(directory, writable=True), lock)
+            store._settle(config)
+        except BaseException:
+            lock.release()
+            raise
+        return store
+
+    @classmethod
+    def view(cls, directory: Path | str) -> Store:
+        """Read a run, also while it is going on. Raises StoreError when there is none."""
+        directory = Path(directory)
+        if not (directory / FILENAME).is_file():
+            raise StoreError(f"{directory} is not a run: it has no {FILENAME}.")
+        return cls(directory, Database(directory, writable=False), None)
+
+    def close(self) -> None:
+        self._database.close()
+        if self._lock is not None:
+            self._lock.release()
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # --- settings ----------------------------------------------------------------------------------------------------
+
+    def _settle(self, config: RunConfig) -> None:
+        """Store the settings first of all; a later process must come with the same."""
+        if self._database.row("run") is None:
+            self._database.put("run", {"id": 1, "config": json.dumps(as_dict(config)), "version": __version__})
+            return
+        stored, wanted = as_dict(self.config), as_dict(config)
+        differing = [key for key in wanted if key not in _FREE_TO_CHANGE and stored[key] != wanted[key]]
+        if differing:
+            changes = ", ".join(f"{key}={wanted[key]} (was {stored[key]})" for key in differing)
+            raise StoreError(f"{self.directory} holds a run with other settings: {changes}; use those or another dir=.")
+
+    @property
+    def config(self) -> RunConfig:
+        """The settings that the run began with."""
+        row = self._database.row("run")
+        if row is None:
+            raise StoreError(f"{self.directory} holds a run that never began; {AGAIN}")
+        try:
+            return RunConfig(**json.loads(row["config"]))
+        except TypeError:
+            raise StoreError(f"{self.directory} has settings of another openeureka ({row['version']}).") from None
+
+    # --- prompts and replies -----------------------------------------------------------------------------------------
+
+    def save_prompt(self, generation: int, slot: int, prompt: Prompt) -> None:
+        """Keep what was asked, for people: `messages.json` shows every generation's conversation."""
+        if self._database.row("prompts", generation=generation, slot=slot) is None:
+            messages = [{"role": message.role, "content": safe_text(message.content)} for message in prompt.messages]
+            row = {"generation": generation, "slot": slot, "messages": json.dumps(messages)}
+            self._database.put("prompts", row)
+        asked = [{**dict(row), "messages": json.loads(row["messages"])} for row in self._database.rows("prompts")]
+        artifacts.write(self.directory / "messages.json", json.dumps(asked, indent=2))
+
+    def save_reply(self, generation: int, attempt: int, slot: int, reply: Reply) -> None:
+        place = {"generation": generation, "attempt": attempt, "slot": slot}
+        usage = dataclasses.asdict(reply.usage)
+        said = {"text": safe_text(reply.text), "model": safe_text(reply.model), "seconds": reply.seconds}
+        self._database.put("replies", place | said | usage)
+
+    def reply(self, generation: int, attempt: int, slot: int) -> Reply | None:
+        row = self._database.row("replies", generation=generation, attempt=attempt, slot=slot)
+        return _reply(row) if row is not None else None
+
+    def replies(self) -> tuple[Reply, ...]:
+        """Every reply in the order in which a run asks for them."""
+        order = ("generation", "attempt", "slot")
+        return tuple(_reply(row) for row in self._database.rows("replies", order=order))
+
+    def usage(self) -> Usage:
+        """Tokens and money spent so far, over all resumptions."""
+        return sum((reply.usage for reply in self.replies()), Usage())
+
+    # --- verdicts ----------------------------------------------------------------------------------------------------
+
+    def save_verdict(self, candidate: Candidate, verdict: Verdict, reply: Reply) -> None:
+        """`reply` is the first one that held this program."""
+        folder = self.directory / "candidates" / candidate.id
+        artifacts.write(folder / "reward.py", candidate.source)
+        artifacts.write(folder / "reply.txt", reply.text)
+        artifacts.write(folder / "verdict.json", encode_verdict(verdict, indent=2))
+        row = {"candidate": candidate.id, "source": candidate.source, "verdict": encode_verdict(verdict)}
+        self._database.put("verdicts", row)
+
+    def verdict(self, candidate: str) -> Verdict | None:
+        row = self._database.row("verdicts", candidate=candidate)
+        return decode_verdict(row["verdict"]) if row is not None else None
+
+    # --- training ----------------------------------------------------------------------------------------------------
+
+    def save_result(self, result: TrainingResult) -> None:
+        folder = self.directory / "lanes" / result.job
+        text = encode_result(result)
+        artifacts.write(folder / "curves.json", text)
+        for name, peak in (("best_fitness", result.best_fitness), ("best_reward", result.best_reward)):
+            if peak is not None:
+                artifacts.write(folder / f"{name}.safetensors", peak.policy)
+        self._database.put("results", {"job": result.job, "fitness": finite(result.fitness), "result": text})
+
+    def result(self, job: str) -> TrainingResult | None:
+        """The stored result, its checkpoints without policies: `policy` reads those."""
+        row = self._database.row("results", job=job)
+        return decode_result(job, row["result"]) if row is not None else None
+
+    def results(self) -> dict[str, TrainingResult]:
+        return {row["job"]: decode_result(row["job"], row["result"]) for row in self._database.rows("results")}
+
+    def policy(self, job: str, peak: Peak) -> bytes | None:
+        """The lane's policy at its peak (safetensors); None when it never had one."""
+        path = self.directory / "lanes" / job / f"best_{peak}.safetensors"
+        with explained(self.directory):
+            return path.read_bytes() if path.is_file() else None
+
+    def save_evaluation(self, evaluation: Evaluation) -> None:
+        row = dataclasses.asdict(evaluation)
+        self._database.put("evaluations", row | {"fitness": finite(evaluation.fitness)})
+
+    def evaluations(self) -> dict[str, Evaluation]:
+        return {row["job"]: Evaluation(**dict(row)) for row in self._database.rows("evaluations")}
+
+    # --- generations -------------------------------------------------------------------------------------------------
+
+    def save_generation(self, generation: Generation) -> None:
+        rows = [
+            {
+                "generation": generation.index,
+                "slot": entry.sample.slot,
+                "candidate": entry.sample.candidate.id if entry.sample.candidate is not None else None,
+                "verdict": encode_verdict(entry.sample.verdict),
+                "job": entry.result.job if entry.result is not None else None,
+                "attempts": entry.sample.attempts,
+                "feedback": safe_text(entry.feedback),
+            }
+            for entry in generation.entries
+        ]
+        self._database.put("entries", *rows)
+
+    def history(self) -> History:
+        """Every finished generation."""
+        generations: dict[int, list[Scored]] = {}
+        for row in self._database.rows("entries", order=("generation", "slot")):
+            generations.setdefault(row["generation"], []).append(self._scored(row))
+        return History(tuple(Generation(index, tuple(entries)) for index, entries in generations.items()))
+
+    def _scored(self, row: sqlite3.Row) -> Scored:
+        sample = Sample(
+            generation=row["generation"],
+            slot=row["slot"],
+            candidate=self._candidate(row["candidate"]),
+            verdict=decode_verdict(row["verdict"]),
+            attempts=row["attempts"],
+        )
+        result = self.result(row["job"]) if row["job"] is not None else None
+        return Scored(sample=sample, result=result, feedback=row["feedback"])
+
+    def _candidate(self, identity: str | None) -> Candidate | None:
+        row = self._database.row("verdicts", candidate=identity) if identity is not None else None
+        return Candidate(id=row["candidate"], source=row["source"]) if row is not None else None
+
+    def save_best(self, best: Scored, job: str, peak: Peak) -> None:
+        """Fill `best/` with the program and a lane's policy: the one place that changes, as better rewards come."""
+        assert best.sample.candidate is not None
+        artifacts.write(self.directory / "best" / "reward.py", best.sample.candidate.source)
+        policy = self.policy(job, peak)
+        if policy is not None:
+            artifacts.write(self.directory / "best" / "policy.safetensors", policy)
+
+
+def _foreign(directory: Path) -> bool:
+    """Whether the directory holds anything besides what a run killed at its very start leaves."""
+    with explained(directory):
+        return any(path.name != "run.lock" for path in directory.iterdir())
+
+
+def _reply(row: sqlite3.Row) -> Reply:
+    usage = Usage(
+        prompt_tokens=row["prompt_tokens"], completion_tokens=row["completion_tokens"], cost_usd=row["cost_usd"]
+    )
+    return Reply(text=row["text"], model=row["model"], usage=usage, seconds=row["seconds"])

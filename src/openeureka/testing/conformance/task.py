@@ -1,0 +1,208 @@
+"""What every task must do. Inherit, name the environment, and let pytest collect it:
+
+class TestMyTask(TaskConformance):
+    env = "my_package.my_task:MyTask"
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import textwrap
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from openeureka.tasks.context import context
+from openeureka.tasks.env import BatchedEnv, Step
+from openeureka.tasks.record import record_states
+from openeureka.tasks.registry import get, make
+from openeureka.tasks.task import Score, State
+
+_HIDDEN = ("fitness", "human_reward", "sparse_reward", "terminated", "reset")
+
+
+class TaskConformance:
+    """Checks that hold for any task; what a task computes is for its own tests to say.
+
+    Attributes:
+        env: name or import string of the task.
+        start_overlap: deepest penetration of any contact in a start pose [m].
+    """
+
+    env: str
+    start_overlap = 1e-3
+
+    def test_state_variables_are_those_of_the_spec(self) -> None:
+        simulation = self._make(worlds=5)
+        simulation.reset()
+        for state in (simulation.current_state(), _random_steps(simulation, 3)[-1].state):
+            self._check_state(state, worlds=5)
+
+    def test_recorded_values_do_not_change_when_the_simulation_goes_on(self) -> None:
+        simulation = self._make(worlds=8)
+        simulation.reset()
+        simulation.task.progress[::2] = simulation.task.episode_length - 2  # half of the worlds are reset at once
+        recorded = _random_steps(simulation, 1)[0]
+        kept = {name: tensor.clone() for name, tensor in _tensors(recorded).items()}
+        _random_steps(simulation, 5)
+        changed = [name for name, tensor in _tensors(recorded).items() if not torch.equal(tensor, kept[name])]
+        assert not changed, f"{changed} share memory with the simulator or the task"
+
+    def test_observations_are_clipped_and_obs_buf_is_not(self) -> None:
+        simulation = self._make(worlds=6)
+        task = simulation.task
+        for observation in (simulation.reset(), *(step.final_observation for step in _random_steps(simulation, 20))):
+            assert observation.shape == (6, task.num_observations)
+            assert observation.dtype == torch.float32
+            assert bool(observation.isfinite().all())
+            assert float(observation.abs().max()) <= task.clip_observations
+        state = simulation.current_state()
+        assert torch.equal(state["obs_buf"], task.observe(state))
+
+    def test_worlds_of_equal_seed_live_equal_lives_and_others_do_not(self) -> None:
+        simulation = self._make(worlds=4, lane_seeds=(7, 7, 8))
+        start = simulation.reset()
+        assert torch.equal(start[0:4], start[4:8])
+        assert not torch.equal(start[0:4], start[8:12])
+        assert not torch.equal(start[0], start[1])
+        actions = torch.zeros(12, simulation.task.num_actions)
+        steps = [simulation.step(actions) for _ in range(10)]
+        assert all(torch.equal(step.observation[0:4], step.observation[4:8]) for step in steps)
+
+    def test_results_do_not_depend_on_the_number_of_threads(self) -> None:
+        one, two = (self._make(worlds=6, threads=threads) for threads in (1, 2))
+        assert torch.equal(one.reset(), two.reset())
+        for a, b in zip(_random_steps(one, 30), _random_steps(two, 30), strict=True):
+            assert torch.equal(a.observation, b.observation)
+
+    def test_a_broken_world_is_reset_and_counted_and_leaves_the_others_alone(self) -> None:
+        broken, sound = self._make(worlds=4), self._make(worlds=4)
+        broken.reset()
+        sound.reset()
+        actions = torch.zeros(4, sound.task.num_actions)
+        poison = actions.clone()
+        poison[2] = torch.nan
+        others = torch.tensor([0, 1, 3])
+
+        step = broken.step(poison)
+        assert step.bad.tolist() == [False, False, True, False]
+        assert bool(step.terminated[2]) and broken.bad_total == 1
+        assert float(step.score.weight[2]) == 0.0
+        assert bool(step.observation.isfinite().all())
+        assert torch.equal(step.observation[others], sound.step(actions).observation[others])
+        for _ in range(5):
+            after, expected = broken.step(actions), sound.step(actions)
+            assert not bool(after.bad.any())
+            assert torch.equal(after.observation[others], expected.observation[others])
+
+        for simulation in (broken, sound):
+            simulation.task.progress[others] = simulation.task.episode_length
+        after, expected = broken.step(actions), sound.step(actions)
+        assert torch.equal(after.observation[others], expected.observation[others]), "their next episodes differ"
+
+    def test_an_episode_is_cut_off_one_step_before_its_length(self) -> None:
+        simulation = self._make(worlds=4)
+        simulation.reset()
+        limit = simulation.task.episode_length - 1
+        simulation.task.progress[:] = torch.tensor([limit - 3, limit - 2, limit - 1, limit])
+        step = simulation.step(torch.zeros(4, simulation.task.num_actions))
+        assert step.timed_out.tolist() == [False, False, True, True]
+        assert not bool(step.terminated.any())
+        assert step.episode_length.tolist() == [limit - 2, limit - 1, limit, limit + 1]
+        assert simulation.task.progress.tolist() == [limit - 2, limit - 1, 0, 0]
+
+    def test_fitness_and_rewards_are_finite_numbers_per_world(self) -> None:
+        simulation = self._make(worlds=16)
+        simulation.reset()
+        task = simulation.task
+        for step in _random_steps(simulation, 30):
+            for values in (*step.score, task.human_reward(step.state), task.sparse_reward(step.state)):
+                assert values.shape == (16,) and values.dtype == torch.float32
+                assert bool(values.isfinite().all())
+            assert bool((step.score.weight >= 0.0).all())
+            assert not bool((step.terminated & step.timed_out).any())
+
+    def test_two_seconds_of_random_control_raise_no_warning(self) -> None:
+        simulation = self._make(worlds=256, threads=0)
+        simulation.reset()
+        _random_steps(simulation, round(2.0 / simulation.task.control_dt))
+        assert simulation.bad_total == 0
+
+    def test_nothing_overlaps_in_a_start_pose(self) -> None:
+        simulation = self._make(worlds=8)
+        simulation.reset()
+        for world in range(8):
+            model, data = simulation.sim.snapshot(world)
+            for contact in data.contact[: data.ncon]:
+                names = [model.body(int(model.geom_bodyid[geom])).name for geom in contact.geom]
+                assert contact.dist >= -self.start_overlap, f"{names} overlap by {-contact.dist:.4f} m"
+
+    def test_quaternions_are_of_unit_length(self) -> None:
+        simulation = self._make(worlds=8)
+        simulation.reset()
+        state = _random_steps(simulation, 10)[-1].state
+        for variable in simulation.task.spec.variables:
+            if variable.shape == (4,) and "quat" in variable.meaning:
+                assert torch.allclose(state[variable.name].norm(dim=-1), torch.ones(8), atol=1e-4), variable.name
+
+    def test_the_typed_grammar_has_something_to_work_with(self) -> None:
+        variables = get(self.env).spec.variables
+        assert len({variable.name for variable in variables if variable.use != "raw"}) >= 2
+        for variable in variables:
+            if variable.use == "point":
+                assert variable.shape == (3,), f"{variable.name} is a point, so it has three coordinates"
+
+    def test_the_context_shows_the_motion_and_hides_the_goal(self) -> None:
+        task, shown = get(self.env), context(self.env)
+        assert shown.description and "\n" not in shown.description
+        assert "def observe" in shown.source and "def compute_state" in shown.source
+        for method in _HIDDEN:
+            assert f"def {method}" not in shown.source
+            for line in _statements(getattr(task, method)):
+                assert line not in shown.source, f"`{line}` of {method} is shown to the language model"
+        table = " ".join(variable.meaning for variable in shown.state.variables)
+        for word in ("fitness", "reward", "success", "score", "recipe"):
+            assert word not in shown.source and word not in table, f"the context mentions `{word}`"
+
+    def test_states_can_be_recorded(self) -> None:
+        self._check_state(record_states(self.env, worlds=4, steps=6, keep=3), worlds=12)
+
+    def _make(self, *, worlds: int, lane_seeds: tuple[int, ...] = (0,), threads: int = 1) -> BatchedEnv:
+        return make(self.env, worlds=worlds, lane_seeds=lane_seeds, threads=threads)
+
+    def _check_state(self, state: State, *, worlds: int) -> None:
+        spec = get(self.env).spec
+        assert set(state) == set(spec.names)
+        for variable in spec.variables:
+            value, name = state[variable.name], variable.name
+            if variable.kind in ("world", "constant"):
+                leading = (worlds,) if variable.kind == "world" else ()
+                assert tuple(value.shape) == (*leading, *variable.shape), f"{name} is {tuple(value.shape)}"
+                assert value.dtype == torch.float32, f"{name} is {value.dtype}"
+                assert bool(value.isfinite().all()), f"{name} is not finite"
+            else:
+                expected = float if variable.kind == "float" else int
+                assert type(value) is expected, f"{name} is a {type(value).__name__}"
+
+
+def _random_steps(simulation: BatchedEnv, count: int) -> list[Step]:
+    generator = torch.Generator().manual_seed(0)
+    shape = (simulation.num_worlds, simulation.task.num_actions)
+    return [simulation.step(torch.randn(shape, generator=generator)) for _ in range(count)]
+
+
+def _tensors(step: Step) -> dict[str, Tensor]:
+    parts: dict[str, Any] = {**step._asdict(), **step.state}
+    parts |= {f"score.{name}": value for name, value in Score._asdict(step.score).items()}
+    return {name: value for name, value in parts.items() if isinstance(value, Tensor)}
+
+
+def _statements(method: Any) -> list[str]:
+    """First lines of a method's statements, long enough not to occur elsewhere by chance."""
+    source = textwrap.dedent(inspect.getsource(method))
+    body = ast.parse(source).body[0]
+    assert isinstance(body, ast.FunctionDef)
+    lines = [ast.get_source_segment(source, statement) or "" for statement in body.body]
+    return [line.splitlines()[0] for line in lines if len(line.splitlines()[0]) > 15]

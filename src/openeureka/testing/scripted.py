@@ -1,0 +1,136 @@
+"""First-class fakes: a model that reads from a script, a checker and a trainer that are pure functions of the program.
+
+A whole search with them takes milliseconds and needs no torch, no physics and no weights.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+from ..types import (
+    Candidate,
+    Checkpoint,
+    Evaluation,
+    Finding,
+    Node,
+    Prompt,
+    Reply,
+    RewardGraph,
+    TrainBudget,
+    TrainingProgress,
+    TrainingResult,
+    TrainingState,
+    TrainJob,
+    Usage,
+    Verdict,
+    VerdictCode,
+)
+
+_USAGE = Usage(prompt_tokens=100, completion_tokens=10, cost_usd=0.01)
+_WORTH = re.compile(r"return (-?\d+(?:\.\d+)?)")
+
+
+def program(worth: float) -> str:
+    """A program whose training reaches exactly this F with seed 0."""
+    return f"def compute_reward(x):\n    return {worth}\n"
+
+
+def reply(worth: float) -> str:
+    """What a model would say around it."""
+    return f"Here is the reward.\n```python\n{program(worth)}```\n"
+
+
+@dataclass
+class ScriptedModel:
+    """Gives the texts of a script one after the other, and keeps what it was asked."""
+
+    script: Sequence[str]
+    name: str = "scripted"
+    style: Literal["free", "grammar"] = "free"
+    usage: Usage = _USAGE
+    prompts: list[Prompt] = field(default_factory=list)
+    seeds: list[int] = field(default_factory=list)
+    said: int = 0
+    """Replies given; set it to begin in the middle."""
+    closed: int = 0
+
+    def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
+        self.prompts.append(prompt)
+        self.seeds.append(seed)
+        for _ in range(n):
+            text = self.script[self.said]
+            self.said += 1
+            yield Reply(text=text, model=self.name, usage=self.usage)
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+@dataclass
+class ToyChecker:
+    """Accepts programs that return a number: their graph is that number."""
+
+    checked: list[str] = field(default_factory=list)
+
+    def check(self, candidate: Candidate) -> Verdict:
+        self.checked.append(candidate.source)
+        found = _WORTH.search(candidate.source)
+        if found is None:
+            finding = Finding(rule="no-number", message="nothing is returned", fix="return a number", line=1)
+            return Verdict(candidate=candidate.id, code=VerdictCode.REFUSED, findings=(finding,))
+        graph = RewardGraph(nodes=(Node("full", (float(found[1]),)),), reward=0, components=(("worth", 0),))
+        return Verdict(candidate=candidate.id, code=VerdictCode.ACCEPTED, graph=graph)
+
+
+@dataclass
+class ToyTrainer:
+    """F is the number a program returns plus seed / 100; the human reward is worth 10, the sparse one 5."""
+
+    trained: list[str] = field(default_factory=list)
+
+    def train(
+        self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget
+    ) -> Iterator[TrainingProgress | TrainingResult]:
+        yield TrainingProgress(epoch=1, epochs=2, env_steps_per_second=1.0, fitness={job.id: None for job in jobs})
+        for job in jobs:
+            self.trained.append(job.id)
+            yield self._result(job)
+
+    def _result(self, job: TrainJob) -> TrainingResult:
+        worth = _worth(job)
+        peak = Checkpoint(epoch=1, value=worth, policy=str(worth).encode())
+        own = (0.0, worth / 2, worth)
+        return TrainingResult(
+            job=job.id,
+            state=TrainingState.FINISHED,
+            fitness=worth,
+            curves={
+                "fitness": (None, worth / 2, worth),
+                "episode_length": (1.0, 2.0, 3.0),
+                "reward": own,
+                "human_reward": (0.0, 1.0, 2.0),
+                "component/worth": own,
+            },
+            env_steps=3,
+            seconds=0.0,
+            correlation=0.5,
+            best_fitness=peak,
+            best_reward=peak,
+        )
+
+    def evaluate(self, env: str, policies: Mapping[str, bytes], *, seed: int) -> Iterator[Evaluation]:
+        for job, policy in policies.items():
+            yield Evaluation(job=job, fitness=float(policy) - 1, episode_length=3.0, episodes=4)
+
+
+def _worth(job: TrainJob) -> float:
+    if isinstance(job.program, RewardGraph):
+        (number,) = job.program.nodes[0].args
+        assert isinstance(number, float)
+        base = number
+    else:
+        base = {"human": 10.0, "sparse": 5.0}[job.program]
+    return base + job.seed / 100

@@ -1,0 +1,24 @@
+import pytest
+
+from openeureka.cli import doctor
+from openeureka.cli.doctor import Finding
+
+
+def test_the_doctor_never_prints_a_key(monkeypatch, capsys):
+    monkeypatch.setattr(doctor, "LOOKS", (doctor.endpoint_key,))
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-secret")
+    assert doctor.doctor() == 0
+    text = capsys.readouterr().out
+    assert "OPENAI_API_KEY is set" in text and "secret" not in text
+
+
+@pytest.mark.parametrize(("needed", "code", "mark"), [(True, 1, "MISSING"), (False, 0, "absent")])
+def test_only_what_a_run_needs_fails_the_doctor(needed, code, mark, monkeypatch, capsys):
+    monkeypatch.setattr(doctor, "LOOKS", (lambda: [Finding("thing", False, "install it", needed=needed)],))
+    assert doctor.doctor() == code
+    assert capsys.readouterr().out == f"thing  {mark}  install it\n"
+
+
+def test_installed_packages_are_found_and_missing_ones_said():
+    assert all(finding.good for finding in doctor.packages())
+    assert doctor._package("no-such-package") == Finding("no-such-package", False, "pip install no-such-package")

@@ -1,0 +1,114 @@
+import io
+
+import pytest
+from rich.console import Console
+
+from openeureka.cli import live
+from openeureka.cli.live import PlainView, TerminalView, view
+from openeureka.config import RunConfig
+from openeureka.types import (
+    Candidate,
+    Finding,
+    Generation,
+    Reply,
+    Sample,
+    Scored,
+    TrainingProgress,
+    TrainingResult,
+    TrainingState,
+    Usage,
+    Verdict,
+    VerdictCode,
+)
+
+CONFIG = RunConfig(env="cartpole", sample=2, iteration=2)
+PROGRAM = Candidate.of("good")
+ACCEPTED = Sample(
+    generation=0, slot=0, candidate=PROGRAM, verdict=Verdict(candidate=PROGRAM.id, code=VerdictCode.ACCEPTED)
+)
+HOSTILE = Finding(rule="unknown-input", message="[bold]x[/bold]\x1b[2J\x1b]0;title\x07\u202e", line=1)
+REFUSED = Sample(
+    generation=0,
+    slot=1,
+    candidate=Candidate.of("bad"),
+    verdict=Verdict(candidate="bad", code=VerdictCode.REFUSED, findings=(HOSTILE,)),
+    attempts=3,
+)
+LANE = f"{PROGRAM.id}-s0"
+RESULT = TrainingResult(job=LANE, state=TrainingState.FINISHED, fitness=321.0, curves={}, env_steps=1, seconds=1.0)
+
+
+def play(shown: PlainView | TerminalView) -> None:
+    """One generation, as the loop reports it."""
+    shown.phase(0, "sample")
+    shown.reply(0, 0, Reply(text="x", model="m", usage=Usage(prompt_tokens=1000, completion_tokens=234)))
+    shown.verdict(ACCEPTED)
+    shown.verdict(REFUSED)
+    shown.phase(0, "train")
+    shown.progress(TrainingProgress(epoch=1, epochs=4, env_steps_per_second=5000.0, fitness={LANE: 12.5}))
+    shown.result(RESULT)
+    entries = (Scored(sample=ACCEPTED, result=RESULT, feedback=""), Scored(sample=REFUSED, result=None, feedback=""))
+    shown.generation(Generation(0, entries))
+
+
+def plain_text() -> str:
+    out = io.StringIO()
+    with view(CONFIG, Usage(), Console(file=out, width=60)) as shown:
+        assert isinstance(shown, PlainView)
+        play(shown)
+    return out.getvalue()
+
+
+def terminal_text(width: int = 160) -> str:
+    console = Console(file=io.StringIO(), force_terminal=True, width=width, height=50)
+    with view(CONFIG, Usage(prompt_tokens=100), console) as shown:
+        assert isinstance(shown, TerminalView)
+        play(shown)
+        frame = Console(file=io.StringIO(), width=width)
+        frame.print(shown.render())
+    assert isinstance(frame.file, io.StringIO)
+    return frame.file.getvalue()
+
+
+def test_plain_lines_tell_the_story_of_a_generation():
+    lines = plain_text().splitlines()
+    assert lines[0].startswith("cartpole · generation 0 (0 to 1) · asking the model")
+    assert f"  slot 0, try 1, {PROGRAM.id}: accepted" in lines
+    assert any(line.startswith("Training: epoch 1 of 4, 5,000 steps/s") for line in lines)
+    assert f"  {LANE}: F 321" in lines
+    assert lines[-1] == "Generation 0: best F 321, 1 of 2 trained"
+
+
+def test_the_table_shows_verdict_and_fitness_of_each_slot_and_all_tokens():
+    text = terminal_text()
+    rows = {line.split()[0]: line for line in text.splitlines() if line[:1].isdigit()}
+    assert PROGRAM.id in rows["0"] and "accepted" in rows["0"] and "321" in rows["0"]
+    assert "refused: line 1:" in rows["1"]
+    assert "1,334 tokens" in text  # 100 of an earlier process and 1234 of this one
+    assert "epoch 1 of 4, 5,000 steps/s" in text
+
+
+@pytest.mark.parametrize("shown", [plain_text, terminal_text])
+def test_text_of_a_model_is_printed_as_text(shown):
+    text = shown()
+    assert "[bold]x[/bold]" in text
+    assert "\x1b]0" not in text and "\x1b[2J" not in text and "\u202e" not in text
+
+
+def test_the_time_left_is_judged_by_finished_generations(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(live.time, "monotonic", lambda: now[0])
+    tally = live.Tally(RunConfig(iteration=3), Usage())
+    tally.phase(0, "sample")
+    assert tally.remaining() is None
+    now[0] = 60.0
+    tally.generation_done(Generation(0, ()))
+    tally.phase(1, "sample")
+    now[0] = 70.0
+    assert tally.remaining() == 110.0  # two generations of 60 s, of which 10 s have passed
+
+
+def test_a_resumed_run_does_not_time_what_the_store_had():
+    tally = live.Tally(RunConfig(iteration=3), Usage())
+    tally.generation_done(Generation(0, ()))
+    assert tally.durations == []

@@ -1,0 +1,25 @@
+import io
+
+from rich.console import Console
+
+from openeureka.cli.progress import ProgressLine
+from openeureka.types import TrainingProgress
+
+PROGRESS = TrainingProgress(
+    epoch=5, epochs=20, env_steps_per_second=12345.6, fitness={"human-s0": 321.0, "[red]": None}
+)
+
+
+def test_without_a_terminal_lines_are_plain_and_rare():
+    out = io.StringIO()
+    with ProgressLine(Console(file=out, width=200)) as line:
+        line.show(PROGRESS)
+        line.show(PROGRESS)
+    assert out.getvalue() == "Training: epoch 5 of 20, 12,346 steps/s, 0 s left; F: human-s0 321, [red] -\n"
+
+
+def test_on_a_terminal_the_line_is_redrawn():
+    out = io.StringIO()
+    with ProgressLine(Console(file=out, width=200, force_terminal=True)) as line:
+        line.show(PROGRESS)
+    assert "\x1b[?25l" in out.getvalue()  # the cursor was hidden, so a live display ran

@@ -1,0 +1,113 @@
+import pytest
+
+from openeureka.cli import main as command
+from openeureka.cli import search
+from openeureka.errors import ModelError
+from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, reply
+
+SETTINGS = ["env=cartpole", "model=scripted", "sample=2", "iteration=2", "seeds=1", "video=none"]
+SCRIPT = [reply(3.0), reply(8.0), reply(12.0), reply(4.0)]
+
+
+class Failing(ScriptedModel):
+    """Breaks after two replies."""
+
+    def sample(self, prompt, *, n, seed):
+        if self.said == 2:
+            raise ModelError("The endpoint refused the key; check OPENAI_API_KEY.")
+        yield from super().sample(prompt, n=n, seed=seed)
+
+
+class Interrupting(ScriptedModel):
+    """Ctrl-C after two replies."""
+
+    def sample(self, prompt, *, n, seed):
+        if self.said == 2:
+            raise KeyboardInterrupt
+        yield from super().sample(prompt, n=n, seed=seed)
+
+
+class Checker(ToyChecker):
+    def __init__(self, *_: object, **__: object) -> None:
+        super().__init__()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+
+@pytest.fixture
+def parts(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    """A search of pure functions in place of model, sandbox and trainer."""
+    monkeypatch.setattr(search, "open_model", lambda config: ScriptedModel(SCRIPT))
+    monkeypatch.setattr(search, "Sandbox", Checker)
+    monkeypatch.setattr(search, "record_states", lambda env: {})
+    monkeypatch.setattr(search, "PopulationTrainer", lambda **_: ToyTrainer())
+    return monkeypatch
+
+
+def run(*words: str) -> int:
+    with pytest.raises(SystemExit) as exit:
+        command.main(words)
+    return int(exit.value.code or 0)
+
+
+def test_a_run_prints_its_best_reward_and_leaves_the_files_of_a_report(parts, tmp_path, capsys):
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 0
+    text = capsys.readouterr().out
+    assert "Generation 1: best F 12, 2 of 2 trained" in text
+    assert "return 12.0" in text
+    made = {path.relative_to(tmp_path / "run").as_posix() for path in (tmp_path / "run").rglob("*")}
+    assert {"report.md", "summary.png", "best/reward.py", "best/policy.safetensors", "messages.json"} <= made
+    assert "lanes/human-s0/events.out.tfevents.0" in made
+    # The toy's human reward is worth 10, its sparse one 5; one is lost when held out: (11 - 4) / (9 - 4), and 0.01 a seed.
+    assert "| 1.4 |" in (tmp_path / "run" / "report.md").read_text()
+
+
+def test_a_failing_endpoint_is_one_sentence_and_the_way_to_continue(parts, tmp_path, capsys):
+    parts.setattr(search, "open_model", lambda config: Failing(SCRIPT))
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 3
+    assert capsys.readouterr().err.splitlines() == [
+        "The endpoint refused the key; check OPENAI_API_KEY.",
+        f"What is done is kept. Continue with: eureka resume {tmp_path}/run",
+    ]
+
+
+def test_ctrl_c_says_how_to_continue_and_resuming_asks_for_the_rest_only(parts, tmp_path, capsys):
+    parts.setattr(search, "open_model", lambda config: Interrupting(SCRIPT))
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 130
+    assert f"eureka resume {tmp_path}/run" in capsys.readouterr().err
+
+    rest = ScriptedModel(SCRIPT[2:])
+    parts.setattr(search, "open_model", lambda config: rest)
+    assert run("resume", f"{tmp_path}/run", "max_cost=5") == 0
+    assert rest.said == 2
+    assert "best F 12" in capsys.readouterr().out
+
+
+def test_resuming_with_another_search_is_refused(parts, tmp_path, capsys):
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 0
+    assert run("resume", f"{tmp_path}/run", "sample=3") == 5
+    assert "sample=3 (was 2)" in capsys.readouterr().err
+
+
+def test_show_prints_every_slot_and_the_final_scores(parts, tmp_path, capsys):
+    run("run", *SETTINGS, f"dir={tmp_path}/run")
+    capsys.readouterr()
+    assert run("show", f"{tmp_path}/run") == 0
+    lines = capsys.readouterr().out.splitlines()
+    slots = [line.split() for line in lines if line[:1].isdigit()]
+    assert [(slot[0], slot[1], slot[4], slot[5]) for slot in slots] == [
+        ("0", "0", "3", "accepted"),
+        ("0", "1", "8", "accepted"),
+        ("1", "0", "12", "accepted"),
+        ("1", "1", "4", "accepted"),
+    ]
+    assert any(line.startswith("Human-normalised score, held out: 1.4") for line in lines)
+
+
+@pytest.mark.parametrize("name", ["show", "report", "resume"])
+def test_a_directory_that_is_no_run_is_said(name, tmp_path, capsys):
+    assert run(name, str(tmp_path)) == 5
+    assert "is not a run" in capsys.readouterr().err

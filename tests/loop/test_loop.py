@@ -1,0 +1,276 @@
+"""The whole loop with a scripted model, a toy checker and a toy trainer."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from openeureka import search
+from openeureka.config import RunConfig
+from openeureka.errors import BudgetError, ModelError
+from openeureka.loop import run, summarise
+from openeureka.observer import NullObserver
+from openeureka.sampling import request_seed
+from openeureka.score import Outcome
+from openeureka.store import Store, read_replies
+from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, program, reply
+from openeureka.types import Candidate, TrainingState, VerdictCode
+
+from .standins import CONTEXT
+
+REFUSED = "```python\ndef compute_reward(x):\n    return x\n```"
+CONFIG = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2)
+
+
+@dataclass
+class Search:
+    """A run directory and its fakes; `go` begins or resumes it."""
+
+    directory: Path
+    config: RunConfig
+    model: ScriptedModel
+    checker: ToyChecker = field(default_factory=ToyChecker)
+    trainer: ToyTrainer = field(default_factory=ToyTrainer)
+    observer: Any = field(default_factory=NullObserver)
+
+    def go(self) -> Outcome:
+        with Store.open(self.directory, self.config) as store:
+            strategy = search.make(self.config)
+            return run(self.config, store, self.model, self.checker, self.trainer, CONTEXT, strategy, self.observer)
+
+    def history(self):
+        with Store.view(self.directory) as store:
+            return store.history()
+
+
+@pytest.fixture
+def begin(tmp_path: Path):
+    def begin(script: Sequence[str], name: str = "run", **settings: Any) -> Search:
+        return Search(tmp_path / name, replace(CONFIG, **settings), ScriptedModel(script))
+
+    return begin
+
+
+def lane(worth: float, seed: int) -> str:
+    return f"{Candidate.of(program(worth)).id}-s{seed}"
+
+
+def test_the_best_program_is_retrained_with_fresh_seeds_beside_human_and_sparse(begin) -> None:
+    one = begin([reply(7), reply(8)], seeds=2)
+    outcome = one.go()
+    assert one.trainer.trained == [
+        *(lane(7, 0), lane(8, 0), "human-s0", "sparse-s0"),
+        *(lane(8, 1), lane(8, 2), "human-s1", "human-s2", "sparse-s1", "sparse-s2"),
+    ]
+    # ToyTrainer: F = worth + seed / 100, held out one less.
+    assert outcome.method.training == pytest.approx((8.01, 8.02))
+    assert outcome.method.held_out == pytest.approx((7.01, 7.02))
+    assert outcome.human.training == pytest.approx((10.01, 10.02))
+    assert outcome.sparse.training == pytest.approx((5.01, 5.02))
+    assert outcome.normalised == pytest.approx((8 - 5) / (10 - 5))
+    assert outcome.normalised_training == pytest.approx((8 - 5) / (10 - 5))
+    assert outcome.correlation == 0.5
+    assert outcome.curve_correlation == pytest.approx(1.0)  # (0, w/2, w) against (0, 1, 2)
+
+
+def test_best_holds_the_program_and_the_policy_of_the_better_final_seed(begin) -> None:
+    one = begin([reply(7), reply(8)], seeds=2)
+    one.go()
+    assert (one.directory / "best" / "reward.py").read_text() == program(8)
+    assert (one.directory / "best" / "policy.safetensors").read_bytes() == b"8.02"
+
+
+def test_a_finished_run_asks_and_trains_nothing_when_run_again(begin) -> None:
+    one = begin([reply(7), reply(8)])
+    first = one.go()
+    asked, trained = one.model.said, list(one.trainer.trained)
+    assert one.go() == first
+    assert (one.model.said, one.trainer.trained) == (asked, trained)
+    with Store.view(one.directory) as store:
+        assert summarise(one.config, store, store.history()) == first
+
+
+def test_equal_programs_are_checked_and_trained_once(begin) -> None:
+    one = begin([reply(7), "Again:\n" + reply(7), reply(7), reply(6)], iteration=2)
+    one.go()
+    assert one.checker.checked == [program(7), program(6)]
+    assert one.trainer.trained.count(lane(7, 0)) == 1
+    slots = one.history().generations[0].entries
+    assert [entry.fitness for entry in slots] == [7, 7]
+
+
+def test_a_refused_program_takes_its_repair_turns_before_its_slot_is_sampled_anew(begin) -> None:
+    script = [REFUSED, reply(7), REFUSED + "1", REFUSED + "2", reply(8)]
+    one = begin(script, repair=2, refill=1)
+    one.go()
+    first, repair, again, fresh = one.model.prompts
+    assert repair.messages[-2].content == REFUSED
+    assert repair.messages[-1].content == "line 1: nothing is returned [no-number]; return a number"
+    assert again.messages[-2].content == REFUSED + "1"
+    assert fresh == first
+    slots = one.history().generations[0].entries
+    assert [(entry.fitness, entry.sample.attempts) for entry in slots] == [(8, 4), (7, 1)]
+
+
+def test_a_slot_is_given_up_when_its_attempts_are_spent(begin) -> None:
+    one = begin(["prose", reply(7), REFUSED, "prose", REFUSED], repair=1, refill=1)
+    one.go()
+    lost, kept = one.history().generations[0].entries
+    assert (lost.sample.verdict.code, lost.sample.attempts, lost.result) == (VerdictCode.REFUSED, 4, None)
+    assert lost.feedback == (
+        "The reward function could not be used:\n- line 1: nothing is returned [no-number]; return a number"
+    )
+    assert kept.fitness == 7
+
+
+def test_when_nothing_trains_the_model_is_told_why_and_the_search_goes_on(begin) -> None:
+    one = begin(["prose", REFUSED, reply(7), reply(8)], iteration=2)
+    outcome = one.go()
+    told = [message.content for message in one.model.prompts[1].messages]
+    assert any("no Python function [no-program]" in text for text in told)
+    assert any("nothing is returned [no-number]" in text for text in told)
+    assert outcome.best is not None and outcome.best.fitness == 8
+
+
+def test_a_search_in_which_nothing_ever_trains_ends_without_a_best(begin) -> None:
+    one = begin(["prose"] * 4, iteration=2)
+    assert one.go() == Outcome(best=None)
+    assert one.trainer.trained == ["human-s0", "sparse-s0"]
+
+
+def test_the_next_prompt_holds_the_parent_and_its_feedback(begin) -> None:
+    one = begin([reply(7), reply(8), reply(1), reply(2)], iteration=2)
+    one.go()
+    parent = one.model.prompts[1].messages[-1].content
+    assert parent.startswith(program(8))
+    assert "task_score: [none, 4.00, 8.00], Max: 8.00, Mean: 6.00, Min: 4.00" in parent
+
+
+@pytest.mark.parametrize(("name", "parent"), [("eureka", 2), ("best", 8)])
+def test_eureka_follows_the_last_generation_and_best_the_best_so_far(begin, name: str, parent: float) -> None:
+    one = begin([reply(7), reply(8), reply(1), reply(2), reply(3), reply(4)], iteration=3, search=name)
+    outcome = one.go()
+    assert one.model.prompts[2].messages[-1].content.startswith(program(parent))
+    assert outcome.best is not None and outcome.best.fitness == 8
+
+
+def test_the_model_is_closed_before_each_training(begin) -> None:
+    one = begin([reply(7), reply(8), reply(1), reply(2)], iteration=2)
+    closed: list[int] = []
+    train = one.trainer.train
+    one.trainer.train = lambda *args: closed.append(one.model.closed) or train(*args)
+    one.go()
+    assert closed == [1, 2, 2]  # the final trainings follow no request
+
+
+def test_requests_have_seeds_of_their_own(begin) -> None:
+    one = begin([REFUSED, REFUSED, reply(7), reply(8), reply(1), reply(2)], refill=1, iteration=2)
+    one.go()
+    assert len(set(one.model.seeds)) == len(one.model.seeds) == 3
+    assert request_seed(0, 0, 0, 3) - request_seed(0, 0, 0, 1) == 2
+    assert all(0 <= request_seed(seed, 9, 9, 99) < 2**31 for seed in range(100))
+
+
+class Interrupted(ScriptedModel):
+    """Loses its connection after some replies."""
+
+    lost_after = 1
+
+    def sample(self, prompt, *, n, seed):
+        for number, answer in enumerate(super().sample(prompt, n=n, seed=seed)):
+            if number == self.lost_after:
+                self.said -= 1
+                raise ModelError("The connection was lost.")
+            yield answer
+
+
+def test_replies_before_a_lost_connection_are_not_asked_for_again(begin) -> None:
+    one = begin([reply(7), reply(8), reply(9)], sample=3)
+    one.model = Interrupted(one.model.script)
+    with pytest.raises(ModelError):
+        one.go()
+    one.model = ScriptedModel(one.model.script, said=1)
+    outcome = one.go()
+    assert one.model.said == 3
+    assert outcome.best is not None and outcome.best.fitness == 9
+
+
+def test_spending_stops_before_the_limit_and_goes_on_with_a_higher_one(begin) -> None:
+    one = begin([reply(7), reply(8), reply(9), reply(10)], iteration=2, max_cost=0.035)  # a reply costs 0.01
+    with pytest.raises(BudgetError, match=r"max_cost=0\.035"):
+        one.go()
+    assert one.model.said == 2
+    assert one.history().best.fitness == 8
+    one.config = replace(one.config, max_cost=0.05)
+    assert one.go().best.fitness == 10
+
+
+def test_a_replay_of_the_replies_is_the_same_search(begin) -> None:
+    script = ["prose", reply(7), REFUSED, reply(6), reply(8), reply(9)]
+    one = begin(script, iteration=2, repair=1, refill=1)
+    first = one.go()
+    texts = [said.text for said in read_replies(one.directory)]
+    two = begin(texts, name="replay", iteration=2, repair=1, refill=1, model="replay:run")
+    assert two.go() == first
+    assert two.history() == one.history()
+
+
+class Diverging(ToyTrainer):
+    def _result(self, job):
+        result = super()._result(job)
+        if job.id.startswith(("human", "sparse")):
+            return result
+        curves = {name: (float("nan"),) for name in result.curves}
+        state, message = TrainingState.DIVERGED, "reward was NaN"
+        return replace(
+            result, state=state, message=message, fitness=None, curves=curves, best_fitness=None, best_reward=None
+        )
+
+
+def test_a_diverged_lane_never_wins_and_its_author_is_told(begin) -> None:
+    one = begin([reply(7), reply(8)])
+    one.trainer = Diverging()
+    assert one.go().best is None
+    assert "stopped early (reward was NaN)" in one.history().generations[0].entries[0].feedback
+
+
+class Log(NullObserver):
+    def __init__(self) -> None:
+        self.events: list[str] = []
+
+    def phase(self, generation, name):
+        self.events.append(f"{name} {generation}")
+
+    def verdict(self, sample):
+        self.events.append(sample.verdict.code)
+
+    def generation(self, generation):
+        self.events.append(f"generation {generation.index}")
+
+    def outcome(self, outcome):
+        self.events.append("outcome")
+
+
+def test_an_observer_is_told_what_happens_and_after_a_resumption_what_had_happened(begin) -> None:
+    one = begin([reply(7), "prose"])
+    one.observer = Log()
+    one.go()
+    end = ["final 1", "evaluate 1", "outcome"]
+    assert one.observer.events == [
+        *("sample 0", "check 0", "accepted", "no_program", "train 0", "generation 0"),
+        *end,
+    ]
+    one.observer = Log()
+    one.go()
+    assert one.observer.events == ["generation 0", *end]
+
+
+def test_messages_json_holds_the_conversation_of_each_generation(begin) -> None:
+    one = begin([reply(7), reply(8), reply(1), reply(2)], iteration=2)
+    one.go()
+    asked = json.loads((one.directory / "messages.json").read_text())
+    assert [prompt["generation"] for prompt in asked] == [0, 1]
+    assert asked[1]["messages"][-1]["content"].startswith(program(8))

@@ -1,0 +1,100 @@
+import math
+from dataclasses import replace
+
+import pytest
+
+from openeureka.reflection import reflect, summary
+from openeureka.types import (
+    Candidate,
+    Finding,
+    Sample,
+    TrainingResult,
+    TrainingState,
+    Verdict,
+    VerdictCode,
+)
+
+CANDIDATE = Candidate.of("program")
+SAMPLE = Sample(
+    generation=0, slot=0, candidate=CANDIDATE, verdict=Verdict(candidate=CANDIDATE.id, code=VerdictCode.ACCEPTED)
+)
+RESULT = TrainingResult(
+    job="a-s0",
+    state=TrainingState.FINISHED,
+    fitness=40.0,
+    curves={
+        "fitness": (None, *(float(epoch) for epoch in range(2, 41))),
+        "episode_length": tuple(float(epoch) for epoch in range(1, 41)),
+        "reward": (1.0,) * 40,
+        "human_reward": (2.0,) * 40,
+        "component/speed": tuple(epoch / 10 for epoch in range(1, 41)),
+        "component/effort": (-0.00123,) * 39 + (math.nan,),
+    },
+    env_steps=1,
+    seconds=1.0,
+)
+
+
+def test_feedback_on_a_training() -> None:
+    # 40 epochs, ten points: epochs 1, 5, ..., 37. Means: speed (0.1 + 4.0) / 2, score (2 + 40) / 2, length (1 + 40) / 2.
+    assert reflect(SAMPLE, RESULT, "free").splitlines()[:7] == [
+        "A policy was trained with this reward function. Every 4 epochs the means of its components, the score of the "
+        "task and the length of the episodes [steps] were:",
+        "speed: [0.10, 0.50, 0.90, 1.30, 1.70, 2.10, 2.50, 2.90, 3.30, 3.70], Max: 4.00, Mean: 2.05, Min: 0.10",
+        "effort: [" + ", ".join(["-0.0012"] * 10) + "], Max: -0.0012, Mean: -0.0012, Min: -0.0012",
+        "task_score: [none, 5.00, 9.00, 13.00, 17.00, 21.00, 25.00, 29.00, 33.00, 37.00], Max: 40.00, Mean: 21.00, "
+        "Min: 2.00",
+        "episode_length: [1.00, 5.00, 9.00, 13.00, 17.00, 21.00, 25.00, 29.00, 33.00, 37.00], Max: 40.00, Mean: 20.50, "
+        "Min: 1.00",
+        "",
+        "Read these numbers before you write the improved reward function:",
+    ]
+
+
+def test_feedback_for_small_models_has_fewer_points_and_no_advice() -> None:
+    assert reflect(SAMPLE, RESULT, "grammar").splitlines() == [
+        "speed: [0.1, 1.1, 2.1, 3.1], Max: 4.0, Mean: 2.0, Min: 0.1",
+        "effort: [-0.0012, -0.0012, -0.0012, -0.0012], Max: -0.0012, Mean: -0.0012, Min: -0.0012",
+        "task_score: [none, 11.0, 21.0, 31.0], Max: 40.0, Mean: 21.0, Min: 2.0",
+        "episode_length: [1.0, 11.0, 21.0, 31.0], Max: 40.0, Mean: 20.5, Min: 1.0",
+    ]
+
+
+def test_neither_the_own_total_nor_the_human_reward_is_shown() -> None:
+    assert not any("human" in line or line.startswith("reward") for line in reflect(SAMPLE, RESULT, "free").split("\n"))
+
+
+@pytest.mark.parametrize("curve", [(), (None, None), (math.nan, math.inf)])
+def test_a_curve_without_a_defined_point_has_no_extremes(curve) -> None:
+    (score, length) = summary({"fitness": curve, "episode_length": (1.0,)}, points=10)
+    assert score == f"task_score: [{', '.join(['none'] * len(curve))}]"
+    assert length == "episode_length: [1.00], Max: 1.00, Mean: 1.00, Min: 1.00"
+
+
+def test_a_diverged_training_says_so_first() -> None:
+    result = replace(RESULT, state=TrainingState.DIVERGED, message="|reward| reached 1e30")
+    first = reflect(SAMPLE, result, "grammar").split("\n")[0]
+    assert first == (
+        "The training was stopped early (|reward| reached 1e30): keep every part of the reward finite and of moderate "
+        "size."
+    )
+
+
+def test_a_failure_of_the_machine_is_not_explained_to_the_model() -> None:
+    result = replace(RESULT, state=TrainingState.FAILED, curves={}, message="out of memory on host seven")
+    assert "host seven" not in reflect(SAMPLE, result, "free")
+
+
+def test_a_refusal_lists_its_findings() -> None:
+    findings = (
+        Finding(rule="unknown-input", message="there is no `vel`", fix="use `velocity`", line=2),
+        Finding(rule="random", message="the reward is random"),
+    )
+    refused = replace(SAMPLE, verdict=Verdict(candidate=CANDIDATE.id, code=VerdictCode.REFUSED, findings=findings))
+    assert reflect(refused, None, "free").splitlines() == [
+        "The reward function could not be used:",
+        "- line 2: there is no `vel` [unknown-input]; use `velocity`",
+        "- the reward is random [random]",
+    ]
+    timeout = replace(SAMPLE, verdict=Verdict(candidate=CANDIDATE.id, code=VerdictCode.TIMEOUT))
+    assert reflect(timeout, None, "free").endswith("\n- timeout")

@@ -1,0 +1,112 @@
+"""What the gate says to the author of a program: line, rule and fix, word for word."""
+
+from __future__ import annotations
+
+import pytest
+
+from openeureka.reward import gate
+from reward.honest import ANT, CARTPOLE
+
+
+def sentences(source: str, state=CARTPOLE) -> list[str]:
+    checked = gate.check(source, state)
+    assert isinstance(checked, tuple), "accepted"
+    return [finding.sentence() for finding in checked]
+
+
+GOLDEN = {
+    "an unknown input names the nearest state variable": (
+        "def compute_reward(dof_poss):\n    return dof_poss[:, 0], {}\n",
+        "line 1: `dof_poss` is not a state variable of this task [unknown-input]; "
+        "did you mean `dof_pos`? inputs are obs_buf, dof_pos, dof_vel, num_envs",
+    ),
+    "an attribute of self that the task does not offer": (
+        "def compute_reward(self):\n    return self.dof_velocity[:, 0], {}\n",
+        "line 2: `dof_velocity` is not a state variable of this task [unknown-input]; "
+        "did you mean `dof_vel`? inputs are obs_buf, dof_pos, dof_vel, num_envs",
+    ),
+    "a name that nothing defines": (
+        "def compute_reward(dof_pos):\n    angle = dof_pos[:, 1]\n    return anglee, {}\n",
+        "line 3: `anglee` is not defined [unknown-name]; did you mean `angle`?",
+    ),
+    "an in-place edit of an input": (
+        "\n\ndef compute_reward(dof_pos):\n    dof_pos += 1\n    return dof_pos[:, 0], {}\n",
+        "line 4: in-place `+=` on input `dof_pos` [input-edit]; write `dof_pos = dof_pos + 1`",
+    ),
+    "an assignment into an input": (
+        "def compute_reward(dof_pos):\n    dof_pos[:, 0] = 1\n    return dof_pos[:, 0], {}\n",
+        "line 2: assignment into input `dof_pos` [input-edit]; copy it first: `dof_pos = dof_pos.clone()`",
+    ),
+    "an in-place method on an input of self": (
+        "def compute_reward(self):\n    self.dof_pos.clamp_(0, 1)\n    return self.dof_pos[:, 0], {}\n",
+        "line 2: in-place `.clamp_` on input `self.dof_pos` [input-edit]; use `.clamp` and keep the result",
+    ),
+    "randomness": (
+        "import torch\ndef compute_reward(dof_pos):\n    return torch.rand_like(dof_pos[:, 0]), {}\n",
+        "line 3: `torch.rand_like` is random, and a reward must give the same value for the same state "
+        "[randomness]; remove it",
+    ),
+    "a torch function off the list names the nearest": (
+        "def compute_reward(dof_pos):\n    return torch.normm(dof_pos, dim=-1), {}\n",
+        "line 2: `torch.normm` is not available to a reward [torch-function]; did you mean `norm`?",
+    ),
+    "a value read out of a tensor": (
+        "def compute_reward(dof_pos):\n    return dof_pos[:, 0] * dof_pos.max().item(), {}\n",
+        "line 2: `.item` turns tensor values into Python values [data-read]; stay with tensors of one value per world",
+    ),
+    "an import": (
+        "import numpy as np\ndef compute_reward(dof_pos):\n    return dof_pos[:, 0], {}\n",
+        "line 1: `numpy` cannot be imported [import]; only torch, math and typing are there; "
+        "helpers such as `quat_mul` need no import",
+    ),
+    "a while loop": (
+        "def compute_reward(dof_pos):\n    while True:\n        pass\n    return dof_pos[:, 0], {}\n",
+        "line 2: `While` is not allowed [statement]; use tensor operations, or `for` over a small `range`",
+    ),
+    "a syntax error": (
+        "def compute_reward(dof_pos):\n    return dof_pos[:, 0\n",
+        "line 2: Python cannot read it: '[' was never closed [syntax]",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", GOLDEN)
+def test_a_refusal_names_line_rule_and_fix(name: str) -> None:
+    source, expected = GOLDEN[name]
+    assert sentences(source)[0] == expected
+
+
+def test_every_reason_is_given_in_the_order_of_lines() -> None:
+    source = "def f(dof_pos, goal):\n    dof_pos -= 1\n    open('x')\n    return torch.rand(3), {}\n"
+    rules = [finding.rule for finding in gate.check(source, CARTPOLE)]  # type: ignore[union-attr]
+    assert rules == ["unknown-input", "input-edit", "unknown-name", "randomness"]
+
+
+def test_a_program_without_a_function_says_so() -> None:
+    assert sentences("x = 1\n") == ["the program defines no function [no-function]; define `def compute_reward(...)`"]
+
+
+def test_inputs_are_arguments_free_names_and_attributes_of_self() -> None:
+    program = gate.check("def f(dof_pos):\n    return dof_pos[:, 0] + dof_vel[:, 0], {}\n", CARTPOLE)
+    assert isinstance(program, gate.Program)
+    assert (program.inputs, program.arguments) == (("dof_pos", "dof_vel"), ("dof_pos",))
+    method = gate.check("def f(self):\n    return self.dof_vel[:, 0] * self.num_envs, {}\n", CARTPOLE)
+    assert isinstance(method, gate.Program)
+    assert (set(method.inputs), method.arguments, method.method) == ({"dof_vel", "num_envs"}, (), True)
+
+
+def test_a_local_variable_may_have_the_name_of_a_state_variable() -> None:
+    source = "def f(root_states):\n    targets = root_states[:, :3]\n    return targets.sum(-1), {}\n"
+    program = gate.check(source, ANT)
+    assert isinstance(program, gate.Program) and program.inputs == ("root_states",)
+
+
+def test_a_python_number_may_be_changed_in_place() -> None:
+    source = "def f(potentials, dt):\n    dt *= 2\n    return potentials * dt, {}\n"
+    assert isinstance(gate.check(source, ANT), gate.Program)
+
+
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+def test_line_ends_and_tabs_of_any_system_are_read(newline: str) -> None:
+    source = newline.join(["def f(dof_pos):", "\tr = dof_pos[:, 0]", "\treturn r, {}", ""])
+    assert isinstance(gate.check(source, CARTPOLE), gate.Program)

@@ -1,0 +1,150 @@
+"""Graphs as data: what may stand in one, what is refused, and that they compute on any number of worlds."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+import torch
+
+from openeureka.reward import examine, graph, probe
+from openeureka.types import Node, RewardGraph
+from reward.honest import CARTPOLE, recorded
+
+
+def cart_reward() -> RewardGraph:
+    """-2 |x|, with |x| as a component and 3 ones per world that nothing needs."""
+    nodes = (
+        Node("input", ("dof_pos",)),
+        Node("select.int", ({"ref": 0}, 1, 0)),
+        Node("abs.default", ({"ref": 1},)),
+        Node("mul.Tensor", ({"ref": 2}, -2.0)),
+        Node("ones.default", (({"n": 3},),)),
+    )
+    return RewardGraph(nodes=nodes, reward=3, components=(("distance", 2),))
+
+
+def test_text_and_back_is_the_same_graph() -> None:
+    made = cart_reward()
+    assert graph.from_json(graph.to_json(made)) == made
+
+
+def test_infinite_numbers_survive_as_strict_json() -> None:
+    made = RewardGraph(
+        nodes=(
+            Node("input", ("dof_pos",)),
+            Node("clamp.default", ({"ref": 0}, float("-inf"), 1.0)),
+            Node("sum.dim_IntList", ({"ref": 1}, (1,))),
+        ),
+        reward=2,
+        components=(),
+    )
+    text = graph.to_json(made)
+    json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+    assert graph.from_json(text) == made
+
+
+def test_a_compiled_graph_takes_any_number_of_worlds_and_leaves_its_inputs_alone() -> None:
+    compiled = graph.compile(cart_reward(), CARTPOLE)
+    for worlds in (1, 5, 300):
+        states = {"dof_pos": torch.tensor([[-1.5, 9.0]]).repeat(worlds, 1)}
+        reward, components = compiled(states)
+        assert torch.equal(reward, torch.full((worlds,), -3.0))  # -2 * |-1.5|
+        assert torch.equal(components["distance"], torch.full((worlds,), 1.5))
+        reward.zero_()
+        components["distance"].zero_()
+        assert torch.equal(states["dof_pos"][:, 0], torch.full((worlds,), -1.5))
+
+
+def test_a_component_that_is_an_input_is_a_copy() -> None:
+    made = RewardGraph(nodes=(*cart_reward().nodes[:2],), reward=1, components=(("x", 1),))
+    states = {"dof_pos": torch.ones(4, 2)}
+    reward, components = graph.compile(made, CARTPOLE)(states)
+    reward += 5
+    components["x"] += 7
+    assert torch.equal(states["dof_pos"], torch.ones(4, 2))
+
+
+def test_simplify_keeps_what_outputs_need() -> None:
+    small, origin = graph.simplify(cart_reward())
+    assert [node.op for node in small.nodes] == ["input", "select.int", "abs.default", "mul.Tensor"]
+    assert origin == (0, 1, 2, 3)
+
+
+def test_the_interpreter_and_the_compiled_graph_agree() -> None:
+    states = recorded(CARTPOLE)
+    reward, _ = graph.compile(cart_reward(), CARTPOLE)(states)
+    done = list(graph.values(cart_reward(), states, 256))
+    assert torch.equal(reward, done[3])
+
+
+def broken(**changes: Any) -> str:
+    data = json.loads(graph.to_json(cart_reward()))
+    data.update(changes)
+    return json.dumps(data)
+
+
+NODES = json.loads(graph.to_json(cart_reward()))["nodes"]
+FORGED = {
+    "not JSON": "{",
+    "not an object": "[]",
+    "another version": broken(version=2),
+    "no nodes": broken(nodes=[]),
+    "too many nodes": broken(nodes=[["input", ["dof_pos"], {}]] * 3000),
+    "an operation off the list": broken(nodes=[*NODES, ["from_file.default", ["/etc/passwd"], {}]]),
+    "an in-place operation": broken(nodes=[*NODES, ["add_.Tensor", [{"ref": 0}, {"ref": 0}], {}]]),
+    "an operation with an out argument": broken(nodes=[*NODES, ["add.out", [{"ref": 0}, {"ref": 0}], {}]]),
+    "a random operation": broken(nodes=[*NODES, ["rand.default", [[3]], {}]]),
+    "a Python expression as an operation": broken(nodes=[*NODES, ["__class__.x", [], {}]]),
+    "a reference forwards": broken(nodes=[["neg.default", [{"ref": 1}], {}], *NODES]),
+    "a reference to itself": broken(nodes=[*NODES, ["neg.default", [{"ref": 5}], {}]]),
+    "a negative reference": broken(nodes=[*NODES, ["neg.default", [{"ref": -1}], {}]]),
+    "a true reference": broken(nodes=[*NODES, ["neg.default", [{"ref": True}], {}]]),
+    "a huge multiple of the worlds": broken(nodes=[*NODES, ["ones.default", [[{"n": 10**9}]], {}]]),
+    "an unknown argument form": broken(nodes=[*NODES, ["neg.default", [{"file": "x"}], {}]]),
+    "a two-key argument": broken(nodes=[*NODES, ["neg.default", [{"ref": 0, "n": 1}], {}]]),
+    "an unknown dtype": broken(nodes=[*NODES, ["ones.default", [[2]], {"dtype": "os"}]]),
+    "a reward out of range": broken(reward=99),
+    "a reward that is true": broken(reward=True),
+    "a component name with markup": broken(components=[["</script>", 2]]),
+    "components of one name": broken(components=[["a", 2], ["a", 2]]),
+    "too many components": broken(components=[[f"c{i}", 2] for i in range(17)]),
+    "a constant whose shape lies": broken(nodes=[*NODES, ["constant", [[1.0], [2, 2], "float32"], {}]]),
+    "a constant of text": broken(nodes=[*NODES, ["constant", [["x"], [1], "float32"], {}]]),
+    "a large constant": broken(nodes=[*NODES, ["constant", [[0.0] * 5000, [5000], "float32"], {}]]),
+    "an input with two names": broken(nodes=[["input", ["dof_pos", "dof_vel"], {}], *NODES[1:]]),
+    "deep nesting": '{"version": 1, "nodes": ' + "[" * 5000 + "]" * 5000 + "}",
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_a_forged_graph_is_refused(name: str) -> None:
+    with pytest.raises(graph.GraphError):
+        graph.from_json(FORGED[name])
+
+
+def test_an_input_off_the_table_is_refused() -> None:
+    with pytest.raises(graph.GraphError, match="not a state variable"):
+        graph.compile(RewardGraph(nodes=(Node("input", ("fitness",)),), reward=0, components=()), CARTPOLE)
+
+
+BOMBS = {
+    "one literal size": (Node("zeros.default", ((10**6, 10**6),)),),
+    "a square of the worlds": (Node("zeros.default", (({"n": 1}, {"n": 1}),)),),
+    "repeated growth": (
+        Node("full.default", ((4096,), 1.0)),
+        Node("unsqueeze.default", ({"ref": 1}, 1)),
+        Node("mul.Tensor", ({"ref": 1}, {"ref": 2})),
+        Node("unsqueeze.default", ({"ref": 3}, 2)),
+        Node("mul.Tensor", ({"ref": 3}, {"ref": 4})),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_a_graph_that_asks_for_much_memory_is_refused_before_it_runs(name: str) -> None:
+    nodes = (Node("input", ("dof_pos",)), *BOMBS[name], Node("select.int", ({"ref": 0}, 1, 0)))
+    bomb = RewardGraph(nodes=nodes, reward=len(nodes) - 1, components=())
+    findings = examine.examine(probe.Traced(bomb, ()), CARTPOLE, recorded(CARTPOLE))
+    assert [finding.rule for finding in findings] == ["memory"]

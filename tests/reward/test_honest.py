@@ -1,0 +1,89 @@
+"""Programs in the styles of the field are accepted, and the graph computes what the program computes."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import torch
+
+from openeureka.reward import examine, gate, graph, load, probe
+from openeureka.reward import math as helpers
+from openeureka.types import StateSpec
+from reward.honest import PROGRAMS, recorded
+
+
+def accepted(spec: StateSpec, source: str) -> probe.Traced:
+    program = gate.check(source, spec)
+    assert isinstance(program, gate.Program), [finding.sentence() for finding in program]
+    states = recorded(spec)
+    traced = probe.probe(load.load(program), spec, states)
+    assert examine.examine(traced, spec, states) == ()
+    return traced
+
+
+def plain_python(
+    spec: StateSpec, source: str, states: dict[str, Any], worlds: int
+) -> tuple[torch.Tensor, dict[str, Any]]:
+    """The program as its author would run it: real torch, no gate, no rewriting except the device and TorchScript."""
+    everything = {**states, "num_envs": worlds, "device": "cpu"}
+    names: dict[str, Any] = {
+        "torch": torch,
+        "math": math,
+        **{n: getattr(helpers, n) for n in dir(helpers)},
+        **everything,
+    }
+    text = source.replace("@torch.jit.script", "").replace('.to("cuda:0")', "").replace(".cuda()", "")
+    text = text.replace(', device="cuda:0"', "").replace("self._closeness(", "_closeness(self, ")
+    text = "\n".join(line for line in text.split("\n") if "isaacgym" not in line)
+    before = set(names)
+    exec(text, names)
+    functions = [names[n] for n in names if n not in before and callable(names[n]) and hasattr(names[n], "__code__")]
+    function = names.get("compute_reward", functions[-1])
+    arguments = function.__code__.co_varnames[: function.__code__.co_argcount]
+    if arguments[0] == "self":
+        return function(SimpleNamespace(**everything))
+    return function(**{name: everything[name] for name in arguments})
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_the_graph_computes_what_the_program_computes(name: str) -> None:
+    spec, source = PROGRAMS[name]
+    traced = accepted(spec, source)
+    compiled = graph.compile(graph.from_json(graph.to_json(traced.graph)), spec)
+    for worlds in (1, 33):
+        states = recorded(spec, worlds, seed=worlds)
+        before = {key: value.clone() for key, value in states.items() if isinstance(value, torch.Tensor)}
+        reward, components = compiled(states)
+        if worlds > 1:  # `.squeeze()` alone has another meaning in a single world
+            expected, expected_components = plain_python(
+                spec, source, {k: before.get(k, v) for k, v in states.items()}, worlds
+            )
+            torch.testing.assert_close(reward, expected.float(), rtol=1e-4, atol=1e-5)
+            for value, wanted in zip(components.values(), expected_components.values(), strict=True):
+                wanted = torch.as_tensor(wanted).float().expand(worlds)
+                torch.testing.assert_close(value, wanted, rtol=1e-4, atol=1e-5)
+        assert reward.shape == (worlds,) and reward.dtype == torch.float32
+        assert all(value.shape == (worlds,) and value.dtype == torch.float32 for value in components.values())
+        assert all(torch.equal(states[key], value) for key, value in before.items())  # type: ignore[arg-type]
+
+
+def test_the_last_function_is_the_reward_and_its_helpers_survive() -> None:
+    spec, source = PROGRAMS["module constants, helper with a default, print and assert"]
+    program = gate.check(source, spec)
+    assert isinstance(program, gate.Program)
+    assert program.entry == "compute_reward" and set(program.draft.functions) == {"tolerance", "compute_reward"}
+
+
+def test_a_graph_of_a_usual_reward_is_small() -> None:
+    spec, source = PROGRAMS["where on whole tensors as the original human reward"]
+    # 2 inputs, 4 columns, and about 20 operations of arithmetic: nothing of Python's bookkeeping remains
+    assert len(accepted(spec, source).graph.nodes) <= 30
+
+
+def test_equal_expressions_are_computed_once() -> None:
+    spec, _ = PROGRAMS["Python floats as components"]
+    traced = accepted(spec, "def f(obs_buf):\n    return torch.cos(obs_buf[:, 2]) + torch.cos(obs_buf[:, 2]), {}\n")
+    assert [node.op for node in traced.graph.nodes] == ["input", "select.int", "cos.default", "add.Tensor"]

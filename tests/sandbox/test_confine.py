@@ -1,0 +1,201 @@
+"""What a confined child can and cannot do, with the gate switched off; and how the server outlives it."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import torch
+
+from openeureka.errors import SandboxUnavailable
+from openeureka.sandbox import client, confine
+from openeureka.sandbox.client import Sandbox
+from openeureka.testing.hostile import STATE
+from openeureka.types import Candidate, Verdict, VerdictCode
+
+RECORDED = {"pos": torch.randn(64, 3), "vel": torch.randn(64, 3), "phase": torch.randn(64), "dt": 0.02}
+
+
+@pytest.fixture(scope="module")
+def sandbox() -> Iterator[Sandbox]:
+    with Sandbox(STATE, RECORDED) as running:
+        running._gated = False
+        yield running
+
+
+def run(sandbox: Sandbox, body: str) -> Verdict:
+    lines = "\n".join(f"    {line}" for line in body.split("\n"))
+    return sandbox.check(Candidate.of(f"def f(pos):\n{lines}\n    return pos[:, 0] * 1.0, {{}}\n"))
+
+
+def test_without_the_gate_a_harmless_program_passes(sandbox: Sandbox) -> None:
+    assert run(sandbox, "import math").accepted  # so that the refusals below are the kernel's
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "open('/etc/passwd')",
+        "open('/proc/self/environ')",
+        "open('/tmp/x', 'w')",
+        "import os; os.listdir('/')",
+        "import os; os.mkdir('/tmp/x')",
+        "import os; os.unlink('/tmp/x')",
+        "import os; os.chmod('/tmp', 0)",
+        "import os; os.kill(os.getppid(), 9)",
+        "import os; os.kill(-1, 15)",
+        "import os; os.setsid()",
+        "import os; os.setuid(0)",
+        "import os; os.setpgid(0, os.getppid())",
+        "import ctypes, os; ctypes.CDLL(None, use_errno=True).process_vm_readv and open('/proc/1/mem')",
+        "import resource; resource.setrlimit(resource.RLIMIT_CPU, (100, 100))",
+    ],
+)
+def test_files_signals_and_identity_are_out_of_reach(sandbox: Sandbox, body: str) -> None:
+    verdict = run(sandbox, body)
+    assert verdict.code is VerdictCode.CONTRACT
+    assert "PermissionError" in verdict.findings[0].message or "not allowed" in verdict.findings[0].message
+    assert verdict.findings[0].line == 2
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "import os; os.fork()",
+        "import os; os.system('id')",
+        "import os; os.execv('/bin/sh', ['sh'])",
+        "import os; os.posix_spawn('/bin/sh', ['sh'], {})",
+        "import _socket; _socket.socket()",
+        "import _thread; _thread.start_new_thread(print, ())",
+        "import ctypes; ctypes.CDLL(None).ptrace(16, 1, 0, 0)",
+    ],
+)
+def test_processes_threads_and_sockets_kill_the_child(sandbox: Sandbox, body: str) -> None:
+    verdict = run(sandbox, body)
+    assert (verdict.code, verdict.findings[0].rule) == (VerdictCode.CRASHED, "system-call")
+
+
+@pytest.mark.parametrize("body", ["x = [0] * 10**10", "x = bytearray(10**11)", "x = torch.zeros(10**10)"])
+def test_memory_is_bounded(sandbox: Sandbox, body: str) -> None:
+    verdict = run(sandbox, body)
+    assert verdict.code is VerdictCode.CONTRACT
+    assert "MemoryError" in verdict.findings[0].message or "memory" in verdict.findings[0].message
+
+
+def test_the_environment_holds_nothing_of_ours(sandbox: Sandbox) -> None:
+    own = "{'LC_CTYPE', 'TORCHINDUCTOR_CACHE_DIR'}"  # set by Python and torch themselves
+    verdict = run(sandbox, f"import os\nraise ValueError(sorted(set(os.environ) - {own}))")
+    assert verdict.findings[0].message == "ValueError: []"
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root has rights to give up")
+def test_root_becomes_nobody(sandbox: Sandbox) -> None:
+    verdict = run(
+        sandbox, "import os\nraise ValueError(os.getuid() > 60000 and os.getgid() > 60000 and os.getgroups())"
+    )
+    # getgroups itself is not among the allowed calls
+    assert "PermissionError" in verdict.findings[0].message
+
+
+def test_only_the_answer_pipe_is_open(sandbox: Sandbox) -> None:
+    body = """import os, errno
+found = []
+for number in range(64):
+    try:
+        os.lseek(number, 0, 1)
+        found.append(number)
+    except OSError as error:
+        if error.errno != errno.EBADF:
+            found.append(number)
+raise ValueError(found)"""
+    assert run(sandbox, body).findings[0].message == "ValueError: [0, 1, 2, 3]"  # null, null, null and the pipe
+
+
+def test_a_program_that_never_ends_is_ended(sandbox: Sandbox, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client, "SECONDS", 0.3)
+    started = time.monotonic()
+    assert run(sandbox, "while True:\n    pass").code is VerdictCode.TIMEOUT
+    assert time.monotonic() - started < 1.5
+
+
+def test_an_exit_status_is_no_verdict(sandbox: Sandbox) -> None:
+    assert run(sandbox, "import os; os._exit(0)").code is VerdictCode.CRASHED
+
+
+def forged(answer: str) -> str:
+    return f"import os, json, struct\na = {answer}\nos.write(3, struct.pack('<I', len(a)) + a)\nos._exit(0)"
+
+
+@pytest.mark.parametrize(
+    ("answer", "code"),
+    [
+        ("b'{}'", VerdictCode.CONTRACT),
+        ("b'[]'", VerdictCode.CRASHED),
+        ("b'\\xff\\xfe'", VerdictCode.CRASHED),
+        ("b'[' * 100000", VerdictCode.CRASHED),
+        ('json.dumps({"findings": []}).encode()', VerdictCode.CONTRACT),
+        ('json.dumps({"findings": 7}).encode()', VerdictCode.CONTRACT),
+        ('json.dumps({"graph": "{}", "lines": "x"}).encode()', VerdictCode.CONTRACT),
+        ('json.dumps({"graph": 5}).encode()', VerdictCode.CONTRACT),
+    ],
+)
+def test_a_forged_answer_is_never_accepted(sandbox: Sandbox, answer: str, code: VerdictCode) -> None:
+    verdict = run(sandbox, forged(answer))
+    assert (verdict.code, verdict.graph) == (code, None)
+    assert verdict.findings
+
+
+def test_a_forged_graph_that_breaks_the_contract_is_refused(sandbox: Sandbox) -> None:
+    """The child swears that a reward which couples worlds is fine; the parent looks for itself."""
+    nodes = '[["input", ["pos"], {}], ["select.int", [{"ref": 0}, 1, 0], {}], ["mean.default", [{"ref": 1}], {}], '
+    nodes += '["sub.Tensor", [{"ref": 1}, {"ref": 2}], {}]]'
+    graph = f'json.dumps({{"version": 1, "nodes": {nodes}, "reward": 3, "components": []}})'
+    verdict = run(sandbox, forged(f'json.dumps({{"graph": {graph}, "lines": [1, 1, 1, 1]}}).encode()'))
+    assert verdict.findings[0].rule == "coupling"
+
+
+def test_text_from_a_child_is_one_printable_line(sandbox: Sandbox) -> None:
+    verdict = run(sandbox, "raise ValueError('\\x1b[31mred\\u202e' + 'x' * 10000)")
+    message = verdict.findings[0].message
+    assert message.isprintable() and len(message) <= 500
+
+
+def test_a_server_that_is_killed_is_started_again(sandbox: Sandbox) -> None:
+    assert sandbox._worker is not None
+    sandbox._worker.process.kill()
+    sandbox._worker.process.wait()
+    assert run(sandbox, "pass").accepted
+
+
+def test_closing_leaves_no_process() -> None:
+    with Sandbox(STATE, RECORDED) as running:
+        assert running._worker is not None
+        pid = running._worker.process.pid
+    assert not Path(f"/proc/{pid}").exists()
+
+
+def test_a_kernel_without_confinement_stops_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(confine, "support", lambda: confine.Support("x86_64", 0, True))
+    with pytest.raises(SandboxUnavailable, match="Landlock"):
+        Sandbox(STATE, RECORDED).__enter__()
+
+
+def test_unsafe_probes_without_the_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(confine, "support", lambda: confine.Support("riscv64", 0, False))
+    source = "def f(pos):\n    return pos[:, 0], {}\n"
+    with Sandbox(STATE, RECORDED, unsafe=True) as running:
+        assert running.check(Candidate.of(source)).accepted
+
+
+def test_the_report_for_doctor_names_what_is_missing() -> None:
+    assert confine.Support("x86_64", 7, True).sentence().startswith("confinement works")
+    missing = confine.Support("riscv64", 0, False).sentence()
+    assert "riscv64" in missing and "seccomp" in missing and "Landlock" in missing
+
+
+def test_recorded_states_of_every_variable_are_needed() -> None:
+    with pytest.raises(ValueError, match="vel"):
+        Sandbox(STATE, {"pos": torch.zeros(4, 3), "phase": torch.zeros(4), "dt": 0.1})

@@ -1,0 +1,27 @@
+"""A warm sandbox judges a usual reward in a small fraction of a second."""
+
+from __future__ import annotations
+
+import statistics
+import time
+
+from reward.honest import ANT, PROGRAMS, recorded
+
+from openeureka.sandbox.client import Sandbox
+from openeureka.types import Candidate
+
+TARGET_SECONDS = 0.1
+SLACK = 5.0
+"""For machines that do other work at the same time."""
+
+
+def test_a_candidate_is_judged_within_the_target() -> None:
+    sources = [source for spec, source in PROGRAMS.values() if spec is ANT]
+    with Sandbox(ANT, recorded(ANT)) as sandbox:
+        seconds = []
+        for source in sources:
+            started = time.perf_counter()
+            verdict = sandbox.check(Candidate.of(source))
+            seconds.append(time.perf_counter() - started)
+            assert verdict.accepted, [finding.sentence() for finding in verdict.findings]
+    assert statistics.median(seconds) < TARGET_SECONDS * SLACK

@@ -1,0 +1,55 @@
+"""Documentation that a person can type: every command exists, every setting is known, every example is accepted."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from openeureka.cli.check import check
+from openeureka.cli.main import app
+from openeureka.cli.settings import CheckConfig, ContextConfig, PlayConfig, TrainConfig, split
+from openeureka.config import RunConfig
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+KINDS = {
+    "run": RunConfig,
+    "resume": RunConfig,
+    "train": TrainConfig,
+    "check": CheckConfig,
+    "play": PlayConfig,
+    "context": ContextConfig,
+}
+COMMANDS = {info.callback.__name__ for info in app.registered_commands if info.callback}
+
+
+def command_lines() -> list[tuple[str, str]]:
+    """(page, words after `eureka`) of every indented or quoted command line."""
+    pattern = re.compile(r"(?:^ {4}(?:\S*/)?|`)eureka ([a-z][^`\n]*)", re.MULTILINE)
+    return [(page.name, found) for page in PAGES for found in pattern.findall(page.read_text())]
+
+
+@pytest.mark.parametrize(("page", "line"), command_lines())
+def test_documented_commands_and_settings_exist(page, line):
+    command, *words = shlex.split(line, comments=True)
+    assert command in COMMANDS
+    words = " ".join(words).split("  ")[0].split()
+    keys = {word.partition("=")[0] for word in split([w for w in words if not w.startswith("--")])[0]}
+    assert keys <= set(KINDS[command].__dataclass_fields__ if keys else ())
+
+
+def test_pages_link_to_files_that_exist():
+    links = [(page, link) for page in PAGES for link in re.findall(r"\]\(([^)#:]+)\)", page.read_text())]
+    assert [str(link) for page, link in links if not (page.parent / link).exists()] == []
+    assert len(links) > 5
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*_reward.py")), ids=lambda path: path.stem)
+def test_example_rewards_are_accepted(path):
+    assert check([f"env={path.stem.removesuffix('_reward')}", str(path)]) == 0
+
+
+def test_the_guide_shows_the_example_as_it_is():
+    code = (ROOT / "examples" / "cartpole_reward.py").read_text().split('"""\n\n')[1]
+    assert f"```python\n{code}```" in (ROOT / "docs" / "guides" / "your-own-reward.md").read_text()

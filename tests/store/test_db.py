@@ -1,0 +1,136 @@
+import errno
+import sqlite3
+from pathlib import Path
+
+import pytest
+
+from openeureka.errors import StoreError
+from openeureka.store import artifacts, db
+from openeureka.store.db import MIGRATIONS, Database
+
+TABLES = ("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations")
+REPLY = {
+    "generation": 0,
+    "attempt": 0,
+    "slot": 0,
+    "text": "t",
+    "model": "m",
+    "prompt_tokens": 1,
+    "completion_tokens": 1,
+    "cost_usd": 0.0,
+    "seconds": 0.0,
+}
+
+
+@pytest.fixture
+def database(tmp_path: Path):
+    opened = Database(tmp_path, writable=True)
+    yield opened
+    opened.close()
+
+
+def schema(directory: Path) -> tuple[int, set[str]]:
+    with sqlite3.connect(directory / db.FILENAME) as connection:
+        version = connection.execute("PRAGMA user_version").fetchone()[0]
+        names = connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
+        return version, {name for (name,) in names}
+
+
+def test_a_blank_file_reaches_the_newest_schema(tmp_path: Path, database: Database) -> None:
+    assert schema(tmp_path) == (len(MIGRATIONS), set(TABLES))
+
+
+def test_an_older_file_is_migrated_and_keeps_its_rows(
+    tmp_path: Path, database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    database.put("replies", REPLY)
+    database.close()
+    monkeypatch.setattr(db, "MIGRATIONS", [*MIGRATIONS, "CREATE TABLE extra (id INTEGER);"])
+    newer = Database(tmp_path, writable=True)
+    assert schema(tmp_path) == (len(MIGRATIONS) + 1, {*TABLES, "extra"})
+    assert dict(newer.rows("replies")[0]) == REPLY
+    newer.close()
+
+
+def test_a_migration_that_fails_leaves_the_old_schema(
+    tmp_path: Path, database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    database.close()
+    monkeypatch.setattr(db, "MIGRATIONS", [*MIGRATIONS, "CREATE TABLE extra (id INTEGER); CREATE TABLE run (id);"])
+    with pytest.raises(StoreError):
+        Database(tmp_path, writable=True)
+    assert schema(tmp_path) == (len(MIGRATIONS), set(TABLES))
+
+
+def test_a_file_of_a_newer_version_is_refused(tmp_path: Path, database: Database) -> None:
+    database.close()
+    with sqlite3.connect(tmp_path / db.FILENAME) as connection:
+        connection.execute(f"PRAGMA user_version = {len(MIGRATIONS) + 1}")
+    with pytest.raises(StoreError, match="newer openeureka"):
+        Database(tmp_path, writable=True)
+
+
+@pytest.mark.parametrize("table", TABLES)
+@pytest.mark.parametrize("change", ["UPDATE {} SET rowid = rowid", "DELETE FROM {}"])
+def test_a_finished_row_never_changes(tmp_path: Path, database: Database, table: str, change: str) -> None:
+    rows = {
+        "run": {"id": 1, "config": "{}", "version": "0"},
+        "prompts": {"generation": 0, "slot": 0, "messages": "[]"},
+        "replies": REPLY,
+        "verdicts": {"candidate": "a", "source": "", "verdict": "{}"},
+        "results": {"job": "a-s0", "fitness": 1.0, "result": "{}"},
+        "entries": {"generation": 0, "slot": 0, "verdict": "{}", "attempts": 1, "feedback": ""},
+        "evaluations": {"job": "a-s0", "fitness": 1.0, "episode_length": 1.0, "episodes": 1},
+    }
+    database.put("results", rows["results"])
+    if table != "results":
+        database.put(table, rows[table])
+    with (
+        sqlite3.connect(tmp_path / db.FILENAME) as connection,
+        pytest.raises(sqlite3.IntegrityError, match="a finished row never changes"),
+    ):
+        connection.execute(change.format(table))
+
+
+def test_rows_are_inserted_all_or_none(database: Database) -> None:
+    with pytest.raises(sqlite3.IntegrityError):
+        database.put("replies", REPLY | {"slot": 1}, REPLY | {"slot": 1})
+    assert database.rows("replies") == []
+
+
+@pytest.mark.parametrize(
+    ("error", "advice"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), "free some space"),
+        (sqlite3.OperationalError("database or disk is full"), "free some space"),
+        (PermissionError(errno.EACCES, "Permission denied"), "check its permissions"),
+        (sqlite3.OperationalError("attempt to write a readonly database"), "check its permissions"),
+        (sqlite3.DatabaseError("database disk image is malformed"), "restore it from a copy"),
+    ],
+)
+def test_what_a_person_can_cause_says_what_to_do(tmp_path: Path, error: Exception, advice: str) -> None:
+    with pytest.raises(StoreError, match=advice), db.explained(tmp_path):
+        raise error
+
+
+def test_a_full_database_is_reported_and_loses_nothing(database: Database) -> None:
+    database.put("replies", REPLY)
+    pages = database._connection.execute("PRAGMA page_count").fetchone()[0]
+    database._connection.execute(f"PRAGMA max_page_count = {pages}")
+    with pytest.raises(StoreError, match="is full"):
+        database.put("replies", REPLY | {"slot": 1, "text": "x" * 1_000_000})
+    assert [row["slot"] for row in database.rows("replies")] == [0]
+
+
+def test_a_file_is_replaced_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "new" / "reward.py"
+    artifacts.write(path, "old")
+
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(StoreError, match="is full"):
+        artifacts.write(path, "new")
+    assert path.read_text() == "old"
+    assert [entry.name for entry in path.parent.iterdir()] == ["reward.py"]

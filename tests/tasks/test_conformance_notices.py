@@ -1,0 +1,66 @@
+"""The suite itself: each task below breaks one promise, and the check made for it must say so."""
+
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor
+
+from openeureka.tasks.classic.cartpole import Cartpole
+from openeureka.tasks.task import State
+from openeureka.testing.conformance.task import TaskConformance
+
+
+class SharedMemory(Cartpole):
+    def compute_state(self) -> dict[str, Any]:
+        return super().compute_state() | {"dof_pos": self.qpos}
+
+
+class WrongShape(Cartpole):
+    def compute_state(self) -> dict[str, Any]:
+        return super().compute_state() | {"actions": self.actions.squeeze(-1)}
+
+
+class Undeclared(Cartpole):
+    def compute_state(self) -> dict[str, Any]:
+        return super().compute_state() | {"secret": self.qpos.clone()}
+
+
+class GlobalNoise(Cartpole):
+    def reset(self, worlds: Tensor) -> None:
+        self.qpos[worlds] = 0.1 * torch.randn(len(worlds), 2)
+
+
+class ForgetfulReset(Cartpole):
+    def reset(self, worlds: Tensor) -> None:
+        super().reset(torch.arange(self.num_envs))
+
+
+class InfiniteReward(Cartpole):
+    def human_reward(self, s: State) -> Tensor:
+        return 1.0 / torch.zeros_like(s["pole_angle"])
+
+
+class Talkative(Cartpole):
+    def observe(self, s: State) -> Tensor:
+        """The reward is paid for an upright pole."""
+        return super().observe(s)
+
+
+@pytest.mark.parametrize(
+    ("task", "check"),
+    [
+        (SharedMemory, "test_recorded_values_do_not_change_when_the_simulation_goes_on"),
+        (WrongShape, "test_state_variables_are_those_of_the_spec"),
+        (Undeclared, "test_state_variables_are_those_of_the_spec"),
+        (GlobalNoise, "test_worlds_of_equal_seed_live_equal_lives_and_others_do_not"),
+        (ForgetfulReset, "test_a_broken_world_is_reset_and_counted_and_leaves_the_others_alone"),
+        (InfiniteReward, "test_fitness_and_rewards_are_finite_numbers_per_world"),
+        (Talkative, "test_the_context_shows_the_motion_and_hides_the_goal"),
+    ],
+)
+def test_a_broken_promise_is_noticed(task: type[Cartpole], check: str):
+    suite = TaskConformance()
+    suite.env = f"{__name__}:{task.__name__}"
+    with pytest.raises(AssertionError):
+        getattr(suite, check)()

@@ -1,0 +1,100 @@
+import pytest
+import torch
+
+from openeureka.training.curves import Curves
+from openeureka.training.policy import Player, Policy
+from openeureka.training.population import Population
+from openeureka.training.rewards import correlation, moments
+from openeureka.types import Node, RewardGraph, TrainBudget, TrainingResult, TrainingState, TrainJob
+
+SMALL = TrainBudget(env_steps=16 * 32 * 4, worlds=32)
+
+
+def upright(scale: float = -1.0) -> RewardGraph:
+    """scale * |pole angle|"""
+    nodes = (
+        Node("input", ("pole_angle",)),
+        Node("abs.default", ({"ref": 0},)),
+        Node("mul.Tensor", ({"ref": 1}, scale)),
+    )
+    return RewardGraph(nodes=nodes, reward=2, components=(("angle", 1),))
+
+
+def results(jobs: list[TrainJob], budget: TrainBudget = SMALL) -> dict[str, TrainingResult]:
+    torch.manual_seed(0)
+    found = [x for x in Population("cartpole", jobs, budget, threads=1).train() if isinstance(x, TrainingResult)]
+    assert [result.job for result in found] == [job.id for job in jobs]
+    return {result.job: result for result in found}
+
+
+def test_training_is_deterministic_and_does_not_depend_on_global_random_state():
+    jobs = [TrainJob(id="a", program="human", seed=1), TrainJob(id="b", program=upright(), seed=1)]
+    first = results(jobs)
+    torch.manual_seed(99)
+    assert dict(first["b"].curves) == dict(results(jobs)["b"].curves)
+
+
+def test_a_lane_trains_the_same_beside_others():
+    job = TrainJob(id="a", program=upright(), seed=1)
+    beside = results([TrainJob(id="x", program="human", seed=2), job])["a"].curves["reward"]
+    assert results([job])["a"].curves["reward"] == pytest.approx(beside, rel=1e-3)
+
+
+def test_curves_hold_one_point_an_epoch_and_every_component():
+    result = results([TrainJob(id="a", program=upright(-2.0))])["a"]
+    curves = result.curves
+    assert set(curves) == {"fitness", "episode_length", "reward", "human_reward", "component/angle"}
+    assert {len(curve) for curve in curves.values()} == {4}
+    assert curves["reward"] == pytest.approx([-2.0 * (x or 0.0) for x in curves["component/angle"]], rel=1e-4)
+    assert result.fitness == max(x for x in curves["fitness"] if x is not None)
+
+
+def test_a_lane_whose_reward_is_absurd_is_masked_and_the_others_are_bit_identical():
+    good = TrainJob(id="good", program=upright())
+    calm = results([good, TrainJob(id="bad", program=upright())])["good"]
+    found = results([good, TrainJob(id="bad", program=upright(1e30))])
+    assert found["bad"].state is TrainingState.DIVERGED
+    assert "not finite or beyond 1e6" in found["bad"].message
+    assert found["good"].state is TrainingState.FINISHED
+    assert dict(found["good"].curves) == dict(calm.curves)
+    assert found["good"].best_fitness is not None and calm.best_fitness is not None
+    assert found["good"].best_fitness.policy == calm.best_fitness.policy
+
+
+def test_the_human_reward_balances_the_pole_within_a_hundred_thousand_steps():
+    result = results([TrainJob(id="a", program="human")], TrainBudget(env_steps=250_000))["a"]
+    assert result.fitness is not None and result.fitness > 300
+
+
+def test_a_policy_survives_being_stored():
+    result = results([TrainJob(id="a", program="human", seed=1), TrainJob(id="b", program="human", seed=2)])
+    data = [r.best_fitness.policy for r in result.values() if r.best_fitness]
+    policies = [Policy.from_bytes(part) for part in data]
+    assert [policy.to_bytes() for policy in policies] == data
+    observation = torch.randn(10, 4)
+    together = Player(policies)(observation)
+    apart = torch.cat([Player([policy])(part) for policy, part in zip(policies, observation.split(5), strict=True)])
+    torch.testing.assert_close(together, apart)
+
+
+def test_correlation_is_pearsons():
+    x = torch.tensor([[1.0, 2.0, 3.0, 4.0], [1.0, 1.0, 1.0, 1.0]])
+    y = torch.tensor([[2.0, 4.0, 5.0, 4.0], [1.0, 2.0, 3.0, 4.0]])
+    sums = moments(x, y)
+    # Lane 0: means 2.5 and 3.75, covariance sum 3.5, squares 5 and 4.75: 3.5 / sqrt(23.75) = 0.71818.
+    assert correlation(sums[0]) == pytest.approx(0.71818, abs=1e-5)
+    assert correlation(sums[1]) is None
+
+
+def test_an_epoch_without_a_finished_episode_has_no_fitness():
+    curves = Curves(lanes=1, worlds=2)
+    zero = torch.zeros(2)
+    from openeureka.tasks.env import Step
+    from openeureka.tasks.task import Score
+
+    none = torch.zeros(2, dtype=torch.bool)
+    step = Step(zero, zero, {}, none, none, Score(zero, zero), torch.ones(2, dtype=torch.int64), none)
+    curves.add(step, zero.view(1, 2), zero.view(1, 2), [{}])
+    fitness, own = curves.close_epoch()
+    assert fitness == [None] and own == [0.0]
+    assert curves.curves[0]["episode_length"] == [None]

@@ -1,0 +1,136 @@
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+from openeureka.tasks.task import Recipe
+from openeureka.training.network import StackedActorCritic
+from openeureka.training.normalize import RunningNorm
+from openeureka.training.ppo import PPO, Rollout, advantages
+
+CPU = torch.device("cpu")
+RECIPE = Recipe(hidden=(8, 4), env_steps=0, epochs=2, minibatches=2)
+
+
+def rollout_of(lanes: int, worlds: int, horizon: int, observations: int = 3, actions: int = 2) -> Rollout:
+    return Rollout(lanes, worlds, horizon, observations, actions, CPU)
+
+
+def test_advantages_by_hand():
+    rollout = rollout_of(1, 2, 3)
+    rollout.reward[0] = torch.tensor([[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]])
+    rollout.value[0] = torch.tensor([[0.5, 1.0, 1.5], [2.0, 2.0, 2.0]])
+    rollout.done[0] = torch.tensor([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    last = torch.tensor([[2.0, 4.0]])
+    result = advantages(rollout, last, gamma=0.5, lam=0.5)[0]
+    # World 0: d2 = 3 + .5*2 - 1.5 = 2.5; d1 = 2 + .5*1.5 - 1 = 1.75, a1 = 1.75 + .25*2.5 = 2.375;
+    #          d0 = 1 + .5*1 - .5 = 1, a0 = 1 + .25*2.375 = 1.59375.
+    # World 1: d2 = 1 + .5*4 - 2 = 1; step 1 ends an episode: a1 = 1 - 2 = -1; d0 = 1 + .5*2 - 2 = 0, a0 = -.25.
+    expected = torch.tensor([[1.59375, 2.375, 2.5], [-0.25, -1.0, 1.0]])
+    assert torch.equal(result, expected)
+
+
+def test_statistics_agree_with_numpy_over_everything_seen():
+    norm = RunningNorm(2, 3, CPU)
+    batches = [torch.randn(2, size, 3) * 4 + 7 for size in (5, 1, 400)]
+    for batch in batches:
+        norm.update(batch)
+    for lane in range(2):
+        # The statistics start as those of one sample of mean 0 and variance 1.
+        seen = np.concatenate([batch[lane].numpy() for batch in batches]).astype(np.float64)
+        mean = seen.sum(0) / (len(seen) + 1)
+        second = ((seen**2).sum(0) + 1.0) / (len(seen) + 1)
+        np.testing.assert_allclose(norm.mean[lane, 0], mean, rtol=1e-5)
+        np.testing.assert_allclose(norm.var[lane, 0], second - mean**2, rtol=1e-4)
+    x = batches[2][:, :50]
+    torch.testing.assert_close(norm.denormalize(norm.normalize(x)), x, rtol=1e-3, atol=1e-2)
+
+
+def test_a_stack_of_networks_computes_what_each_would_alone():
+    stack = StackedActorCritic([1, 2, 1], 3, 2, (8, 4), CPU)
+    x = torch.randn(3, 10, 3)
+    together = stack(x)
+    assert torch.equal(stack.flat[0], stack.flat[2]) and not torch.equal(stack.flat[0], stack.flat[1])
+    for lane, seed in enumerate([1, 2, 1]):
+        alone = StackedActorCritic([seed], 3, 2, (8, 4), CPU)(x[lane : lane + 1])
+        torch.testing.assert_close(together.mean[lane], alone.mean[0])
+        torch.testing.assert_close(together.value[lane], alone.value[0])
+
+
+def test_updating_flat_moves_every_parameter():
+    network = StackedActorCritic([0], 3, 2, (8,), CPU)
+    before = {name: value.detach().clone() for name, value in network.parameters.items()}
+    network.flat.add_(1.0)
+    for name, value in network.parameters.items():
+        torch.testing.assert_close(value.detach(), before[name] + 1.0)
+
+
+def filled(lanes: int, seed: int = 0) -> tuple[Rollout, torch.Tensor]:
+    generator = torch.Generator().manual_seed(seed)
+    rollout = rollout_of(lanes, 6, 4)
+    for name in ("observation", "action", "mean", "log_prob", "value", "reward"):
+        tensor = getattr(rollout, name)
+        tensor.copy_(torch.randn(tensor.shape[1:], generator=generator).expand_as(tensor))
+    rollout.log_prob -= 3.0
+    return rollout, torch.zeros(lanes, 6)
+
+
+def test_the_learning_rate_follows_the_divergence():
+    ppo = PPO([0, 1, 2], 3, 2, RECIPE, CPU)
+    before = ppo.learning_rate.clone()
+    threshold = RECIPE.kl_threshold
+    ppo._adapt(torch.tensor([[3 * threshold], [threshold], [0.1 * threshold]]))
+    torch.testing.assert_close(ppo.learning_rate / before, torch.tensor([[1 / 1.5], [1.0], [1.5]]))
+
+
+def test_a_gradient_is_clipped_per_lane():
+    recipe = dataclasses.replace(RECIPE, max_grad_norm=1.0)
+    ppo = PPO([0, 0], 3, 2, recipe, CPU)
+    gradient = torch.zeros_like(ppo.network.flat)
+    gradient[0, 0], gradient[1, 0] = 100.0, 0.5
+    ppo._adam(gradient)
+    torch.testing.assert_close(ppo._first[:, 0], torch.tensor([0.1, 0.05]), rtol=1e-4, atol=0)
+
+
+def test_a_lane_learns_the_same_beside_others():
+    alone, beside = PPO([5], 3, 2, RECIPE, CPU), PPO([5, 9], 3, 2, RECIPE, CPU)
+    for ppo, lanes in ((alone, 1), (beside, 2)):
+        ppo.update(*filled(lanes))
+        ppo.update(*filled(lanes, seed=1))
+    torch.testing.assert_close(alone.network.flat[0], beside.network.flat[0], rtol=1e-4, atol=1e-6)
+    torch.testing.assert_close(alone.observations.mean[0], beside.observations.mean[0])
+
+
+def test_a_poisoned_lane_leaves_the_others_bit_identical():
+    healthy, poisoned = PPO([5, 9], 3, 2, RECIPE, CPU), PPO([5, 9], 3, 2, RECIPE, CPU)
+    rollout, last = filled(2)
+    healthy.update(rollout, last)
+    rollout, last = filled(2)
+    rollout.reward[1] = float("nan")
+    poisoned.update(rollout, last)
+    assert torch.equal(healthy.network.flat[0], poisoned.network.flat[0])
+    assert not torch.isfinite(poisoned.network.flat[1]).all()
+
+
+def test_a_frozen_lane_does_not_move():
+    ppo = PPO([5, 9], 3, 2, RECIPE, CPU)
+    ppo.active[1] = False
+    before = ppo.network.flat.clone()
+    ppo.update(*filled(2))
+    assert torch.equal(before[1], ppo.network.flat[1])
+    assert not torch.equal(before[0], ppo.network.flat[0])
+
+
+@pytest.mark.parametrize("seeds", [[3, 3], [3, 4]])
+def test_lanes_of_equal_seed_explore_alike(seeds: list[int]):
+    action = PPO(seeds, 3, 2, RECIPE, CPU).act(torch.ones(2, 7, 3)).action
+    assert torch.equal(action[0], action[1]) == (seeds[0] == seeds[1])
+
+
+def test_log_probabilities_are_those_of_the_gaussian():
+    ppo = PPO([0], 3, 2, RECIPE, CPU)
+    ppo.network.flat += 0.1  # log_std becomes 0.1
+    step = ppo.act(torch.randn(1, 5, 3))
+    normal = torch.distributions.Normal(step.mean, torch.full((2,), 0.1).exp())
+    torch.testing.assert_close(step.log_prob, normal.log_prob(step.action).sum(-1))
