@@ -6,7 +6,7 @@ from openeureka.cli.progress import ProgressLine
 from openeureka.types import TrainingProgress
 
 PROGRESS = TrainingProgress(
-    epoch=5, epochs=20, env_steps_per_second=12345.6, fitness={"human-s0": 321.0, "[red]": None}
+    epoch=5, epochs=20, env_steps_per_second=12345.6, fitness={"sparse-s0": 5.0, "[red]": 321.0, "x-s0": None}
 )
 
 
@@ -15,7 +15,7 @@ def test_without_a_terminal_lines_are_plain_and_rare():
     with ProgressLine(Console(file=out, width=200)) as line:
         line.show(PROGRESS)
         line.show(PROGRESS)
-    assert out.getvalue() == "Training: epoch 5 of 20, 12,346 steps/s, 0 s left; F: human-s0 321, [red] -\n"
+    assert out.getvalue() == "Training: epoch 5 of 20, 12,346 steps/s, 0 s left; best F: [red] 321, sparse-s0 5\n"
 
 
 def test_on_a_terminal_the_line_is_redrawn():

@@ -61,7 +61,7 @@ def test_a_run_prints_its_best_reward_and_leaves_the_files_of_a_report(parts, tm
     made = {path.relative_to(tmp_path / "run").as_posix() for path in (tmp_path / "run").rglob("*")}
     assert {"report.md", "summary.png", "best/reward.py", "best/policy.safetensors", "messages.json"} <= made
     assert "lanes/human-s0/events.out.tfevents.0" in made
-    # The toy's human reward is worth 10, its sparse one 5; one is lost when held out: (11 - 4) / (9 - 4), and 0.01 a seed.
+    # The toy human reward is worth 10, its sparse one 5; held out takes one from each: (11 - 4) / (9 - 4).
     assert "| 1.4 |" in (tmp_path / "run" / "report.md").read_text()
 
 

@@ -1,0 +1,1 @@
+from . import standins  # noqa: F401

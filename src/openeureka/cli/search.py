@@ -48,6 +48,7 @@ def _search(config: RunConfig, directory: Path) -> None:
     known = context(config.env)
     model = open_model(config)
     config = search.sized(config, model.style)
+    print(f"{config.env}: {config.iteration} generations of {config.sample} rewards by {config.model}, in {directory}")
     strategy = search.make(config)
     trainer = PopulationTrainer(device=config.device, threads=config.threads)
     try:

@@ -41,7 +41,7 @@ def _final(outcome: Outcome | None) -> str:
         return "## Final scores\n\nThe final trainings are not done yet."
     arms = {"best generated reward": outcome.method, "human reward": outcome.human, "sparse reward": outcome.sparse}
     seeds = len(outcome.method.training)
-    note = f"Mean ± standard deviation over {seeds} fresh seeds. Held out: deterministic actions, fresh episodes."
+    note = f"Mean ± standard deviation, fresh seeds: {seeds}. Held out: deterministic actions, fresh episodes."
     rows = [(name, spread(arm.training), spread(arm.held_out)) for name, arm in arms.items()]
     scores = [
         ("human-normalised score, (F - sparse) / abs(human - sparse), held out", number(outcome.normalised)),

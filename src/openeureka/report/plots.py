@@ -35,7 +35,7 @@ def _search(axes: Axes, history: History, baselines: Mapping[str, TrainingResult
     points = [(g.index, e.fitness) for g in history.generations for e in g.entries if e.fitness is not None]
     axes.scatter([x for x, _ in points], [y for _, y in points], s=18, alpha=0.6, label="candidate")
     indices = [generation.index for generation in history.generations]
-    axes.plot(indices, _gaps(best_so_far(history)), drawstyle="steps-post", label="best so far")
+    axes.plot(indices, _gaps(best_so_far(history)), marker="o", markersize=4, label="best so far")
     for name, result in baselines.items():
         if result.fitness is not None:
             color, style = _BASELINE_STYLE.get(name, ("black", "--"))
