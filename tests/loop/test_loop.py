@@ -16,10 +16,8 @@ from openeureka.observer import NullObserver
 from openeureka.sampling import request_seed
 from openeureka.score import Outcome
 from openeureka.store import Store, read_replies
-from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, program, reply
+from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
 from openeureka.types import Candidate, TrainingState, VerdictCode
-
-from .standins import CONTEXT
 
 REFUSED = "```python\ndef compute_reward(x):\n    return x\n```"
 CONFIG = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2)
@@ -39,7 +37,7 @@ class Search:
     def go(self) -> Outcome:
         with Store.open(self.directory, self.config) as store:
             strategy = search.make(self.config)
-            return run(self.config, store, self.model, self.checker, self.trainer, CONTEXT, strategy, self.observer)
+            return run(self.config, store, self.model, self.checker, self.trainer, TOY, strategy, self.observer)
 
     def history(self):
         with Store.view(self.directory) as store:
@@ -108,7 +106,7 @@ def test_a_refused_program_takes_its_repair_turns_before_its_slot_is_sampled_ane
     one.go()
     first, repair, again, fresh = one.model.prompts
     assert repair.messages[-2].content == REFUSED
-    assert repair.messages[-1].content == "line 1: nothing is returned [no-number]; return a number"
+    assert "line 1: nothing is returned [no-number]; return a number" in repair.messages[-1].content
     assert again.messages[-2].content == REFUSED + "1"
     assert fresh == first
     slots = one.history().generations[0].entries
@@ -144,16 +142,16 @@ def test_a_search_in_which_nothing_ever_trains_ends_without_a_best(begin) -> Non
 def test_the_next_prompt_holds_the_parent_and_its_feedback(begin) -> None:
     one = begin([reply(7), reply(8), reply(1), reply(2)], iteration=2)
     one.go()
-    parent = one.model.prompts[1].messages[-1].content
-    assert parent.startswith(program(8))
-    assert "task_score: [none, 4.00, 8.00], Max: 8.00, Mean: 6.00, Min: 4.00" in parent
+    parent, feedback = one.model.prompts[1].messages[-2:]
+    assert program(8) in parent.content
+    assert "task_score: [none, 4.00, 8.00], Max: 8.00, Mean: 6.00, Min: 4.00" in feedback.content
 
 
 @pytest.mark.parametrize(("name", "parent"), [("eureka", 2), ("best", 8)])
 def test_eureka_follows_the_last_generation_and_best_the_best_so_far(begin, name: str, parent: float) -> None:
     one = begin([reply(7), reply(8), reply(1), reply(2), reply(3), reply(4)], iteration=3, search=name)
     outcome = one.go()
-    assert one.model.prompts[2].messages[-1].content.startswith(program(parent))
+    assert program(parent) in one.model.prompts[2].messages[-2].content
     assert outcome.best is not None and outcome.best.fitness == 8
 
 
@@ -273,4 +271,4 @@ def test_messages_json_holds_the_conversation_of_each_generation(begin) -> None:
     one.go()
     asked = json.loads((one.directory / "messages.json").read_text())
     assert [prompt["generation"] for prompt in asked] == [0, 1]
-    assert asked[1]["messages"][-1]["content"].startswith(program(8))
+    assert program(8) in asked[1]["messages"][-2]["content"]

@@ -36,7 +36,7 @@ RESULT = TrainingResult(
 
 
 def test_feedback_on_a_training() -> None:
-    # 40 epochs, ten points: epochs 1, 5, ..., 37. Means: speed (0.1 + 4.0) / 2, score (2 + 40) / 2, length (1 + 40) / 2.
+    # 40 epochs, ten points: epochs 1, 5, ..., 37. Means: speed (0.1 + 4) / 2, score (2 + 40) / 2, length (1 + 40) / 2.
     assert reflect(SAMPLE, RESULT, "free").splitlines()[:7] == [
         "A policy was trained with this reward function. Every 4 epochs the means of its components, the score of the "
         "task and the length of the episodes [steps] were:",

@@ -141,6 +141,26 @@ BOMBS = {
     ),
 }
 
+WRONG_CALLS = {
+    "a missing argument": Node("add.Tensor", ({"ref": 0},)),
+    "text for a tensor": Node("neg.default", ("x",)),
+    "an index out of range": Node("select.int", ({"ref": 0}, 1, 99)),
+    "a part of a tensor that has no parts": Node("getitem", ({"ref": 0}, 9)),
+    "a negative size": Node("zeros.default", ((-5,),)),
+    "an unknown keyword": Node("neg.default", ({"ref": 0},), {"out": None}),
+    "a number that is no size": Node("ones.default", ((2**62, 2**62),)),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_CALLS)
+def test_an_operation_called_wrongly_is_a_finding(name: str) -> None:
+    nodes = (Node("input", ("dof_pos",)), WRONG_CALLS[name])
+    traced = probe.Traced(
+        RewardGraph(nodes=(*nodes, Node("select.int", ({"ref": 0}, 1, 0))), reward=2, components=()), ()
+    )
+    findings = examine.examine(traced, CARTPOLE, recorded(CARTPOLE))
+    assert [finding.rule for finding in findings] == ["operation"]
+
 
 @pytest.mark.parametrize("name", BOMBS)
 def test_a_graph_that_asks_for_much_memory_is_refused_before_it_runs(name: str) -> None:

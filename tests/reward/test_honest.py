@@ -87,3 +87,29 @@ def test_equal_expressions_are_computed_once() -> None:
     spec, _ = PROGRAMS["Python floats as components"]
     traced = accepted(spec, "def f(obs_buf):\n    return torch.cos(obs_buf[:, 2]) + torch.cos(obs_buf[:, 2]), {}\n")
     assert [node.op for node in traced.graph.nodes] == ["input", "select.int", "cos.default", "add.Tensor"]
+
+
+@pytest.mark.parametrize("name", ["fingertips in a loop", "keepdim, squeeze and broadcasting against constants"])
+def test_a_graph_runs_on_the_device_of_its_inputs(name: str) -> None:
+    spec, source = PROGRAMS[name]
+    compiled = graph.compile(accepted(spec, source).graph, spec)
+    states = recorded(spec, 8)
+    elsewhere = {key: value.to("meta") if isinstance(value, torch.Tensor) else value for key, value in states.items()}
+    reward, components = compiled(elsewhere)  # a tensor left on the CPU would be an error
+    assert all(value.device.type == "meta" for value in (reward, *components.values()))
+
+
+@pytest.mark.parametrize(
+    ("written", "name"),
+    [("distance (m)", "distance_m"), ("</script><img onerror=x>", "script_img_onerror_x"), ("../../x,y", "x_y")],
+)
+def test_component_names_become_identifiers(written: str, name: str) -> None:
+    spec, _ = PROGRAMS["Python floats as components"]
+    traced = accepted(spec, f"def f(obs_buf):\n    r = obs_buf[:, 0]\n    return r, {{{written!r}: r}}\n")
+    assert [component for component, _ in traced.graph.components] == [name]
+
+
+def test_a_reward_and_components_that_are_one_tensor_are_fine() -> None:
+    spec, _ = PROGRAMS["Python floats as components"]
+    source = "def f(obs_buf):\n    r = obs_buf[:, 0]\n    return r, {'a': r, 'b': r, 'c': obs_buf[:, 0].expand_as(r)}\n"
+    assert len(accepted(spec, source).graph.components) == 3

@@ -11,3 +11,12 @@ class TestBallBalance(TaskConformance):
 
 class TestQuadcopter(TaskConformance):
     env = "quadcopter"
+
+
+class TestAnt(TaskConformance):
+    env = "ant"
+
+
+class TestHumanoid(TaskConformance):
+    env = "humanoid"
+    start_overlap = 0.1  # the original's random hip angles may cross the legs

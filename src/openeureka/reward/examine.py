@@ -31,7 +31,7 @@ def examine(traced: Traced, spec: StateSpec, recorded: Recorded) -> tuple[Findin
         _examine_values(traced, spec, recorded)
     except Refused as refusal:
         return (refusal.finding,)
-    except (graphs.GraphError, RuntimeError, IndexError, TypeError, ValueError) as error:
+    except Exception as error:  # a forged graph may call an operation in any wrong way
         text = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
         return (Finding(rule="operation", message=f"its graph does not run: {text}"),)
     return ()
@@ -56,12 +56,21 @@ def _examine_inputs(graph: RewardGraph, spec: StateSpec) -> None:
 
 
 def _examine_memory(traced: Traced, spec: StateSpec, recorded: Recorded) -> None:
-    """Shapes for so many worlds that anything which grows with their square breaks the limit per world."""
-    state = {name: _meta(name, value, spec) for name, value in recorded.items()}
-    for index, value in enumerate(graphs.values(traced.graph, state, _MANY_WORLDS, "meta")):
-        # Judged before the next operation runs, so that nothing large is ever built from it.
-        if isinstance(value, Tensor) and value.numel() > _MANY_WORLDS * graphs.MAX_SIZE_PER_WORLD:
+    """Shapes for so many worlds that a value which grows with their square breaks the limit per world."""
+    _measured(traced, {name: _meta(name, value, spec) for name, value in recorded.items()}, _MANY_WORLDS, "meta")
+
+
+def _measured(traced: Traced, state: Recorded, count: int, device: str = "cpu") -> list[Any]:
+    """The value of every node; refused at the first too large one, before anything is built from it."""
+    done: list[Any] = []
+    total = 0
+    for index, value in enumerate(graphs.values(traced.graph, state, count, device)):
+        size = value.numel() if isinstance(value, Tensor) else 0
+        total += size
+        if size > count * graphs.MAX_SIZE_PER_WORLD or total > count * graphs.MAX_TOTAL_PER_WORLD:
             raise _too_large(traced, index)
+        done.append(value)
+    return done
 
 
 def _too_large(traced: Traced, index: int) -> Refused:
@@ -83,7 +92,7 @@ def _meta(name: str, value: Tensor | float | int, spec: StateSpec) -> Any:
 def _examine_values(traced: Traced, spec: StateSpec, recorded: Recorded) -> None:
     graph, count = traced.graph, world_count(recorded, spec)
     with torch.no_grad():
-        done = list(graphs.values(graph, recorded, count))
+        done = _measured(traced, recorded, count)
     reward = done[graph.reward]
     outputs({} if not isinstance(reward, Tensor) else (reward, {name: done[i] for name, i in graph.components}), count)
     for name, index in _named_outputs(graph):

@@ -19,8 +19,10 @@ MAX_NODES = 2_000
 MAX_CONSTANT = 4_096
 MAX_COMPONENTS = 16
 COMPONENT_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
-MAX_SIZE_PER_WORLD = 16_384
-"""Elements of one intermediate value per world (64 KiB in float32)."""
+MAX_SIZE_PER_WORLD = 4_096
+"""Numbers in one value, per world."""
+MAX_TOTAL_PER_WORLD = 65_536
+"""Numbers in all values together, per world."""
 
 _MADE_FROM_NOTHING = surface.words("""
     arange.default arange.start arange.start_step eye.default eye.m full.default linspace.default ones.default

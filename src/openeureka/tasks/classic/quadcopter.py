@@ -22,7 +22,7 @@ MAX_THRUST = 2.0  # [N] per rotor
 THRUST_RATE = 200.0  # [N/s] at full action
 # The original clamps spin at 4 pi rad/s. Cubic damping balances the largest roll torque, 0.41 N m, at that speed; below
 # 3 rad/s and 5 m/s it stays under 2 % of the torque and of the weight.
-SPIN_LIMIT = (0.0, 0.0, 2e-4)
+SPIN_DAMPING = (0.0, 0.0, 2e-4)
 
 
 class Quadcopter(Task):
@@ -73,10 +73,10 @@ class Quadcopter(Task):
         )
     )
     recipe = Recipe(
-        hidden=(128, 128, 64),
-        env_steps=3_000_000,
-        horizon=16,
-        epochs=8,
+        hidden=(64, 64),
+        env_steps=600_000,
+        epochs=5,
+        minibatches=2,
         learning_rate=1e-3,
         kl_threshold=0.016,
         reward_scale=0.1,
@@ -95,7 +95,7 @@ class Quadcopter(Task):
         spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 0.1], **intangible)
 
         chassis = spec.worldbody.add_body(name="chassis", pos=TARGET)
-        chassis.add_joint(name="chassis", type=mujoco.mjtJoint.mjJNT_FREE, damping=SPIN_LIMIT)
+        chassis.add_joint(name="chassis", type=mujoco.mjtJoint.mjJNT_FREE, damping=SPIN_DAMPING)
         cylinder = {"type": mujoco.mjtGeom.mjGEOM_CYLINDER, **intangible}
         chassis.add_geom(size=[0.1, 0.015, 0], density=50, **cylinder)
         for index in range(4):

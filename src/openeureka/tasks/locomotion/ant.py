@@ -38,7 +38,6 @@ class Ant(Runner):
     feet = tuple(f"{leg}_foot" for leg in LEGS)
     start_height = 0.44
     fall_height = 0.31
-
     dof_vel_scale = 0.2
     contact_force_scale = 0.1
 

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from ...types import StateVar
-from ..rotations import root_state, rotate, rotate_inverse
+from ..rotations import root_state, rotate, rotate_inverse, xyzw
 from ..task import Score, State, Task, mean_over_steps
 
 TARGET = (1000.0, 0.0, 0.0)  # [m]
@@ -32,7 +32,6 @@ class Runner(Task):
     """Torso height below which the episode ends [m]."""
     dof_vel_scale: ClassVar[float]
     contact_force_scale: ClassVar[float]
-    angular_velocity_scale: ClassVar[float] = 1.0
 
     def __init__(self, *args) -> None:
         super().__init__(*args)
@@ -122,14 +121,15 @@ class Runner(Task):
     def foot_wrenches(self) -> Tensor:
         """Net contact force and torque (N, 6 * feet) of each foot, about and in the frame of its body.
 
-        Isaac Gym's sensors also contain the loads of the joint; these are zero in the air.
+        Isaac Gym's sensors also contain the loads of the joint; these are zero in the air. Forces are those of the last
+        substep, seen in the frame after it.
         """
         feet = len(self.feet)
         contact = self.sensors[:, : feet * _CONTACT].view(-1, feet, 3, 3)
         frame = self.sensors[:, feet * _CONTACT :].view(-1, feet, _FRAME)
         force, torque, point = contact.unbind(-2)
         torque = torque + torch.linalg.cross(point - frame[..., :3], force)
-        quat = frame[..., [4, 5, 6, 3]].unsqueeze(-2)
+        quat = xyzw(frame[..., 3:]).unsqueeze(-2)
         on_foot = -torch.stack((force, torque), dim=-2)  # the sensor gives what the foot does to the world
         return rotate_inverse(quat, on_foot).flatten(1)
 

@@ -1,0 +1,160 @@
+"""One lane of the population trainer against rsl_rl's PPO: same task, reward, network, batch, steps and seeds.
+
+    python benchmarks/parity.py                    # needs the extra `bench`; Ant, 3 seeds, about 15 minutes on 2 cores
+    python benchmarks/parity.py --steps 20000      # a look
+
+What differs on purpose: rsl_rl keeps actor and critic apart, shuffles minibatches, measures the divergence from the
+policy that collected the data, and values a time-out by the state before it. Both receive the human reward times the
+recipe's scale; F comes from the environment, which neither learner can change.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import json
+import statistics
+import time
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import torch
+from rsl_rl.env import VecEnv
+from rsl_rl.runners import OnPolicyRunner
+from tensordict import TensorDict
+
+from openeureka.tasks import registry
+from openeureka.training.population import Population
+from openeureka.types import TrainBudget, TrainingResult, TrainJob
+
+TAIL = 0.1  # the share of epochs at the end whose mean F is compared
+
+
+class Adapter(VecEnv):
+    """A task as rsl_rl wants it; keeps the score and its weight of every step."""
+
+    def __init__(self, env: str, worlds: int, seed: int) -> None:
+        self.simulation = registry.make(env, worlds=worlds, lane_seeds=[seed])
+        self.task = self.simulation.task
+        self.num_envs, self.num_actions = worlds, self.task.num_actions
+        self.max_episode_length, self.device = self.task.episode_length, self.simulation.sim.device
+        self.episode_length_buf, self.cfg = self.task.progress, {}
+        self.scores: list[tuple[float, float]] = []
+        self.observation = self.simulation.reset()
+
+    def get_observations(self) -> TensorDict:
+        return TensorDict({"policy": self.observation}, batch_size=[self.num_envs])
+
+    def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:
+        step = self.simulation.step(actions)
+        value, weight = step.score
+        self.scores.append((float((value * weight).sum()), float(weight.sum())))
+        self.observation = step.observation
+        reward = self.task.human_reward(step.state) * self.task.recipe.reward_scale
+        return self.get_observations(), reward, step.done.long(), {"time_outs": step.timed_out.float()}
+
+    def curve(self, horizon: int) -> list[float | None]:
+        """F of each epoch of `horizon` steps."""
+        epochs = [self.scores[i : i + horizon] for i in range(0, len(self.scores), horizon)]
+        totals = [(sum(value for value, _ in epoch), sum(weight for _, weight in epoch)) for epoch in epochs]
+        return [value / weight if weight else None for value, weight in totals]
+
+
+def configuration(env: str) -> dict[str, Any]:
+    """The task's recipe in rsl_rl's words."""
+    recipe = registry.get(env).recipe
+    network = {
+        "class_name": "MLPModel",
+        "hidden_dims": list(recipe.hidden),
+        "activation": "elu",
+        "obs_normalization": True,
+    }
+    return {
+        "num_steps_per_env": recipe.horizon,
+        "save_interval": 1_000_000,
+        "obs_groups": {"actor": ["policy"], "critic": ["policy"]},
+        "actor": network
+        | {"distribution_cfg": {"class_name": "GaussianDistribution", "init_std": 1.0, "std_type": "log"}},
+        "critic": dict(network),
+        "algorithm": {
+            "class_name": "PPO",
+            "num_learning_epochs": recipe.epochs,
+            "num_mini_batches": recipe.minibatches,
+            "clip_param": recipe.clip,
+            "gamma": recipe.gamma,
+            "lam": recipe.gae_lambda,
+            "value_loss_coef": 0.5 * recipe.critic_coef,
+            "entropy_coef": recipe.entropy_coef,
+            "learning_rate": recipe.learning_rate,
+            "max_grad_norm": recipe.max_grad_norm or 1e9,
+            "schedule": "adaptive",
+            "desired_kl": recipe.kl_threshold,
+        },
+    }
+
+
+def theirs(env: str, worlds: int, epochs: int, seed: int) -> list[float | None]:
+    torch.manual_seed(seed)
+    adapter = Adapter(env, worlds, seed)
+    with contextlib.redirect_stdout(io.StringIO()):  # it prints a table every epoch
+        OnPolicyRunner(adapter, configuration(env), log_dir=None, device="cpu").learn(epochs)
+    return adapter.curve(registry.get(env).recipe.horizon)
+
+
+def ours(env: str, worlds: int, epochs: int, seed: int) -> list[float | None]:
+    budget = TrainBudget(worlds=worlds, env_steps=epochs * worlds * registry.get(env).recipe.horizon)
+    messages = Population(env, [TrainJob(id="human", program="human", seed=seed)], budget).train()
+    (result,) = (message for message in messages if isinstance(message, TrainingResult))
+    return list(result.curves["fitness"])
+
+
+def tail(curve: list[float | None]) -> float:
+    """Mean F of the last epochs that have one."""
+    known = [value for value in curve if value is not None]
+    return statistics.fmean(known[-max(1, round(TAIL * len(known))) :])
+
+
+def compare(env: str, steps: int, worlds: int, seeds: int) -> dict[str, Any]:
+    epochs = max(1, steps // (worlds * registry.get(env).recipe.horizon))
+    found: dict[str, list[dict[str, Any]]] = {"ours": [], "rsl_rl": []}
+    for seed in range(seeds):
+        for name, train in (("ours", ours), ("rsl_rl", theirs)):
+            started = time.perf_counter()
+            curve = train(env, worlds, epochs, seed)
+            found[name].append({"seed": seed, "final": tail(curve), "seconds": time.perf_counter() - started})
+            found[name][-1]["curve"] = [None if v is None else round(v, 3) for v in curve[:: max(1, epochs // 50)]]
+            print(f"{name:7s} seed {seed}: F {found[name][-1]['final']:.3f}", flush=True)
+    finals = {name: [run["final"] for run in runs] for name, runs in found.items()}
+    means = {name: statistics.fmean(values) for name, values in finals.items()}
+    spreads = {name: statistics.stdev(values) if seeds > 1 else None for name, values in finals.items()}
+    return {
+        "env": env,
+        "env_steps": epochs * worlds * registry.get(env).recipe.horizon,
+        "worlds": worlds,
+        "final_fitness": finals,
+        "mean": means,
+        "standard_deviation": spreads,
+        "difference": means["ours"] - means["rsl_rl"],
+        "runs": found,
+        "versions": {name: version(name) for name in ("mujoco", "torch", "rsl-rl-lib")},
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--env", default="ant")
+    parser.add_argument("--steps", type=int, default=3_000_000, help="environment steps of each run")
+    parser.add_argument("--worlds", type=int, default=512)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "parity.json")
+    options = parser.parse_args()
+    found = compare(options.env, options.steps, options.worlds, options.seeds)
+    print(f"ours - rsl_rl: {found['difference']:+.3f}; spread over seeds {found['standard_deviation']}")
+    options.out.parent.mkdir(exist_ok=True)
+    options.out.write_text(json.dumps(found, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

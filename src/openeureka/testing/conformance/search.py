@@ -1,0 +1,91 @@
+"""What every search strategy must do. Inherit, make the strategy, and let pytest collect it:
+
+class TestMySearch(SearchConformance):
+    def make(self) -> SearchStrategy:
+        return MySearch(samples=4)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from random import Random
+
+from openeureka.search import SearchStrategy
+from openeureka.types import (
+    Candidate,
+    History,
+    Sample,
+    Scored,
+    TrainingResult,
+    TrainingState,
+    Verdict,
+    VerdictCode,
+)
+
+
+def entries(generation: int, scores: Sequence[float | None], *, refused: bool = False) -> list[Scored]:
+    """A generation with these F; None for a lane that diverged. With `refused`, nothing got as far as training."""
+    made = []
+    for slot, fitness in enumerate(scores):
+        candidate = Candidate.of(f"{generation}/{slot}")
+        code = VerdictCode.REFUSED if refused else VerdictCode.ACCEPTED
+        verdict = Verdict(candidate=candidate.id, code=code)
+        state = TrainingState.DIVERGED if fitness is None else TrainingState.FINISHED
+        result = TrainingResult(
+            job=f"{candidate.id}-s0", state=state, fitness=fitness, curves={}, env_steps=0, seconds=0.0
+        )
+        sample = Sample(generation=generation, slot=slot, candidate=candidate, verdict=verdict)
+        made.append(Scored(sample=sample, result=None if refused else result, feedback=f"F {fitness}"))
+    return made
+
+
+class SearchConformance:
+    """Checks that hold for any strategy; whom it makes a parent is for its own tests."""
+
+    def make(self) -> SearchStrategy:
+        raise NotImplementedError
+
+    def test_the_first_prompts_follow_no_one(self) -> None:
+        plans = self.make().ask(History(), Random(0))
+        assert plans
+        assert all(plan.count > 0 and not plan.turns and not plan.failures for plan in plans)
+
+    def test_telling_adds_one_generation_and_leaves_the_given_history_alone(self) -> None:
+        strategy, empty = self.make(), History()
+        one = strategy.tell(empty, entries(0, [1.0, None]))
+        two = strategy.tell(one, entries(1, [2.0]))
+        assert (len(empty.generations), len(one.generations), len(two.generations)) == (0, 1, 2)
+        assert [generation.index for generation in two.generations] == [0, 1]
+        assert two.generations[0] == one.generations[0]
+        assert two.generations[1].entries == tuple(entries(1, [2.0]))
+
+    def test_all_its_state_is_in_the_history(self) -> None:
+        # A resumed run has a new strategy, the stored history and a generator of the same seed.
+        old = self.make()
+        history = self._history(old)
+        assert list(self.make().ask(history, Random("0/3"))) == list(old.ask(history, Random("0/3")))
+
+    def test_parents_are_entries_of_the_history_that_trained(self) -> None:
+        strategy = self.make()
+        history = self._history(strategy)
+        known = [entry for generation in history.generations for entry in generation.entries]
+        for plan in strategy.ask(history, Random(0)):
+            assert plan.turns, "a strategy that knows trained rewards shows one"
+            assert all(turn in known and turn.fitness is not None for turn in plan.turns)
+
+    def test_when_nothing_trained_the_next_prompts_say_why(self) -> None:
+        strategy = self.make()
+        failed = entries(0, [0.0, 0.0], refused=True)
+        history = strategy.tell(History(), failed)
+        for plan in strategy.ask(history, Random(0)):
+            assert plan.count > 0 and not plan.turns
+            assert set(plan.failures) <= set(failed) and plan.failures
+
+    def test_it_judges_by_a_checkpoint_that_lanes_have(self) -> None:
+        assert self.make().checkpoint in ("fitness", "reward")
+
+    def _history(self, strategy: SearchStrategy) -> History:
+        history = History()
+        for index, scores in enumerate(([1.0, 3.0, None], [2.0, None, -1.0], [-4.0, 2.5])):
+            history = strategy.tell(history, entries(index, scores))
+        return history

@@ -1,0 +1,117 @@
+"""What every trainer must do. Inherit, make the trainer, and let pytest collect it:
+
+class TestMyTrainer(TrainerConformance):
+    env = "cartpole"
+    budget = TrainBudget(env_steps=2048, worlds=16)
+
+    def make(self) -> Trainer:
+        return MyTrainer()
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+from openeureka.types import (
+    Evaluation,
+    RewardProgram,
+    TrainBudget,
+    Trainer,
+    TrainingProgress,
+    TrainingResult,
+    TrainingState,
+    TrainJob,
+)
+
+
+class TrainerConformance:
+    """Checks that hold for any trainer; how well it learns is for its own tests.
+
+    Attributes:
+        env: task to train.
+        budget: small, but enough for a few epochs.
+        programs: rewards to train beside each other.
+    """
+
+    env: ClassVar[str]
+    budget: ClassVar[TrainBudget] = TrainBudget()
+    programs: ClassVar[tuple[RewardProgram, ...]] = ("human", "sparse")
+
+    _kept: ClassVar[list[TrainingProgress | TrainingResult]]
+
+    def make(self) -> Trainer:
+        raise NotImplementedError
+
+    def jobs(self) -> list[TrainJob]:
+        return [
+            TrainJob(id=f"p{number}-s{seed}", program=program, seed=seed)
+            for number, program in enumerate(self.programs)
+            for seed in (0, 1)
+        ]
+
+    def test_each_job_has_exactly_one_result(self) -> None:
+        assert sorted(result.job for result in self._results()) == sorted(job.id for job in self.jobs())
+
+    def test_progress_counts_epochs_and_names_jobs(self) -> None:
+        known = {job.id for job in self.jobs()}
+        for event in self._events():
+            if isinstance(event, TrainingProgress):
+                assert 0 <= event.epoch <= event.epochs
+                assert set(event.fitness) <= known
+
+    def test_fitness_is_the_highest_of_its_curve(self) -> None:
+        for result in self._finished():
+            defined = [value for value in result.curves["fitness"] if value is not None]
+            assert result.fitness == (max(defined) if defined else None)
+            assert result.best_fitness is None or result.best_fitness.value == result.fitness
+
+    def test_curves_have_a_value_or_none_for_each_epoch(self) -> None:
+        for result in self._finished():
+            assert {"fitness", "episode_length", "reward", "human_reward"} <= set(result.curves)
+            assert len({len(curve) for curve in result.curves.values()}) == 1
+            values = [value for curve in result.curves.values() for value in curve if value is not None]
+            assert values and all(map(math.isfinite, values))
+
+    def test_the_human_reward_correlates_with_itself(self) -> None:
+        names = [f"p{number}-" for number, program in enumerate(self.programs) if program == "human"]
+        for result in self._finished():
+            assert result.correlation is None or -1 - 1e-6 <= result.correlation <= 1 + 1e-6
+            if result.job.startswith(tuple(names)):
+                assert result.correlation is None or abs(result.correlation - 1) < 1e-3
+
+    def test_the_same_jobs_give_the_same_results(self) -> None:
+        again = self.make().train(self.env, self.jobs(), self.budget)
+        second = {event.job: event for event in again if isinstance(event, TrainingResult)}
+        for first in self._results():
+            assert first.state == second[first.job].state
+            assert first.fitness == second[first.job].fitness
+            assert first.curves == second[first.job].curves
+
+    def test_policies_are_scored_one_by_one(self) -> None:
+        trainer = self.make()
+        peaks = {result.job: result.best_reward for result in self._finished()[:2]}
+        policies = {job: peak.policy for job, peak in peaks.items() if peak is not None}
+        assert policies
+        scores: list[Evaluation] = list(trainer.evaluate(self.env, policies, seed=7))
+        assert sorted(score.job for score in scores) == sorted(policies)
+        assert all(score.episodes > 0 and score.episode_length > 0 for score in scores)
+        assert list(trainer.evaluate(self.env, policies, seed=7)) == scores
+
+    def test_nothing_to_do_is_done_at_once(self) -> None:
+        assert list(self.make().evaluate(self.env, {}, seed=0)) == []
+
+    def _events(self) -> list[TrainingProgress | TrainingResult]:
+        """Of one training for all checks of the class: it may take seconds."""
+        kind = type(self)
+        if "_kept" not in kind.__dict__:
+            kind._kept = list(self.make().train(self.env, self.jobs(), self.budget))
+        return kind._kept
+
+    def _results(self) -> list[TrainingResult]:
+        return [event for event in self._events() if isinstance(event, TrainingResult)]
+
+    def _finished(self) -> list[TrainingResult]:
+        finished = [result for result in self._results() if result.state is TrainingState.FINISHED]
+        assert finished, "a trainer must be able to finish the human and the sparse reward"
+        return finished

@@ -1,0 +1,73 @@
+from random import Random
+
+import pytest
+
+from openeureka.config import RunConfig
+from openeureka.search import Best, Eureka, make, sized
+from openeureka.testing.conformance.search import entries
+from openeureka.types import History
+
+
+def history(strategy, *generations) -> History:
+    told = History()
+    for index, scores in enumerate(generations):
+        told = strategy.tell(told, entries(index, scores))
+    return told
+
+
+def shown(strategy, told: History) -> list[float | None]:
+    (plan,) = strategy.ask(told, Random(0))
+    return [turn.fitness for turn in plan.turns]
+
+
+def test_eureka_shows_the_best_of_the_last_generation_even_if_worse() -> None:
+    strategy = Eureka(samples=3)
+    assert shown(strategy, history(strategy, [1.0, 5.0], [2.0, 3.0])) == [3.0]
+
+
+def test_eureka_goes_back_to_the_last_generation_in_which_something_trained() -> None:
+    strategy = Eureka(samples=3)
+    assert shown(strategy, history(strategy, [1.0, 5.0], [2.0], [None, None])) == [2.0]
+
+
+def test_best_shows_the_best_so_far_last_after_up_to_three_other_winners() -> None:
+    strategy = Best(samples=3)
+    assert shown(strategy, history(strategy, [5.0, 4.0])) == [5.0]
+    assert shown(strategy, history(strategy, [1.0], [5.0], [2.0])) == [1.0, 2.0, 5.0]
+    assert shown(strategy, history(strategy, [5.0], [1.0], [2.0], [3.0], [4.0])) == [2.0, 3.0, 4.0, 5.0]
+
+
+def test_best_shows_a_program_that_won_twice_once() -> None:
+    strategy = Best(samples=1)
+    told = strategy.tell(strategy.tell(History(), entries(0, [5.0])), entries(0, [5.0]))
+    assert shown(strategy, told) == [5.0]
+
+
+def test_negative_scores_win_as_others_do() -> None:
+    for strategy in (Eureka(samples=1), Best(samples=1)):
+        assert shown(strategy, history(strategy, [-3.0, -0.5, None])) == [-0.5]
+
+
+def test_failures_are_told_only_of_a_last_generation_in_which_nothing_trained() -> None:
+    for strategy in (Eureka(samples=1), Best(samples=1)):
+        told = strategy.tell(history(strategy, [1.0]), entries(1, [0.0, 0.0], refused=True))
+        (plan,) = strategy.ask(told, Random(0))
+        assert [turn.fitness for turn in plan.turns] == [1.0]
+        assert plan.failures == told.generations[-1].entries
+        (plan,) = strategy.ask(strategy.tell(told, entries(2, [2.0])), Random(0))
+        assert plan.failures == ()
+
+
+@pytest.mark.parametrize(("name", "kind", "checkpoint"), [("eureka", Eureka, "fitness"), ("best", Best, "reward")])
+def test_strategies_are_made_by_name(name, kind, checkpoint) -> None:
+    strategy = make(RunConfig(search=name, sample=7))
+    assert isinstance(strategy, kind)
+    assert (strategy.samples, strategy.checkpoint) == (7, checkpoint)
+
+
+def test_sizes_default_to_the_kind_of_model_and_can_be_set() -> None:
+    free, small = sized(RunConfig(), "free"), sized(RunConfig(), "grammar")
+    assert (free.sample, free.iteration) == (16, 5)
+    assert small.sample < free.sample and small.iteration < free.iteration
+    own = sized(RunConfig(sample=3), "free")
+    assert (own.sample, own.iteration) == (3, 5)

@@ -1,0 +1,11 @@
+from openeureka.testing.conformance.trainer import TrainerConformance
+from openeureka.training.executor import PopulationTrainer
+from openeureka.types import TrainBudget
+
+
+class TestPopulationTrainer(TrainerConformance):
+    env = "cartpole"
+    budget = TrainBudget(env_steps=4096, worlds=16)
+
+    def make(self) -> PopulationTrainer:
+        return PopulationTrainer(threads=1)
