@@ -88,3 +88,11 @@ def test_without_the_gate_the_kernel_holds(hostile: Hostile, ungated: Sandbox, c
 def test_an_honest_program_is_accepted_after_all_of_them(sandbox: Sandbox) -> None:
     source = "def compute_reward(pos, vel):\n    r = -pos.norm(dim=-1)\n    return r, {'r': r}\n"
     assert sandbox.check(Candidate.of(source)).accepted
+
+
+def test_a_result_of_the_wrong_shape_names_the_line_of_the_return(sandbox: Sandbox) -> None:
+    source = "def compute_reward(pos):\n    r = pos * 2\n\n    return r, {}\n"
+    assert sandbox.check(Candidate.of(source)).findings[0].sentence() == (
+        "line 4: the reward has shape (N, 3) [shape]; "
+        "one number per world is needed, shape (N,): sum or index the last dimension, or squeeze(-1)"
+    )

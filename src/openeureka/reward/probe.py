@@ -20,6 +20,8 @@ from .trace import Guard, Outputs, Refused, trace, unify
 
 TRACE_SIZES = (61, 89)
 """Two world counts that no program writes by chance."""
+RESULT_RULES = ("returns", "shape", "dtype", "components")
+"""Rules about what a program returns, whichever line made it."""
 
 
 @dataclass(frozen=True, slots=True)

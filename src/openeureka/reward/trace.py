@@ -14,6 +14,10 @@ from torch.utils._python_dispatch import TorchDispatchMode, _disable_current_mod
 from ..types import Finding, Node, RewardGraph
 from . import surface
 from .gate import FILENAME
+from .graph import MAX_CONSTANT
+
+MAX_OPERATIONS = 20_000
+"""Of one run, before what no output needs is dropped."""
 
 _READS = surface.words("""
     _local_scalar_dense is_nonzero equal nonzero nonzero_static masked_select _unique _unique2 unique_dim
@@ -103,7 +107,7 @@ class Tracer(TorchDispatchMode):
         self._alive: list[Tensor] = []  # an id is only unique while its object lives
 
     def add(self, op: str, args: tuple[Any, ...], kwargs: Mapping[str, Any] | None = None) -> int:
-        if len(self.nodes) >= 20_000:
+        if len(self.nodes) >= MAX_OPERATIONS:
             raise Refused("memory", "the program runs too many operations", "use fewer, larger tensors", current_line())
         self.nodes.append(Node(op, args, kwargs or {}))
         self.lines.append(current_line())
@@ -121,7 +125,7 @@ class Tracer(TorchDispatchMode):
         return self._constant(value) if known is None else known
 
     def _constant(self, tensor: Tensor) -> int:
-        if tensor.numel() > 4096:
+        if tensor.numel() > MAX_CONSTANT:
             raise Refused("memory", "a literal tensor is too large", "build it with torch operations", current_line())
         # The mode is not active inside its own handler, but `index` is also called from outside of it.
         with _disable_current_modes():

@@ -34,7 +34,7 @@ from .db import AGAIN, FILENAME, Database, explained
 Peak = Literal["fitness", "reward"]
 """Which of a lane's two checkpoints: where F, or where its own reward, was highest."""
 
-_FREE_TO_CHANGE = {"dir", "device", "threads", "base_url", "max_cost", "video", "unsafe_no_sandbox"}
+_FREE_TO_CHANGE = {"dir", "device", "threads", "base_url", "max_cost", "price", "video", "unsafe_no_sandbox"}
 """Settings that say how and where to run, not what is searched: a resumed run may have others."""
 
 

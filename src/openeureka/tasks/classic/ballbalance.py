@@ -105,14 +105,7 @@ class BallBalance(Task):
         )
     )
     recipe = Recipe(
-        hidden=(64, 64),
-        env_steps=1_000_000,
-        epochs=5,
-        minibatches=2,
-        learning_rate=1e-3,
-        kl_threshold=0.016,
-        critic_coef=4.0,
-        reward_scale=0.1,
+        hidden=(128, 64), env_steps=1_100_000, epochs=8, learning_rate=1e-3, critic_coef=4.0, reward_scale=0.1
     )
 
     @staticmethod
