@@ -15,5 +15,5 @@ def check(words: Sequence[str]) -> int:
     config = parse(CheckConfig, settings)
     path = only_path(paths, "eureka check env=cartpole my_reward.py")
     (verdict,) = judge(config.env, [read(path)], unsafe=config.unsafe_no_sandbox)
-    print(f"{path}: {verdict.code}\n{explain(verdict)}")
+    print("\n".join((f"{path}: {verdict.code}", *explain(verdict))))
     return 0 if verdict.accepted else 1

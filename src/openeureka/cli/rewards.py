@@ -31,9 +31,9 @@ def judge(env: str, candidates: Sequence[Candidate], *, unsafe: bool) -> list[Ve
         return [sandbox.check(candidate) for candidate in candidates]
 
 
-def explain(verdict: Verdict) -> str:
-    """The verdict for a terminal: what was found, line by line, or what the program computes."""
+def explain(verdict: Verdict) -> list[str]:
+    """The verdict for a person: a line for each finding, or one that says what the program computes."""
     if verdict.graph is None:
-        return "\n".join(plain(finding.sentence()) for finding in verdict.findings)
+        return [plain(finding.sentence()) for finding in verdict.findings]
     names = ", ".join(plain(name) for name, _ in verdict.graph.components) or "none"
-    return f"{len(verdict.graph.nodes)} tensor operations; components: {names}; {verdict.seconds * 1000:.0f} ms"
+    return [f"{len(verdict.graph.nodes)} tensor operations; components: {names}; {verdict.seconds * 1000:.0f} ms"]

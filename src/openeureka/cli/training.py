@@ -59,7 +59,7 @@ def _programs(config: TrainConfig) -> dict[str, RewardProgram]:
         elif (graph := checked[name].graph) is not None:
             programs[label] = graph
         else:
-            raise RewardFileError(f"{name} was refused: {explain(checked[name])}")
+            raise RewardFileError(f"{name} was refused: {'; '.join(explain(checked[name]))}")
     return programs
 
 

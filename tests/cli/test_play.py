@@ -1,0 +1,54 @@
+import pytest
+import torch
+
+from openeureka.cli import play
+from openeureka.errors import ConfigError, RewardFileError
+from openeureka.training.policy import Policy
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[object, ...]]:
+    """What would have been rendered."""
+    calls: list[tuple[object, ...]] = []
+
+    def render(env: str, policy: str | bytes, *, seconds: float, seed: int) -> bytes:
+        calls.append((env, policy, seconds))
+        return b"mp4"
+
+    monkeypatch.setattr(play, "render", render)
+    return calls
+
+
+def policy_of(env: str) -> bytes:
+    """A policy file whose network nobody runs."""
+    tensors = {"w0": torch.zeros(4, 2), "b0": torch.zeros(2), "log_std": torch.zeros(1)}
+    return Policy(env, tensors).to_bytes()
+
+
+def test_the_best_policy_of_a_run_is_shown_on_its_own_task(asked, tmp_path, capsys):
+    (tmp_path / "best").mkdir()
+    (tmp_path / "best" / "policy.safetensors").write_bytes(policy_of("ant"))
+    play.play([str(tmp_path), "seconds=3"])
+    assert asked == [("ant", policy_of("ant"), 3.0)]
+    assert (tmp_path / "best" / "video.mp4").read_bytes() == b"mp4"
+    assert capsys.readouterr().out == f"Wrote {tmp_path / 'best' / 'video.mp4'}\n"
+
+
+def test_random_play_needs_no_file(asked, tmp_path):
+    play.play(["env=ant", "policy=random", f"out={tmp_path}/a.mp4"])
+    assert asked == [("ant", "random", 10.0)]
+
+
+def test_a_policy_of_another_task_or_another_program_is_refused(asked, tmp_path):
+    (tmp_path / "ant.safetensors").write_bytes(policy_of("ant"))
+    with pytest.raises(ConfigError, match="trained on env=ant, not on env=cartpole"):
+        play.play(["env=cartpole", f"policy={tmp_path}/ant.safetensors"])
+    (tmp_path / "other").write_bytes(b"other")
+    with pytest.raises(RewardFileError, match="not a policy file"):
+        play.play([f"policy={tmp_path}/other"])
+    assert asked == []
+
+
+def test_a_run_without_a_policy_says_so(asked, tmp_path):
+    with pytest.raises(ConfigError, match=r"Cannot read the policy .*best/policy\.safetensors: No such file"):
+        play.play([str(tmp_path)])

@@ -1,0 +1,59 @@
+import json
+
+import pytest
+
+from openeureka.cli import training
+from openeureka.cli.training import train
+from openeureka.errors import ConfigError, RewardFileError
+from openeureka.testing.scripted import ToyTrainer
+from openeureka.types import RewardGraph
+
+GOOD = "def compute_reward(pole_angle):\n    upright = torch.exp(-pole_angle**2)\n    return upright, {}\n"
+
+
+@pytest.fixture
+def toy(monkeypatch: pytest.MonkeyPatch) -> ToyTrainer:
+    """Human rewards are worth 10, sparse ones 5, plus a hundredth of the seed; one less when held out."""
+    trainer = ToyTrainer()
+    monkeypatch.setattr(training, "PopulationTrainer", lambda **_: trainer)
+    return trainer
+
+
+def test_every_reward_and_seed_is_a_lane_of_one_population(toy, tmp_path, capsys):
+    train(["env=cartpole", "reward=human,sparse", "seeds=2", f"dir={tmp_path}/out"])
+    assert toy.trained == ["human-s0", "human-s1", "sparse-s0", "sparse-s1"]
+    rows = [line.split("  ") for line in capsys.readouterr().out.splitlines()]
+    cells = {row[0]: [cell.strip() for cell in row if cell.strip()] for row in rows}
+    # 10.00 and 10.01: mean 10.005 shown with four digits, sample deviation 0.0071
+    assert cells["human"][1:3] == ["10 ± 0.0071", "9.005 ± 0.0071"]
+    assert cells["sparse"][1:3] == ["5.005 ± 0.0071", "4.005 ± 0.0071"]
+
+
+def test_curves_policies_and_scores_are_left(toy, tmp_path):
+    train(["env=cartpole", "reward=human", f"dir={tmp_path}/out"])
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert result["config"]["env"] == "cartpole"
+    assert result["jobs"]["human-s0"]["fitness"] == 10.0
+    assert result["jobs"]["human-s0"]["held_out_fitness"] == 9.0
+    assert json.loads((tmp_path / "out" / "curves.json").read_text())["human-s0"]["fitness"] == [None, 5.0, 10.0]
+    assert (tmp_path / "out" / "human-s0" / "policy.safetensors").read_bytes() == b"10.0"
+
+
+def test_a_reward_file_is_checked_and_named_by_its_stem(tmp_path):
+    (tmp_path / "mine.py").write_text(GOOD)
+    programs = training._programs(training.parse(training.TrainConfig, [f"reward=human,{tmp_path}/mine.py"]))
+    assert list(programs) == ["human", "mine"]
+    assert isinstance(programs["mine"], RewardGraph)
+
+
+def test_a_refused_reward_file_trains_nothing(toy, tmp_path):
+    (tmp_path / "bad.py").write_text("import os\n" + GOOD)
+    with pytest.raises(RewardFileError, match="was refused: line 1: `os` cannot be imported"):
+        train([f"reward=human,{tmp_path}/bad.py", f"dir={tmp_path}/out"])
+    assert toy.trained == [] and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("reward", "sentence"), [("human,human", "names `human` twice"), (",", "names nothing")])
+def test_a_list_of_rewards_that_makes_no_sense_is_refused(toy, reward, sentence):
+    with pytest.raises(ConfigError, match=sentence):
+        train([f"reward={reward}"])
