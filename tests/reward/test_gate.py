@@ -86,6 +86,24 @@ def test_a_program_without_a_function_says_so() -> None:
     assert sentences("x = 1\n") == ["the program defines no function [no-function]; define `def compute_reward(...)`"]
 
 
+def test_prose_is_no_program() -> None:
+    assert [finding.rule for finding in gate.check("x = f(1)\ny", CARTPOLE)] == ["no-function"]  # type: ignore[union-attr]
+
+
+def test_an_example_of_use_below_the_function_is_ignored() -> None:
+    source = (
+        "def f(dof_pos):\n    return dof_pos[:, 0], {}\nimport torch\nreward, _ = f(torch.rand(3, 2))\nprint(reward)\n"
+    )
+    assert isinstance(gate.check(source, CARTPOLE), gate.Program)
+
+
+def test_code_above_a_function_is_refused() -> None:
+    assert sentences("x = f(1)\ndef f(dof_pos):\n    return dof_pos[:, 0], {}\n") == [
+        "line 1: only imports, functions and literal constants may stand outside a function [statement]; "
+        "move it into the reward function or remove it"
+    ]
+
+
 def test_inputs_are_arguments_free_names_and_attributes_of_self() -> None:
     program = gate.check("def f(dof_pos):\n    return dof_pos[:, 0] + dof_vel[:, 0], {}\n", CARTPOLE)
     assert isinstance(program, gate.Program)

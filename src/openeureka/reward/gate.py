@@ -66,6 +66,12 @@ class Program:
     def method(self) -> bool:
         return self.draft.method
 
+    @property
+    def return_line(self) -> int | None:
+        """Where the reward function's results are returned last."""
+        lines = [node.lineno for node in ast.walk(self.draft.entry) if isinstance(node, ast.Return)]
+        return max(lines, default=None)
+
     def code(self) -> CodeType:
         return compile(self.draft.tree, FILENAME, "exec")
 

@@ -1,7 +1,8 @@
 """From the ways people write reward programs to one plain form: functions and literal constants, nothing else.
 
-Imports become a table of names; decorators, annotations, docstrings, prints and `device=` vanish. Line numbers stay
-those of the author. What cannot be brought to that form becomes a finding; whether the rest is allowed is for `gate`.
+Imports become a table of names; decorators, annotations, docstrings, prints, examples of use and `device=` vanish.
+Line numbers stay those of the author. What cannot be brought to that form becomes a finding; whether the rest is
+allowed is for `gate`.
 """
 
 from __future__ import annotations
@@ -70,14 +71,15 @@ class Normaliser(ast.NodeTransformer):
 
     def build(self, tree: ast.Module) -> Draft | None:
         self.functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
-        body: list[ast.stmt] = []
-        for statement in tree.body:
-            kept = self._top_level(statement)
-            if kept is not None:
-                body.append(kept)
         if not self.functions:
             self._refuse("no-function", "the program defines no function", tree, "define `def compute_reward(...)`")
             return None
+        last = max(node.lineno for node in self.functions.values())
+        body: list[ast.stmt] = []
+        for statement in tree.body:
+            kept = self._top_level(statement, after=statement.lineno > last)
+            if kept is not None:
+                body.append(kept)
         entry = next((self.functions[name] for name in ENTRY_NAMES if name in self.functions), None)
         entry = entry or list(self.functions.values())[-1]
         plain = ast.fix_missing_locations(ast.Module(body=body, type_ignores=[]))
@@ -88,7 +90,7 @@ class Normaliser(ast.NodeTransformer):
 
     # --- module level ---
 
-    def _top_level(self, node: ast.stmt) -> ast.stmt | None:
+    def _top_level(self, node: ast.stmt, *, after: bool) -> ast.stmt | None:
         if isinstance(node, ast.Import | ast.ImportFrom):
             self._import(node)
             return None
@@ -100,6 +102,8 @@ class Normaliser(ast.NodeTransformer):
             plain = self.visit(node)
             if isinstance(plain, ast.Assign) and self._literal_assignment(plain):
                 return plain
+        if after and isinstance(node, ast.Expr | ast.Assign | ast.If | ast.For):
+            return None  # an example of use below the last function, which nothing runs
         self._refuse(
             "statement",
             "only imports, functions and literal constants may stand outside a function",

@@ -14,6 +14,10 @@ from torch.utils._python_dispatch import TorchDispatchMode, _disable_current_mod
 from ..types import Finding, Node, RewardGraph
 from . import surface
 from .gate import FILENAME
+from .graph import MAX_CONSTANT
+
+MAX_OPERATIONS = 20_000
+"""Of one run, before what no output needs is dropped."""
 
 _READS = surface.words("""
     _local_scalar_dense is_nonzero equal nonzero nonzero_static masked_select _unique _unique2 unique_dim
@@ -29,6 +33,17 @@ class Refused(Exception):
     def __init__(self, rule: str, message: str, fix: str = "", line: int | None = None) -> None:
         super().__init__(message)
         self.finding = Finding(rule=rule, message=message, fix=fix, line=line)
+
+
+def branch(line: int | None) -> Refused:
+    """The refusal of Python code that looks at a tensor's values."""
+    return Refused(
+        "branch",
+        "Python reads a value out of a tensor here (`if`, `and`, `max()`, `float()`, `math.` or the like), so one "
+        "decision would hold for all worlds",
+        "use torch.where(condition, a, b), masks, torch.minimum and torch functions on whole tensors",
+        line,
+    )
 
 
 def current_line() -> int | None:
@@ -83,13 +98,7 @@ def _judge(func: Any) -> None:
         message = f"`{name}` is random, and a reward must give the same value for the same state"
         raise Refused("randomness", message, "remove it", current_line())
     if name in _READS:
-        raise Refused(
-            "branch",
-            "Python reads a value out of a tensor here (`if`, `and`, `max()`, `float()`, `math.` or the like), so one "
-            "decision would hold for all worlds",
-            "use torch.where(condition, a, b), masks, torch.minimum and torch functions on whole tensors",
-            current_line(),
-        )
+        raise branch(current_line())
 
 
 class Tracer(TorchDispatchMode):
@@ -103,7 +112,7 @@ class Tracer(TorchDispatchMode):
         self._alive: list[Tensor] = []  # an id is only unique while its object lives
 
     def add(self, op: str, args: tuple[Any, ...], kwargs: Mapping[str, Any] | None = None) -> int:
-        if len(self.nodes) >= 20_000:
+        if len(self.nodes) >= MAX_OPERATIONS:
             raise Refused("memory", "the program runs too many operations", "use fewer, larger tensors", current_line())
         self.nodes.append(Node(op, args, kwargs or {}))
         self.lines.append(current_line())
@@ -121,7 +130,7 @@ class Tracer(TorchDispatchMode):
         return self._constant(value) if known is None else known
 
     def _constant(self, tensor: Tensor) -> int:
-        if tensor.numel() > 4096:
+        if tensor.numel() > MAX_CONSTANT:
             raise Refused("memory", "a literal tensor is too large", "build it with torch operations", current_line())
         # The mode is not active inside its own handler, but `index` is also called from outside of it.
         with _disable_current_modes():
@@ -133,18 +142,20 @@ class Tracer(TorchDispatchMode):
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         kwargs = kwargs or {}
         _judge(func)
-        result = func(*args, **kwargs)
         op = str(func).removeprefix("aten.")
         if op in _SAME_VALUE:
+            result = func(*args, **kwargs)
             self.name(result, self.index(args[0]))
             return result
-        if op.startswith("squeeze."):
-            op, args = _squeeze(args)
+        written = args
+        if op.startswith(("squeeze.", "squeeze_.")):  # matmul drops a dimension of its own result in place
+            op, written = _squeeze(args)
         if op not in surface.ATEN:
             message = f"the operation `{op}` cannot be part of a reward"
             raise Refused("operation", message, "write it with simpler tensor operations", current_line())
         kept = {key: self._encode(value) for key, value in kwargs.items() if key not in _UNUSED_KWARGS}
-        index = self.add(op, tuple(self._encode(arg) for arg in args), kept)
+        index = self.add(op, tuple(self._encode(arg) for arg in written), kept)
+        result = func(*args, **kwargs)
         if isinstance(result, Tensor):
             self.name(result, index)
         else:
