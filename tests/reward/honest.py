@@ -465,3 +465,13 @@ def compute_reward(object_pos, goal_pos):
     return -distance, {"mean_distance": distance.mean(), "constant": torch.tensor(0.5)}
 """,
 )
+
+_add(
+    "products with a row of weights",
+    ANT,
+    """
+def compute_reward(dof_pos, dof_vel):
+    weights = torch.tensor([1.0, 0.5])
+    return weights @ dof_pos[:, :2].T + dof_vel @ torch.ones(8), {"first": dof_pos[:, 0]}
+""",
+)

@@ -113,3 +113,10 @@ def test_a_reward_and_components_that_are_one_tensor_are_fine() -> None:
     spec, _ = PROGRAMS["Python floats as components"]
     source = "def f(obs_buf):\n    r = obs_buf[:, 0]\n    return r, {'a': r, 'b': r, 'c': obs_buf[:, 0].expand_as(r)}\n"
     assert len(accepted(spec, source).graph.components) == 3
+
+
+def test_python_floats_stand_where_torch_wants_tensors() -> None:
+    spec, _ = PROGRAMS["Python floats as components"]
+    source = "def f(obs_buf):\n    return torch.max(obs_buf[:, 0], 0.0) * torch.exp(-1.0), {}\n"
+    reward, _ = graph.compile(accepted(spec, source).graph, spec)({"obs_buf": torch.tensor([[2.0], [-2.0]])})
+    torch.testing.assert_close(reward, torch.tensor([2.0 * math.exp(-1.0), 0.0]))

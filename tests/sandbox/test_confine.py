@@ -16,6 +16,7 @@ from openeureka.sandbox.client import Sandbox
 from openeureka.testing.hostile import STATE
 from openeureka.types import Candidate, Verdict, VerdictCode
 
+pytestmark = pytest.mark.skipif(not confine.support().complete, reason=confine.support().sentence())
 RECORDED = {"pos": torch.randn(64, 3), "vel": torch.randn(64, 3), "phase": torch.randn(64), "dt": 0.02}
 
 

@@ -103,7 +103,7 @@ def test_an_epoch_without_a_finished_episode_has_no_fitness():
     from openeureka.tasks.task import Score
 
     none = torch.zeros(2, dtype=torch.bool)
-    step = Step(zero, zero, {}, none, none, Score(zero, zero), torch.ones(2, dtype=torch.int64), none)
+    step = Step(zero, zero, {}, none, none, Score(zero, zero), none, torch.ones(2, dtype=torch.int64), none)
     curves.add(step, zero.view(1, 2), zero.view(1, 2), [{}])
     fitness, own = curves.close_epoch()
     assert fitness == [None] and own == [0.0]

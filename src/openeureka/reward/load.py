@@ -30,10 +30,25 @@ def _isclose(input: Tensor, other: Tensor, rtol: float = 1e-5, atol: float = 1e-
 
 # torch's own write in place below the level that tracing sees.
 _REPLACED = {"cosine_similarity": _cosine_similarity, "isclose": _isclose}
+_TAKES_FLOATS = surface.words("abs cos exp log max maximum min minimum sigmoid sin sqrt square tanh")
+"""Functions of tensors that authors also call with Python floats, as in `torch.max(x, 0.0)`."""
 
 
 def _namespace(module: str, real: Any) -> SimpleNamespace:
-    return SimpleNamespace(**{n: _REPLACED.get(n) or getattr(real, n) for n in surface.MODULES[module]})
+    return SimpleNamespace(**{name: _offered(name, real) for name in surface.MODULES[module]})
+
+
+def _offered(name: str, real: Any) -> Any:
+    if name in _REPLACED:
+        return _REPLACED[name]
+    function = getattr(real, name)
+    if name not in _TAKES_FLOATS:
+        return function
+    return lambda *args, **kwargs: function(*map(_as_tensor, args), **kwargs)
+
+
+def _as_tensor(value: Any) -> Any:
+    return torch.tensor(value) if type(value) is float else value
 
 
 def _modules() -> SimpleNamespace:

@@ -16,7 +16,7 @@ from . import graph as graphs
 from .gate import FILENAME
 from .load import Runner
 from .states import Recorded, take, world_count
-from .trace import Guard, Outputs, Refused, trace, unify
+from .trace import Guard, Outputs, Refused, branch, trace, unify
 
 TRACE_SIZES = (61, 89)
 """Two world counts that no program writes by chance."""
@@ -35,6 +35,14 @@ class Traced:
 # --- running a program -----------------------------------------------------------------------------------------------
 
 
+_SCALAR_READS = (
+    "Boolean value of Tensor",
+    "only one element tensors can be converted",
+    "only integer tensors of a single",
+)
+"""torch's own words for a branch on many worlds at once."""
+
+
 def _guarded(run: Runner, state: Mapping[str, Any]) -> object:
     """Run a program; whatever it raises becomes a finding with the program's line."""
     try:
@@ -43,12 +51,13 @@ def _guarded(run: Runner, state: Mapping[str, Any]) -> object:
         raise
     except BaseException as error:
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == FILENAME]
+        line = lines[-1] if lines else None
         text = (str(error).strip() or "no message").splitlines()[0][:300]
+        if text.startswith(_SCALAR_READS):
+            raise branch(line) from None
         count = state["num_envs"]
         shapes = ", ".join(f"{name} {_symbolic(value, count)}" for name, value in _tensors(state).items())
-        raise Refused(
-            "error", f"{type(error).__name__}: {text}", f"input shapes: {shapes}", lines[-1] if lines else None
-        ) from None
+        raise Refused("error", f"{type(error).__name__}: {text}", f"input shapes: {shapes}", line) from None
 
 
 def outputs(result: object, num_worlds: int) -> Outputs:

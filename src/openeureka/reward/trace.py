@@ -35,6 +35,17 @@ class Refused(Exception):
         self.finding = Finding(rule=rule, message=message, fix=fix, line=line)
 
 
+def branch(line: int | None) -> Refused:
+    """The refusal of Python code that looks at a tensor's values."""
+    return Refused(
+        "branch",
+        "Python reads a value out of a tensor here (`if`, `and`, `max()`, `float()`, `math.` or the like), so one "
+        "decision would hold for all worlds",
+        "use torch.where(condition, a, b), masks, torch.minimum and torch functions on whole tensors",
+        line,
+    )
+
+
 def current_line() -> int | None:
     """Line of the program that is running."""
     frame = sys._getframe(1)
@@ -87,13 +98,7 @@ def _judge(func: Any) -> None:
         message = f"`{name}` is random, and a reward must give the same value for the same state"
         raise Refused("randomness", message, "remove it", current_line())
     if name in _READS:
-        raise Refused(
-            "branch",
-            "Python reads a value out of a tensor here (`if`, `and`, `max()`, `float()`, `math.` or the like), so one "
-            "decision would hold for all worlds",
-            "use torch.where(condition, a, b), masks, torch.minimum and torch functions on whole tensors",
-            current_line(),
-        )
+        raise branch(current_line())
 
 
 class Tracer(TorchDispatchMode):
@@ -137,18 +142,20 @@ class Tracer(TorchDispatchMode):
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         kwargs = kwargs or {}
         _judge(func)
-        result = func(*args, **kwargs)
         op = str(func).removeprefix("aten.")
         if op in _SAME_VALUE:
+            result = func(*args, **kwargs)
             self.name(result, self.index(args[0]))
             return result
-        if op.startswith("squeeze."):
-            op, args = _squeeze(args)
+        written = args
+        if op.startswith(("squeeze.", "squeeze_.")):  # matmul drops a dimension of its own result in place
+            op, written = _squeeze(args)
         if op not in surface.ATEN:
             message = f"the operation `{op}` cannot be part of a reward"
             raise Refused("operation", message, "write it with simpler tensor operations", current_line())
         kept = {key: self._encode(value) for key, value in kwargs.items() if key not in _UNUSED_KWARGS}
-        index = self.add(op, tuple(self._encode(arg) for arg in args), kept)
+        index = self.add(op, tuple(self._encode(arg) for arg in written), kept)
+        result = func(*args, **kwargs)
         if isinstance(result, Tensor):
             self.name(result, index)
         else:

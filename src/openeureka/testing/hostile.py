@@ -69,7 +69,9 @@ _INTROSPECTION = (
     _gate(6, "getattr", "unknown-name", 'getattr(pos, "da" + "ta").zero_()'),
     _gate(6, "vars", "unknown-name", "vars()"),
     _gate(7, "generator-frame", "attribute", "g = (x for x in [1])\ng.gi_frame.f_back.f_globals"),
-    _text(8, "coroutine", "statement", "async def compute_reward(pos):\n    return pos[:, 0], {}\n"),
+    _text(
+        8, "coroutine", "statement", "async def h():\n    pass\ndef compute_reward(pos):\n    return pos[:, 0], {}\n"
+    ),
     _gate(8, "await", "statement", "x = [await r]"),
     _gate(9, "traceback", "statement", "try:\n    1 / 0\nexcept Exception as e:\n    e.__traceback__.tb_frame.f_back"),
     _gate(10, "attribute-error-object", "statement", "try:\n    pos.x\nexcept AttributeError as e:\n    e.obj.zero_()"),
@@ -231,6 +233,8 @@ _CONTRACT = (
     _text(84, "metric-peeking", "unknown-input", "def compute_reward(pos, success_buf):\n    return success_buf, {}\n"),
     _gate(84, "progress", "unknown-name", "r = r + progress_buf"),
     _probe(85, "branch", "branch", "if pos[0, 0] > 0:\n    r = r * 2"),
+    _probe(85, "branch-on-all-worlds", "branch", "if r > 0:\n    r = r * 2"),
+    _probe(85, "and-of-tensors", "branch", "x = (r > 0) and (r < 1)"),
     _probe(85, "float-of-tensor", "branch", "r = r * float(pos.sum())"),
     _probe(85, "python-max", "branch", "x = max(pos.sum(), vel.sum())"),
     _gate(86, "atexit", "statement", "import atexit\natexit.register(print)"),

@@ -60,7 +60,7 @@ class Population:
     def train(self) -> Iterator[TrainingProgress | TrainingResult]:
         """Yields progress about once a second, then one result per job."""
         started = reported = time.monotonic()
-        observation = self._split(self.env.reset())
+        observation = self._split(self.env.reset(stagger=True))
         for epoch in range(self.epochs):
             for t in range(self.horizon):
                 action = self.ppo.act(observation)

@@ -230,8 +230,8 @@ class BallBalance(Task):
         self.qvel[worlds, 12:14] = -speed * share * outwards
         self.qvel[worlds, 14] = -5.0
 
-    def fitness(self, s: State, done: Tensor) -> Score:
-        return mean_over_episodes(self.progress, done)
+    def fitness(self, s: State, ended: Tensor) -> Score:
+        return mean_over_episodes(self.progress, ended)
 
     def human_reward(self, s: State) -> Tensor:
         goal = torch.tensor([0.0, 0.0, 0.7], device=self.device)
