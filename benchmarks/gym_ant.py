@@ -95,7 +95,7 @@ class GymAnt(Task):
         self.qvel[worlds] = RESET_NOISE * math.sqrt(2.0) * torch.erfinv(uniform)  # normal
         self.x[worlds] = self.qpos[worlds, 0]
 
-    def fitness(self, s: State, done: Tensor) -> Score:
+    def fitness(self, s: State, ended: Tensor) -> Score:
         return mean_over_steps(s["velocity"])
 
     def human_reward(self, s: State) -> Tensor:

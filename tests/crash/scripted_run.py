@@ -15,16 +15,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from loop.standins import CONTEXT
-
 from openeureka import search
 from openeureka.config import RunConfig
 from openeureka.loop import run
 from openeureka.store import Store, artifacts
 from openeureka.store.db import Database
-from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, reply
+from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
 from openeureka.types import Prompt, Reply
 
 CONFIG = RunConfig(sample=3, iteration=3, repair=1, refill=1, seeds=2)
@@ -54,7 +50,7 @@ class MeteredModel(ScriptedModel):
 def whole_run(directory: Path) -> None:
     with Store.open(directory, CONFIG) as store:
         model = MeteredModel(SCRIPT, store=store)
-        run(CONFIG, store, model, ToyChecker(), ToyTrainer(), CONTEXT, search.make(CONFIG))
+        run(CONFIG, store, model, ToyChecker(), ToyTrainer(), TOY, search.make(CONFIG))
 
 
 class Countdown:

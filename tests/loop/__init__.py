@@ -1,1 +1,0 @@
-from . import standins  # noqa: F401

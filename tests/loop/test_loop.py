@@ -16,10 +16,8 @@ from openeureka.observer import NullObserver
 from openeureka.sampling import request_seed
 from openeureka.score import Outcome
 from openeureka.store import Store, read_replies
-from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, program, reply
+from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
 from openeureka.types import Candidate, TrainingState, VerdictCode
-
-from .standins import CONTEXT
 
 REFUSED = "```python\ndef compute_reward(x):\n    return x\n```"
 CONFIG = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2)
@@ -39,7 +37,7 @@ class Search:
     def go(self) -> Outcome:
         with Store.open(self.directory, self.config) as store:
             strategy = search.make(self.config)
-            return run(self.config, store, self.model, self.checker, self.trainer, CONTEXT, strategy, self.observer)
+            return run(self.config, store, self.model, self.checker, self.trainer, TOY, strategy, self.observer)
 
     def history(self):
         with Store.view(self.directory) as store:

@@ -29,11 +29,12 @@ def test_the_report_has_a_row_per_generation_and_the_best_source():
     text = report(run(HISTORY, BASELINES))
     assert "| 0 | 3 | 2 accepted, 1 refused | 6 | 2 | 30 | 20 |" in text
     assert "```python\ndef compute_reward(x):\n    return x, {}\n```" in text
+    assert "Of all slots, 67% trained." in text  # 4 of 6
     assert "1200 prompt tokens and 340 completion tokens, US$ 0.0125" in text
 
 
 def test_what_a_model_wrote_cannot_leave_its_cell_or_its_fence():
-    program = trained(0, 0, 1.0, source='x = 1\n"""\n```\n# not a heading\x1b[31m')
+    program = trained(0, 0, 1.0, source='x = 1\n"""\n``\u200b`\n# not a heading\x1b[31m')
     finding = refused(0, 1, "a | b <img src=x> [link](http://x)\n# heading\u202e")
     text = report(run(History((Generation(0, (program, finding)),))))
     assert "````python\n" in text and "\x1b" not in text and "\u202e" not in text

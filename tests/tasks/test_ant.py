@@ -8,6 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from openeureka.tasks.context import context
 from openeureka.tasks.env import BatchedEnv
 from openeureka.tasks.locomotion.ant import Ant
 
@@ -212,6 +213,14 @@ def test_falling_costs_two_but_not_fitness():
     assert task.terminated(state_of(torso_height=0.32)).tolist() == [False]
     assert task.human_reward(fallen).tolist() == [-2.0]
     assert task.sparse_reward(fallen).tolist() == [2.0]
+
+
+def test_a_model_reads_the_shared_state_code_but_no_score_or_threshold():
+    source = context("ant").source
+    assert source.index("class Runner:") < source.index("class Ant(Runner):")
+    assert "root_states = root_state(self.qpos, self.qvel)" in source
+    for secret in ("fall_height", "posture_reward", "sparse_reward", "0.31", "Recipe"):
+        assert secret not in source
 
 
 def test_random_play_is_sound_and_lasts_as_long_as_in_the_original():

@@ -1,6 +1,7 @@
 import torch
 
 from openeureka.tasks.noise import WorldNoise
+from openeureka.tasks.registry import make
 
 CPU = torch.device("cpu")
 
@@ -32,3 +33,18 @@ def test_numbers_are_uniform_and_uncorrelated():
     assert torch.allclose(a.var(0), torch.full((2,), 16 / 12), atol=0.04)
     pairs = torch.corrcoef(torch.cat((a, b), dim=1).T) - torch.eye(4)
     assert pairs.abs().max() < 0.04
+
+
+def test_a_staggered_start_spreads_time_outs_and_does_not_count_the_cut_episodes():
+    env = make("quadcopter", worlds=64, threads=1)
+    length = env.task.episode_length
+    env.reset(stagger=True)
+    start = env.task.progress.clone()
+    assert int(start.min()) >= 0 and int(start.max()) < length - 1 and len(start.unique()) > 32
+    ended, done = torch.zeros(64, dtype=torch.int64), torch.zeros(64, dtype=torch.int64)
+    for _ in range(length - 1):
+        step = env.step(torch.zeros(64, 12))
+        ended, done = ended + step.ended, done + step.done
+        assert torch.equal(step.score.weight, torch.ones(64))  # F over steps counts them: the state is a true one
+    # Every world that did not start at 0 had one cut episode, and nothing else may be left out.
+    assert torch.equal(done - ended, ((start > 0) & (done > 0)).long())

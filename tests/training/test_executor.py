@@ -2,6 +2,7 @@ from pathlib import Path
 
 import pytest
 
+from openeureka.errors import TaskError
 from openeureka.training.executor import PopulationTrainer
 from openeureka.training.wire import pack, pack_jobs, unpack, unpack_jobs
 from openeureka.types import (
@@ -50,3 +51,38 @@ def test_training_and_evaluation_in_a_worker():
     (score,) = trainer.evaluate("cartpole", {"a": result.best_fitness.policy}, seed=0)
     assert score.job == "a" and score.episodes == 256
     assert score.fitness == pytest.approx(score.episode_length)
+
+
+def test_lanes_that_are_too_many_for_one_simulation_train_one_population_after_another():
+    trainer = PopulationTrainer(threads=1, max_worlds=64)
+    jobs = [TrainJob(id=str(i), program="human", seed=i) for i in range(3)]
+    budget = TrainBudget(env_steps=16 * 32, worlds=32)
+    together = PopulationTrainer(threads=1)
+    split, whole = (
+        [r for r in t.train("cartpole", jobs, budget) if isinstance(r, TrainingResult)] for t in (trainer, together)
+    )
+    assert [result.job for result in split] == [result.job for result in whole] == ["0", "1", "2"]
+    for apart, beside in zip(split, whole, strict=True):
+        assert apart.curves["reward"] == pytest.approx(beside.curves["reward"], rel=1e-3)
+
+
+def test_progress_of_one_population_after_another_counts_on(monkeypatch: pytest.MonkeyPatch):
+    trainer = PopulationTrainer(max_worlds=1)
+    step = TrainingProgress(epoch=2, epochs=4, env_steps_per_second=1.0, fitness={})
+    monkeypatch.setattr(trainer, "_train", lambda *_: iter([step]))
+    jobs = [TrainJob(id=name, program="human") for name in "ab"]
+    seen = [m for m in trainer.train("cartpole", jobs, TrainBudget(worlds=1)) if isinstance(m, TrainingProgress)]
+    assert [(m.epoch, m.epochs) for m in seen] == [(2, 8), (6, 8)]
+
+
+def test_a_worker_that_hangs_is_given_up(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    trainer = PopulationTrainer(module="silent_worker", silence=0.2)
+    (result,) = trainer.train("cartpole", [TrainJob(id="a", program="human")], TrainBudget())
+    assert isinstance(result, TrainingResult) and result.state is TrainingState.FAILED
+    assert "did not answer in time" in result.message
+
+
+def test_an_unknown_environment_is_an_error_of_the_caller_and_not_of_the_worker():
+    with pytest.raises(TaskError, match="Did you mean `cartpole`"):
+        list(PopulationTrainer().train("cartpol", [TrainJob(id="a", program="human")], TrainBudget(worlds=1)))

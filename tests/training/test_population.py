@@ -56,6 +56,9 @@ def test_a_lane_whose_reward_is_absurd_is_masked_and_the_others_are_bit_identica
     assert found["bad"].state is TrainingState.DIVERGED
     assert "not finite or beyond 1e6" in found["bad"].message
     assert found["good"].state is TrainingState.FINISHED
+    # It was stopped in the first of four epochs of 16 steps of 32 worlds.
+    assert (found["bad"].env_steps, found["good"].env_steps) == (16 * 32, 4 * 16 * 32)
+    assert {len(curve) for curve in found["bad"].curves.values()} == {1}
     assert dict(found["good"].curves) == dict(calm.curves)
     assert found["good"].best_fitness is not None and calm.best_fitness is not None
     assert found["good"].best_fitness.policy == calm.best_fitness.policy
@@ -64,6 +67,13 @@ def test_a_lane_whose_reward_is_absurd_is_masked_and_the_others_are_bit_identica
 def test_the_human_reward_balances_the_pole_within_a_hundred_thousand_steps():
     result = results([TrainJob(id="a", program="human")], TrainBudget(env_steps=250_000))["a"]
     assert result.fitness is not None and result.fitness > 300
+
+
+def test_training_ends_when_every_lane_has_diverged():
+    jobs = [TrainJob(id=name, program=upright(1e30)) for name in "ab"]
+    found = results(jobs, TrainBudget(env_steps=10**12, worlds=32))
+    assert {result.state for result in found.values()} == {TrainingState.DIVERGED}
+    assert {result.env_steps for result in found.values()} == {16 * 32}
 
 
 def test_a_policy_survives_being_stored():
@@ -93,7 +103,7 @@ def test_an_epoch_without_a_finished_episode_has_no_fitness():
     from openeureka.tasks.task import Score
 
     none = torch.zeros(2, dtype=torch.bool)
-    step = Step(zero, zero, {}, none, none, Score(zero, zero), torch.ones(2, dtype=torch.int64), none)
+    step = Step(zero, zero, {}, none, none, Score(zero, zero), none, torch.ones(2, dtype=torch.int64), none)
     curves.add(step, zero.view(1, 2), zero.view(1, 2), [{}])
     fitness, own = curves.close_epoch()
     assert fitness == [None] and own == [0.0]

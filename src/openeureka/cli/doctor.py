@@ -90,4 +90,12 @@ def endpoint_key() -> list[Finding]:
     return [Finding("key", present, detail, needed=False)]
 
 
-LOOKS: tuple[Callable[[], list[Finding]], ...] = (python, packages, cores, confinement, rendering, embedded_model, endpoint_key)
+LOOKS: tuple[Callable[[], list[Finding]], ...] = (
+    python,
+    packages,
+    cores,
+    confinement,
+    rendering,
+    embedded_model,
+    endpoint_key,
+)

@@ -14,20 +14,20 @@ MAX_REPLY = 1_000_000
 MAX_PARSED = 100_000
 """Characters of a block that are parsed; a longer one is no reward program."""
 MAX_TRIMS = 50
+MAX_NESTING = 2
 
-_FENCE = re.compile(r"^[ \t>]*(?P<mark>`{3,}|~{3,})[ \t]*(?P<info>[^`\n]*)$")
+_FENCE = re.compile(r"^[ \t>]*(?P<mark>`{3,}|~{3,})(?P<info>[^`\n]*)$")
 _THOUGHTS = re.compile(r"\A\s*<think>.*?</think>", re.DOTALL)
-_REWARD = re.compile(r"^[ \t]*def\s+\w*(?:reward)\w*\s*\(", re.MULTILINE)
-_FUNCTION = re.compile(r"^[ \t]*def\s+\w+\s*\(", re.MULTILINE)
+_FUNCTION = re.compile(r"^[ \t]*def[ \t]+(\w+)[ \t]*\(", re.MULTILINE)
 _CODE_BEGINS = re.compile(r"^(?:import |from \w[\w.]* import |@|def |class )", re.MULTILINE)
 
 
 def program(reply: str) -> str | None:
     """Source of the reward program in a reply, or None where it holds no function.
 
-    The last code block with a reward function is it: models draft before they decide. Helper functions that it calls
-    and that stand in other blocks come along. Without code blocks, the program is looked for between the prose. A program
-    with a syntax error is returned too, so that its author learns of the line.
+    The last code block with a reward function is it: models draft before they decide. Helper functions that it
+    calls and that stand in other blocks come along. Without code blocks, the program is looked for between the prose. A
+    program with a syntax error is returned too, so that its author learns of the line.
     """
     text = _THOUGHTS.sub("", reply[:MAX_REPLY].replace("\r\n", "\n").removeprefix("\ufeff"))
     blocks = [_Block.of(code) for code in _fenced(text)]
@@ -47,6 +47,10 @@ class _Block:
     named: frozenset[str]
     """Every name it reads."""
 
+    @property
+    def rewards(self) -> bool:
+        return any("reward" in name for name in self.defined)
+
     @staticmethod
     def of(code: str) -> _Block:
         source = textwrap.dedent(code.expandtabs(4)).strip() + "\n"
@@ -64,7 +68,7 @@ class _Block:
 def _choose(blocks: list[_Block]) -> _Block | None:
     """The last reward that parses, else the last function that does, else the last that looks like one."""
     preferences = (
-        lambda block: block.defined and _REWARD.search(block.source),
+        lambda block: block.rewards,
         lambda block: block.defined,
         lambda block: _FUNCTION.search(block.source),
     )
@@ -80,13 +84,13 @@ def _helpers(chosen: _Block, blocks: list[_Block]) -> list[_Block]:
     found: list[_Block] = []
     missing = chosen.named - chosen.defined
     for block in reversed(blocks):
-        if block is not chosen and missing & block.defined and not _REWARD.search(block.source):
+        if block is not chosen and missing & block.defined and not block.rewards:
             found.append(block)
             missing = (missing | block.named) - block.defined
     return found[::-1]
 
 
-def _fenced(text: str) -> Iterator[str]:
+def _fenced(text: str, depth: int = 0) -> Iterator[str]:
     """The contents of code blocks. A block ends at a bare fence of its own kind at least as long, or with the text."""
     mark, lines = "", []
     for line in text.split("\n"):
@@ -95,18 +99,18 @@ def _fenced(text: str) -> Iterator[str]:
             if fence:
                 mark, lines = fence["mark"], []
         elif fence and not fence["info"].strip() and fence["mark"].startswith(mark):
-            yield from _unwrapped(lines)
+            yield from _unwrapped(lines, depth)
             mark = ""
         else:
             lines.append(line)
     if mark:
-        yield from _unwrapped(lines)
+        yield from _unwrapped(lines, depth)
 
 
-def _unwrapped(lines: list[str]) -> Iterator[str]:
+def _unwrapped(lines: list[str], depth: int) -> Iterator[str]:
     """The code of a block; of a block of markdown, that of the blocks in it."""
-    if any(_FENCE.match(line) for line in lines):
-        yield from _fenced("\n".join(lines))
+    if depth < MAX_NESTING and any(_FENCE.match(line) for line in lines):
+        yield from _fenced("\n".join(lines), depth + 1)
     else:
         yield "\n".join(lines)
 

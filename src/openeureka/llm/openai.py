@@ -87,6 +87,8 @@ class EndpointModel:
         for last in (*[False] * (ROUNDS - 1), True):
             self._afford(prompt, missing)
             for reply, whole in self._round(prompt, missing):
+                self._spent += reply.usage
+                self._replies += 1
                 if whole or last:  # in the end a slot is better spent on half a reply than the run on one slot
                     yield replace(reply, usage=reply.usage + wasted)
                     missing, wasted = missing - 1, Usage()
@@ -209,10 +211,7 @@ class EndpointModel:
 
     def _used(self, prompt_tokens: int, completion_tokens: int) -> Usage:
         cost = self._price.of(prompt_tokens, completion_tokens) if self._price is not None else 0.0
-        usage = Usage(prompt_tokens=prompt_tokens, completion_tokens=completion_tokens, cost_usd=cost)
-        self._spent += usage
-        self._replies += 1
-        return usage
+        return Usage(prompt_tokens=prompt_tokens, completion_tokens=completion_tokens, cost_usd=cost)
 
     def _afford(self, prompt: Prompt, n: int) -> None:
         """Stop before a round of requests that is expected to pass the limit."""

@@ -8,7 +8,7 @@ from ..config import RunConfig, as_dict
 from ..score import Outcome
 from ..types import History, Scored, Usage
 from .run import Run
-from .stats import by_generation
+from .stats import by_generation, trained_share
 from .text import number, one_line, plain, spread
 
 
@@ -67,7 +67,9 @@ def _generations(history: History) -> str:
         for g in by_generation(history)
     ]
     titles = ("generation", "slots", "verdicts", "replies", "trained", "best F", "mean F")
-    return "## Generations\n\n" + _table(titles, rows)
+    share = trained_share(history)
+    total = f"\n\nOf all slots, {share:.0%} trained." if share is not None else ""
+    return "## Generations\n\n" + _table(titles, rows) + total
 
 
 def _best(best: Scored | None) -> str:
@@ -112,7 +114,8 @@ def _cell(text: str) -> str:
 
 def _code(text: str, language: str = "python") -> str:
     """A fenced block, its fence longer than any in the text."""
+    shown = plain(text).rstrip()
     fence = "```"
-    while fence in text:
+    while fence in shown:
         fence += "`"
-    return f"{fence}{language}\n{plain(text).rstrip()}\n{fence}"
+    return f"{fence}{language}\n{shown}\n{fence}"

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..config import RunConfig
-from ..lanes import BASELINES, lane
+from ..lanes import BASELINES, final_lanes, lane
 from ..score import Outcome, compare
 from ..store import Store
 from ..types import Evaluation, History, TrainingResult, Usage
@@ -43,11 +43,9 @@ class Run:
     def outcome(self) -> Outcome | None:
         """The final comparison; None before all its trainings are done."""
         best = self.history.best
-        if best is None or best.sample.candidate is None:
+        if best is None:
             return None
-        seeds = range(self.config.seed + 1, self.config.seed + 1 + self.config.seeds)
-        names = {"method": best.sample.candidate.id, "human": "human", "sparse": "sparse"}
-        arms = {arm: [lane(name, seed) for seed in seeds] for arm, name in names.items()}
+        arms = final_lanes(self.config, best)
         if any(job not in self.results for jobs in arms.values() for job in jobs):
             return None
         return compare(best, arms, self.results, self.evaluations)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import sqlite3
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Literal
@@ -34,7 +35,7 @@ from .db import AGAIN, FILENAME, Database, explained
 Peak = Literal["fitness", "reward"]
 """Which of a lane's two checkpoints: where F, or where its own reward, was highest."""
 
-_FREE_TO_CHANGE = {"dir", "device", "threads", "base_url", "max_cost", "video", "unsafe_no_sandbox"}
+_FREE_TO_CHANGE = {"dir", "device", "threads", "base_url", "max_cost", "price", "video", "unsafe_no_sandbox"}
 """Settings that say how and where to run, not what is searched: a resumed run may have others."""
 
 
@@ -67,12 +68,13 @@ class Store:
                 lock.acquire()
             except Timeout:
                 raise StoreError(f"Another process is working on {directory}; wait for it or stop it.") from None
-        try:
-            store = cls(directory, Database(directory, writable=True), lock)
+        with ExitStack() as undo:
+            undo.callback(lock.release)
+            database = Database(directory, writable=True)
+            undo.callback(database.close)
+            store = cls(directory, database, lock)
             store._settle(config)
-        except BaseException:
-            lock.release()
-            raise
+            undo.pop_all()
         return store
 
     @classmethod
@@ -118,7 +120,9 @@ class Store:
         try:
             return RunConfig(**json.loads(row["config"]))
         except TypeError:
-            raise StoreError(f"{self.directory} has settings of another openeureka ({row['version']}).") from None
+            raise StoreError(
+                f"{self.directory} has settings unknown to this openeureka; install {row['version']} to open it."
+            ) from None
 
     # --- prompts and replies -----------------------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
+from ..errors import ConfigError
 from ..sim import CpuSimulator
 from .noise import WorldNoise
 from .task import Score, State, Task
@@ -27,6 +28,8 @@ class Step(NamedTuple):
     timed_out: Tensor
     """(N,) bool, cut off by the episode length; never together with `terminated`."""
     score: Score
+    ended: Tensor
+    """(N,) bool, done, and the episode was a whole one: not the first of a staggered start."""
     episode_length: Tensor
     """(N,) int64, steps since the last reset, this one included."""
     bad: Tensor
@@ -54,15 +57,25 @@ class BatchedEnv:
         self, task: type[Task], *, worlds: int, lane_seeds: Sequence[int] = (0,), device: str = "cpu", threads: int = 0
     ) -> None:
         if device != "cpu":
-            raise NotImplementedError(device)
+            raise ConfigError(f"device={device} is not supported by this version; use device=cpu.")
         self.num_worlds = worlds * len(lane_seeds)
         self.sim = CpuSimulator(task.compile_model(), self.num_worlds, threads)
         self.task = task(self.sim, WorldNoise(lane_seeds, worlds, self.sim.device))
         self.bad_total = 0
+        self._whole = torch.ones(self.num_worlds, dtype=torch.bool, device=self.sim.device)
 
-    def reset(self) -> Tensor:
-        """Start an episode in every world; returns the first observation (N, O)."""
-        self._reset(torch.arange(self.num_worlds, device=self.sim.device))
+    def reset(self, *, stagger: bool = False) -> Tensor:
+        """Start an episode in every world; returns the first observation (N, O).
+
+        Args:
+            stagger: let the first episodes be cut off after a random part of the episode length. Worlds that all start
+                together also time out together: F would then follow the phase of the episode rather than the policy.
+        """
+        worlds = torch.arange(self.num_worlds, device=self.sim.device)
+        self._reset(worlds)
+        if stagger:
+            self.task.progress = self.task.noise.uniform(worlds, 1, 0, self.task.episode_length - 1)[:, 0].long()
+            self._whole = self.task.progress == 0
         return self._observe(self.current_state())
 
     def step(self, actions: Tensor) -> Step:
@@ -78,7 +91,8 @@ class BatchedEnv:
         terminated = task.terminated(state) | bad
         timed_out = (task.progress >= task.episode_length - 1) & ~terminated
         done = terminated | timed_out
-        score = task.fitness(state, done)
+        ended = done & self._whole
+        score = task.fitness(state, ended)
         score = Score(score.value, torch.where(bad, 0.0, score.weight))
         length = task.progress.clone()
         final = self._observe(state)
@@ -90,7 +104,8 @@ class BatchedEnv:
             self._reset(worlds)
             observation = final.clone()
             observation[worlds] = self._observe(self.current_state())[worlds]
-        return Step(observation, final, state, terminated, timed_out, score, length, bad)
+            self._whole = self._whole | done
+        return Step(observation, final, state, terminated, timed_out, score, ended, length, bad)
 
     def _reset(self, worlds: Tensor) -> None:
         self.task.progress[worlds] = 0

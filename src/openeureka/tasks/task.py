@@ -112,8 +112,8 @@ class Task(ABC):
         """Write the start state of worlds (k,) into the simulator's state fields and this task's memory."""
 
     @abstractmethod
-    def fitness(self, s: State, done: Tensor) -> Score:
-        """F of the original benchmark, per world; no reward ever sees it."""
+    def fitness(self, s: State, ended: Tensor) -> Score:
+        """F of the original benchmark, per world; no reward ever sees it. `ended` (N,): a whole episode ended here."""
 
     @abstractmethod
     def human_reward(self, s: State) -> Tensor:
@@ -137,6 +137,6 @@ def mean_over_steps(value: Tensor) -> Score:
     return Score(value, torch.ones_like(value))
 
 
-def mean_over_episodes(value: Tensor, done: Tensor) -> Score:
+def mean_over_episodes(value: Tensor, ended: Tensor) -> Score:
     """F is an average over the episodes that end in the window."""
-    return Score(value.to(torch.float32), done.to(torch.float32))
+    return Score(value.to(torch.float32), ended.to(torch.float32))

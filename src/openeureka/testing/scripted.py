@@ -19,6 +19,8 @@ from ..types import (
     Prompt,
     Reply,
     RewardGraph,
+    StateSpec,
+    TaskContext,
     TrainBudget,
     TrainingProgress,
     TrainingResult,
@@ -28,6 +30,9 @@ from ..types import (
     Verdict,
     VerdictCode,
 )
+
+TOY = TaskContext(env="toy", description="Do the thing.", state=StateSpec(()), source="")
+"""A task that is only words."""
 
 _USAGE = Usage(prompt_tokens=100, completion_tokens=10, cost_usd=0.01)
 _WORTH = re.compile(r"return (-?\d+(?:\.\d+)?)")

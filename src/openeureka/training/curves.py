@@ -30,9 +30,9 @@ class Curves:
             return x.view(self.lanes, self.worlds).double().sum(1)
 
         value, weight = step.score
-        length = step.episode_length * step.done
+        length = step.episode_length * step.ended
         self._sums += torch.stack(
-            [per_lane(x) for x in (value * weight, weight, length, step.done, own, human)], dim=-1
+            [per_lane(x) for x in (value * weight, weight, length, step.ended, own, human)], dim=-1
         ).cpu()
         self._moments += moments(own, human).cpu()
         for lane, parts in enumerate(components):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ..errors import WorkerError
+from ..tasks import registry
 from ..types import Evaluation, TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 from .wire import pack_jobs, unpack
@@ -14,14 +16,19 @@ from .wire import pack_jobs, unpack
 SILENCE = 600.0
 """[s] without a sign of life after which a worker counts as hung; it reports every second and compiles for seconds."""
 RETRIES = 2
+MAX_WORLDS = 16384
+"""A world costs about 0.15 MB, of which the model hardly matters (measured on Cartpole and Humanoid)."""
 
 
 class PopulationTrainer:
-    """A `types.Trainer`: all jobs of a call are lanes of one population in one process.
+    """A `types.Trainer`: the jobs of a call are lanes of one population in one process, or of several in turn when they
+    are too many for one simulation.
 
     Args:
         device: `cpu` (or a device the simulator supports).
         threads: simulation and tensor threads, 0 for all cores.
+        max_worlds: the most worlds of one population, over all its lanes.
+        silence: [s] after which a worker that says nothing is ended and replaced.
         module: what the worker runs; tests replace it.
     """
 
@@ -32,15 +39,34 @@ class PopulationTrainer:
         *,
         module: str = "openeureka.training.worker",
         silence: float = SILENCE,
+        max_worlds: int = MAX_WORLDS,
     ) -> None:
         self._options = {"device": device, "threads": threads}
-        self._module, self._silence = module, silence
+        self._module, self._silence, self._max_worlds = module, silence, max_worlds
 
     def train(
         self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget
     ) -> Iterator[TrainingProgress | TrainingResult]:
         """Train every job. A worker that dies or hangs is started again with the jobs that have no result yet, at most
-        twice; then those jobs are FAILED with the reason."""
+        twice a population; then those jobs are FAILED with the reason.
+
+        Raises:
+            TaskError: when there is no such environment.
+        """
+        recipe = registry.get(env).recipe
+        worlds = budget.worlds or recipe.worlds
+        size = max(1, self._max_worlds // worlds)
+        populations = [jobs[i : i + size] for i in range(0, len(jobs), size)]
+        for index, population in enumerate(populations):
+            for message in self._train(env, population, budget):
+                if isinstance(message, TrainingProgress):
+                    before, total = index * message.epochs, len(populations) * message.epochs
+                    message = dataclasses.replace(message, epoch=before + message.epoch, epochs=total)
+                yield message
+
+    def _train(
+        self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget
+    ) -> Iterator[TrainingProgress | TrainingResult]:
         left = {job.id: job for job in jobs}
         for attempt in range(RETRIES + 1):
             try:

@@ -55,11 +55,12 @@ class Population:
         self.best_fitness: list[Peak | None] = [None] * self.lanes
         self.best_reward: list[Peak | None] = [None] * self.lanes
         self.messages = [""] * self.lanes
+        self.trained = [self.epochs] * self.lanes  # epochs until the lane ended
 
     def train(self) -> Iterator[TrainingProgress | TrainingResult]:
         """Yields progress about once a second, then one result per job."""
         started = reported = time.monotonic()
-        observation = self._split(self.env.reset())
+        observation = self._split(self.env.reset(stagger=True))
         for epoch in range(self.epochs):
             for t in range(self.horizon):
                 action = self.ppo.act(observation)
@@ -74,6 +75,8 @@ class Population:
                 observation = self._split(step.observation)
             self._mask_diverged(epoch)
             self._checkpoint(epoch)
+            if not bool(self.ppo.active.any()):
+                break
             self.ppo.update(self.rollout, self.ppo.value(observation))
             now = time.monotonic()
             if now - reported > PROGRESS_SECONDS:
@@ -94,6 +97,7 @@ class Population:
         sound = torch.isfinite(self.ppo.network.flat).all(1)
         for lane in (self.ppo.active & ~(usable & sound)).nonzero().flatten().tolist():
             what = "the reward was not finite or beyond 1e6" if not usable[lane] else "the policy was not finite"
+            self.trained[lane] = epoch + 1
             self.messages[lane] = f"stopped in epoch {epoch} of {self.epochs}: {what}"
         self.ppo.active &= usable & sound
         # Frozen lanes still flow through the shared kernels: zeros keep them finite.
@@ -117,13 +121,13 @@ class Population:
 
     def _result(self, lane: int, seconds: float) -> TrainingResult:
         peak, peak_reward = self.best_fitness[lane], self.best_reward[lane]
-        message = self.messages[lane]
+        message, trained = self.messages[lane], self.trained[lane]
         return TrainingResult(
             job=self.jobs[lane].id,
             state=TrainingState.DIVERGED if message else TrainingState.FINISHED,
             fitness=peak.value if peak else None,
-            curves={name: tuple(curve) for name, curve in self.curves.curves[lane].items()},
-            env_steps=self.epochs * self.horizon * self.worlds,
+            curves={name: tuple(curve[:trained]) for name, curve in self.curves.curves[lane].items()},
+            env_steps=trained * self.horizon * self.worlds,
             seconds=seconds,
             correlation=self.curves.correlation(lane),
             best_fitness=peak.checkpoint() if peak else None,

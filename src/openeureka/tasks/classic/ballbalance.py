@@ -105,14 +105,7 @@ class BallBalance(Task):
         )
     )
     recipe = Recipe(
-        hidden=(64, 64),
-        env_steps=1_000_000,
-        epochs=5,
-        minibatches=2,
-        learning_rate=1e-3,
-        kl_threshold=0.016,
-        critic_coef=4.0,
-        reward_scale=0.1,
+        hidden=(128, 64), env_steps=1_100_000, epochs=8, learning_rate=1e-3, critic_coef=4.0, reward_scale=0.1
     )
 
     @staticmethod
@@ -237,8 +230,8 @@ class BallBalance(Task):
         self.qvel[worlds, 12:14] = -speed * share * outwards
         self.qvel[worlds, 14] = -5.0
 
-    def fitness(self, s: State, done: Tensor) -> Score:
-        return mean_over_episodes(self.progress, done)
+    def fitness(self, s: State, ended: Tensor) -> Score:
+        return mean_over_episodes(self.progress, ended)
 
     def human_reward(self, s: State) -> Tensor:
         goal = torch.tensor([0.0, 0.0, 0.7], device=self.device)

@@ -90,8 +90,8 @@ class Cartpole(Task):
         self.qpos[worlds] = self.noise.uniform(worlds, 2, -0.1, 0.1)
         self.qvel[worlds] = self.noise.uniform(worlds, 2, -0.25, 0.25)
 
-    def fitness(self, s: State, done: Tensor) -> Score:
-        return mean_over_episodes(self.progress, done)
+    def fitness(self, s: State, ended: Tensor) -> Score:
+        return mean_over_episodes(self.progress, ended)
 
     def human_reward(self, s: State) -> Tensor:
         reward = 1.0 - s["pole_angle"] ** 2 - 0.01 * s["cart_velocity"].abs() - 0.005 * s["pole_velocity"].abs()

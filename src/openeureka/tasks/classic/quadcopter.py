@@ -171,7 +171,7 @@ class Quadcopter(Task):
         self.qpos[worlds, 7:] = rotor_angles
         self.ctrl[worlds, :8] = rotor_angles
 
-    def fitness(self, s: State, done: Tensor) -> Score:
+    def fitness(self, s: State, ended: Tensor) -> Score:
         return mean_over_steps(-self._distance(s))
 
     def human_reward(self, s: State) -> Tensor:

@@ -107,7 +107,7 @@ class Runner(Task):
         self.qvel[worlds, 6:] = self.noise.uniform(worlds, dofs, -0.1, 0.1)
         self.prev_potentials[worlds] = self.potential(self.qpos[worlds, :3])
 
-    def fitness(self, s: State, done: Tensor) -> Score:
+    def fitness(self, s: State, ended: Tensor) -> Score:
         return mean_over_steps(self.sparse_reward(s))
 
     def sparse_reward(self, s: State) -> Tensor:

@@ -1,0 +1,82 @@
+import time
+
+import pytest
+
+from openeureka.llm import extract
+
+REWARD = (
+    "def compute_reward(x: torch.Tensor) -> Tuple[torch.Tensor, Dict[str, torch.Tensor]]:\n    return x, {'x': x}\n"
+)
+HELPER = "def helper(x):\n    return x\n"
+CALLER = "def compute_reward(x):\n    return helper(x), {}\n"
+
+
+@pytest.mark.parametrize(
+    "reply",
+    [
+        f"```python\n{REWARD}```",
+        f"Sure!\n\n```py\n{REWARD}\n```\nThis rewards x.",
+        f"~~~\n{REWARD}~~~",
+        f"```Python\r\n{REWARD}```".replace("\n", "\r\n").replace("\r\r", "\r"),
+        f"````markdown\nLook:\n```python\n{REWARD}```\n````",
+        f"```python\n{REWARD}",  # cut off before the closing fence
+        f"1. My answer:\n\n   ```python\n{'   ' + REWARD.replace(chr(10), chr(10) + '   ')}\n   ```\n",
+        f"Here you are.\n{REWARD}\nThis rewards x, as you asked.",
+        f"<think>```python\ndef compute_reward(y):\n    return y\n```</think>\n```python\n{REWARD}```",
+        f"First a draft:\n```python\ndef compute_reward(y):\n    return y\n```\nBetter:\n```python\n{REWARD}```",
+        f"```python\n{REWARD}```\nUse it so:\n```python\nloss = -compute_reward(x)[0].mean()\n```",
+        f"```python\n{REWARD}```\nInstall:\n```bash\npip install torch\n```",
+        f"\ufeff{REWARD}",
+    ],
+)
+def test_the_program_is_found(reply: str):
+    assert extract.program(reply) == REWARD
+
+
+def test_helpers_above_and_below_in_the_same_block_stay():
+    whole = f"import torch\n\n{HELPER}\n{CALLER}\n{HELPER.replace('helper', 'other')}"
+    assert extract.program(f"```python\n{whole}```") == whole
+
+
+def test_a_helper_in_a_block_of_its_own_comes_along():
+    reply = f"A helper:\n```python\n{HELPER}```\nand the reward:\n```python\n{CALLER}```"
+    assert extract.program(reply) == f"{HELPER}\n\n{CALLER}"
+
+
+def test_a_function_that_is_not_called_does_not_come_along():
+    reply = f"```python\ndef unrelated():\n    pass\n```\n```python\n{REWARD}```"
+    assert extract.program(reply) == REWARD
+
+
+@pytest.mark.parametrize("reply", ["", "I cannot help with that.", "```python\nx = 1\n```", "```\n```", "def"])
+def test_a_reply_without_a_function_holds_no_program(reply: str):
+    assert extract.program(reply) is None
+
+
+def test_a_program_with_a_syntax_error_is_returned_for_the_gate_to_explain():
+    broken = "def compute_reward(x):\n    return x,, {}\n"
+    assert extract.program(f"```python\n{broken}```") == broken
+
+
+@pytest.mark.parametrize(
+    "reply",
+    [
+        "```python\n" * 100_000,
+        "`" * 5_000_000,
+        ("x" * 99 + "\n") * 50_000,
+        "def f(" * 20_000,
+        f"```python\n{'(' * 50_000}\n```",
+        "import a\n" + "1 +\n" * 200_000,
+        "<think>" * 500_000,
+        f"```{' ' * 900_000}`",
+        f"```python\ndef {'reward' * 150_000}",
+    ],
+)
+def test_hostile_replies_take_little_time(reply: str):
+    began = time.perf_counter()
+    extract.program(reply)
+    assert time.perf_counter() - began < 5
+
+
+def test_null_bytes_do_no_harm():
+    assert extract.program("```python\ndef f():\n    return '\0'\n```") == "def f():\n    return '\0'\n"

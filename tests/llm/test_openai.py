@@ -1,0 +1,232 @@
+"""A loopback server plays what endpoints do, good and bad; nothing sleeps and nothing leaves the machine."""
+
+import json
+import threading
+from collections.abc import Callable, Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+
+from openeureka.errors import BudgetError, ConfigError, ModelError
+from openeureka.llm.openai import EndpointModel
+from openeureka.llm.price import Price
+from openeureka.types import Message, Prompt, Reply
+
+PROMPT = Prompt(messages=(Message("system", "s" * 40), Message("user", "u" * 40)))
+Answer = tuple[int, dict | str, dict[str, str]]
+
+
+def answer(*texts: str | None, finish: str = "stop") -> Answer:
+    """100 prompt tokens for the request, 10 completion tokens for each choice."""
+    choices = [
+        {"index": i, "finish_reason": finish, "message": {"role": "assistant", "content": text}}
+        for i, text in enumerate(texts)
+    ]
+    usage = {"prompt_tokens": 100, "completion_tokens": 10 * len(texts), "total_tokens": 100 + 10 * len(texts)}
+    return (
+        200,
+        {"id": "1", "object": "chat.completion", "created": 1, "model": "m-1", "choices": choices, "usage": usage},
+        {},
+    )
+
+
+def failure(status: int, message: str = "no", *, code: str | None = None, **headers: str) -> Answer:
+    return status, {"error": {"message": message, "type": "t", "code": code, "param": None}}, headers
+
+
+class Endpoint:
+    """Answers request by request from `script`, a list or a function of the request's body."""
+
+    def __init__(self) -> None:
+        self.script: list[Answer] | Callable[[dict], Answer] = []
+        self.bodies: list[dict] = []
+        self.waits: list[float] = []
+        endpoint = self
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_POST(self) -> None:
+                body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+                endpoint.bodies.append(body)
+                script = endpoint.script
+                status, payload, headers = script(body) if callable(script) else script.pop(0)
+                data = (payload if isinstance(payload, str) else json.dumps(payload)).encode()
+                self.send_response(status)
+                kind = "text/html" if isinstance(payload, str) else "application/json"
+                for name, value in {"Content-Type": kind, "Content-Length": str(len(data)), **headers}.items():
+                    self.send_header(name.replace("_", "-"), value)
+                self.end_headers()
+                self.wfile.write(data)
+
+            def log_message(self, *_: object) -> None: ...
+
+        self.server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        threading.Thread(target=self.server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True).start()
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.server.server_port}/v1"
+
+    def model(self, **arguments) -> EndpointModel:
+        return EndpointModel("m", **{"base_url": self.url, "wait": self.waits.append, **arguments})
+
+
+@pytest.fixture
+def endpoint() -> Iterator[Endpoint]:
+    served = Endpoint()
+    yield served
+    served.server.shutdown()
+    served.server.server_close()
+
+
+def sample(model: EndpointModel, n: int) -> list[Reply]:
+    return list(model.sample(PROMPT, n=n, seed=0))
+
+
+def texts(replies: list[Reply]) -> list[str]:
+    return sorted(reply.text for reply in replies)
+
+
+def test_one_request_gives_all_samples(endpoint: Endpoint):
+    endpoint.script = [answer("a", "b", "c")]
+    replies = sample(endpoint.model(temperature=0.7), 3)
+    assert texts(replies) == ["a", "b", "c"]
+    assert endpoint.bodies[0]["n"] == 3 and endpoint.bodies[0]["temperature"] == 0.7
+    assert endpoint.bodies[0]["messages"][1] == {"role": "user", "content": "u" * 40}
+
+
+def test_tokens_and_cost_of_a_request_are_shared_by_its_replies(endpoint: Endpoint):
+    endpoint.script = [answer("a", "b")]
+    first, second = sample(endpoint.model(price=Price(2.0, 10.0)), 2)
+    assert (first.usage.prompt_tokens, first.usage.completion_tokens) == (100, 10)
+    assert (second.usage.prompt_tokens, second.usage.completion_tokens) == (0, 10)
+    # 100 tokens at 2 $/M in and 10 tokens at 10 $/M out, each
+    assert first.usage.cost_usd == pytest.approx(0.0003)
+    assert second.usage.cost_usd == pytest.approx(0.0001)
+
+
+def test_an_endpoint_that_ignores_n_is_asked_in_parallel_from_then_on(endpoint: Endpoint):
+    endpoint.script = lambda body: answer("x")
+    model = endpoint.model()
+    assert texts(sample(model, 4)) == ["x"] * 4
+    assert [body.get("n") for body in endpoint.bodies] == [4, None, None, None]
+    sample(model, 2)
+    assert [body.get("n") for body in endpoint.bodies[4:]] == [None, None]
+
+
+def test_an_endpoint_that_refuses_n_is_asked_in_parallel(endpoint: Endpoint):
+    endpoint.script = lambda body: failure(400, "n must be 1") if "n" in body else answer("x")
+    assert texts(sample(endpoint.model(), 3)) == ["x"] * 3
+
+
+def test_a_model_that_refuses_a_temperature_is_asked_without_one(endpoint: Endpoint):
+    endpoint.script = [failure(400, "Unsupported value: 'temperature'"), answer("a", "b")]
+    assert texts(sample(endpoint.model(), 2)) == ["a", "b"]
+    assert "temperature" not in endpoint.bodies[1]
+
+
+def test_waits_double_and_a_stated_wait_is_honoured(endpoint: Endpoint):
+    endpoint.script = [failure(500), failure(429), failure(503, Retry_After="7.5"), failure(500), answer("a")]
+    assert texts(sample(endpoint.model(), 1)) == ["a"]
+    assert endpoint.waits == [1.0, 2.0, 7.5, 8.0]
+
+
+def test_retries_end(endpoint: Endpoint):
+    endpoint.script = lambda body: failure(500, "overloaded")
+    with pytest.raises(ModelError, match="cannot answer now .*overloaded"):
+        sample(endpoint.model(), 1)
+    assert endpoint.waits == [1.0, 2.0, 4.0, 8.0, 16.0, 32.0]
+
+
+@pytest.mark.parametrize(
+    ("response", "sentence"),
+    [
+        (failure(401, "Incorrect API key"), "OPENAI_API_KEY"),
+        (failure(404), "no model `m`"),
+        (failure(429, code="insufficient_quota"), "no credit left"),
+        (failure(400, "context too long"), "context too long"),
+        ((200, "<html>welcome</html>", {}), "ends in /v1"),
+    ],
+)
+def test_what_waiting_cannot_mend_is_one_sentence_at_once(endpoint: Endpoint, response: Answer, sentence: str):
+    endpoint.script = [response]
+    with pytest.raises(ModelError, match=sentence):
+        sample(endpoint.model(), 1)
+    assert endpoint.waits == []
+
+
+def test_a_refused_port_is_one_sentence_after_one_more_try(endpoint: Endpoint):
+    endpoint.server.shutdown()
+    endpoint.server.server_close()
+    with pytest.raises(ModelError, match="cannot be reached; check base_url"):
+        sample(endpoint.model(), 1)
+    assert endpoint.waits == [1.0]
+
+
+def test_empty_and_truncated_replies_are_asked_for_again_and_their_cost_is_kept(endpoint: Endpoint):
+    endpoint.script = [answer("a", None), answer("cut", finish="length"), answer("b")]
+    replies = sample(endpoint.model(), 2)
+    assert texts(replies) == ["a", "b"]
+    assert sum(reply.usage.completion_tokens for reply in replies) == 40
+    assert sum(reply.usage.prompt_tokens for reply in replies) == 300
+
+
+def test_a_slot_is_given_what_there_is_after_three_rounds(endpoint: Endpoint):
+    endpoint.script = lambda body: answer("cut", finish="length")
+    assert texts(sample(endpoint.model(), 1)) == ["cut"]
+    assert len(endpoint.bodies) == 3
+
+
+def test_replies_that_were_paid_for_are_handed_over_before_an_error(endpoint: Endpoint):
+    answers = [answer("a"), failure(401), answer("b")]
+    endpoint.script = lambda body: failure(400) if "n" in body else answers.pop()
+    got = []
+    with pytest.raises(ModelError, match="refused the key"):
+        for reply in endpoint.model().sample(PROMPT, n=3, seed=0):
+            got.append(reply)
+    assert texts(got) == ["a", "b"]
+
+
+def test_max_cost_stops_before_a_request(endpoint: Endpoint):
+    # A reply is first guessed at 1500 tokens: 2 of them cost 2 * 1500 * 10 / 1e6 = 0.03 dollars.
+    with pytest.raises(BudgetError, match="max_cost=0.02"):
+        sample(endpoint.model(price=Price(0.0, 10.0), max_cost=0.02), 2)
+    assert endpoint.bodies == []
+
+
+def test_max_cost_counts_what_is_spent_and_learns_the_length_of_replies(endpoint: Endpoint):
+    endpoint.script = lambda body: answer("a")
+    # A reply has 10 tokens and costs 10 * 1000 / 1e6 = 0.01 dollars, at first guessed at 1.50.
+    model = endpoint.model(price=Price(0.0, 1000.0), max_cost=1.505)
+    for _ in range(150):
+        sample(model, 1)
+    with pytest.raises(BudgetError):
+        sample(model, 1)
+    assert len(endpoint.bodies) == 150
+
+
+def test_a_limit_needs_a_price(endpoint: Endpoint):
+    with pytest.raises(ConfigError, match="add price=INPUT,OUTPUT"):
+        endpoint.model(max_cost=1.0)
+
+
+def test_an_unknown_price_is_said_once(endpoint: Endpoint, caplog: pytest.LogCaptureFixture):
+    endpoint.script = lambda body: answer("a")
+    model = endpoint.model()
+    sample(model, 1)
+    sample(model, 1)
+    assert [record.message for record in caplog.records if "price" in record.message] == [
+        "The price of m is not known: its replies count as free. Add price=INPUT,OUTPUT."
+    ]
+
+
+def test_without_key_and_base_url_it_says_what_to_set():
+    with pytest.raises(ModelError, match="OPENAI_API_KEY, or base_url="):
+        EndpointModel("gpt-5", price=Price(1, 1))
+
+
+def test_a_key_never_shows_in_an_error(endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-secret")
+    endpoint.script = [failure(400, "bad header Bearer sk-secret")]
+    with pytest.raises(ModelError) as caught:
+        sample(endpoint.model(), 1)
+    assert "sk-secret" not in str(caught.value) and "***" in str(caught.value)

@@ -1,0 +1,54 @@
+import pytest
+
+from openeureka.config import RunConfig
+from openeureka.errors import ConfigError, EurekaError, ModelError
+from openeureka.llm import open_model
+from openeureka.llm.random import RandomModel
+from openeureka.types import Message, Prompt
+
+
+def scripted(config: RunConfig) -> RandomModel:
+    """A factory that an import string may name."""
+    return RandomModel()
+
+
+@pytest.mark.parametrize(
+    ("model", "style"),
+    [
+        ("local", "grammar"),
+        ("local:any.gguf", "grammar"),
+        ("local:hub:owner/repo/file.gguf", "grammar"),
+        ("random", "grammar"),
+        ("gpt-5", "free"),
+        ("ft:gpt-4o:me", "free"),
+        (f"{__name__}:scripted", "grammar"),
+    ],
+)
+def test_model_names_what_it_says_and_opening_costs_nothing(model: str, style: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-none")
+    opened = open_model(RunConfig(model=model))
+    assert opened.style == style
+    opened.close()
+
+
+def test_at_an_endpoint_of_its_own_a_name_may_hold_a_colon():
+    assert open_model(RunConfig(model="qwen2.5:7b", base_url="http://127.0.0.1:1/v1")).name == "qwen2.5:7b"
+
+
+def test_a_missing_weights_file_is_said_when_it_is_needed(tmp_path):
+    model = open_model(RunConfig(model=f"local:{tmp_path}/none.gguf"))
+    with pytest.raises(ModelError, match="cannot be read"):
+        list(model.sample(Prompt(messages=(Message("user", "hi"),)), n=1, seed=0))
+
+
+@pytest.mark.parametrize("model", ["no.such:factory", f"{__name__}:nothing"])
+def test_an_import_string_that_leads_nowhere_is_one_sentence(model: str):
+    with pytest.raises(ConfigError, match="cannot be imported"):
+        open_model(RunConfig(model=model))
+
+
+def test_a_replay_must_name_a_run(tmp_path):
+    with pytest.raises(ConfigError, match="replay:outputs/RUN"):
+        open_model(RunConfig(model="replay:"))
+    with pytest.raises(EurekaError):
+        open_model(RunConfig(model=f"replay:{tmp_path}/none"))
