@@ -3,6 +3,7 @@ import pytest
 from openeureka.cli import main as command
 from openeureka.cli import search
 from openeureka.errors import ModelError
+from openeureka.store import read_replies
 from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, reply
 
 SETTINGS = ["env=cartpole", "model=scripted", "sample=2", "iteration=2", "seeds=1", "video=none"]
@@ -40,7 +41,7 @@ class Checker(ToyChecker):
 @pytest.fixture
 def parts(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """A search of pure functions in place of model, sandbox and trainer."""
-    monkeypatch.setattr(search, "open_model", lambda config: ScriptedModel(SCRIPT))
+    monkeypatch.setattr(search, "open_model", lambda config, held: ScriptedModel(SCRIPT))
     monkeypatch.setattr(search, "Sandbox", Checker)
     monkeypatch.setattr(search, "record_states", lambda env: {})
     monkeypatch.setattr(search, "PopulationTrainer", lambda **_: ToyTrainer())
@@ -66,7 +67,7 @@ def test_a_run_prints_its_best_reward_and_leaves_the_files_of_a_report(parts, tm
 
 
 def test_a_failing_endpoint_is_one_sentence_and_the_way_to_continue(parts, tmp_path, capsys):
-    parts.setattr(search, "open_model", lambda config: Failing(SCRIPT))
+    parts.setattr(search, "open_model", lambda config, held: Failing(SCRIPT))
     assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 3
     assert capsys.readouterr().err.splitlines() == [
         "The endpoint refused the key; check OPENAI_API_KEY.",
@@ -75,15 +76,37 @@ def test_a_failing_endpoint_is_one_sentence_and_the_way_to_continue(parts, tmp_p
 
 
 def test_ctrl_c_says_how_to_continue_and_resuming_asks_for_the_rest_only(parts, tmp_path, capsys):
-    parts.setattr(search, "open_model", lambda config: Interrupting(SCRIPT))
+    parts.setattr(search, "open_model", lambda config, held: Interrupting(SCRIPT))
     assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 130
     assert f"eureka resume {tmp_path}/run" in capsys.readouterr().err
 
     rest = ScriptedModel(SCRIPT[2:])
-    parts.setattr(search, "open_model", lambda config: rest)
+    parts.setattr(search, "open_model", lambda config, held: rest)
     assert run("resume", f"{tmp_path}/run", "max_cost=5") == 0
     assert rest.said == 2
     assert "best F 12" in capsys.readouterr().out
+
+
+def test_a_replay_broken_off_goes_on_where_it_stopped(parts, tmp_path, capsys):
+    run("run", *SETTINGS, f"dir={tmp_path}/first")
+    again = [f"model=replay:{tmp_path}/first" if word.startswith("model=") else word for word in SETTINGS]
+    parts.undo()
+    for name, stand_in in (("Sandbox", Checker), ("record_states", lambda env: {})):
+        parts.setattr(search, name, stand_in)
+    trainings = iter([Interruption(), ToyTrainer()])
+    parts.setattr(search, "PopulationTrainer", lambda **_: next(trainings))
+    assert run("run", *again, f"dir={tmp_path}/second") == 130
+    assert run("resume", f"{tmp_path}/second") == 0
+    texts = [[reply.text for reply in read_replies(tmp_path / name)] for name in ("first", "second")]
+    assert texts[0] == texts[1]
+
+
+class Interruption(ToyTrainer):
+    """Ctrl-C in the first training."""
+
+    def train(self, env, jobs, budget):
+        raise KeyboardInterrupt
+        yield
 
 
 def test_resuming_with_another_search_is_refused(parts, tmp_path, capsys):

@@ -19,4 +19,4 @@ elif kind != "dies":
             sys.exit(1)
         told = {"capacity": capacity, "spin": os.environ["GOMP_SPINCOUNT"], **frame.header}
         texts = [json.dumps(told)] * frame.header["n"]
-        channel.send({"texts": texts, "usage": {"prompt_tokens": 50, "completion_tokens": 7}, "seconds": 1.0})
+        channel.send({"texts": texts, "prompt_tokens": 50, "completion_tokens": [7] * len(texts), "seconds": 1.0})

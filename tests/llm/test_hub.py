@@ -102,7 +102,7 @@ def test_a_stated_hash_must_hold_and_replaces_one_the_hub_does_not_give(served: 
 
 
 def test_an_unknown_file_is_one_sentence(served: Hub, tmp_path: Path):
-    with pytest.raises(ModelError, match="404 .*check the name"):
+    with pytest.raises(ModelError, match=r"404 .*check the name"):
         hub.fetch("maker/other/model.gguf", tmp_path)
 
 

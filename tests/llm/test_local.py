@@ -30,8 +30,7 @@ def test_samples_of_a_request_are_decoded_together_and_share_its_tokens(make):
     assert (told["min_p"], told["top_k"], told["top_p"]) == (0.1, 0, 1.0)
     assert told["prompt"] == "<|im_start|>user\nhi<|im_end|>\n<|im_start|>assistant\ndef"
     assert told["capacity"] == ["3", "1024", "2"] and told["spin"] == "0"
-    # 7 tokens among 3 replies: 3, 2, 2
-    assert [reply.usage.completion_tokens for reply in replies] == [3, 2, 2]
+    assert [reply.usage.completion_tokens for reply in replies] == [7, 7, 7]
     assert [reply.usage.prompt_tokens for reply in replies] == [50, 0, 0]
 
 
@@ -91,10 +90,13 @@ def test_an_answer_of_llama_cpp_is_read():
     class Server:
         def handle_completions(self, request):
             assert request == {"prompt": "p"}
-            return {"choices": [{"text": "a", "finish_reason": "stop"}], "usage": {"prompt_tokens": 1}}
+            usage = {"prompt_tokens": 9, "completion_tokens": 5}
+            return {"choices": [{"text": "0123456789"}, {"text": "0123"}], "usage": usage}
 
     answer = local_server.complete(Server(), {"prompt": "p"})
-    assert answer["texts"] == ["a"] and answer["usage"] == {"prompt_tokens": 1}
+    assert answer["texts"] == ["0123456789", "0123"] and answer["prompt_tokens"] == 9
+    # 5 tokens for 10 characters are 0.5 for each, so 4 characters are 2
+    assert answer["completion_tokens"] == [5, 2]
 
 
 def test_a_refusal_of_llama_cpp_is_an_error():

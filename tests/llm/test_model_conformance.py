@@ -6,7 +6,6 @@ import pytest
 from openeureka.llm import grammar, local
 from openeureka.llm.client import LanguageModel
 from openeureka.llm.local import LocalModel
-from openeureka.llm.openai import EndpointModel
 from openeureka.llm.random import RandomModel
 from openeureka.llm.replay import ReplayModel
 from openeureka.testing.conformance.model import ModelConformance

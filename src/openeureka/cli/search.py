@@ -14,7 +14,7 @@ from ..report.build import build
 from ..report.run import Run
 from ..report.text import plain
 from ..sandbox.client import Sandbox
-from ..store import Store, read_config
+from ..store import Store, is_run, read_config, read_replies
 from ..tasks.context import context
 from ..tasks.record import record_states
 from ..training.executor import PopulationTrainer
@@ -46,7 +46,7 @@ def resume(words: Sequence[str]) -> None:
 
 def _search(config: RunConfig, directory: Path) -> None:
     known = context(config.env)
-    model = open_model(config)
+    model = open_model(config, held=len(read_replies(directory)) if is_run(directory) else 0)
     config = search.sized(config, model.style)
     print(f"{config.env}: {config.iteration} generations of {config.sample} rewards by {config.model}, in {directory}")
     strategy = search.make(config)

@@ -10,7 +10,6 @@ from typing import Any, Literal
 from ..errors import ModelError, WorkerError
 from ..types import Message, Prompt, Reply, Usage
 from ..worker import Worker
-from .client import share
 
 MAX_TOKENS = 900
 """Of one answer; a program of six terms has about 500."""
@@ -49,14 +48,13 @@ class LocalModel:
             count = min(MAX_BATCH, n - first)
             worker = self._started(count, context_for(text))
             answer = self._ask(worker, self._request(text, prompt.grammar, count, seed + first))
-            usage = answer["usage"]
             for index, sampled in enumerate(answer["texts"]):
                 yield Reply(
                     text=prompt.prefill + sampled,
                     model=self.name,
                     usage=Usage(
-                        prompt_tokens=usage.get("prompt_tokens", 0) if index == 0 else 0,
-                        completion_tokens=share(usage.get("completion_tokens", 0), count, index),
+                        prompt_tokens=answer["prompt_tokens"] if index == 0 else 0,
+                        completion_tokens=answer["completion_tokens"][index],
                     ),
                     seconds=answer["seconds"] / count,
                 )

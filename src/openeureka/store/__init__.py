@@ -1,6 +1,6 @@
 """The run directory: one SQLite file of finished work and the files a person wants to open."""
 
-from .recover import read_config, read_replies
+from .recover import is_run, read_config, read_replies
 from .store import Peak, Store
 
-__all__ = ["Peak", "Store", "read_config", "read_replies"]
+__all__ = ["Peak", "Store", "is_run", "read_config", "read_replies"]

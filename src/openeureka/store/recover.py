@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ..config import RunConfig
 from ..types import Reply
+from .db import FILENAME
 from .store import Store
 
 
@@ -22,3 +23,8 @@ def read_replies(directory: Path | str) -> tuple[Reply, ...]:
     """
     with Store.view(directory) as store:
         return store.replies()
+
+
+def is_run(directory: Path | str) -> bool:
+    """Whether a run began in the directory."""
+    return (Path(directory) / FILENAME).is_file()
