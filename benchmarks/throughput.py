@@ -113,21 +113,24 @@ def arms(tiny: bool) -> dict[str, Arm]:
         "policy_kwargs": {"net_arch": list(ours.hidden)},
     }
     found: dict[str, Arm] = {
-        "gym_ant/raw": lambda: raw(GYM_ANT, 512, 320 // scale),
-        "gym_ant/8 lanes": lambda: lanes(GYM_ANT, LANES, 64, max(1, 20 // scale)),
+        "gym_ant/raw": lambda: raw(GYM_ANT, 512, 160 // scale),
+        "gym_ant/8 lanes": lambda: lanes(GYM_ANT, LANES, 64, max(1, 10 // scale)),
         "gym_ant/stable-baselines3, defaults": lambda: stable_baselines(
-            1, 20_480 // scale, **({"n_steps": 256} if tiny else {})
+            1, 10_240 // scale, **({"n_steps": 256} if tiny else {})
+        ),
+        "gym_ant/stable-baselines3, an environment a core": lambda: stable_baselines(
+            cores, 10_240 // scale, n_steps=(256 if tiny else 2048) // cores
         ),
         "gym_ant/stable-baselines3, our batch, an environment a core": lambda: stable_baselines(
-            cores, 20_480 // scale, **matched
+            cores, 10_240 // scale, **matched
         ),
     }
     for env in ("ant", "humanoid"):
         if env in registry.names():
             found |= {
                 f"{env}/raw": lambda env=env: raw(env, 512, 400 // scale),
-                f"{env}/1 lane": lambda env=env: lanes(env, 1, 512, max(1, 20 // scale)),
-                f"{env}/8 lanes": lambda env=env: lanes(env, LANES, 64, max(1, 20 // scale)),
+                f"{env}/1 lane": lambda env=env: lanes(env, 1, 512, max(1, 10 // scale)),
+                f"{env}/8 lanes": lambda env=env: lanes(env, LANES, 64, max(1, 10 // scale)),
             }
     if "ant" in registry.names():
         found |= {
@@ -139,7 +142,11 @@ def arms(tiny: bool) -> dict[str, Arm]:
 
 RATIOS = {
     "training over stable-baselines3 defaults": ("gym_ant/8 lanes", "gym_ant/stable-baselines3, defaults"),
-    "training over stable-baselines3 at its best": (
+    "training over stable-baselines3, an environment a core": (
+        "gym_ant/8 lanes",
+        "gym_ant/stable-baselines3, an environment a core",
+    ),
+    "training over stable-baselines3 with our batch": (
         "gym_ant/8 lanes",
         "gym_ant/stable-baselines3, our batch, an environment a core",
     ),

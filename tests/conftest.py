@@ -6,6 +6,7 @@ import socket
 import pytest
 
 os.environ.setdefault("OMP_NUM_THREADS", "2")
+os.environ.setdefault("GOMP_SPINCOUNT", "0")  # idle threads that spin starve the simulator's
 for key in [name for name in os.environ if name.endswith("_API_KEY")]:
     del os.environ[key]
 

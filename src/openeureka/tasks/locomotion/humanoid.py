@@ -175,11 +175,11 @@ class Humanoid(Runner):
     )
     # The original takes 131 M steps with 4096 worlds; fewer worlds and a smaller network learn from fewer steps.
     recipe = Recipe(
-        hidden=(256, 128),
+        hidden=(128, 128),
         env_steps=20_000_000,
         worlds=512,
         horizon=32,
-        epochs=5,
+        epochs=4,
         minibatches=4,
         learning_rate=5e-4,
         critic_coef=4.0,
