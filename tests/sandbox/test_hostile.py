@@ -52,8 +52,16 @@ def canary(tmp_path: Path) -> Path:
     return path
 
 
-def children_of(pid: int) -> list[int]:
-    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+def children_of(pid: int) -> list[str]:
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            parent = (process / "stat").read_text().rpartition(")")[2].split()[1]
+        except OSError:  # it ended meanwhile
+            continue
+        if parent == str(pid):
+            found.append(process.name)
+    return found
 
 
 def assert_no_harm(sandbox: Sandbox, canary: Path) -> None:

@@ -64,9 +64,19 @@ def test_a_lane_whose_reward_is_absurd_is_masked_and_the_others_are_bit_identica
     assert found["good"].best_fitness.policy == calm.best_fitness.policy
 
 
-def test_the_human_reward_balances_the_pole_within_a_hundred_thousand_steps():
+def test_the_human_reward_balances_the_pole_within_a_quarter_of_a_million_steps():
     result = results([TrainJob(id="a", program="human")], TrainBudget(env_steps=250_000))["a"]
     assert result.fitness is not None and result.fitness > 300
+
+
+def test_a_lane_whose_policy_is_not_finite_is_masked_and_the_others_are_bit_identical():
+    jobs = [TrainJob(id="good", program=upright()), TrainJob(id="bad", program="human", seed=1)]
+    calm = results(jobs)["good"]
+    population = Population("cartpole", jobs, SMALL, threads=1)
+    population.ppo.network.flat[1] = float("nan")
+    good, bad = (x for x in population.train() if isinstance(x, TrainingResult))
+    assert bad.state is TrainingState.DIVERGED and "policy was not finite" in bad.message
+    assert dict(good.curves) == dict(calm.curves)
 
 
 def test_training_ends_when_every_lane_has_diverged():

@@ -113,6 +113,8 @@ def _child(pipe: int, source: str, bench: _Bench, gated: bool) -> NoReturn:
             _write(3, {"unconfined": str(error)})
         else:
             _write(3, _probe_source(source, bench, gated))
+    except Exception as error:  # a fault of ours, or of a program without the gate: say which, then go
+        _write(3, {"findings": [["error", f"the probe failed: {type(error).__name__}: {error}"[:400], "", None]]})
     finally:
         os._exit(0)
 

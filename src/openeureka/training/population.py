@@ -96,7 +96,7 @@ class Population:
         usable = (reward.abs() <= ABSURD).flatten(1).all(1)  # False for NaN
         sound = torch.isfinite(self.ppo.network.flat).all(1)
         for lane in (self.ppo.active & ~(usable & sound)).nonzero().flatten().tolist():
-            what = "the reward was not finite or beyond 1e6" if not usable[lane] else "the policy was not finite"
+            what = "the reward was not finite or beyond 1e6" if sound[lane] else "the policy was not finite"
             self.trained[lane] = epoch + 1
             self.messages[lane] = f"stopped in epoch {epoch} of {self.epochs}: {what}"
         self.ppo.active &= usable & sound
