@@ -1,4 +1,4 @@
-"""The embedded model: llm weights on this machine's cores, through llama.cpp, in a process of its own."""
+"""The embedded model: open weights on this machine's cores, through llama.cpp, in a process of its own."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..types import Message, Prompt, Reply, Usage
 from ..worker import Worker
 
 MAX_TOKENS = 900
-"""Of one answer; a program of six terms has about 500."""
+"""Of one answer; programs of three to five terms have 170 to 200."""
 MAX_BATCH = 16
 """Samples decoded at once: beyond this, memory grows and the speed of two cores does not."""
 SAMPLING = {"min_p": 0.1, "top_k": 0, "top_p": 1.0}
