@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from .config import RunConfig
+from .errors import WorkerError
 from .observer import Observer
 from .store import Peak, Store
 from .types import (
@@ -18,6 +20,7 @@ from .types import (
     Trainer,
     TrainingProgress,
     TrainingResult,
+    TrainingState,
     TrainJob,
 )
 
@@ -56,21 +59,43 @@ class Lanes:
     observer: Observer
 
     def train(self, rewards: Iterable[tuple[str, RewardProgram]], seeds: Sequence[int]) -> dict[str, TrainingResult]:
-        """Results of every reward with every seed, by job id."""
+        """Results of every reward with every seed, by job id.
+
+        Raises:
+            WorkerError: when no lane at all could be trained, which is the machine's fault rather than a reward's.
+        """
         jobs = [
             TrainJob(id=lane(name, seed), program=program, seed=seed) for name, program in rewards for seed in seeds
         ]
         known = self.store.results()
-        missing = [job for job in jobs if job.id not in known]
+        # Programs that differ only in comments and names have equal graphs: they train once and share the result.
+        twins: dict[str, list[TrainJob]] = {}
+        for job in jobs:
+            if job.id not in known:
+                twins.setdefault(f"{job.seed} {job.program}", []).append(job)
+        missing = {group[0].id: group for group in twins.values()}
         budget = TrainBudget(env_steps=self.config.steps, worlds=self.config.worlds)
-        for event in self.trainer.train(self.config.env, missing, budget) if missing else ():
+        failed: list[TrainingResult] = []
+        wanted = [group[0] for group in missing.values()]
+        for event in self.trainer.train(self.config.env, wanted, budget) if wanted else ():
             if isinstance(event, TrainingProgress):
                 self.observer.progress(event)
+            elif event.state is TrainingState.FAILED:
+                failed.append(event)
             else:
-                self.store.save_result(event)
-                self.observer.result(event)
+                self._keep(event, missing[event.job])
+        if failed and len(failed) == len(wanted):
+            raise WorkerError(failed[0].message)
+        for result in failed:
+            self._keep(result, missing[result.job])
         results = self.store.results()
         return {job.id: results[job.id] for job in jobs}
+
+    def _keep(self, result: TrainingResult, jobs: Iterable[TrainJob]) -> None:
+        for job in jobs:
+            own = dataclasses.replace(result, job=job.id)
+            self.store.save_result(own)
+            self.observer.result(own)
 
     def evaluate(self, jobs: Iterable[str], peak: Peak) -> dict[str, Evaluation]:
         """Held-out scores by job id, of those lanes that left a policy."""

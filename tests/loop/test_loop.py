@@ -10,7 +10,7 @@ import pytest
 
 from openeureka import search
 from openeureka.config import RunConfig
-from openeureka.errors import BudgetError, ModelError
+from openeureka.errors import BudgetError, ModelError, WorkerError
 from openeureka.loop import run, summarise
 from openeureka.observer import NullObserver
 from openeureka.sampling import request_seed
@@ -98,6 +98,17 @@ def test_equal_programs_are_checked_and_trained_once(begin) -> None:
     assert one.trainer.trained.count(lane(7, 0)) == 1
     slots = one.history().generations[0].entries
     assert [entry.fitness for entry in slots] == [7, 7]
+
+
+def test_programs_that_differ_in_a_comment_train_once_and_share_the_result(begin) -> None:
+    twin = reply(7).replace("return 7", "# the same\n    return 7")
+    one = begin([reply(7), twin])
+    one.go()
+    assert len(one.checker.checked) == 2
+    first, second = one.history().generations[0].entries
+    assert first.sample.candidate != second.sample.candidate
+    assert (first.fitness, second.fitness) == (7, 7)
+    assert [job for job in one.trainer.trained if job.endswith("-s0")] == [lane(7, 0), "human-s0", "sparse-s0"]
 
 
 def test_a_refused_program_takes_its_repair_turns_before_its_slot_is_sampled_anew(begin) -> None:
@@ -233,6 +244,39 @@ def test_a_diverged_lane_never_wins_and_its_author_is_told(begin) -> None:
     one.trainer = Diverging()
     assert one.go().best is None
     assert "stopped early (reward was NaN)" in one.history().generations[0].entries[0].feedback
+
+
+class Failing(ToyTrainer):
+    """Its worker dies with the programs worth 7, or with everything."""
+
+    def __init__(self, *, everything: bool = False) -> None:
+        super().__init__()
+        self.everything = everything
+
+    def _result(self, job):
+        result = super()._result(job)
+        if not self.everything and result.fitness != 7:
+            return result
+        return replace(result, state=TrainingState.FAILED, message="out of memory", fitness=None, curves={},
+                       best_fitness=None, best_reward=None)  # fmt: skip
+
+
+def test_a_lane_that_kills_its_worker_is_recorded_and_the_search_goes_on(begin) -> None:
+    one = begin([reply(7), reply(8)])
+    one.trainer = Failing()
+    best = one.go().best
+    assert best is not None and best.fitness == 8
+    assert "No policy could be trained" in one.history().generations[0].entries[0].feedback
+
+
+def test_when_no_lane_can_train_the_run_stops_and_can_be_resumed(begin) -> None:
+    one = begin([reply(6), reply(8)])
+    one.trainer = Failing(everything=True)
+    with pytest.raises(WorkerError, match="out of memory"):
+        one.go()
+    one.trainer = ToyTrainer()
+    best = one.go().best
+    assert best is not None and best.fitness == 8 and one.model.said == 2
 
 
 class Log(NullObserver):

@@ -32,14 +32,14 @@ def test_jobs_and_results_survive_the_pipe():
     assert unpack(pack(progress)) == progress
 
 
-def test_a_worker_that_dies_is_restarted_with_what_is_left(monkeypatch: pytest.MonkeyPatch):
+def test_a_job_that_kills_its_worker_takes_no_other_with_it(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     trainer = PopulationTrainer(module="dying_worker")
     jobs = [TrainJob(id=name, program="human", seed=seed) for seed, name in enumerate(["a", "b", "deadly", "late"])]
     found = {r.job: r for r in trainer.train("cartpole", jobs, TrainBudget()) if isinstance(r, TrainingResult)}
-    assert [found[name].state for name in "ab"] == [TrainingState.FINISHED] * 2
-    assert found["deadly"].state is found["late"].state is TrainingState.FAILED
-    assert "ended before it answered" in found["late"].message
+    assert [found[name].state for name in ("a", "b", "late")] == [TrainingState.FINISHED] * 3
+    assert found["deadly"].state is TrainingState.FAILED
+    assert "ended before it answered" in found["deadly"].message
 
 
 def test_training_and_evaluation_in_a_worker():

@@ -15,7 +15,6 @@ from .wire import pack_jobs, unpack
 
 SILENCE = 600.0
 """[s] without a sign of life after which a worker counts as hung; it reports every second and compiles for seconds."""
-RETRIES = 2
 MAX_WORLDS = 16384
 """A world costs about 0.15 MB, of which the model hardly matters (measured on Cartpole and Humanoid)."""
 
@@ -47,8 +46,8 @@ class PopulationTrainer:
     def train(
         self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget
     ) -> Iterator[TrainingProgress | TrainingResult]:
-        """Train every job. A worker that dies or hangs is started again with the jobs that have no result yet, at most
-        twice a population; then those jobs are FAILED with the reason.
+        """Train every job. A worker that dies or hangs is started again with the jobs that have no result yet, then
+        once more for each of them alone; those that die even so are FAILED with the reason.
 
         Raises:
             TaskError: when there is no such environment.
@@ -68,17 +67,19 @@ class PopulationTrainer:
         self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget
     ) -> Iterator[TrainingProgress | TrainingResult]:
         left = {job.id: job for job in jobs}
-        for attempt in range(RETRIES + 1):
-            try:
-                for frame in self._ask({"do": "train", **pack_jobs(env, list(left.values()), budget)}, {}):
-                    message = unpack(frame)
-                    if isinstance(message, TrainingResult):
-                        del left[message.job]
-                    yield message
-                return
-            except WorkerError as error:
-                if attempt == RETRIES:
-                    yield from (_failed(job, str(error)) for job in left.values())
+        reasons: dict[str, str] = {}
+        # Together, together once more, then one by one: a lane that kills its process takes no other with it.
+        for groups in (1, 1, len(jobs)):
+            for group in _split(list(left.values()), groups):
+                try:
+                    for frame in self._ask({"do": "train", **pack_jobs(env, group, budget)}, {}):
+                        message = unpack(frame)
+                        if isinstance(message, TrainingResult):
+                            del left[message.job]
+                        yield message
+                except WorkerError as error:
+                    reasons |= {job.id: str(error) for job in group}
+        yield from (_failed(job, reasons[job.id]) for job in left.values())
 
     def evaluate(self, env: str, policies: Mapping[str, bytes], *, seed: int) -> Iterator[Evaluation]:
         """Held-out score of each policy. Raises WorkerError when the worker dies."""
@@ -97,6 +98,12 @@ class PopulationTrainer:
             except (WorkerDied, WorkerTimeout) as error:
                 last = worker.stderr_tail().splitlines()[-1:]
                 raise WorkerError(" ".join([f"Training stopped: {error}", *last])) from None
+
+
+def _split(jobs: Sequence[TrainJob], groups: int) -> Iterator[Sequence[TrainJob]]:
+    """`jobs` in at most `groups` parts; nothing when there are none."""
+    size = max(1, -(-len(jobs) // groups))
+    return (jobs[i : i + size] for i in range(0, len(jobs), size))
 
 
 def _failed(job: TrainJob, reason: str) -> TrainingResult:
