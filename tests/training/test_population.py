@@ -1,6 +1,8 @@
 import pytest
 import torch
 
+from openeureka.tasks.env import Step
+from openeureka.tasks.task import Score
 from openeureka.training.curves import Curves
 from openeureka.training.policy import Player, Policy
 from openeureka.training.population import Population
@@ -106,15 +108,29 @@ def test_correlation_is_pearsons():
     assert correlation(sums[1]) is None
 
 
+def step_of(score: Score, ended: bool) -> Step:
+    """A step of two worlds that says nothing but its score."""
+    zero, none = torch.zeros(2), torch.zeros(2, dtype=torch.bool)
+    whole = torch.full((2,), ended)
+    return Step(zero, zero, {}, none, whole, score, whole, torch.full((2,), 7), none)
+
+
 def test_an_epoch_without_a_finished_episode_has_no_fitness():
     curves = Curves(lanes=1, worlds=2)
     zero = torch.zeros(2)
-    from openeureka.tasks.env import Step
-    from openeureka.tasks.task import Score
-
-    none = torch.zeros(2, dtype=torch.bool)
-    step = Step(zero, zero, {}, none, none, Score(zero, zero), none, torch.ones(2, dtype=torch.int64), none)
-    curves.add(step, zero.view(1, 2), zero.view(1, 2), [{}])
-    fitness, own = curves.close_epoch()
-    assert fitness == [None] and own == [0.0]
+    curves.add(step_of(Score(zero, zero), ended=False), zero.view(1, 2), zero.view(1, 2), [{}])
+    assert curves.close_epoch() == ([None], [0.0])
     assert curves.curves[0]["episode_length"] == [None]
+
+
+def test_fitness_looks_back_over_the_window_and_weighs_episodes_alike():
+    curves = Curves(lanes=1, worlds=2, window=2)
+    zero = torch.zeros(1, 2)
+    found = []
+    for values, weights in (([10.0, 20.0], [1.0, 1.0]), ([30.0, 99.0], [1.0, 0.0]), ([50.0, 70.0], [1.0, 1.0])):
+        score = Score(torch.tensor(values), torch.tensor(weights))
+        curves.add(step_of(score, ended=True), zero, zero, [{}])
+        found += curves.close_epoch()[0]
+    # (10 + 20) / 2; (10 + 20 + 30) / 3; (30 + 50 + 70) / 3
+    assert found == [15.0, 20.0, 50.0]
+    assert curves.curves[0]["episode_length"] == [7.0, 7.0, 7.0]
