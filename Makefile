@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
-RUN ?= env=ballbalance sample=6 iteration=2 steps=400000 seeds=1
+RUN ?= env=ballbalance sample=6 iteration=2 steps=600000 seeds=1
 
 .DEFAULT_GOAL := help
 .PHONY: help run test check fix docs pins clean

@@ -19,6 +19,7 @@ import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
@@ -175,6 +176,7 @@ def measure(repeats: int, tiny: bool, only: str) -> dict[str, list[float]]:
 def report(measured: dict[str, list[float]], tiny: bool) -> dict[str, object]:
     median = {name: statistics.median(values) for name, values in measured.items()}
     return {
+        "date": datetime.now(UTC).date().isoformat(),
         "steps_per_second": measured,
         "ratio_of_medians": {
             name: round(median[ours] / median[theirs], 3)
