@@ -14,8 +14,8 @@ from .rewards import correlation, moments
 class Curves:
     """Sums over the steps of an epoch, and the curves made of them.
 
-    F alone looks back over `window` epochs: in one epoch of some hundred worlds only a dozen episodes end, and the
-    maximum over epochs would reward their luck.
+    F alone looks back over `window` epochs, as long as an episode. In one epoch only a dozen of some hundred worlds end
+    theirs, and worlds that once failed together stay in step: the maximum over epochs would reward luck and phase.
     """
 
     def __init__(self, lanes: int, worlds: int, window: int = 1) -> None:

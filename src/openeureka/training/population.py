@@ -51,7 +51,7 @@ class Population:
         self.rollout = Rollout(
             self.lanes, self.worlds, self.horizon, task.num_observations, task.num_actions, self.device
         )
-        self.curves = Curves(self.lanes, self.worlds, -(-task.episode_length // (4 * self.horizon)))
+        self.curves = Curves(self.lanes, self.worlds, window=-(-task.episode_length // self.horizon))
         self.best_fitness: list[Peak | None] = [None] * self.lanes
         self.best_reward: list[Peak | None] = [None] * self.lanes
         self.messages = [""] * self.lanes

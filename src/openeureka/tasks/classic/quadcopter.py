@@ -74,7 +74,7 @@ class Quadcopter(Task):
     )
     recipe = Recipe(
         hidden=(64, 64),
-        env_steps=600_000,
+        env_steps=1_500_000,
         epochs=5,
         minibatches=2,
         learning_rate=1e-3,
