@@ -49,10 +49,8 @@ def get(env: str) -> type[Task]:
         raise TaskError(f"There is no class `{name}` in {place}.{nearest(name, vars(module))}")
     if not (isinstance(task, type) and issubclass(task, Task)):
         raise TaskError(f"`{target}` is not a subclass of openeureka.tasks.task.Task.")
-    if missing := [
-        *sorted(task.__abstractmethods__),
-        *(name for name in Task.__annotations__ if not hasattr(task, name)),
-    ]:
+    values = [name for name in Task.__annotations__ if not hasattr(task, name)]
+    if missing := [*sorted(task.__abstractmethods__), *values]:
         raise TaskError(f"The task `{target}` is not complete: define {', '.join(missing)}.")
     return task
 
