@@ -43,6 +43,7 @@ def test_files_of_the_same_name_are_different_tasks(tmp_path):
     [
         (None, "Mine", "There is no file "),
         ("class Mine(:\n", "Mine", "SyntaxError: invalid syntax (mine.py, line 1)"),
+        ("open('no_such.xml')\n", "Mine", "No such file or directory: 'no_such.xml'"),
         ("1 / 0\n", "Mine", "ZeroDivisionError: division by zero"),
         ("import no_such_module\n", "Mine", "No module named 'no_such_module'"),
         ("class Mine: pass\n", "Mina", "There is no class `Mina`"),

@@ -57,10 +57,11 @@ def get(env: str) -> type[Task]:
 
 def _import(place: str) -> ModuleType:
     """The module of a dotted name or of a file. Raises TaskError whatever a person's code raises on import."""
+    file = Path(place).resolve() if place.endswith(".py") else None
+    if file and not file.is_file():
+        raise TaskError(f"There is no file {file}; env=FILE.py:Class names a task in a file.")
     try:
-        return _import_file(Path(place).resolve()) if place.endswith(".py") else importlib.import_module(place)
-    except FileNotFoundError as error:
-        raise TaskError(f"There is no file {error.filename}; env=FILE.py:Class names a task in a file.") from error
+        return _import_file(file) if file else importlib.import_module(place)
     except Exception as error:
         raise TaskError(f"The environment in {place} cannot be imported: {type(error).__name__}: {error}.") from error
 
