@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeVar
 
 from omegaconf import OmegaConf
@@ -18,6 +20,7 @@ class RunConfig:
     """One search. Zero means: the default of the task (steps, worlds) or of the kind of model (sample, iteration)."""
 
     env: str = "cartpole"
+    """A name of `eureka envs`, `FILE.py:Class` or `pkg.mod:Class`."""
     model: str = "local"
     """`local`, `local:PATH.gguf`, `random`, `replay:RUN`, or the name of a model at an OpenAI-compatible endpoint."""
     base_url: str = ""
@@ -65,6 +68,17 @@ class RunConfig:
                 raise ConfigError(f"`{key}` must be one of {', '.join(allowed)}, not `{getattr(self, key)}`.")
 
 
+def short_name(env: str) -> str:
+    """A task's name for files and titles: that of `some/where/pendulum.py:Pendulum` is `pendulum`."""
+    return re.sub(r"\W+", "_", env.rpartition(":")[2]).lower()
+
+
+def _absolute(env: str) -> str:
+    """`FILE.py:Class` with the whole path, so that `eureka resume` and `eureka play` find it from any directory."""
+    file, _, name = env.rpartition(":")
+    return f"{Path(file).expanduser().resolve()}:{name}" if file.endswith(".py") else env
+
+
 Config = TypeVar("Config")
 
 
@@ -82,7 +96,7 @@ def parse(kind: type[Config], words: Sequence[str]) -> Config:
             raise ConfigError(f"`{word}` is not of the form key=value, for example env=cartpole.")
         if key not in fields:
             raise ConfigError(f"Unknown setting `{key}`.{nearest(key, fields)} Settings: {', '.join(fields)}.")
-        values[key] = value
+        values[key] = _absolute(value) if key == "env" else value
     try:
         merged = OmegaConf.merge(OmegaConf.structured(kind), values)
         built = {key: merged[key] for key in values}  # pyright: ignore[reportArgumentType]

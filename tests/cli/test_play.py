@@ -49,6 +49,12 @@ def test_a_policy_of_another_task_or_another_program_is_refused(asked, tmp_path)
     assert asked == []
 
 
+def test_a_task_whose_file_has_moved_is_found_where_env_says(asked, tmp_path):
+    (tmp_path / "mine.safetensors").write_bytes(policy_of("/old/mine.py:Mine"))
+    play.play(["env=/new/mine.py:Mine", f"policy={tmp_path}/mine.safetensors", f"out={tmp_path}/a.mp4"])
+    assert [env for env, *_ in asked] == ["/new/mine.py:Mine"]
+
+
 def test_a_run_without_a_policy_says_so(asked, tmp_path):
     with pytest.raises(ConfigError, match=r"Cannot read the policy .*best/policy\.safetensors: No such file"):
         play.play([str(tmp_path)])

@@ -10,7 +10,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from ..config import RunConfig
+from ..config import RunConfig, short_name
 from ..lanes import BASELINES, lane
 from ..observer import Phase
 from ..report.text import duration, number, one_line
@@ -69,7 +69,7 @@ class Tally:
         spent = self.usage.prompt_tokens + self.usage.completion_tokens
         last = self.config.iteration - 1
         parts = (
-            self.config.env,
+            short_name(self.config.env),
             f"generation {self.index} (0 to {last})" if self.index <= last else "final",
             self.doing,
             duration(time.monotonic() - self.started),

@@ -5,12 +5,14 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from ..config import short_name
 
-def output_directory(chosen: str, name: str) -> Path:
-    """The chosen directory, or a new name `outputs/<time>_<name>`; nothing is made yet."""
+
+def output_directory(chosen: str, env: str, kind: str = "") -> Path:
+    """The chosen directory, or a new name `outputs/<time>_<kind><env>`; nothing is made yet."""
     if chosen:
         return Path(chosen)
-    path = Path("outputs") / f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{name}"
+    path = Path("outputs") / f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{kind}{short_name(env)}"
     number = 2
     while path.exists():
         path = path.with_name(f"{path.name.split('~')[0]}~{number}")

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..config import parse
+from ..config import parse, short_name
 from ..errors import ConfigError
 from ..report.video import render
 from ..store import artifacts
@@ -31,7 +31,7 @@ def play(words: Sequence[str]) -> None:
     else:
         policy = _read(Path(config.policy))
         env = _env_of(policy, config.env)
-    target = Path(config.out or f"{env}.mp4")
+    target = Path(config.out or f"{short_name(env)}.mp4")
     artifacts.write(target, render(env, policy, seconds=config.seconds, seed=config.seed))
     print(f"Wrote {target}")
 
@@ -46,8 +46,8 @@ def _read(path: Path) -> bytes:
 
 
 def _env_of(policy: bytes, wanted: str) -> str:
-    """The task a policy was trained on; it fits no other."""
+    """The task a policy was trained on; it fits no other. `wanted` may say where its file lies now."""
     trained = Policy.from_bytes(policy).env
-    if wanted and wanted != trained:
+    if wanted and short_name(wanted) != short_name(trained):
         raise ConfigError(f"The policy was trained on env={trained}, not on env={wanted}; leave env= out.")
-    return trained
+    return wanted or trained

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .. import loop, search
-from ..config import RunConfig, as_dict, parse
+from ..config import RunConfig, as_dict, parse, short_name
 from ..errors import EurekaError
 from ..llm import open_model
 from ..report.build import build
@@ -48,7 +48,8 @@ def _search(config: RunConfig, directory: Path) -> None:
     known = context(config.env)
     model = open_model(config, held=len(read_replies(directory)) if is_run(directory) else 0)
     config = search.sized(config, model.style)
-    print(f"{config.env}: {config.iteration} generations of {config.sample} rewards by {config.model}, in {directory}")
+    size = f"{config.iteration} generations of {config.sample} rewards"
+    print(f"{short_name(config.env)}: {size} by {config.model}, in {directory}")
     strategy = search.make(config)
     trainer = PopulationTrainer(device=config.device, threads=config.threads)
     try:

@@ -30,7 +30,7 @@ def train(words: Sequence[str]) -> None:
     seeds = range(config.seed, config.seed + config.seeds)
     jobs = {f"{name}-s{seed}": TrainJob(id=f"{name}-s{seed}", program=programs[name], seed=seed)
             for name in programs for seed in seeds}  # fmt: skip
-    directory = output_directory(config.dir, f"train_{config.env}")
+    directory = output_directory(config.dir, config.env, "train_")
     trainer = PopulationTrainer(device=config.device, threads=config.threads)
     results = _train(trainer, config, list(jobs.values()), directory)
     policies = {job: result.best_fitness.policy for job, result in results.items() if result.best_fitness}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..config import RunConfig, as_dict
+from ..config import RunConfig, as_dict, short_name
 from ..score import Outcome
 from ..types import History, Scored, Usage
 from .run import Run
@@ -15,7 +15,7 @@ from .text import number, one_line, plain, spread
 def report(run: Run) -> str:
     """The whole file."""
     sections = (
-        f"# {run.config.env}: search for a reward",
+        f"# {short_name(run.config.env)}: search for a reward",
         _verdict(run),
         "![Summary](summary.png)",
         _final(run.outcome),

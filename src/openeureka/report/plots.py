@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from ..config import short_name
 from ..types import History, TrainingResult
 from .run import Run
 from .stats import best_so_far
@@ -25,7 +26,7 @@ def summary(run: Run) -> bytes:
     result = best.result if best else None
     _learning(learning, result, run.baselines)
     _components(components, result)
-    figure.suptitle(run.config.env)
+    figure.suptitle(short_name(run.config.env))
     buffer = BytesIO()
     FigureCanvasAgg(figure).print_png(buffer)
     return buffer.getvalue()

@@ -1,11 +1,16 @@
-"""Finds tasks by name: the built-in ones, those of installed packages (entry point group `openeureka.tasks`), and
-import strings `pkg.mod:Class`."""
+"""Finds tasks by name: the built-in ones, those of installed packages (entry point group `openeureka.tasks`), import
+strings `pkg.mod:Class` and files `path/to/file.py:Class`."""
 
 from __future__ import annotations
 
+import hashlib
 import importlib
+import importlib.util
+import sys
 from collections.abc import Sequence
 from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
 
 from ..errors import TaskError, nearest
 from .env import BatchedEnv
@@ -29,20 +34,52 @@ def get(env: str) -> type[Task]:
     """The task's class.
 
     Raises:
-        TaskError: when nothing of that name exists or it cannot be imported.
+        TaskError: when nothing of that name exists, it cannot be imported or is not a whole task.
     """
     installed = {point.name: point.value for point in entry_points(group="openeureka.tasks")}
     target = env if ":" in env else _BUILT_IN.get(env) or installed.get(env)
     if target is None:
+        if env.endswith(".py"):
+            raise TaskError(f"Name the class in {env} too, for example env={env}:MyTask.")
         raise TaskError(f"There is no environment `{env}`.{nearest(env, names())} `eureka envs` lists them all.")
-    module, _, name = target.partition(":")
-    try:
-        task = getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError) as error:
-        raise TaskError(f"The environment `{env}` cannot be imported from `{target}`: {error}.") from error
+    place, _, name = target.rpartition(":")
+    module = _import(place)
+    task = getattr(module, name, None)
+    if task is None:
+        raise TaskError(f"There is no class `{name}` in {place}.{nearest(name, vars(module))}")
     if not (isinstance(task, type) and issubclass(task, Task)):
         raise TaskError(f"`{target}` is not a subclass of openeureka.tasks.task.Task.")
+    values = [name for name in Task.__annotations__ if not hasattr(task, name)]
+    if missing := [*sorted(task.__abstractmethods__), *values]:
+        raise TaskError(f"The task `{target}` is not complete: define {', '.join(missing)}.")
     return task
+
+
+def _import(place: str) -> ModuleType:
+    """The module of a dotted name or of a file. Raises TaskError whatever a person's code raises on import."""
+    file = Path(place).resolve() if place.endswith(".py") else None
+    if file and not file.is_file():
+        raise TaskError(f"There is no file {file}; env=FILE.py:Class names a task in a file.")
+    try:
+        return _import_file(file) if file else importlib.import_module(place)
+    except Exception as error:
+        raise TaskError(f"The environment in {place} cannot be imported: {type(error).__name__}: {error}.") from error
+
+
+def _import_file(path: Path) -> ModuleType:
+    """Import a file once a process, under a name that no other module has."""
+    name = f"openeureka_task_{hashlib.sha256(bytes(path)).hexdigest()[:12]}"
+    if name not in sys.modules:
+        spec = importlib.util.spec_from_file_location(name, path)
+        assert spec is not None and spec.loader is not None
+        # Dataclasses and `inspect` look a class's module up by name, already while it is being executed.
+        sys.modules[name] = importlib.util.module_from_spec(spec)
+        try:
+            spec.loader.exec_module(sys.modules[name])
+        except BaseException:
+            del sys.modules[name]
+            raise
+    return sys.modules[name]
 
 
 def make(

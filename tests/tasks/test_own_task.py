@@ -1,0 +1,143 @@
+"""A person's own task in a file: examples/pendulum.py, named by its path."""
+
+import inspect
+from pathlib import Path
+
+import pytest
+import torch
+
+from openeureka.cli.main import main
+from openeureka.cli.paths import output_directory
+from openeureka.config import RunConfig, parse, short_name
+from openeureka.errors import TaskError
+from openeureka.tasks.context import context
+from openeureka.tasks.registry import get, make
+from openeureka.testing.conformance.task import TaskConformance
+from openeureka.training.executor import PopulationTrainer
+from openeureka.training.policy import Policy
+from openeureka.types import TrainBudget, TrainingResult, TrainingState, TrainJob
+
+FILE = Path(__file__).parents[2] / "examples" / "pendulum.py"
+ENV = f"{FILE}:Pendulum"
+
+
+class TestPendulum(TaskConformance):
+    env = ENV
+
+
+def test_a_file_is_imported_once_and_its_source_can_be_read(monkeypatch):
+    monkeypatch.chdir(FILE.parent)
+    assert get("pendulum.py:Pendulum") is get(ENV)
+    assert inspect.getsourcefile(get(ENV)) == str(FILE)
+    assert "def apply_action" in context(ENV).source and "sparse_reward" not in context(ENV).source
+
+
+def test_files_of_the_same_name_are_different_tasks(tmp_path):
+    (tmp_path / "pendulum.py").write_text(FILE.read_text().replace("episode_length = 200", "episode_length = 9"))
+    assert get(f"{tmp_path}/pendulum.py:Pendulum").episode_length == 9
+    assert get(ENV).episode_length == 200
+
+
+@pytest.mark.parametrize(
+    ("source", "name", "says"),
+    [
+        (None, "Mine", "There is no file "),
+        ("class Mine(:\n", "Mine", "SyntaxError: invalid syntax (mine.py, line 1)"),
+        ("open('no_such.xml')\n", "Mine", "No such file or directory: 'no_such.xml'"),
+        ("1 / 0\n", "Mine", "ZeroDivisionError: division by zero"),
+        ("import no_such_module\n", "Mine", "No module named 'no_such_module'"),
+        ("class Mine: pass\n", "Mina", "There is no class `Mina`"),
+        ("class Mine: pass\n", "Mina", "Did you mean `Mine`?"),
+        ("class Mine: pass\n", "Mine", "is not a subclass of openeureka.tasks.task.Task"),
+        ("from openeureka.tasks.task import Task as Mine\n", "Mine", "define apply_action, "),
+        ("from openeureka.tasks.task import Task as Mine\n", "Mine", ", spec, recipe."),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_said(tmp_path, source, name, says):
+    file = tmp_path / "mine.py"
+    if source is not None:
+        file.write_text(source)
+    with pytest.raises(TaskError) as caught:
+        get(f"{file}:{name}")
+    assert says in str(caught.value) and str(file) in str(caught.value)
+
+
+def test_a_file_without_a_class_is_told_how_to_name_one():
+    with pytest.raises(TaskError, match=r"env=pendulum\.py:MyTask"):
+        get("pendulum.py")
+
+
+def test_a_repaired_file_can_be_imported_in_the_same_process(tmp_path):
+    file = tmp_path / "pendulum.py"
+    file.write_text("import\n")
+    with pytest.raises(TaskError):
+        get(f"{file}:Pendulum")
+    file.write_text(FILE.read_text())
+    assert get(f"{file}:Pendulum").__name__ == "Pendulum"
+
+
+def test_settings_keep_the_whole_path_and_outputs_a_short_name(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    assert parse(RunConfig, ["env=tasks/mine.py:Mine"]).env == f"{tmp_path.resolve()}/tasks/mine.py:Mine"
+    assert parse(RunConfig, ["env=my_package.mine:Mine"]).env == "my_package.mine:Mine"
+    assert parse(RunConfig, ["env=ant"]).env == "ant"
+    assert [short_name(env) for env in ("a b/c:d/mine.py:Mine", "my_package.mine:Mine", "ant", "lab/ant-2")] == [
+        "mine",
+        "mine",
+        "ant",
+        "lab_ant_2",
+    ]
+    assert output_directory("", "/a/mine.py:Mine", "train_").name.endswith("_train_mine")
+
+
+def test_the_training_process_finds_a_task_that_was_named_from_another_directory(monkeypatch, tmp_path):
+    monkeypatch.chdir(FILE.parent)
+    env = parse(RunConfig, ["env=pendulum.py:Pendulum"]).env
+    monkeypatch.chdir(tmp_path)
+    trainer = PopulationTrainer(threads=1)
+    jobs = [TrainJob(id="h", program="human", seed=0)]
+    *_, result = trainer.train(env, jobs, TrainBudget(env_steps=4096, worlds=16))
+    assert isinstance(result, TrainingResult) and result.state is TrainingState.FINISHED, result
+    assert result.best_fitness is not None and Policy.from_bytes(result.best_fitness.policy).env == ENV
+
+
+def test_a_command_checks_a_reward_against_a_task_in_a_file(monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(FILE.read_text())
+    (tmp_path / "reward.py").write_text(
+        "import torch\n\n\ndef compute_reward(angle):\n    up = torch.cos(angle)\n    return up, {'up': up}\n"
+    )
+    with pytest.raises(SystemExit) as ended:
+        main(["check", "env=mine.py:Pendulum", "reward.py"])
+    assert ended.value.code == 0, capsys.readouterr()
+
+
+def test_angles_are_measured_from_upright_and_wrapped():
+    env = make(ENV, worlds=2, threads=1)
+    env.reset()
+    env.task.qpos[:, 0] = torch.tensor([0.1, 3 * torch.pi + 0.1])  # the second hangs, turned one and a half times
+    assert env.task.compute_state()["angle"].tolist() == pytest.approx([0.1, 0.1 - torch.pi], abs=1e-5)
+
+
+def test_the_motor_is_too_weak_to_lift_the_level_rod():
+    env = make(ENV, worlds=1, threads=1)
+    env.reset()
+    env.task.qpos[:] = torch.pi / 2
+    env.task.qvel[:] = 0.0
+    env.sim.forward(torch.tensor([0]))
+    # About its end a 1 kg rod of 1 m has inertia 1/3 kg m^2 (0.35 with the capsule's caps); gravity pulls with
+    # 4.9 N m, the motor holds with 2 N m against it: (4.9 - 2) / 0.35 = 8.3 rad/s^2 over one step of 0.05 s.
+    rate = env.step(-torch.ones(1, 1)).state["angular_velocity"]
+    assert float(rate) == pytest.approx(8.3 * 0.05, rel=0.08)
+
+
+def test_fitness_is_the_share_of_time_upright_and_the_human_reward_by_hand():
+    task = make(ENV, worlds=2, threads=1).task
+    state = {
+        "angle": torch.tensor([0.1, -0.3]),
+        "angular_velocity": torch.tensor([2.0, 0.0]),
+        "actions": torch.tensor([[1.0], [0.0]]),
+    }
+    assert task.fitness(state, torch.zeros(2, dtype=torch.bool)).value.tolist() == [1.0, 0.0]
+    # cos 0.1 - 0.01 * 4 - 0.001 = 0.954; cos 0.3 = 0.9553
+    assert task.human_reward(state).tolist() == pytest.approx([0.9540, 0.9553], abs=1e-4)
