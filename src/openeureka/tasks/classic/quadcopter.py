@@ -73,12 +73,9 @@ class Quadcopter(Task):
         )
     )
     recipe = Recipe(
-        hidden=(64, 64),
-        env_steps=1_500_000,
-        epochs=5,
-        minibatches=2,
-        learning_rate=1e-3,
-        kl_threshold=0.016,
+        hidden=(128, 128),
+        env_steps=2_500_000,
+        epochs=8,
         reward_scale=0.1,
     )
 
