@@ -68,26 +68,26 @@ class Lanes:
             TrainJob(id=lane(name, seed), program=program, seed=seed) for name, program in rewards for seed in seeds
         ]
         known = self.store.results()
-        # Programs that differ only in comments and names have equal graphs: they train once and share the result.
+        # Programs that differ only in comments or local names have equal graphs: they train once and share the result.
         twins: dict[str, list[TrainJob]] = {}
         for job in jobs:
             if job.id not in known:
                 twins.setdefault(f"{job.seed} {job.program}", []).append(job)
-        missing = {group[0].id: group for group in twins.values()}
+        wanted = [group[0] for group in twins.values()]
+        sharing = {group[0].id: group for group in twins.values()}
         budget = TrainBudget(env_steps=self.config.steps, worlds=self.config.worlds)
         failed: list[TrainingResult] = []
-        wanted = [group[0] for group in missing.values()]
         for event in self.trainer.train(self.config.env, wanted, budget) if wanted else ():
             if isinstance(event, TrainingProgress):
                 self.observer.progress(event)
             elif event.state is TrainingState.FAILED:
                 failed.append(event)
             else:
-                self._keep(event, missing[event.job])
+                self._keep(event, sharing[event.job])
         if failed and len(failed) == len(wanted):
             raise WorkerError(failed[0].message)
         for result in failed:
-            self._keep(result, missing[result.job])
+            self._keep(result, sharing[result.job])
         results = self.store.results()
         return {job.id: results[job.id] for job in jobs}
 
