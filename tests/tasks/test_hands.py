@@ -78,6 +78,17 @@ def test_allegro_has_the_specified_masses_joints_and_drives():
     assert model.actuator_forcerange[:, 1] == pytest.approx([0.5] * 16)
 
 
+def test_allegro_joints_move_no_faster_than_the_original_allows():
+    env = make(AllegroHand, worlds=8)
+    generator = torch.Generator().manual_seed(0)
+    fastest = 0.0
+    for _ in range(30):
+        from_end_to_end = torch.randint(0, 2, (8, 16), generator=generator) * 2.0 - 1.0
+        fastest = max(fastest, float(env.step(from_end_to_end).state["shadow_hand_dof_vel"].abs().max()))
+    # The original clamps at 6.283 rad/s; a finger may be thrown a little faster by its neighbour's joint.
+    assert 5.0 < fastest < 9.0
+
+
 def test_allegro_stands_where_the_specification_puts_it():
     model = AllegroHand.compile_model()
     data = mujoco.MjData(model)

@@ -16,6 +16,9 @@ STIFFNESS = 3.0  # [N m/rad]
 DAMPING = 0.1  # [N m s/rad]
 MAX_TORQUE = 0.5  # [N m]
 ARMATURE = 0.001  # [kg m2]
+MAX_SPEED = 6.283  # [rad/s]
+# The original clamps joint speeds. Cubic damping balances the drives' largest torque there; at 2 rad/s it is 3 % of it.
+SPEED_DAMPING = (0.0, 0.0, MAX_TORQUE / MAX_SPEED**3)
 
 
 class Shape(NamedTuple):
@@ -152,6 +155,7 @@ def add_link(spec: mujoco.MjSpec, parent: mujoco.MjsBody, name: str, link: Link)
         range=link.range,
         limited=True,
         armature=ARMATURE,
+        damping=SPEED_DAMPING,
     )
     drive = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     drive.set_to_position(kp=STIFFNESS, kv=DAMPING)
