@@ -1,4 +1,5 @@
-"""What Ant and Humanoid share: running towards a target so far ahead that it is a direction."""
+"""What legged robots share: floor, contact sensors, and, for Ant and Humanoid, running towards a target so far away
+that it is a direction."""
 
 from __future__ import annotations
 
@@ -191,20 +192,23 @@ def running_variables(*, joints: str, dofs: int, feet: int, torque: str, standin
 def add_foot_sensors(spec: mujoco.MjSpec, feet: Sequence[str]) -> None:
     """Sensors in the order that `Runner.foot_wrenches` reads: every contact, then every frame."""
     field = mujoco.mjtConDataField
-    force_torque_point = sum(1 << int(f) for f in (field.mjCONDATA_FORCE, field.mjCONDATA_TORQUE, field.mjCONDATA_POS))
-    net_force = 3  # reduction of all contacts to one wrench in the world frame
-    body = mujoco.mjtObj.mjOBJ_BODY
     for foot in feet:
-        spec.add_sensor(
-            name=f"{foot}_contact",
-            type=mujoco.mjtSensor.mjSENS_CONTACT,
-            objtype=body,
-            objname=foot,
-            intprm=[force_torque_point, net_force, 1],
-        )
+        add_contact_sensor(spec, foot, field.mjCONDATA_FORCE, field.mjCONDATA_TORQUE, field.mjCONDATA_POS)
     for foot in feet:
         for kind in (mujoco.mjtSensor.mjSENS_FRAMEPOS, mujoco.mjtSensor.mjSENS_FRAMEQUAT):
             spec.add_sensor(name=f"{foot}_{kind.name}", type=kind, objtype=mujoco.mjtObj.mjOBJ_XBODY, objname=foot)
+
+
+def add_contact_sensor(spec: mujoco.MjSpec, body: str, *fields: mujoco.mjtConDataField) -> None:
+    """These parts of the net wrench, in the world frame, that a body exerts on all it touches: minus what it feels."""
+    net_force = 3  # reduction of all contacts to one wrench
+    spec.add_sensor(
+        name=f"{body}_contact",
+        type=mujoco.mjtSensor.mjSENS_CONTACT,
+        objtype=mujoco.mjtObj.mjOBJ_BODY,
+        objname=body,
+        intprm=[sum(1 << int(field) for field in fields), net_force, 1],
+    )
 
 
 def add_floor(spec: mujoco.MjSpec, friction: float) -> None:
