@@ -24,3 +24,12 @@ class TestHumanoid(TaskConformance):
 
 class TestAnymal(TaskConformance):
     env = "anymal"
+
+
+class TestAllegroHand(TaskConformance):
+    env = "allegro_hand"
+
+
+class TestShadowHand(TaskConformance):
+    env = "shadow_hand"
+    start_overlap = 0.01  # the original's random spread angles may press neighbouring fingers together

@@ -23,6 +23,8 @@ _BUILT_IN = {
     "anymal": "openeureka.tasks.locomotion.anymal:Anymal",
     "ballbalance": "openeureka.tasks.classic.ballbalance:BallBalance",
     "quadcopter": "openeureka.tasks.classic.quadcopter:Quadcopter",
+    "allegro_hand": "openeureka.tasks.hands.allegro_hand:AllegroHand",
+    "shadow_hand": "openeureka.tasks.hands.shadow_hand:ShadowHand",
 }
 
 

@@ -11,8 +11,9 @@ from torch import Tensor
 
 from ...types import StateSpec, StateVar
 from ..rotations import root_state, rotate, rotate_inverse
+from ..sensors import add_contact_sensor
 from ..task import Recipe, Score, State, Task, mean_over_steps
-from .common import add_contact_sensor, add_floor
+from .common import add_floor
 
 START_HEIGHT = 0.62  # [m]; the feet hang 8 cm above the ground
 STIFFNESS, DAMPING, MAX_TORQUE = 85.0, 2.0, 80.0  # [N m/rad], [N m s/rad], [N m] of each joint's drive
