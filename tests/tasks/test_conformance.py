@@ -20,3 +20,7 @@ class TestAnt(TaskConformance):
 class TestHumanoid(TaskConformance):
     env = "humanoid"
     start_overlap = 0.1  # the original's random hip angles may cross the legs
+
+
+class TestFrankaCabinet(TaskConformance):
+    env = "franka_cabinet"

@@ -22,6 +22,7 @@ _BUILT_IN = {
     "humanoid": "openeureka.tasks.locomotion.humanoid:Humanoid",
     "ballbalance": "openeureka.tasks.classic.ballbalance:BallBalance",
     "quadcopter": "openeureka.tasks.classic.quadcopter:Quadcopter",
+    "franka_cabinet": "openeureka.tasks.manipulation.franka_cabinet:FrankaCabinet",
 }
 
 
