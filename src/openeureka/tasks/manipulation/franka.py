@@ -26,7 +26,8 @@ MAX_SPEED = (*[2.175] * 4, *[2.61] * 3, *[0.2] * 2)  # [rad/s, m/s]
 # distance of 2 cm, and runs at its limit of speed there.
 STIFFNESS = (*[400.0] * 7, *[1e4] * 2)
 DAMPING = (*[80.0] * 7, *[1e3] * 2)
-ARMATURE = (*[0.1] * 7, *[0.0] * 2)
+# [kg m^2, kg] Contacts give way by the mass behind them: fingers of 22 g would sink 6 mm into what they hold.
+ARMATURE = (*[0.1] * 7, *[1.0] * 2)
 # A drive pulled this far ahead of its joint settles at the joint's limit of speed, which PhysX enforces.
 MAX_LEAD = tuple(
     speed * damping / stiffness for speed, damping, stiffness in zip(MAX_SPEED, DAMPING, STIFFNESS, strict=True)
@@ -53,7 +54,8 @@ def franka_spec(*, pos: Sequence[float], quat: Sequence[float], contype: int, co
         file = Path(mesh.file)  # relative to a folder that the scene of the wheel sets
         mesh.file = str(chain.with_name("meshes") / file.parent.name / file.name)
         mesh.scale = [1, 1, 1]  # the wheel's fingers are longer
-        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+        if mesh.name.endswith("_col"):
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
     for body in spec.bodies[1:]:
         body.name = body.name.replace("panda0_", "panda_")
         body.gravcomp = 1.0
@@ -83,7 +85,7 @@ def _collide(spec: mujoco.MjSpec, contype: int, conaffinity: int) -> None:
             geom.contype, geom.conaffinity = contype, conaffinity
     for name, side in (("panda_leftfinger", 1.0), ("panda_rightfinger", -1.0)):
         finger = spec.body(name)
-        finger.ipos = [math.nan] * 3  # mass and inertia follow from the geoms
+        finger.explicitinertial, finger.ipos = False, [math.nan] * 3  # mass and inertia follow from the geoms
         finger.add_geom(
             spec.default,  # not those of the wheel's fingers
             name=name,

@@ -12,7 +12,7 @@ from torch import Tensor
 from ...types import StateSpec, StateVar
 from ..locomotion.common import scaled
 from ..rotations import rotate, xyzw
-from ..task import Recipe, Score, State, Task, mean_over_episodes
+from ..task import Recipe, Score, State, Task
 from .franka import MAX_LEAD, franka_spec
 
 DEFAULT_POSE = (1.157, -1.066, -0.155, -2.239, -1.841, 1.003, 0.469, 0.035, 0.035)  # [rad] and, fingers, [m]
@@ -48,6 +48,8 @@ PROP_SIZE, PROP_SPACING, PROP_DENSITY = 0.08, 0.09, 400.0  # [m], [m], [kg/m3]
 Extents = tuple[tuple[float, float], ...]
 _ARM = 1  # meets cabinet, cubes and floor; nothing meets its own parts
 _TOUCHED = {"contype": 0, "conaffinity": _ARM}
+# A time constant of two substeps: fingers at 2 m/s dent a drawer by 1 cm; with MuJoCo's 20 ms they get through it.
+_SOLREF, _SOLIMP = [0.011, 1.0], [0.95, 0.99, 0.001, 0.5, 2.0]
 
 
 class FrankaCabinet(Task):
@@ -56,7 +58,7 @@ class FrankaCabinet(Task):
     description = "to open the cabinet door"
     episode_length = 500
     control_dt = 0.0166
-    substeps = 2  # the original takes one
+    substeps = 3  # the original takes one
     num_observations = 23
     num_actions = 9
     clip_observations = 5.0
@@ -197,6 +199,8 @@ class FrankaCabinet(Task):
         for i in range(16):
             prop = top.add_body(name=f"prop{i}", pos=[(i // 4 - 1.5) * PROP_SPACING, (i % 4 - 1.5) * PROP_SPACING, 0])
             prop.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[half] * 3, density=PROP_DENSITY, **_TOUCHED)
+        for geom in spec.geoms:
+            geom.solref, geom.solimp = _SOLREF, _SOLIMP
         return spec
 
     def __init__(self, *args) -> None:
@@ -313,7 +317,15 @@ class FrankaCabinet(Task):
         self.franka_dof_targets[worlds] = pose
 
     def fitness(self, s: State, ended: Tensor) -> Score:
-        return mean_over_episodes(self.terminated(s), ended)
+        """Share of the episodes that open the drawer.
+
+        Each weighs its full length, step by step and the rest on success: among the finished ones alone, those that
+        succeed early would at first have no others beside them.
+        """
+        full = self.episode_length - 1
+        opened = self.terminated(s) & ended
+        weight = torch.where(opened, full + 1 - self.progress, 1).clamp(min=1).to(torch.float32)
+        return Score(torch.where(opened, full / weight, 0.0), weight)
 
     def human_reward(self, s: State) -> Tensor:
         distance = (s["drawer_grasp_pos"] - s["franka_grasp_pos"]).norm(dim=-1)
