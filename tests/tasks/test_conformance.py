@@ -24,3 +24,16 @@ class TestHumanoid(TaskConformance):
 
 class TestFrankaCabinet(TaskConformance):
     env = "franka_cabinet"
+
+
+class TestAnymal(TaskConformance):
+    env = "anymal"
+
+
+class TestAllegroHand(TaskConformance):
+    env = "allegro_hand"
+
+
+class TestShadowHand(TaskConformance):
+    env = "shadow_hand"
+    start_overlap = 0.01  # the original's random spread angles may press neighbouring fingers together

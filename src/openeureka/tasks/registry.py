@@ -20,9 +20,12 @@ _BUILT_IN = {
     "cartpole": "openeureka.tasks.classic.cartpole:Cartpole",
     "ant": "openeureka.tasks.locomotion.ant:Ant",
     "humanoid": "openeureka.tasks.locomotion.humanoid:Humanoid",
+    "anymal": "openeureka.tasks.locomotion.anymal:Anymal",
     "ballbalance": "openeureka.tasks.classic.ballbalance:BallBalance",
     "quadcopter": "openeureka.tasks.classic.quadcopter:Quadcopter",
     "franka_cabinet": "openeureka.tasks.manipulation.franka_cabinet:FrankaCabinet",
+    "allegro_hand": "openeureka.tasks.hands.allegro_hand:AllegroHand",
+    "shadow_hand": "openeureka.tasks.hands.shadow_hand:ShadowHand",
 }
 
 
