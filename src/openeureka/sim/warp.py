@@ -18,7 +18,7 @@ from ..errors import TaskError
 from .base import Simulator
 from .capacity import Capacity
 
-wp.config.quiet = True
+wp.config.log_level = wp.LOG_WARNING  # else a line for every kernel loaded
 
 LIMIT = 1e10
 """Magnitude of a position or velocity above which MuJoCo calls a state bad."""
