@@ -55,8 +55,8 @@ GOLDEN = {
         "line 2: `.item` turns tensor values into Python values [data-read]; stay with tensors of one value per world",
     ),
     "an import": (
-        "import numpy as np\ndef compute_reward(dof_pos):\n    return dof_pos[:, 0], {}\n",
-        "line 1: `numpy` cannot be imported [import]; only torch, math and typing are there; "
+        "import scipy\ndef compute_reward(dof_pos):\n    return dof_pos[:, 0], {}\n",
+        "line 1: `scipy` cannot be imported [import]; torch, math, typing and `np.pi` are there; "
         "helpers such as `quat_mul` need no import",
     ),
     "a while loop": (
