@@ -66,12 +66,9 @@ class Folder(ast.NodeTransformer):
         return self._constant(node)
 
     def visit_Call(self, node: ast.Call) -> ast.expr:
-        function = self._math(node.func)
         node.args = [self.visit(argument) for argument in node.args]
-        numbers = [_number(argument) for argument in node.args]
-        if not callable(function) or node.keywords or None in numbers:
-            return node
-        return _result(node, function, *numbers)
+        function, numbers = self._math(node.func), [_number(argument) for argument in node.args]
+        return node if function is None or node.keywords or None in numbers else _result(node, function, *numbers)
 
     def _constant(self, node: ast.expr) -> ast.expr:
         value = self._math(node)
@@ -87,11 +84,11 @@ class Folder(ast.NodeTransformer):
 
 
 def _number(node: ast.expr) -> Number | None:
-    negative = isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub)
-    literal = node.operand if negative else node
-    if not isinstance(literal, ast.Constant) or type(literal.value) not in (int, float):
-        return None
-    return -literal.value if negative else literal.value
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        positive = _number(node.operand)
+        return None if positive is None else -positive
+    value = node.value if isinstance(node, ast.Constant) else None
+    return value if isinstance(value, int | float) else None
 
 
 def _result(node: ast.expr, compute: Callable[..., Number], *numbers: Any) -> ast.expr:
