@@ -44,6 +44,7 @@ class RunConfig:
     worlds: int = 0
     """Worlds per candidate."""
     device: str = "cpu"
+    """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
     threads: int = 0
     """Simulation threads; 0 means all cores."""
     max_cost: float = 0.0

@@ -28,6 +28,7 @@ class TrainConfig:
     worlds: int = 0
     """Worlds per training."""
     device: str = "cpu"
+    """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
     threads: int = 0
     """Simulation threads; 0 means all cores."""
     dir: str = ""
