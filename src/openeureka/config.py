@@ -51,6 +51,8 @@ class RunConfig:
     """Stop before the spending on replies exceeds this many US dollars; 0 means no limit."""
     price: str = ""
     """`INPUT,OUTPUT` in US dollars per million tokens; empty means the built-in table of prices."""
+    baselines: str = "train"
+    """`train` the human and the sparse reward along, or take what openeureka has `known` of them beforehand."""
     video: str = "best"
     """`best` or `none`."""
     dir: str = ""
@@ -64,7 +66,8 @@ class RunConfig:
                 raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
         if self.seeds < 1:
             raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")
-        for key, allowed in (("search", ("best", "eureka")), ("video", ("best", "none"))):
+        choices = {"search": ("best", "eureka"), "baselines": ("train", "known"), "video": ("best", "none")}
+        for key, allowed in choices.items():
             if getattr(self, key) not in allowed:
                 raise ConfigError(f"`{key}` must be one of {', '.join(allowed)}, not `{getattr(self, key)}`.")
 
