@@ -18,7 +18,7 @@ import json
 import os
 import platform
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -64,39 +64,38 @@ def learn(env: str, jobs: Sequence[TrainJob], budget: TrainBudget, device: str, 
     """Train the lanes and score the peaks of F on held-out episodes; one record a lane."""
     trainer = PopulationTrainer(device, threads)
     started = time.perf_counter()
-    results: dict[str, TrainingResult] = {}
+    results: list[TrainingResult] = []
     for message in trainer.train(env, jobs, budget):
         if isinstance(message, TrainingProgress):
             best = ", ".join(f"{job} {value:.3g}" for job, value in message.fitness.items() if value is not None)
             print(f"\r{env} epoch {message.epoch}/{message.epochs}: {best}\033[K", end="", flush=True)
         else:
-            results[message.job] = message
+            results.append(message)
     print()
     minutes = (time.perf_counter() - started) / 60
     training = {"lanes": len(jobs), "minutes": round(minutes, 2), **machine(device)}
-    return {job: {**found, "training": training} for job, found in scored(env, results.values(), trainer).items()}
+    return {job: {**found, "training": training} for job, found in scored(env, results, trainer).items()}
 
 
-def scored(env: str, results: Iterable[TrainingResult], trainer: Trainer) -> Record:
+def scored(env: str, results: Sequence[TrainingResult], trainer: Trainer) -> Record:
     """Each lane's result as JSON, with the held-out scores of both its policies."""
-    results = {result.job: result for result in results}
-    at_fitness = {job: result.best_fitness.policy for job, result in results.items() if result.best_fitness}
-    at_reward = {job: result.best_reward.policy for job, result in results.items() if result.best_reward}
+    at_fitness = {result.job: result.best_fitness.policy for result in results if result.best_fitness}
+    at_reward = {result.job: result.best_reward.policy for result in results if result.best_reward}
     by_fitness, by_reward = (
         {score.job: score for score in trainer.evaluate(env, policies, seed=0)} for policies in (at_fitness, at_reward)
     )
     return {
-        job: {
+        result.job: {
             "state": str(result.state),
             "message": result.message,
             "env_steps": result.env_steps,
             "fitness_max_over_epochs": result.fitness,
-            "held_out_at_peak_of_fitness": _score(by_fitness.get(job)),
-            "held_out_at_peak_of_reward": _score(by_reward.get(job)),
+            "held_out_at_peak_of_fitness": _score(by_fitness.get(result.job)),
+            "held_out_at_peak_of_reward": _score(by_reward.get(result.job)),
             "correlation_with_human": result.correlation,
             "curves": thinned(result.curves),
         }
-        for job, result in results.items()
+        for result in results
     }
 
 

@@ -28,7 +28,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -50,7 +50,7 @@ from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
 from openeureka.testing.conformance.parity import compare
 from openeureka.training.executor import PopulationTrainer
-from openeureka.types import Candidate, PromptPlan, RewardGraph, TrainBudget, TrainingResult, TrainJob
+from openeureka.types import Candidate, PromptPlan, RewardGraph, TrainBudget, TrainingResult, TrainingState, TrainJob
 
 KINDS = ("parity", "raw", "env", "lanes", "processes", "human")
 RESULTS = Path(__file__).parent / "results" / "gpu.json"
@@ -140,6 +140,7 @@ def _stepper(env: str, worlds: int, device: str) -> Callable[[], None]:
 
     with wp.ScopedDevice(place):
         substeps()
+        mjw.reset_data(warp_model, data)
         graph = None
         if place.is_cuda:
             with wp.ScopedCapture() as capture:
@@ -261,6 +262,8 @@ def human(env: str, device: str, sizes: Sizes, rate: float) -> Found:
     began = time.perf_counter()
     results = [message for message in trainer.train(env, jobs, budget) if isinstance(message, TrainingResult)]
     seconds = time.perf_counter() - began
+    if failed := [result.message for result in results if result.state is TrainingState.FAILED]:
+        raise RuntimeError(failed[0])
     return {
         "worlds": sizes.worlds * seeds,
         "seconds_of_training": round(results[0].seconds, 1),
@@ -368,12 +371,12 @@ def main(words: Sequence[str] | None = None) -> None:
 
 
 def run(device: str, envs: Sequence[str], kinds: Sequence[str], sizes: Sizes, out: Path, again: bool) -> None:
-    """Every part that the file does not hold; parts of the same name with other sizes are refused."""
+    """Every part that the file does not hold."""
     found = read(out) or {"parts": {}}
-    settings = {**asdict(sizes), "lanes": list(sizes.lanes)}
-    if found["parts"] and found["sizes"] != settings:
-        raise SystemExit(f"{out} was measured with {found['sizes']}; name another file with --out.")
-    found |= {"date": datetime.now(UTC).date().isoformat(), "machine": attempt(machine, device), "sizes": settings}
+    size = {"worlds_per_lane": sizes.worlds, "lanes": list(sizes.lanes)}
+    if found["parts"] and found["size"] != size:
+        raise SystemExit(f"{out} was measured with {found['size']}; name another file with --out.")
+    found |= {"date": datetime.now(UTC).date().isoformat(), "machine": attempt(machine, device), "size": size}
     repeated: set[str] = set()
     for name, part, extra in plan(envs, kinds, sizes, found):
         if _done(found, name) and not (again and name not in repeated):

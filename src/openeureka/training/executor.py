@@ -57,7 +57,7 @@ class PopulationTrainer:
         kind = "cuda" if self._devices[0].startswith("cuda") else "cpu"
         self._max_worlds = max_worlds or MAX_WORLDS[kind]
 
-    def train(self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget) -> Iterator[Message]:
+    def train(self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget) -> Generator[Message]:
         """Train every job. A worker that dies or hangs is started again with those of its jobs that have no result yet,
         then once more for each of them alone; those that die even so are FAILED with the reason.
 
@@ -151,7 +151,7 @@ class _Tally:
         self._done += 1
 
 
-def _interleave(streams: Sequence[Generator[T | None]]) -> Iterator[T]:
+def _interleave(streams: Sequence[Generator[T | None]]) -> Generator[T]:
     """What the streams yield, as it comes; None means that a stream has nothing yet. All of them end together."""
     running = list(streams)
     try:
