@@ -18,7 +18,7 @@ from ..errors import TaskError
 from .base import Simulator
 from .capacity import Capacity
 
-wp.config.quiet = True
+wp.config.log_level = wp.LOG_WARNING  # else a line for every kernel loaded
 
 LIMIT = 1e10
 """Magnitude of a position or velocity above which MuJoCo calls a state bad."""
@@ -53,6 +53,7 @@ class WarpSimulator(Simulator):
         self._device = wp.get_device(device)
         self.device = torch.device(device)
         self._plain = mujoco.MjData(model)
+        self._moving_anchors = bool(np.isin(model.eq_type, (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)).any())
         with wp.ScopedDevice(self._device):
             self._model = mjw.put_model(model)
             self._data = mjw.make_data(
@@ -164,7 +165,7 @@ class WarpSimulator(Simulator):
         if changed:
             with wp.ScopedDevice(self._device):
                 mjw.set_const(self._model, self._data)
-                mjw.step1(self._model, self._data)
+                self._refresh()
             self._expanded |= {name: (values, values._version) for name, values in changed.items()}
 
     def _launch(self, substeps: int) -> None:
@@ -184,7 +185,7 @@ class WarpSimulator(Simulator):
         model, data = self._model, self._data
         with wp.ScopedDevice(self._device):
             if not substeps:
-                mjw.step1(model, data)
+                self._refresh()
                 mjw.fwd_actuation(model, data)
                 mjw.fwd_acceleration(model, data)
                 mjw.solve(model, data)
@@ -192,9 +193,18 @@ class WarpSimulator(Simulator):
             for _ in range(substeps):
                 mjw.step2(model, data)
                 wp.copy(self._kept, data.sensordata)
-                mjw.step1(model, data)
+                self._refresh()
             if substeps and self._late.size:
                 wp.launch(_keep, dim=data.sensordata.shape, inputs=[self._late, self._kept], outputs=[data.sensordata])
+
+    def _refresh(self) -> None:
+        """Everything that follows from positions and velocities alone."""
+        if self._moving_anchors:
+            # The acceleration of an anchor, needed with the positions, comes from velocities that follow only later in
+            # step1 (mujoco_warp 4.0): without this the feet of BallBalance are held by those of the step before.
+            mjw.fwd_kinematics(self._model, self._data)
+            mjw.com_vel(self._model, self._data)
+        mjw.step1(self._model, self._data)
 
     def _widen(self, field: str) -> None:
         """Give an array that all worlds share a row for each."""

@@ -8,7 +8,7 @@ from torch import Tensor
 
 def xyzw(wxyz: Tensor) -> Tensor:
     """MuJoCo's order to the order every state variable uses."""
-    return wxyz[..., [1, 2, 3, 0]]
+    return wxyz.roll(-1, -1)
 
 
 def rotate(quat: Tensor, vector: Tensor) -> Tensor:
