@@ -28,7 +28,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -102,8 +102,7 @@ def _version(package: str) -> str | None:
 
 def parity(env: str, device: str, sizes: Sizes) -> Found:
     """How far this device's simulator strays from the CPU's."""
-    differences = compare(env, device, sizes.parity_steps)
-    return {"steps": sizes.parity_steps, "variables": {d.variable: [d.median, d.worst] for d in differences}}
+    return {"differences": [asdict(found) for found in compare(env, device, sizes.parity_steps)]}
 
 
 def raw(env: str, device: str, sizes: Sizes) -> Found:
@@ -349,8 +348,9 @@ def line(name: str, part: Found) -> str:
         return f"{name:32s} held-out F {shown} after {part['seconds_of_training']:.0f} s of training"
     if "steps_per_second" in part:
         return f"{name:32s} {part['steps_per_second']:>12,} steps/s"
-    variable, (median, worst) = next(iter(part["variables"].items()))
-    return f"{name:32s} at most {worst:.2g} (median {median:.2g}), of {variable}"
+    worst = part["differences"][0]
+    shown = ", ".join(f"{key} {value:.2g}" for key, value in worst.items() if key != "variable")
+    return f"{name:32s} {worst['variable']} differs most: {shown}"
 
 
 def main(words: Sequence[str] | None = None) -> None:
