@@ -69,7 +69,7 @@ def test_lanes_that_are_too_many_for_one_simulation_train_one_population_after_a
 def test_progress_of_one_population_after_another_counts_on(monkeypatch: pytest.MonkeyPatch):
     trainer = PopulationTrainer(max_worlds=1)
     step = TrainingProgress(epoch=2, epochs=4, env_steps_per_second=1.0, fitness={})
-    monkeypatch.setattr(trainer, "_train", lambda *_: iter([step]))
+    monkeypatch.setattr(trainer, "_train", lambda *_: (message for message in [step]))
     jobs = [TrainJob(id=name, program="human") for name in "ab"]
     seen = [m for m in trainer.train("cartpole", jobs, TrainBudget(worlds=1)) if isinstance(m, TrainingProgress)]
     assert [(m.epoch, m.epochs) for m in seen] == [(2, 8), (6, 8)]

@@ -19,6 +19,8 @@ def main() -> None:
         options = {"device": header["device"], "threads": header["threads"]}
         if header["threads"]:
             torch.set_num_threads(header["threads"])
+        if header["device"].startswith("cuda"):
+            torch.cuda.set_device(header["device"])  # graphs are captured on the current device
         if header["do"] == "train":
             env, jobs, budget = unpack_jobs(header)
             for message in Population(env, jobs, budget, **options).train():
