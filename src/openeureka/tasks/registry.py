@@ -22,6 +22,8 @@ _BUILT_IN = {
     "humanoid": "openeureka.tasks.locomotion.humanoid:Humanoid",
     "ballbalance": "openeureka.tasks.classic.ballbalance:BallBalance",
     "quadcopter": "openeureka.tasks.classic.quadcopter:Quadcopter",
+    "allegro_hand": "openeureka.tasks.hands.allegro_hand:AllegroHand",
+    "shadow_hand": "openeureka.tasks.hands.shadow_hand:ShadowHand",
 }
 
 

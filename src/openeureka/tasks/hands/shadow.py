@@ -27,9 +27,9 @@ def add_shadow_hand(
     """Attach one hand to a scene and return its root, the forearm's mount: fixed, unless a joint is added to it.
 
     With no rotation the fingers point along -y and the palm faces up, 0.29 m from the mount. Names are those of the
-    wheel's file with `prefix`, which must not be empty, in place of `robot0:` (bodies `palm`, `ffdistal`, joints `FFJ3`,
-    drives `A_FFJ3`, collision geoms `C_palm0`). Bodies, joints and drives come in the file's order; the scene keeps its
-    own options.
+    wheel's file with `prefix`, which must not be empty, in place of `robot0:` (bodies `palm`, `ffdistal`, joints
+    `FFJ3`, drives `A_FFJ3`, collision geoms `C_palm0`). Bodies, joints and drives come in the file's order, and the
+    scene keeps its own options.
 
     Beside the file, as the originals have it: no gravity on the hand, no tendons but the couplings. Left out: friction
     in the joints (0.001 N m), which costs a constraint row each, and the margin of the joint limits.
