@@ -19,7 +19,7 @@ TIPS = tuple(f"{side}_{tip}" for side in SIDES for tip in FINGERTIPS)
 
 _MASS = 5.01  # [kg] of a hand
 _INERTIA = 0.0265  # [kg m2] about a transverse axis
-_CENTRE_OF_MASS = (0.002, 0.008, 0.292)  # [m] in the mount's frame, fingers straight
+_CENTRE = (0.001, 0.008, 0.29)  # [m] centre of mass of the forearm in the mount's frame; the hand's is 2 mm from it
 _DRAG = 100.0  # [1/s]
 _OTHER_HAND = 4  # collision bit
 
@@ -112,9 +112,9 @@ class Scene:
 
 
 def _unfix(mount: mujoco.MjsBody, side: str) -> None:
-    """Let a hand move and turn about its centre of mass, against drag.
+    """Let a hand move, and turn about the point where forces push it, against drag.
 
-    The original damps every link; a drag that acted on the mount instead would turn the hand when a force pushes it.
+    The original damps every link; a drag that acted on the mount instead would turn a hand that is pushed.
     """
     for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1)):
         mount.add_joint(
@@ -126,7 +126,7 @@ def _unfix(mount: mujoco.MjsBody, side: str) -> None:
     mount.add_joint(
         name=f"{side}_base_turn",
         type=mujoco.mjtJoint.mjJNT_BALL,
-        pos=_CENTRE_OF_MASS,
+        pos=_CENTRE,
         damping=[_DRAG * _INERTIA, 0, 0],
     )
 

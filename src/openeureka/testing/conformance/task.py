@@ -30,11 +30,13 @@ class TaskConformance:
         env: name or import string of the task.
         random_start: whether episodes start differently.
         start_overlap: deepest penetration of any contact in a start pose [m].
+        random_worlds: worlds that are under random control for two seconds.
     """
 
     env: str
     random_start = True
     start_overlap = 1e-3
+    random_worlds = 256
 
     def test_state_variables_are_those_of_the_spec(self) -> None:
         simulation = self._make(worlds=5)
@@ -128,7 +130,7 @@ class TaskConformance:
             assert not bool((step.terminated & step.timed_out).any())
 
     def test_two_seconds_of_random_control_raise_no_warning(self) -> None:
-        simulation = self._make(worlds=256, threads=0)
+        simulation = self._make(worlds=self.random_worlds, threads=0)
         simulation.reset()
         _random_steps(simulation, round(2.0 / simulation.task.control_dt))
         assert simulation.bad_total == 0
