@@ -1,6 +1,8 @@
 import pytest
+import torch
 
 from openeureka.tasks.bimanual.common import distance, finger_distances
+from openeureka.tasks.joints import scaled
 
 from .worlds import fresh, press, scored, state_with
 
@@ -54,3 +56,14 @@ def test_the_doors_stay_shut_by_themselves() -> None:
     assert float((state["door_right_handle_pos"] - state["door_left_handle_pos"])[0, 1]) == pytest.approx(
         0.067, abs=0.005
     )
+
+
+def test_hands_that_go_straight_ahead_push_the_doors_open() -> None:
+    simulation = fresh(DOOR)
+    lower, upper = torch.from_numpy(simulation.sim.model.actuator_ctrlrange.T)
+    straight = scaled(torch.zeros(40), lower, upper).clamp(-1.0, 1.0).tolist()  # fingers and wrists
+    right = [-1.0, -0.35, 0.0, 0.0, 0.0, 0.0, *straight[:20]]  # ahead, and a little inwards
+    left = [-1.0, 0.35, 0.0, 0.0, 0.0, 0.0, *straight[20:]]
+    steps = [simulation.step(torch.tensor([right + left])) for _ in range(180)]
+    assert not any(bool(step.done) for step in steps)
+    assert [float(steps[at].score.value) for at in (0, 100, 179)] == [0.0, 0.0, 1.0]

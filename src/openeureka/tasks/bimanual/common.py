@@ -70,7 +70,8 @@ class TwoHands(Task):
         order = [joint.id for joint in fingers]
         self.driven = torch.tensor([order.index(joint) for joint in model.actuator_trnid[:, 0]], device=device)
         self.forearms = [int(model.body(f"{side}_forearm").id) for side in SIDES]
-        self.full_push = _float32([_FORCE * self.transition_scale] * 3 + [_TORQUE * self.orientation_scale] * 3, device)
+        force, torque = _FORCE * self.transition_scale, _TORQUE * self.orientation_scale
+        self.full_push = _float32([force] * 3 + [torque] * 3, device)
 
         self.start = _float32(model.qpos0, device)
         for name, value in self.scene.angles.items():
@@ -78,8 +79,8 @@ class TwoHands(Task):
         if self.goal:
             goal_rot = xyzw(_float32(quaternion(*self.goal.euler), device))
             self.goal_pose = torch.cat((_float32(self.goal.pos, device), goal_rot)).repeat(self.num_envs, 1)
-        self.succeeded = torch.zeros(self.num_envs, device=device)
-        self.outcome = self.succeeded
+        self.successes = torch.zeros(self.num_envs, device=device)
+        self.outcome = self.successes
 
     def apply_action(self, actions: Tensor) -> None:
         """Of each hand, right then left: force and torque on the base where it moves, then the joints' target angles,
@@ -104,7 +105,7 @@ class TwoHands(Task):
             "dof_lower_limits": self.dof_lower,
             "dof_upper_limits": self.dof_upper,
             "dof_force_tensor": self.drive_forces[:, self.rate_columns],
-            "vec_sensor_tensor": contact_wrenches(self.sensors[:, : 16 * len(TIPS)], len(TIPS)).flatten(1),
+            "vec_sensor_tensor": contact_wrenches(self.sensors, len(TIPS)).flatten(1),
             "actions": self.actions.clone(),
             "num_envs": self.num_envs,
         }
@@ -116,7 +117,7 @@ class TwoHands(Task):
                 "goal_rot": goal_pose[:, 3:],
                 "rotation_distance": rotation_distance(frames["object_rot"], goal_pose[:, 3:]),
             }
-        return {name: values[name] for name in self.spec.names if name in values}
+        return {name: values[name] for name in self.spec.names if name in values}  # the original exposes no more
 
     def observe(self, s: State) -> Tensor:
         """The hands and the object; what else is observed, the task appends."""
@@ -134,7 +135,7 @@ class TwoHands(Task):
                 for side in SIDES
             ]
             per_hand.insert(-1, torch.cat(bases, dim=-1))
-        hands = torch.cat([part.reshape(self.num_envs, 2, -1) for part in per_hand], dim=-1).flatten(1)
+        hands = torch.cat([part.reshape(len(part), 2, -1) for part in per_hand], dim=-1).flatten(1)
         return torch.cat((hands, s["object_pose"], s["object_linvel"], s["object_angvel"] * 0.2), dim=-1)
 
     def terminated(self, s: State) -> Tensor:
@@ -151,7 +152,7 @@ class TwoHands(Task):
             angles = (angles + self.joint_noise * spread).clamp(self.dof_lower, self.dof_upper)
             self.qpos[worlds[:, None], self.angle_columns] = angles
         self.ctrl[worlds] = angles[:, self.driven]
-        self.succeeded = self.succeeded.index_fill(0, worlds, 0.0)
+        self.successes = self.successes.index_fill(0, worlds, 0.0)
 
     @abstractmethod
     def success(self, s: State) -> Tensor:
@@ -159,8 +160,8 @@ class TwoHands(Task):
 
     def fitness(self, s: State, ended: Tensor) -> Score:
         """The first success of an episode stands until its end."""
-        self.succeeded = torch.where(self.succeeded > 0.0, self.succeeded, self.success(s).to(torch.float32))
-        self.outcome = self.succeeded
+        self.successes = torch.where(self.successes > 0.0, self.successes, self.success(s).to(torch.float32))
+        self.outcome = self.successes
         return mean_over_episodes(self.outcome, ended)
 
     def sparse_reward(self, s: State) -> Tensor:
