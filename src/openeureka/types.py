@@ -216,10 +216,12 @@ class TrainJob:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainBudget:
-    """What each lane may spend; zero means the task's default."""
+    """What each lane may spend, zero meaning the task's default, and under which rules."""
 
     env_steps: int = 0
     worlds: int = 0
+    bonus: bool = False
+    """Add the task's `success_bonus` to generated rewards, as the original does."""
 
 
 class TrainingState(StrEnum):

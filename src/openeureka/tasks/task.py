@@ -123,6 +123,10 @@ class Task(ABC):
     def sparse_reward(self, s: State) -> Tensor:
         """(N,) reward that is the fitness itself, per world."""
 
+    def success_bonus(self, s: State) -> Tensor | None:
+        """(N,) what the original adds to every generated reward on success, unknown to its author; None for nothing."""
+        return None
+
     @classmethod
     def compile_model(cls) -> mujoco.MjModel:
         """Compile `model()` at this task's timestep."""

@@ -122,10 +122,15 @@ class AllegroHand(Reorientation):
         spec.compiler.degree = False
         spec.worldbody.add_light(pos=[0, 0, 5])
         mount = spec.worldbody.add_body(
-            name="mount", pos=[0, 0, 0.5], quat=[0.257551, 0.283045, 0.683330, -0.621782], gravcomp=1
+            name="mount",
+            pos=[0, 0, 0.5],
+            quat=[0.257551, 0.283045, 0.683330, -0.621782],
+            mass=0.05,
+            inertia=[1e-4] * 3,
+            explicitinertial=True,
         )
         palm = mount.add_body(
-            name="palm", pos=[-0.008219, -0.02063, 0.08086], quat=quaternion((0.0, -1.5708, 0.785398)), gravcomp=1
+            name="palm", pos=[-0.008219, -0.02063, 0.08086], quat=quaternion((0.0, -1.5708, 0.785398))
         )
         add_shape(palm, "palm", Shape(0.4154, half=(0.050, 0.0585, 0.049), at=(-0.008, 0.0085, -0.049)))
         for finger, links in FINGERS.items():

@@ -42,6 +42,7 @@ def add_shadow_hand(
         TaskError: when the wheel's files are missing.
     """
     hand = _load()
+    hand.option = scene.option
     mount = hand.body("hand mount")
     mount.pos = [0, 0, 0]
     for body in hand.bodies:
@@ -58,14 +59,13 @@ def add_shadow_hand(
 
 
 def _load() -> mujoco.MjSpec:
-    """The wheel's scene with plain names; sizes and options are unset, so that attaching them clashes with nothing."""
+    """The wheel's scene with plain names and no sizes, which would clash with those of the scene it is attached to."""
     scene = wheel_file("gymnasium_robotics", "envs/assets/hand/reach.xml")
     parts = ("shared.xml", "shared_asset.xml", "robot.xml")
     include = {part: (scene.parent / part).read_text().replace("robot0:", "").encode() for part in parts}
     spec = mujoco.MjSpec.from_string(scene.read_text(), include=include)
     for mesh in spec.meshes:
         mesh.file = str(scene.parent.parent / "stls" / "hand" / mesh.file)
-    spec.option.iterations = mujoco.MjSpec().option.iterations
     for size in ("njmax", "nconmax", "nuser_jnt", "nuser_site", "nuser_tendon", "nuser_actuator", "nuser_sensor"):
         setattr(spec, size, -1)
     return spec
