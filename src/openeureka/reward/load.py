@@ -37,9 +37,13 @@ def _tensor(data: Any, **options: Any) -> Tensor:
     """`torch.tensor`, also of lists of tensors: torch's own reads their numbers out where tracing cannot see it."""
     if isinstance(data, Tensor):
         return torch.as_tensor(data, **options).clone()
-    if isinstance(data, list | tuple) and any(isinstance(part, Tensor | list | tuple) for part in data):
+    if _holds_tensor(data):
         return torch.stack([_tensor(part, **options) for part in data])
     return torch.tensor(data, **options)
+
+
+def _holds_tensor(data: Any) -> bool:
+    return isinstance(data, Tensor) or (isinstance(data, list | tuple) and any(map(_holds_tensor, data)))
 
 
 # torch's own write in place below the level that tracing sees, read numbers out, or leave memory as it was.
