@@ -53,24 +53,30 @@ class Replay:
         return graph
 
 
-def waits(function: Callable[[], object]) -> list[str]:
+def waits(function: Callable[[], object], *, uploads: bool = False) -> list[str]:
     """Operations of one call whose result's size or value the host must know before it can go on.
 
     On a GPU each is a stall and none can be recorded; what they are does not depend on the device that `function` runs on.
+
+    Args:
+        uploads: name tensors made from several Python numbers too, which a GPU must be sent.
     """
-    with _Listener() as listener:
+    with _Listener(uploads) as listener:
         function()
     return listener.heard
 
 
 class _Listener(TorchDispatchMode):
-    def __init__(self) -> None:
+    def __init__(self, uploads: bool) -> None:
         super().__init__()
+        self.uploads = uploads
         self.heard: list[str] = []
 
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         name = func.overloadpacket.__name__
-        if name in _WAIT or (name in _INDEX and any(_is_mask(index) for index in args[1])):
+        picks = name in _INDEX and any(_is_mask(index) for index in args[1])
+        uploads = self.uploads and name == "lift_fresh" and args[0].dim() > 0  # single numbers travel with the launch
+        if name in _WAIT or picks or uploads:
             self.heard.append(str(func))
         return func(*args, **(kwargs or {}))
 
