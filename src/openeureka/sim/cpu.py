@@ -110,11 +110,11 @@ class CpuSimulator(Simulator):
         bad = (count > self._seen).any(axis=1)
         bad[failed] = True
         np.copyto(self._seen, count)
-        self.bad.copy_(torch.from_numpy(bad))
+        self.bad.numpy()[:] = bad
 
 
 def _indices(worlds: Tensor) -> np.ndarray:
-    return worlds.nonzero()[:, 0].numpy() if worlds.dtype == torch.bool else worlds.numpy()
+    return np.flatnonzero(worlds.numpy()) if worlds.dtype == torch.bool else worlds.numpy()
 
 
 def _float32(array: np.ndarray) -> Tensor:

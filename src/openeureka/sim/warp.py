@@ -98,6 +98,12 @@ class WarpSimulator(Simulator):
         self._push()
         self._launch(substeps)
         self._note_bad()
+        # As MuJoCo does, so that a broken world's numbers spoil no sum; derived fields follow with the caller's reset.
+        for name in (*_STATE, "qacc_warmstart", "sensordata"):
+            _put(self._defaults[name][0], self.bad, self._defaults[name][1])
+        for name, tensor in self._bound.items():
+            if name not in self._defaults:
+                tensor.masked_fill_(self.bad.view(-1, *[1] * (tensor.dim() - 1)), 0.0)
 
     def reset(self, worlds: Tensor) -> None:
         chosen = self._mask(worlds)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping
 
 import torch
@@ -14,6 +15,8 @@ from .policy import Player, Policy
 HELD_OUT_SEED = 1 << 32
 """Added to the seed, so that no start state of training is drawn again."""
 WORLDS = 256
+LOOK = 32
+"""[steps]"""
 
 
 def evaluate(
@@ -49,13 +52,17 @@ def evaluate(
     def per_lane(x: Tensor) -> Tensor:
         return x.double().view(lanes, worlds).sum(1)
 
-    while bool(running.any()):
+    for number in itertools.count():
+        # On a GPU the host looks now and then whether any world still plays: looking waits for the device.
+        if number % (LOOK if simulation.masked else 1) == 0 and not bool(running.any()):
+            break
         step = simulation.step(play(observation))
         value, weight = step.score.value, step.score.weight * running
         total += torch.stack([per_lane(x) for x in (value * weight, weight, running)])
         running &= ~step.done
         observation = step.observation
         after_step()
+    simulation.check()
     return [
         Evaluation(
             job=job,

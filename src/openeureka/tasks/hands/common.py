@@ -56,6 +56,7 @@ class Reorientation(Task):
         self.driven = torch.from_numpy(model.actuator_trnid[:, 0]).to(device, torch.int64)
         self.goal_pos = torch.tensor(self.goal_position, device=device).repeat(self.num_envs, 1)
         self.goal_rot = torch.tensor([0.0, 0.0, 0.0, 1.0], device=device).repeat(self.num_envs, 1)
+        self.middle = torch.tensor(self.object_start, device=device)
         self.goals_reached = torch.zeros(self.num_envs, device=device)
         self.everywhere = torch.arange(self.num_envs, device=device)
 
@@ -126,8 +127,7 @@ class Reorientation(Task):
         """Joints near zero, the cube above the palm, both at rest; drive targets are the joints' own angles."""
         noise = self.noise.uniform(worlds, self.num_dofs, self.dof_lower_limits, self.dof_upper_limits)
         angles = (JOINT_NOISE * noise).clamp(self.dof_lower_limits, self.dof_upper_limits)
-        middle = torch.tensor(self.object_start, device=self.device)
-        position = middle + self.noise.uniform(worlds, 3, -POSITION_NOISE, POSITION_NOISE)
+        position = self.middle + self.noise.uniform(worlds, 3, -POSITION_NOISE, POSITION_NOISE)
         rotation = self._random_rotation(worlds)
         self.qpos[worlds] = torch.cat((angles, position, wxyz(rotation)), dim=-1)
         self.ctrl[worlds] = angles[:, self.driven]
