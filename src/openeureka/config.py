@@ -14,6 +14,8 @@ from omegaconf.errors import OmegaConfBaseException
 
 from .errors import ConfigError, nearest
 
+BONUSES = ("none", "original")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunConfig:
@@ -43,6 +45,8 @@ class RunConfig:
     """Environment steps per candidate."""
     worlds: int = 0
     """Worlds per candidate."""
+    bonus: str = "none"
+    """`none`, or `original`: hand tasks add 250 on success to generated rewards, as the original does."""
     device: str = "cpu"
     """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
     threads: int = 0
@@ -66,7 +70,12 @@ class RunConfig:
                 raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
         if self.seeds < 1:
             raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")
-        choices = {"search": ("best", "eureka"), "baselines": ("train", "known"), "video": ("best", "none")}
+        choices = {
+            "search": ("best", "eureka"),
+            "bonus": BONUSES,
+            "baselines": ("train", "known"),
+            "video": ("best", "none"),
+        }
         for key, allowed in choices.items():
             if getattr(self, key) not in allowed:
                 raise ConfigError(f"`{key}` must be one of {', '.join(allowed)}, not `{getattr(self, key)}`.")

@@ -80,7 +80,9 @@ class Lanes:
                 twins.setdefault(f"{job.seed} {job.program}", []).append(job)
         wanted = [group[0] for group in twins.values()]
         sharing = {group[0].id: group for group in twins.values()}
-        budget = TrainBudget(env_steps=self.config.steps, worlds=self.config.worlds)
+        budget = TrainBudget(
+            env_steps=self.config.steps, worlds=self.config.worlds, bonus=self.config.bonus == "original"
+        )
         failed: list[TrainingResult] = []
         for event in self.trainer.train(self.config.env, wanted, budget) if wanted else ():
             if isinstance(event, TrainingProgress):

@@ -70,7 +70,7 @@ def _train(
 ) -> dict[str, TrainingResult]:
     """Results by job; policies and curves of each are written as soon as it is there."""
     results: dict[str, TrainingResult] = {}
-    budget = TrainBudget(env_steps=config.steps, worlds=config.worlds)
+    budget = TrainBudget(env_steps=config.steps, worlds=config.worlds, bonus=config.bonus == "original")
     with ProgressLine() as line:
         for report in trainer.train(config.env, jobs, budget):
             if isinstance(report, TrainingProgress):

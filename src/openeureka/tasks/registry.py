@@ -20,8 +20,11 @@ _BUILT_IN = {
     "cartpole": "openeureka.tasks.classic.cartpole:Cartpole",
     "ant": "openeureka.tasks.locomotion.ant:Ant",
     "humanoid": "openeureka.tasks.locomotion.humanoid:Humanoid",
+    "anymal": "openeureka.tasks.locomotion.anymal:Anymal",
     "ballbalance": "openeureka.tasks.classic.ballbalance:BallBalance",
     "quadcopter": "openeureka.tasks.classic.quadcopter:Quadcopter",
+    "allegro_hand": "openeureka.tasks.hands.allegro_hand:AllegroHand",
+    "shadow_hand": "openeureka.tasks.hands.shadow_hand:ShadowHand",
 }
 
 

@@ -11,6 +11,11 @@ def xyzw(wxyz: Tensor) -> Tensor:
     return wxyz.roll(-1, -1)
 
 
+def wxyz(xyzw: Tensor) -> Tensor:
+    """The order of every state variable to MuJoCo's."""
+    return xyzw[..., [3, 0, 1, 2]]
+
+
 def rotate(quat: Tensor, vector: Tensor) -> Tensor:
     """Turn body-frame vectors (..., 3) into the world frame; leading axes broadcast."""
     axis, vector = torch.broadcast_tensors(quat[..., :3], vector)
@@ -25,6 +30,19 @@ def rotate_inverse(quat: Tensor, vector: Tensor) -> Tensor:
     w = quat[..., 3:]
     cross = 2.0 * torch.linalg.cross(axis, vector)
     return vector - w * cross + torch.linalg.cross(axis, cross)
+
+
+def multiply(a: Tensor, b: Tensor) -> Tensor:
+    """The turn by b, then by a; leading axes broadcast."""
+    u, v = torch.broadcast_tensors(a[..., :3], b[..., :3])
+    s, t = a[..., 3:], b[..., 3:]
+    vector = s * v + t * u + torch.linalg.cross(u, v)
+    return torch.cat((vector, s * t - (u * v).sum(dim=-1, keepdim=True)), dim=-1)
+
+
+def conjugate(quat: Tensor) -> Tensor:
+    """The opposite turn, of a unit quaternion."""
+    return torch.cat((-quat[..., :3], quat[..., 3:]), dim=-1)
 
 
 def euler_xyz(quat: Tensor) -> tuple[Tensor, Tensor, Tensor]:

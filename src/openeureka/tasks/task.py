@@ -135,6 +135,10 @@ class Task(ABC):
         tensors = {name: value for name, value in vars(self).items() if isinstance(value, Tensor)}
         return {name: value for name, value in tensors.items() if value.shape[:1] == (self.num_envs,)}
 
+    def success_bonus(self, s: State) -> Tensor | None:
+        """(N,) what the original adds to every generated reward on success, unknown to its author; None for nothing."""
+        return None
+
     @classmethod
     def compile_model(cls) -> mujoco.MjModel:
         """Compile `model()` at this task's timestep."""

@@ -180,7 +180,8 @@ class TaskConformance:
             if variable.kind in ("world", "constant"):
                 leading = (worlds,) if variable.kind == "world" else ()
                 assert tuple(value.shape) == (*leading, *variable.shape), f"{name} is {tuple(value.shape)}"
-                assert value.dtype == torch.float32, f"{name} is {value.dtype}"
+                allowed = (torch.float32,) if variable.kind == "world" else (torch.float32, torch.int64)
+                assert value.dtype in allowed, f"{name} is {value.dtype}"
                 assert bool(value.isfinite().all()), f"{name} is not finite"
             else:
                 expected = float if variable.kind == "float" else int
