@@ -13,7 +13,7 @@ def xyzw(wxyz: Tensor) -> Tensor:
 
 def wxyz(xyzw: Tensor) -> Tensor:
     """The order of every state variable to MuJoCo's."""
-    return xyzw[..., [3, 0, 1, 2]]
+    return xyzw.roll(1, -1)
 
 
 def rotate(quat: Tensor, vector: Tensor) -> Tensor:

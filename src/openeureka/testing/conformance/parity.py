@@ -18,8 +18,8 @@ class Difference:
     """Of one state variable between two devices, as |a - b| / (1 + |a|)."""
 
     variable: str
-    typical: float
-    """Median over worlds and steps, of the largest over a world's numbers."""
+    median: float
+    """Over worlds and steps, of the largest over a world's numbers."""
     usual: float
     """99 % of worlds and steps are below."""
     worst: float
