@@ -83,6 +83,12 @@ def test_a_worker_that_hangs_is_given_up(monkeypatch: pytest.MonkeyPatch):
     assert "did not answer in time" in result.message
 
 
+def test_an_evaluation_may_take_longer_than_a_worker_may_be_silent(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    (score,) = PopulationTrainer(module="evaluating_worker", silence=2.0).evaluate("cartpole", {"a": b""}, seed=0)
+    assert (score.job, score.fitness, score.episode_length, score.episodes) == ("a", 1.0, 2.0, 3)
+
+
 def test_an_unknown_environment_is_an_error_of_the_caller_and_not_of_the_worker():
     with pytest.raises(TaskError, match="Did you mean `cartpole`"):
         list(PopulationTrainer().train("cartpol", [TrainJob(id="a", program="human")], TrainBudget(worlds=1)))

@@ -43,10 +43,10 @@ def contact_wrenches(readings: Tensor, bodies: int) -> Tensor:
     substep, seen in the frame after it.
 
     Args:
-        readings: `sensordata` (N, S) of a model whose only sensors are those of `add_wrench_sensors`.
+        readings: `sensordata` (N, S) of a model whose first sensors are those of `add_wrench_sensors`.
     """
     contact = readings[:, : bodies * _CONTACT].view(-1, bodies, 3, 3)
-    frame = readings[:, bodies * _CONTACT :].view(-1, bodies, _FRAME)
+    frame = readings[:, bodies * _CONTACT : bodies * (_CONTACT + _FRAME)].view(-1, bodies, _FRAME)
     force, torque, point = contact.unbind(-2)
     torque = torque + torch.linalg.cross(point - frame[..., :3], force)
     quat = xyzw(frame[..., 3:]).unsqueeze(-2)

@@ -100,7 +100,7 @@ class PopulationTrainer:
         """Held-out score of each policy, on the first device. Raises WorkerError when the worker dies."""
         if policies:
             for frame in self._ask({"do": "evaluate", "env": env, "seed": seed}, policies, self._devices[0]):
-                if frame is not None:
+                if frame is not None and "score" in frame.header:
                     yield Evaluation(**frame.header["score"])
 
     def _ask(self, request: Mapping[str, Any], blobs: Mapping[str, bytes], device: str) -> Generator[Frame | None]:

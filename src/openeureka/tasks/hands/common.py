@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, ClassVar
 
 import mujoco
@@ -13,7 +12,7 @@ from torch import Tensor
 from ...types import StateVar
 from ..assets import wheel_file
 from ..joints import scaled, unscaled
-from ..rotations import conjugate, multiply, root_state, wxyz, xyzw
+from ..rotations import conjugate, multiply, root_state, rotation_distance, tumble, wxyz, xyzw
 from ..task import Score, State, Task, mean_over_episodes
 
 Vector = tuple[float, float, float]
@@ -169,16 +168,7 @@ class Reorientation(Task):
         self.marker[worlds, 0] = wxyz(rotation)
 
     def _random_rotation(self, worlds: Tensor) -> Tensor:
-        """A random turn about y, then one about x, as the original draws them: not uniform over rotations."""
-        half = 0.5 * math.pi * self.noise.uniform(worlds, 2, -1.0, 1.0)
-        (sin_x, sin_y), (cos_x, cos_y) = half.sin().unbind(-1), half.cos().unbind(-1)
-        return torch.stack((sin_x * cos_y, cos_x * sin_y, sin_x * sin_y, cos_x * cos_y), dim=-1)
-
-
-def rotation_distance(a: Tensor, b: Tensor) -> Tensor:
-    """Angle in [0, pi] between orientations (..., 4)."""
-    vector = multiply(a, conjugate(b))[..., :3]
-    return 2.0 * torch.asin(torch.linalg.vector_norm(vector, dim=-1).clamp(max=1.0))
+        return tumble(self.noise.uniform(worlds, 2, -1.0, 1.0))
 
 
 def add_cube(spec: mujoco.MjSpec, side: float, density: float, start: Vector, goal: Vector) -> None:
