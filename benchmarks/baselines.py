@@ -192,14 +192,15 @@ def main(words: Sequence[str] | None = None) -> None:
         if not jobs:
             print(f"{env}: all is known")
             continue
-        entry["lanes"] |= learn(env, jobs, budget, options.device, options.threads)
-        entry["lanes"] = {job: entry["lanes"][job] for job in sorted(entry["lanes"], key=_place)}
+        learned = learn(env, jobs, budget, options.device, options.threads)
+        # What diverged is a result, and what died with its worker is none.
+        lanes = entry["lanes"] | {job: lane for job, lane in learned.items() if lane["state"] != "failed"}
+        entry["lanes"] = {job: lanes[job] for job in sorted(lanes, key=_place)}
         write(options.out, dict(sorted({**found, env: entry}.items())))
         write(options.shipped, summary(read(options.out)))
-        for job in jobs:
-            lane = entry["lanes"][job.id]
+        for job, lane in learned.items():
             held_out = lane["held_out_at_peak_of_fitness"]["fitness"]
-            print(f"{env} {job.id}: F {lane['fitness_max_over_epochs']}, held out {held_out}")
+            print(f"{env} {job}: F {lane['fitness_max_over_epochs']}, held out {held_out} {lane['message']}".rstrip())
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Human and sparse F of every task: measured once, kept, summarised and shipped."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -8,6 +9,7 @@ import pytest
 
 from openeureka import baselines as shipped
 from openeureka.testing.scripted import ToyTrainer
+from openeureka.types import TrainingState
 
 ROOT = Path(__file__).parents[2]
 
@@ -57,6 +59,14 @@ def test_what_is_known_is_not_repeated(go, tmp_path):
         "ant": ["human-s0", "human-s1", "sparse-s0", "sparse-s1"],
         "cartpole": ["human-s0", "sparse-s0"],
     }
+
+
+def test_a_lane_that_died_is_trained_again_and_one_that_diverged_is_not(go, monkeypatch):
+    states = {"human-s0": TrainingState.FAILED, "sparse-s0": TrainingState.DIVERGED}
+    train = ToyTrainer._result
+    monkeypatch.setattr(ToyTrainer, "_result", lambda self, job: replace(train(self, job), state=states[job.id]))
+    go("--env", "ant", "--seeds", "1")
+    assert go("--env", "ant", "--seeds", "1") == ["human-s0"]
 
 
 def test_numbers_of_another_budget_are_not_mixed_in(go):

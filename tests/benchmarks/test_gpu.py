@@ -108,9 +108,9 @@ def test_simulation_is_measured(gpu, sizes):
 def test_trainings_are_measured(gpu, sizes):
     programs = gpu.rewards(ENV, 3)
     assert len({str(program) for program in programs}) == 3
-    found = gpu.training(ENV, "cpu", sizes, lanes=3, processes=3)
-    assert found["worlds"] == 12 and found["steps_per_second"] > 0
-    assert found["nodes_per_reward"] == sum(len(program.nodes) for program in programs) / 3
+    found = gpu.training(ENV, "cpu", sizes, lanes=2, processes=2)
+    assert found["worlds"] == 8 and found["steps_per_second"] > 0
+    assert found["nodes_per_reward"] == sum(len(program.nodes) for program in programs[:2]) / 2
 
 
 def test_the_human_reward_is_trained_for_a_time_and_scored(gpu, sizes, monkeypatch):
