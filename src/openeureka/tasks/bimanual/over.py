@@ -1,4 +1,4 @@
-"""Hand over: two palms face up, finger to finger; the egg is thrown from the right one to the left one."""
+"""The right hand throws an egg to the left one, both palms up, fingers facing each other."""
 
 from __future__ import annotations
 
