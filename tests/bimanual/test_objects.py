@@ -72,6 +72,12 @@ def test_parts_add_up_to_the_mass(thing: Thing, mass: float) -> None:
     assert model.body("object").subtreemass[0] == pytest.approx(mass, rel=1e-6)
 
 
+def test_the_pot_is_balanced_about_its_base_wherever_it_stands() -> None:
+    model, data = placed(objects.Pot(), pos=(0.2, 0, 1))
+    assert data.body("object").xipos == pytest.approx((0.2, 0, 1))
+    assert model.body("object").inertia == pytest.approx((0.4, 0.4, 0.2))
+
+
 @pytest.mark.parametrize(
     ("thing", "height"),
     [

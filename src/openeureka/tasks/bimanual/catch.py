@@ -15,7 +15,7 @@ from .variables import FINGERTIPS, ROTATION_DISTANCE, goal_variables, thing_vari
 CAUGHT = 0.03  # [m] between egg and goal
 
 EGG_VARIABLES = (
-    *thing_variables("object", "the egg"),
+    *thing_variables("object", "egg"),
     *goal_variables("where the egg should come to rest"),
     *FINGERTIPS,
     ROTATION_DISTANCE,

@@ -1,4 +1,4 @@
-"""What the two-handed tasks share: two Shadow Hands, an object, and a flag that stays up once the task is done."""
+"""What the two-handed tasks share, from two Shadow Hands to a success that stands once it is reached."""
 
 from __future__ import annotations
 

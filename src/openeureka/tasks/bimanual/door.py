@@ -17,8 +17,8 @@ GAP = 0.5  # [m] between the handles, above which the doors count as open
 SIDEWAYS = 1.57  # [rad], as the original has it
 
 DOOR_VARIABLES = (
-    *thing_variables("object", "the door's frame"),
-    *goal_variables("unused, a point far above the doors"),
+    *thing_variables("object", "frame of the doors, which is fixed"),
+    *goal_variables("unused, far above the doors", use="raw"),
     *FINGERTIPS,
     *PALMS,
     *RIGHT_FINGERS,

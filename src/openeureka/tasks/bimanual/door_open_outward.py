@@ -1,4 +1,4 @@
-"""Door open outward: each hand pushes its leaf of a double door away."""
+"""Each hand pushes its leaf of a closed double door open, away from itself."""
 
 from __future__ import annotations
 

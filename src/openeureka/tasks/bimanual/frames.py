@@ -1,4 +1,4 @@
-"""Where bodies and sites are, through sensors that bear the names of the state variables."""
+"""Where bodies and sites are, by sensors named like the state variables."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""What the two hands handle, built from primitives with the sizes and masses of the original models.
+"""What the two hands handle, built from primitives in the original sizes.
 
 Each object is a frozen description that knows how to fill a body, whose frame is the object's base frame (z up). It
 adds sites for points on its moving parts; points that are fixed to the base frame are given where it is placed.
+Masses are in kg; friction is that of a contact with a hand, the average of both materials as in PhysX.
 """
 
 from __future__ import annotations
@@ -157,7 +158,7 @@ class Bottle:
     """Of the slide [N/m]."""
     damping: float = 1.0
     friction: float = 5.0
-    """Effective; the original's 50 would be as good as glue in MuJoCo too, but badly conditioned."""
+    """The original's is 50; both hold the bottle like glue."""
 
     def build(self, body: mujoco.MjsBody) -> None:
         axis = (-0.001, -0.001)

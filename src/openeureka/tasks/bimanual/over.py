@@ -1,4 +1,4 @@
-"""Hand over: two palms face up, finger to finger; the egg is thrown from the right one to the left one."""
+"""The right hand throws an egg to the left one, both palms up, fingers facing each other."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ShadowHandOver(Catch):
         right=Pose(pos=(0, 0, 0.5)),
         left=Pose(pos=(0, -1, 0.5), euler=(0, 0, math.pi)),
         hands_move=False,
-        things={"object": Placed(thing=Egg(), pos=(0, -0.39, 0.54))},
+        things={"object": Placed(thing=Egg(), pos=(0, -0.39, 0.555))},  # 0.54 in the original, inside the palm at times
     )
     goal = Pose(pos=(0, -0.64, 0.54))
     joint_noise = 0.2

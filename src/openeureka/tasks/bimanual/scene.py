@@ -1,4 +1,4 @@
-"""Two Shadow Hands, both right ones as in the original, and the things between them."""
+"""Two Shadow Hands, both right ones as in the original, and what is between them."""
 
 from __future__ import annotations
 

@@ -95,8 +95,10 @@ def surface(friction: float) -> dict[str, object]:
 
 
 def set_inertia(body: mujoco.MjsBody, mass: float, inertia: Vector) -> None:
+    """About the body's origin, whatever its shapes."""
     body.explicitinertial = True
     body.mass, body.inertia = mass, inertia
+    body.ipos, body.iquat = (0, 0, 0), (1, 0, 0, 0)  # unset, MuJoCo takes the body's own pose
 
 
 def add_slide(

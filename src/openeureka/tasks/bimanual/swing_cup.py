@@ -1,4 +1,4 @@
-"""Swing cup: the hands take a cup by its two handles and turn it by half a turn."""
+"""The hands take a cup by its two handles and turn it by half a turn."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ class ShadowHandSwingCup(TwoHands):
     goal = Pose(pos=(0, 0, 5.6), euler=(0, 0, -math.pi / 2))
     spec = two_handed(
         num_observations,
-        *thing_variables("object", "the cup"),
-        *goal_variables("pose the cup should be turned to; its position means nothing"),
+        *thing_variables("object", "cup"),
+        *goal_variables("orientation the cup should be turned to, far above it", use="raw"),
         ROTATION_DISTANCE,
         *FINGERTIPS,
         *PALMS,

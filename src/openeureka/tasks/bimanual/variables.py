@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...types import StateSpec, StateVar
+from ...types import StateSpec, StateUse, StateVar
 from ..hands.shadow import FINGERS
 from .scene import SIDES
 
@@ -11,39 +11,30 @@ _MOVING = f"{_POSE}, linear velocity [m/s], angular velocity [rad/s]"
 _FINGER_NAMES = ("first finger", "middle finger", "ring finger", "little finger", "thumb")
 
 
-def point_variables(name: str, meaning: str) -> tuple[StateVar, StateVar]:
+def point_variables(name: str, meaning: str, *, use: StateUse = "point") -> tuple[StateVar, StateVar]:
     """Position and orientation of a point of interest."""
     return (
-        StateVar(name=f"{name}_pos", shape=(3,), meaning=f"{meaning} [m], world frame", use="point"),
-        StateVar(name=f"{name}_rot", shape=(4,), meaning=f"orientation of {meaning}, quaternion x y z w"),
+        StateVar(name=f"{name}_pos", shape=(3,), meaning=f"{meaning}: position [m], world frame", use=use),
+        StateVar(name=f"{name}_rot", shape=(4,), meaning=f"{meaning}: orientation, quaternion x y z w"),
     )
 
 
 def thing_variables(name: str, meaning: str) -> tuple[StateVar, ...]:
     """Pose and velocities of a thing."""
-    return (
-        StateVar(name=f"{name}_pose", shape=(7,), meaning=f"{meaning}: {_POSE}, world frame"),
-        *point_variables(name, f"centre of {meaning}"),
-        StateVar(
-            name=f"{name}_linvel",
-            shape=(3,),
-            meaning=f"linear velocity of {meaning} [m/s], world frame",
-            use="zero_centred",
-        ),
-        StateVar(
-            name=f"{name}_angvel",
-            shape=(3,),
-            meaning=f"angular velocity of {meaning} [rad/s], world frame",
-            use="zero_centred",
-        ),
-    )
-
-
-def goal_variables(meaning: str, name: str = "goal") -> tuple[StateVar, ...]:
-    """Pose of a goal."""
+    rate = {"shape": (3,), "use": "zero_centred"}
     return (
         StateVar(name=f"{name}_pose", shape=(7,), meaning=f"{meaning}: {_POSE}, world frame"),
         *point_variables(name, meaning),
+        StateVar(name=f"{name}_linvel", meaning=f"{meaning}: linear velocity [m/s], world frame", **rate),
+        StateVar(name=f"{name}_angvel", meaning=f"{meaning}: angular velocity [rad/s], world frame", **rate),
+    )
+
+
+def goal_variables(meaning: str, name: str = "goal", *, use: StateUse = "point") -> tuple[StateVar, ...]:
+    """Pose of a goal; `use` is `raw` where its position means nothing."""
+    return (
+        StateVar(name=f"{name}_pose", shape=(7,), meaning=f"{meaning}: {_POSE}, world frame"),
+        *point_variables(name, meaning, use=use),
     )
 
 
@@ -61,7 +52,11 @@ RIGHT_FINGERS, LEFT_FINGERS = (
     )
     for side in SIDES
 )
-BASES = (*point_variables("right_base", "right forearm's end"), *point_variables("left_base", "left forearm's end"))
+BASES = tuple(
+    variable
+    for side in SIDES
+    for variable in point_variables(f"{side}_base", f"lower end of the {side} forearm", use="raw")
+)
 ROTATION_DISTANCE = StateVar(
     name="rotation_distance",
     meaning="angle between the orientations of object and goal [rad], 0 to pi",
