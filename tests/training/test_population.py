@@ -50,7 +50,7 @@ def test_a_success_bonus_trains_generated_rewards_only_and_shows_in_no_curve(mon
         return 250.0 * (s["pole_angle"].abs() < 0.05)
 
     monkeypatch.setattr(Cartpole, "success_bonus", bonus)
-    jobs = [TrainJob(id=name, program=program) for name, program in (("own", upright()), ("human", "human"))]
+    jobs = [TrainJob(id="own", program=upright()), TrainJob(id="human", program="human")]
     trained: dict[bool, Population] = {}
     for switch in (False, True):
         trained[switch] = Population("cartpole", jobs, dataclasses.replace(SMALL, bonus=switch), threads=1)

@@ -174,8 +174,12 @@ class Reorientation(Task):
 def add_cube(spec: mujoco.MjSpec, side: float, density: float, start: Vector, goal: Vector) -> None:
     """The cube and, beside its goal position, a picture of the goal; both wear the wheel's lettered faces.
 
-    Add them last: `Reorientation` takes what comes before for the hand.
+    Light and camera too. Add them last: `Reorientation` takes what comes before for the hand.
     """
+    spec.worldbody.add_light(pos=[0, 0, 5])
+    camera = spec.worldbody.add_camera(name="front", pos=[goal[0] - 0.08, goal[1] - 0.42, goal[2] + 0.45])
+    half_turn = math.pi / 8
+    camera.quat = [math.cos(half_turn), math.sin(half_turn), 0, 0]  # looks along y and 45 degrees down, at the palm
     picture = wheel_file("gymnasium_robotics", "envs/assets/textures/block.png")
     texture = spec.add_texture(name=OBJECT, type=mujoco.mjtTexture.mjTEXTURE_CUBE, file=str(picture))
     texture.gridsize, texture.gridlayout = [3, 4], ".U..LFRB.D.."
