@@ -96,10 +96,13 @@ class Sampler:
 
     def _afford(self, count: int) -> None:
         """Stop before a request that would, at the mean price so far, pass the limit."""
-        replies, limit = self.store.replies(), self.config.max_cost
+        limit = self.config.max_cost
+        if not limit:
+            return
+        replies = self.store.replies()
         spent = sum(reply.usage.cost_usd for reply in replies)
         price = spent / len(replies) if replies else 0.0
-        if limit and spent + price * count > limit:
+        if spent + price * count > limit:
             raise BudgetError(
                 f"{count} more replies would pass max_cost={limit:g}: {spent:.2f} US dollars are spent. "
                 "Nothing is lost; run the same command with a higher max_cost to go on."

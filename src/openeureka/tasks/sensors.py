@@ -14,19 +14,23 @@ _CONTACT = 9  # numbers of one body's contact sensor: force, torque, point of at
 _FRAME = 7  # numbers of one body's frame sensors: position, quaternion
 
 
+def add_contact_sensor(spec: mujoco.MjSpec, body: str, *fields: mujoco.mjtConDataField) -> None:
+    """These parts of the net wrench, in the world frame, that a body exerts on all it touches: minus what it feels."""
+    net_force = 3  # reduction of all contacts to one wrench
+    spec.add_sensor(
+        name=f"{body}_contact",
+        type=mujoco.mjtSensor.mjSENS_CONTACT,
+        objtype=mujoco.mjtObj.mjOBJ_BODY,
+        objname=body,
+        intprm=[sum(1 << int(field) for field in fields), net_force, 1],
+    )
+
+
 def add_wrench_sensors(spec: mujoco.MjSpec, bodies: Sequence[str]) -> None:
     """Sensors in the order that `contact_wrenches` reads: every contact, then every frame."""
     field = mujoco.mjtConDataField
-    force_torque_point = sum(1 << int(f) for f in (field.mjCONDATA_FORCE, field.mjCONDATA_TORQUE, field.mjCONDATA_POS))
-    net_force = 3  # reduction of all contacts to one wrench in the world frame
     for body in bodies:
-        spec.add_sensor(
-            name=f"{body}_contact",
-            type=mujoco.mjtSensor.mjSENS_CONTACT,
-            objtype=mujoco.mjtObj.mjOBJ_BODY,
-            objname=body,
-            intprm=[force_torque_point, net_force, 1],
-        )
+        add_contact_sensor(spec, body, field.mjCONDATA_FORCE, field.mjCONDATA_TORQUE, field.mjCONDATA_POS)
     for body in bodies:
         for kind in (mujoco.mjtSensor.mjSENS_FRAMEPOS, mujoco.mjtSensor.mjSENS_FRAMEQUAT):
             spec.add_sensor(name=f"{body}_{kind.name}", type=kind, objtype=mujoco.mjtObj.mjOBJ_XBODY, objname=body)
@@ -39,10 +43,10 @@ def contact_wrenches(readings: Tensor, bodies: int) -> Tensor:
     substep, seen in the frame after it.
 
     Args:
-        readings: `sensordata` (N, S) of a model whose only sensors are those of `add_wrench_sensors`.
+        readings: `sensordata` (N, S) of a model whose first sensors are those of `add_wrench_sensors`.
     """
     contact = readings[:, : bodies * _CONTACT].view(-1, bodies, 3, 3)
-    frame = readings[:, bodies * _CONTACT :].view(-1, bodies, _FRAME)
+    frame = readings[:, bodies * _CONTACT : bodies * (_CONTACT + _FRAME)].view(-1, bodies, _FRAME)
     force, torque, point = contact.unbind(-2)
     torque = torque + torch.linalg.cross(point - frame[..., :3], force)
     quat = xyzw(frame[..., 3:]).unsqueeze(-2)

@@ -13,7 +13,7 @@ from torch import Tensor
 from ...types import StateVar
 from ..assets import wheel_file
 from ..joints import scaled, unscaled
-from ..rotations import conjugate, multiply, root_state, wxyz, xyzw
+from ..rotations import conjugate, multiply, root_state, rotation_distance, tumble, wxyz, xyzw
 from ..task import Score, State, Task, mean_over_episodes
 
 Vector = tuple[float, float, float]
@@ -57,6 +57,7 @@ class Reorientation(Task):
         self.driven = torch.from_numpy(model.actuator_trnid[:, 0]).to(device, torch.int64)
         self.goal_pos = torch.tensor(self.goal_position, device=device).repeat(self.num_envs, 1)
         self.goal_rot = torch.tensor([0.0, 0.0, 0.0, 1.0], device=device).repeat(self.num_envs, 1)
+        self.middle = torch.tensor(self.object_start, device=device)
         self.goals_reached = torch.zeros(self.num_envs, device=device)
         self.everywhere = torch.arange(self.num_envs, device=device)
 
@@ -127,8 +128,7 @@ class Reorientation(Task):
         """Joints near zero, the cube above the palm, both at rest; drive targets are the joints' own angles."""
         noise = self.noise.uniform(worlds, self.num_dofs, self.dof_lower_limits, self.dof_upper_limits)
         angles = (JOINT_NOISE * noise).clamp(self.dof_lower_limits, self.dof_upper_limits)
-        middle = torch.tensor(self.object_start, device=self.device)
-        position = middle + self.noise.uniform(worlds, 3, -POSITION_NOISE, POSITION_NOISE)
+        position = self.middle + self.noise.uniform(worlds, 3, -POSITION_NOISE, POSITION_NOISE)
         rotation = self._random_rotation(worlds)
         self.qpos[worlds] = torch.cat((angles, position, wxyz(rotation)), dim=-1)
         self.ctrl[worlds] = angles[:, self.driven]
@@ -169,16 +169,7 @@ class Reorientation(Task):
         self.marker[worlds, 0] = wxyz(rotation)
 
     def _random_rotation(self, worlds: Tensor) -> Tensor:
-        """A random turn about y, then one about x, as the original draws them: not uniform over rotations."""
-        half = 0.5 * math.pi * self.noise.uniform(worlds, 2, -1.0, 1.0)
-        (sin_x, sin_y), (cos_x, cos_y) = half.sin().unbind(-1), half.cos().unbind(-1)
-        return torch.stack((sin_x * cos_y, cos_x * sin_y, sin_x * sin_y, cos_x * cos_y), dim=-1)
-
-
-def rotation_distance(a: Tensor, b: Tensor) -> Tensor:
-    """Angle in [0, pi] between orientations (..., 4)."""
-    vector = multiply(a, conjugate(b))[..., :3]
-    return 2.0 * torch.asin(torch.linalg.vector_norm(vector, dim=-1).clamp(max=1.0))
+        return tumble(self.noise.uniform(worlds, 2, -1.0, 1.0))
 
 
 def add_cube(spec: mujoco.MjSpec, side: float, density: float, start: Vector, goal: Vector) -> None:

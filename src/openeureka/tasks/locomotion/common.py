@@ -1,4 +1,5 @@
-"""What Ant and Humanoid share: running towards a target so far ahead that it is a direction."""
+"""What legged robots share: floor, contact sensors, and, for Ant and Humanoid, running towards a target so far away
+that it is a direction."""
 
 from __future__ import annotations
 

@@ -19,6 +19,7 @@ from openeureka.tasks.env import BatchedEnv, Step
 from openeureka.tasks.record import record_states
 from openeureka.tasks.registry import get, make
 from openeureka.tasks.task import Score, State
+from openeureka.training.replay import waits
 
 _HIDDEN = ("fitness", "human_reward", "sparse_reward", "terminated", "reset")
 
@@ -28,11 +29,15 @@ class TaskConformance:
 
     Attributes:
         env: name or import string of the task.
+        random_start: whether episodes start differently.
         start_overlap: deepest penetration of any contact in a start pose [m].
+        random_worlds: worlds that are under random control for two seconds.
     """
 
     env: str
+    random_start = True
     start_overlap = 1e-3
+    random_worlds = 256
 
     def test_state_variables_are_those_of_the_spec(self) -> None:
         simulation = self._make(worlds=5)
@@ -65,8 +70,9 @@ class TaskConformance:
         simulation = self._make(worlds=4, lane_seeds=(7, 7, 8))
         start = simulation.reset()
         assert torch.equal(start[0:4], start[4:8])
-        assert not torch.equal(start[0:4], start[8:12])
-        assert not torch.equal(start[0], start[1])
+        if self.random_start:
+            assert not torch.equal(start[0:4], start[8:12])
+            assert not torch.equal(start[0], start[1])
         actions = torch.zeros(12, simulation.task.num_actions)
         steps = [simulation.step(actions) for _ in range(10)]
         assert all(torch.equal(step.observation[0:4], step.observation[4:8]) for step in steps)
@@ -102,6 +108,31 @@ class TaskConformance:
         after, expected = broken.step(actions), sound.step(actions)
         assert torch.equal(after.observation[others], expected.observation[others]), "their next episodes differ"
 
+    def test_a_reset_by_mask_is_a_reset_by_index(self) -> None:
+        by_index, by_mask = self._make(worlds=6), self._make(worlds=6)
+        by_mask.masked = True  # as on a GPU
+        for simulation in (by_index, by_mask):
+            simulation.reset()
+            simulation.task.progress[1::2] = simulation.task.episode_length - 4
+        for a, b in zip(_random_steps(by_index, 8), _random_steps(by_mask, 8), strict=True):
+            expected, found = _tensors(a), _tensors(b)
+            different = [name for name, tensor in expected.items() if not torch.equal(found[name], tensor)]
+            assert not different, f"{different} differ: is there memory that is no attribute of the task?"
+
+    def test_a_step_asks_a_gpu_nothing(self) -> None:
+        simulation = self._make(worlds=4)
+        simulation.masked = True
+        simulation.reset()
+        simulation.task.progress[::2] = simulation.task.episode_length - 2
+        actions = torch.zeros(4, simulation.task.num_actions)
+
+        def step() -> None:
+            state = simulation.step(actions).state
+            for reward in (simulation.task.human_reward, simulation.task.sparse_reward, simulation.task.success_bonus):
+                reward(state)
+
+        assert waits(step, uploads=True) == [], "each of these would stall a GPU"
+
     def test_an_episode_is_cut_off_one_step_before_its_length(self) -> None:
         simulation = self._make(worlds=4)
         simulation.reset()
@@ -125,7 +156,7 @@ class TaskConformance:
             assert not bool((step.terminated & step.timed_out).any())
 
     def test_two_seconds_of_random_control_raise_no_warning(self) -> None:
-        simulation = self._make(worlds=256, threads=0)
+        simulation = self._make(worlds=self.random_worlds, threads=0)
         simulation.reset()
         _random_steps(simulation, round(2.0 / simulation.task.control_dt))
         assert simulation.bad_total == 0
