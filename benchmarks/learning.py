@@ -25,7 +25,7 @@ from openeureka.training.executor import PopulationTrainer
 from openeureka.types import TrainBudget, TrainingProgress, TrainingResult, TrainJob
 
 RESULTS = Path(__file__).parent / "results"
-TASKS = ("cartpole", "ballbalance", "quadcopter", "ant", "humanoid", "anymal")
+TASKS = ("cartpole", "ballbalance", "quadcopter", "ant", "humanoid", "anymal", "franka_cabinet")
 REWARDS = ("human", "sparse")
 POINTS = 40  # of each curve in the file
 

@@ -1,4 +1,5 @@
 import pytest
+import torch
 
 from openeureka.cli import doctor
 from openeureka.cli.doctor import Finding
@@ -22,3 +23,12 @@ def test_only_what_a_run_needs_fails_the_doctor(needed, code, mark, monkeypatch,
 def test_installed_packages_are_found_and_missing_ones_said():
     assert all(finding.good for finding in doctor.packages())
     assert doctor._package("no-such-package") == Finding("no-such-package", False, "pip install no-such-package")
+
+
+def test_gpus_are_counted_or_what_they_lack_is_said(monkeypatch):
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 0)
+    (absent,) = doctor.gpus()
+    assert not absent.good and not absent.needed and "use device=cpu" in absent.detail
+    monkeypatch.setattr("openeureka.training.devices.check_device", lambda _: None)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    assert doctor.gpus() == [Finding("device=cuda", True, "trains on cuda:0, cuda:1")]

@@ -48,6 +48,20 @@ def test_silence_is_a_timeout_and_close_kills(worker: Worker):
     assert worker.process.returncode == -signal.SIGKILL
 
 
+def test_a_frame_that_is_there_can_be_waited_for_without_reading_it(worker: Worker):
+    assert not worker.ready(0.0)
+    for text in "ab":
+        worker.send({"do": "echo", "text": text})
+    for text in "ab":  # both may have come in one piece
+        assert worker.ready(20.0)
+        assert worker.receive(20.0).header["text"] == text
+    assert not worker.ready(0.0)
+    worker.send({"do": "die"})
+    assert worker.ready(20.0), "an end is something to read, or nobody would notice it"
+    with pytest.raises(WorkerDied):
+        worker.receive(20.0)
+
+
 def test_garbage_is_refused_before_it_is_read_into_memory(worker: Worker):
     worker.send({"do": "garbage"})
     with pytest.raises(WorkerDied, match="oversized"):

@@ -236,10 +236,10 @@ def test_a_robot_dropped_on_its_back_fails_on_impact_and_not_before():
     env = make()
     placed(env, [0, 0, 0.5, 0, 1, 0, 0], [0] * 6)
     # The lidar reaches 0.1335 + 0.06 + 0.07 = 0.2635 m up, so it falls 0.2365 m: sqrt(2 * 0.2365 / 9.81) = 0.22 s.
-    lengths = [env.step(torch.zeros(2, 12)) for _ in range(14)]
-    failed = [bool(step.terminated[0]) for step in lengths]
+    steps = [env.step(torch.zeros(2, 12)) for _ in range(14)]
+    failed = [bool(step.terminated[0]) for step in steps]
     assert failed.index(True) in (10, 11)
-    assert not any(bool(step.terminated[1]) for step in lengths)
+    assert not any(bool(step.terminated[1]) for step in steps)
 
 
 def test_fitness_is_minus_the_squared_errors_on_every_step():

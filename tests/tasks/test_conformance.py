@@ -22,6 +22,10 @@ class TestHumanoid(TaskConformance):
     start_overlap = 0.1  # the original's random hip angles may cross the legs
 
 
+class TestFrankaCabinet(TaskConformance):
+    env = "franka_cabinet"
+
+
 class TestAnymal(TaskConformance):
     env = "anymal"
 

@@ -50,7 +50,7 @@ def test_a_success_bonus_trains_generated_rewards_only_and_shows_in_no_curve(mon
         return 250.0 * (s["pole_angle"].abs() < 0.05)
 
     monkeypatch.setattr(Cartpole, "success_bonus", bonus)
-    jobs = [TrainJob(id=name, program=program) for name, program in (("own", upright()), ("human", "human"))]
+    jobs = [TrainJob(id="own", program=upright()), TrainJob(id="human", program="human")]
     trained: dict[bool, Population] = {}
     for switch in (False, True):
         trained[switch] = Population("cartpole", jobs, dataclasses.replace(SMALL, bonus=switch), threads=1)
@@ -145,7 +145,7 @@ def step_of(score: Score, ended: bool) -> Step:
 def test_an_epoch_without_a_finished_episode_has_no_fitness():
     curves = Curves(lanes=1, worlds=2)
     zero = torch.zeros(2)
-    curves.add(step_of(Score(zero, zero), ended=False), zero.view(1, 2), zero.view(1, 2), [{}])
+    curves.add(step_of(Score(zero, zero), ended=False), zero.view(1, 2), zero.view(1, 2), torch.zeros(0))
     assert curves.close_epoch() == ([None], [0.0])
     assert curves.curves[0]["episode_length"] == [None]
 
@@ -156,7 +156,7 @@ def test_fitness_looks_back_over_the_window_and_weighs_episodes_alike():
     found = []
     for values, weights in (([10.0, 20.0], [1.0, 1.0]), ([30.0, 99.0], [1.0, 0.0]), ([50.0, 70.0], [1.0, 1.0])):
         score = Score(torch.tensor(values), torch.tensor(weights))
-        curves.add(step_of(score, ended=True), zero, zero, [{}])
+        curves.add(step_of(score, ended=True), zero, zero, torch.zeros(0))
         found += curves.close_epoch()[0]
     # (10 + 20) / 2; (10 + 20 + 30) / 3; (30 + 50 + 70) / 3
     assert found == [15.0, 20.0, 50.0]

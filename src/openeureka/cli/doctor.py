@@ -8,11 +8,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
+from ..errors import ConfigError
 from ..llm import weights
 from ..report import video
 from ..report.text import columns
 from ..report.video import VideoUnavailable
 from ..sandbox import confine
+from ..training.devices import devices
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +54,14 @@ def _package(name: str) -> Finding:
 def cores() -> list[Finding]:
     """Cores this process may use: a container often offers fewer than the machine has."""
     return [Finding("threads", True, f"{len(os.sched_getaffinity(0))} of {os.cpu_count()} cores usable")]
+
+
+def gpus() -> list[Finding]:
+    """Counts them without taking any memory there."""
+    try:
+        return [Finding("device=cuda", True, f"trains on {', '.join(devices('cuda'))}")]
+    except ConfigError as error:
+        return [Finding("device=cuda", False, str(error), needed=False)]
 
 
 def confinement() -> list[Finding]:
@@ -94,6 +104,7 @@ LOOKS: tuple[Callable[[], list[Finding]], ...] = (
     python,
     packages,
     cores,
+    gpus,
     confinement,
     rendering,
     embedded_model,

@@ -31,6 +31,7 @@ class TrainConfig:
     bonus: str = "none"
     """`none`, or `original`: hand tasks add 250 on success to generated rewards, as the original does."""
     device: str = "cpu"
+    """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
     threads: int = 0
     """Simulation threads; 0 means all cores."""
     dir: str = ""

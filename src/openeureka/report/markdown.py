@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..config import RunConfig, as_dict, short_name
-from ..score import Outcome
+from ..score import Baselines, Outcome
 from ..types import History, Scored, Usage
 from .run import Run
 from .stats import by_generation, trained_share
@@ -18,7 +18,7 @@ def report(run: Run) -> str:
         f"# {short_name(run.config.env)}: search for a reward",
         _verdict(run),
         "![Summary](summary.png)",
-        _final(run.outcome),
+        _final(run.outcome, run.known),
         _generations(run.history),
         _best(run.history.best),
         _failures(run.history),
@@ -36,12 +36,14 @@ def _verdict(run: Run) -> str:
     return f"{note}\n\n{_table(('search', 'F'), rows)}"
 
 
-def _final(outcome: Outcome | None) -> str:
+def _final(outcome: Outcome | None, known: Baselines | None) -> str:
     if outcome is None:
         return "## Final scores\n\nThe final trainings are not done yet."
     arms = {"best generated reward": outcome.method, "human reward": outcome.human, "sparse reward": outcome.sparse}
     seeds = len(outcome.method.training)
     note = f"Mean ± standard deviation, fresh seeds: {seeds}. Held out: deterministic actions, fresh episodes."
+    if known is not None:
+        note += f" {known.sentence()}"
     rows = [(name, spread(arm.training), spread(arm.held_out)) for name, arm in arms.items()]
     scores = [
         ("human-normalised score, (F - sparse) / abs(human - sparse), held out", number(outcome.normalised)),

@@ -80,8 +80,11 @@ def _stage(task: type[Task]) -> mujoco.MjModel:
 
 
 def _camera(model: mujoco.MjModel) -> mujoco.MjvCamera:
-    """Follows the first body that moves freely; otherwise looks at the whole scene across its longer side."""
+    """The task's own camera; else follows the first body that moves freely, or shows the whole scene from its side."""
     camera = mujoco.MjvCamera()
+    if model.ncam:
+        camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, 0
+        return camera
     mujoco.mjv_defaultFreeCamera(model, camera)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

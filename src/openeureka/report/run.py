@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from .. import baselines
 from ..config import RunConfig
 from ..lanes import BASELINES, final_lanes, lane
-from ..score import Outcome, compare
+from ..score import Baselines, Outcome, compare
 from ..store import Store
 from ..types import Evaluation, History, TrainingResult, Usage
 
@@ -40,6 +41,11 @@ class Run:
         return {name: self.results[job] for name, job in jobs.items() if job in self.results}
 
     @property
+    def known(self) -> Baselines | None:
+        """Baselines that were measured beforehand, where the run does not train them."""
+        return baselines.chosen(self.config)
+
+    @property
     def outcome(self) -> Outcome | None:
         """The final comparison; None before all its trainings are done."""
         best = self.history.best
@@ -48,4 +54,4 @@ class Run:
         arms = final_lanes(self.config, best)
         if any(job not in self.results for jobs in arms.values() for job in jobs):
             return None
-        return compare(best, arms, self.results, self.evaluations)
+        return compare(best, arms, self.results, self.evaluations, self.known)

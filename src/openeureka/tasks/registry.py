@@ -23,6 +23,7 @@ _BUILT_IN = {
     "anymal": "openeureka.tasks.locomotion.anymal:Anymal",
     "ballbalance": "openeureka.tasks.classic.ballbalance:BallBalance",
     "quadcopter": "openeureka.tasks.classic.quadcopter:Quadcopter",
+    "franka_cabinet": "openeureka.tasks.manipulation.franka_cabinet:FrankaCabinet",
     "allegro_hand": "openeureka.tasks.hands.allegro_hand:AllegroHand",
     "shadow_hand": "openeureka.tasks.hands.shadow_hand:ShadowHand",
     "shadow_hand_over": "openeureka.tasks.bimanual.over:ShadowHandOver",

@@ -8,12 +8,12 @@ from torch import Tensor
 
 def xyzw(wxyz: Tensor) -> Tensor:
     """MuJoCo's order to the order every state variable uses."""
-    return wxyz[..., [1, 2, 3, 0]]
+    return wxyz.roll(-1, -1)
 
 
 def wxyz(xyzw: Tensor) -> Tensor:
     """The order of every state variable to MuJoCo's."""
-    return xyzw[..., [3, 0, 1, 2]]
+    return xyzw.roll(1, -1)
 
 
 def rotate(quat: Tensor, vector: Tensor) -> Tensor:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
@@ -16,22 +17,37 @@ class Curves:
 
     F alone looks back over `window` epochs, as long as an episode. In one epoch only a dozen of some hundred worlds end
     theirs, and worlds that once failed together stay in step: the maximum over epochs would reward luck and phase.
+
+    Sums stay on the device until the epoch is closed.
+
+    Args:
+        lanes, worlds: L lanes of n worlds.
+        window: epochs that F looks back over.
+        components: (lane, name) of each reward component.
     """
 
-    def __init__(self, lanes: int, worlds: int, window: int = 1) -> None:
-        self.lanes, self.worlds = lanes, worlds
+    def __init__(
+        self,
+        lanes: int,
+        worlds: int,
+        window: int = 1,
+        *,
+        components: Sequence[tuple[int, str]] = (),
+        device: torch.device | str = "cpu",
+    ) -> None:
+        self.lanes, self.worlds, self.components, self.device = lanes, worlds, components, device
         self.curves: list[dict[str, list[float | None]]] = [{} for _ in range(lanes)]
         self._scores: deque[Tensor] = deque(maxlen=window)
-        self._moments = torch.zeros(lanes, 6, dtype=torch.float64)
+        self._moments = torch.zeros(lanes, 6, dtype=torch.float64, device=device)
         self._start()
 
     def _start(self) -> None:
-        self._sums = torch.zeros(self.lanes, 6, dtype=torch.float64)
-        self._components: list[dict[str, float]] = [{} for _ in range(self.lanes)]
+        self._sums = torch.zeros(self.lanes, 6, dtype=torch.float64, device=self.device)
+        self._means = torch.zeros(len(self.components), dtype=torch.float64, device=self.device)
         self._steps = 0
 
-    def add(self, step: Step, own: Tensor, human: Tensor, components: list[dict[str, Tensor]]) -> None:
-        """Take in one step of all lanes; rewards (L, n)."""
+    def add(self, step: Step, own: Tensor, human: Tensor, means: Tensor) -> None:
+        """Take in one step of all lanes: rewards (L, n), and the mean of each component."""
 
         def per_lane(x: Tensor) -> Tensor:
             return x.view(self.lanes, self.worlds).double().sum(1)
@@ -40,12 +56,9 @@ class Curves:
         length = step.episode_length * step.ended
         self._sums += torch.stack(
             [per_lane(x) for x in (value * weight, weight, length, step.ended, own, human)], dim=-1
-        ).cpu()
-        self._moments += moments(own, human).cpu()
-        for lane, parts in enumerate(components):
-            sums = self._components[lane]
-            for name, part in parts.items():
-                sums[name] = sums.get(name, 0.0) + float(part.mean())
+        )
+        self._moments += moments(own, human)
+        self._means += means
         self._steps += 1
 
     def close_epoch(self) -> tuple[list[float | None], list[float]]:
@@ -53,6 +66,9 @@ class Curves:
         fitness, own_means = [], []
         self._scores.append(self._sums[:, :2])
         scores = torch.stack(list(self._scores)).sum(0).tolist()
+        components: list[dict[str, float | None]] = [{} for _ in range(self.lanes)]
+        for (lane, name), total in zip(self.components, self._means.tolist(), strict=True):
+            components[lane][f"component/{name}"] = total / self._steps
         for lane, row in enumerate(self._sums.tolist()):
             value, weight = scores[lane]
             length, done, own, human = row[2:]
@@ -63,8 +79,7 @@ class Curves:
                 "reward": own / transitions,
                 "human_reward": human / transitions,
             }
-            point |= {f"component/{name}": total / self._steps for name, total in self._components[lane].items()}
-            for name, number in point.items():
+            for name, number in (point | components[lane]).items():
                 finite = number is not None and abs(number) < float("inf")
                 self.curves[lane].setdefault(name, []).append(number if finite else None)
             fitness.append(self.curves[lane]["fitness"][-1])

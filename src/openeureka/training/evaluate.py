@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Callable, Mapping
 
 import torch
 from torch import Tensor
@@ -14,10 +15,19 @@ from .policy import Player, Policy
 HELD_OUT_SEED = 1 << 32
 """Added to the seed, so that no start state of training is drawn again."""
 WORLDS = 256
+LOOK = 32
+"""[steps]"""
 
 
 def evaluate(
-    env: str, policies: Mapping[str, bytes], *, seed: int, worlds: int = WORLDS, device: str = "cpu", threads: int = 0
+    env: str,
+    policies: Mapping[str, bytes],
+    *,
+    seed: int,
+    worlds: int = WORLDS,
+    device: str = "cpu",
+    threads: int = 0,
+    after_step: Callable[[], None] = lambda: None,
 ) -> list[Evaluation]:
     """Score every policy of one task side by side, on the same start states.
 
@@ -26,6 +36,7 @@ def evaluate(
 
     Args:
         policies: job id to safetensors bytes; equal network shapes.
+        after_step: called after every step of all worlds: a long episode takes minutes.
     """
     if not policies:
         return []
@@ -33,7 +44,7 @@ def evaluate(
     simulation = registry.make(
         env, worlds=worlds, lane_seeds=[seed + HELD_OUT_SEED] * lanes, device=device, threads=threads
     )
-    play = Player([Policy.from_bytes(data) for data in policies.values()], device)
+    play = Player([Policy.from_bytes(data) for data in policies.values()], simulation.sim.device)
     observation = simulation.reset()
     running = torch.ones(simulation.num_worlds, dtype=torch.bool, device=observation.device)
     total = torch.zeros(3, lanes, dtype=torch.float64, device=observation.device)
@@ -41,12 +52,17 @@ def evaluate(
     def per_lane(x: Tensor) -> Tensor:
         return x.double().view(lanes, worlds).sum(1)
 
-    while bool(running.any()):
+    for number in itertools.count():
+        # On a GPU the host looks now and then whether any world still plays: looking waits for the device.
+        if number % (LOOK if simulation.masked else 1) == 0 and not bool(running.any()):
+            break
         step = simulation.step(play(observation))
         value, weight = step.score.value, step.score.weight * running
         total += torch.stack([per_lane(x) for x in (value * weight, weight, running)])
         running &= ~step.done
         observation = step.observation
+        after_step()
+    simulation.check()
     return [
         Evaluation(
             job=job,

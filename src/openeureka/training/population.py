@@ -51,7 +51,13 @@ class Population:
         self.rollout = Rollout(
             self.lanes, self.worlds, self.horizon, task.num_observations, task.num_actions, self.device
         )
-        self.curves = Curves(self.lanes, self.worlds, window=-(-task.episode_length // self.horizon))
+        self.curves = Curves(
+            self.lanes,
+            self.worlds,
+            window=-(-task.episode_length // self.horizon),
+            components=self.rewards.components,
+            device=self.device,
+        )
         self.best_fitness: list[Peak | None] = [None] * self.lanes
         self.best_reward: list[Peak | None] = [None] * self.lanes
         self.messages = [""] * self.lanes
@@ -65,16 +71,18 @@ class Population:
             for t in range(self.horizon):
                 action = self.ppo.act(observation)
                 step = self.env.step(action.action.flatten(0, 1))
-                own, human, components = self.rewards(step.state)
-                self.curves.add(step, own, human, components)
+                own, human, means = self.rewards(step.state)
+                self.curves.add(step, own, human, means)
                 if (bonus := self.rewards.bonus(step.state)) is not None:
                     own = own + bonus
                 reward = own * self.recipe.reward_scale
-                if self.recipe.bootstrap_timeouts and bool(step.timed_out.any()):
+                # On a GPU, asking whether there is a time-out costs more than a value that nobody needs.
+                if self.recipe.bootstrap_timeouts and (self.env.masked or bool(step.timed_out.any())):
                     beyond = self.ppo.value(self._split(step.final_observation))
                     reward = reward + self.recipe.gamma * beyond * self._split(step.timed_out)
                 self.rollout.store(t, observation, action, reward, self._split(step.done))
                 observation = self._split(step.observation)
+            self.env.check()
             self._mask_diverged(epoch)
             self._checkpoint(epoch)
             if not bool(self.ppo.active.any()):
@@ -108,8 +116,8 @@ class Population:
     def _checkpoint(self, epoch: int) -> None:
         """Keep the policy that produced this epoch wherever F or the own reward peaks."""
         fitness, own = self.curves.close_epoch()
-        for lane in range(self.lanes):
-            if not self.ppo.active[lane]:
+        for lane, active in enumerate(self.ppo.active.tolist()):
+            if not active:
                 continue
             for peaks, value in ((self.best_fitness, fitness[lane]), (self.best_reward, own[lane])):
                 known = peaks[lane]

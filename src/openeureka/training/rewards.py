@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence, Set
 
 import torch
 from torch import Tensor
@@ -10,53 +10,104 @@ from torch import Tensor
 from ..reward import graph
 from ..tasks.task import State, Task
 from ..types import RewardProgram
+from .replay import Replay, waits
 
 
 class LaneRewards:
     """Runs the reward programs of L lanes on their slices of the worlds.
+
+    On a GPU all generated programs together are one launch, but for those that pick worlds by a mask: sixteen programs of
+    thirty small operations would otherwise cost more than the physics.
 
     Args:
         task: the task whose human and sparse reward may be among the programs.
         programs: one per lane.
         worlds: worlds per lane, n.
         bonus: whether generated rewards get the task's success bonus.
+
+    Attributes:
+        components: (lane, name) of each component of any program.
     """
 
     def __init__(self, task: Task, programs: Sequence[RewardProgram], worlds: int, *, bonus: bool = False) -> None:
-        self.task, self.worlds, self._bonus = task, worlds, bonus
-        self.programs = [
-            program if isinstance(program, str) else graph.compile(program, task.spec) for program in programs
+        self.task, self.programs, self.worlds, self._bonus = task, list(programs), worlds, bonus
+        self._compiled = {
+            lane: graph.compile(program, task.spec)
+            for lane, program in enumerate(programs)
+            if not isinstance(program, str)
+        }
+        self.components = [
+            (lane, name) for lane, program in self._compiled.items() for name, _ in program.graph.components
         ]
-        generated = [not isinstance(program, str) for program in self.programs]
+        self._per_world = {variable.name for variable in task.spec.variables if variable.kind == "world"}
+        generated = [lane in self._compiled for lane in range(len(self.programs))]
         self._generated = torch.tensor(generated, dtype=torch.float32, device=task.device)[:, None]
-        per_world = {variable.name for variable in task.spec.variables if variable.kind == "world"}
-        self._sliced = [
-            [name for name in program.inputs if name in per_world] if isinstance(program, graph.CompiledReward) else []
-            for program in self.programs
-        ]
+        self._parts: list[_Part] = []
 
-    def __call__(self, state: State) -> tuple[Tensor, Tensor, list[dict[str, Tensor]]]:
-        """Own reward (L, n), human reward (L, n) and the components of each lane, name to (n,)."""
+    def __call__(self, state: State) -> tuple[Tensor, Tensor, Tensor]:
+        """Own reward (L, n), human reward (L, n) and the mean of each of `components`."""
         lanes, n = len(self.programs), self.worlds
         human = self.task.human_reward(state).view(lanes, n)
         own = human.clone()
-        components: list[dict[str, Tensor]] = [{} for _ in range(lanes)]
         sparse = self.task.sparse_reward(state).view(lanes, n) if "sparse" in self.programs else None
         for lane, program in enumerate(self.programs):
-            if isinstance(program, graph.CompiledReward):
-                part = dict(state)
-                for name in self._sliced[lane]:
-                    part[name] = state[name][lane * n : (lane + 1) * n]
-                part["num_envs"] = n
-                own[lane], components[lane] = program(part, n)
-            elif program == "sparse" and sparse is not None:
+            if program == "sparse" and sparse is not None:
                 own[lane] = sparse[lane]
-        return own, human, components
+        means = []
+        for part in self._parts or self._prepare(state):
+            *rewards, own_means = part(state)
+            for lane, reward in zip(part.lanes, rewards, strict=True):
+                own[lane] = reward
+            means.append(own_means)
+        return own, human, torch.cat(means) if means else own.new_zeros(0)
+
+    def _prepare(self, state: State) -> list[_Part]:
+        """Parts in the order of `components`: runs of lanes that can be recorded, and single ones that cannot."""
+        for lane, program in self._compiled.items():
+            alone = _Part({lane: program}, self.worlds, self._per_world, recorded=False)
+            recorded = not waits(lambda part=alone: part(state))
+            if recorded and self._parts and self._parts[-1].recorded:
+                programs = {**self._parts.pop().programs, lane: program}
+            else:
+                programs = {lane: program}
+            self._parts.append(_Part(programs, self.worlds, self._per_world, recorded=recorded))
+        return self._parts
 
     def bonus(self, state: State) -> Tensor | None:
         """What is added to the own rewards (L, n) before they train, outside of all curves and correlations."""
         bonus = self.task.success_bonus(state) if self._bonus else None
         return None if bonus is None else bonus.view(-1, self.worlds) * self._generated
+
+
+class _Part:
+    """Some lanes' programs as one function of the state: each lane's reward (n,), and the means of all components."""
+
+    def __init__(
+        self, programs: Mapping[int, graph.CompiledReward], worlds: int, per_world: Set[str], *, recorded: bool
+    ) -> None:
+        self.programs, self.recorded = programs, recorded
+        self.lanes = tuple(programs)
+        self._worlds, self._per_world = worlds, per_world
+        self._names = sorted({name for program in programs.values() for name in program.inputs})
+        self._numbers: dict[str, float | int] = {}
+        self._run = Replay(self._evaluate) if recorded else self._evaluate
+
+    def __call__(self, state: State) -> tuple[Tensor, ...]:
+        # Numbers are constants of the task, so that a recording may hold them.
+        self._numbers = {name: state[name] for name in self._names if not isinstance(state[name], Tensor)}
+        return self._run([state[name] for name in self._names if name not in self._numbers])
+
+    def _evaluate(self, tensors: Sequence[Tensor]) -> tuple[Tensor, ...]:
+        n = self._worlds
+        named = iter(tensors)
+        state = {name: self._numbers[name] if name in self._numbers else next(named) for name in self._names}
+        rewards, means = [], []
+        for lane, program in self.programs.items():
+            own = {name: value[lane * n : (lane + 1) * n] for name, value in state.items() if name in self._per_world}
+            reward, components = program({**state, **own, "num_envs": n}, n)
+            rewards.append(reward)
+            means += [component.mean() for component in components.values()]
+        return (*rewards, torch.stack(means) if means else rewards[0].new_zeros(0))
 
 
 def moments(own: Tensor, human: Tensor) -> Tensor:

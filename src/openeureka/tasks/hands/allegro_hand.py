@@ -104,7 +104,7 @@ class AllegroHand(Reorientation):
         )
     )
     recipe = Recipe(
-        hidden=(256, 128, 128),
+        hidden=(256, 128),
         env_steps=30_000_000,
         worlds=512,
         horizon=16,
@@ -120,7 +120,6 @@ class AllegroHand(Reorientation):
     def model() -> mujoco.MjSpec:
         spec = mujoco.MjSpec()
         spec.compiler.degree = False
-        spec.worldbody.add_light(pos=[0, 0, 5])
         mount = spec.worldbody.add_body(
             name="mount",
             pos=[0, 0, 0.5],

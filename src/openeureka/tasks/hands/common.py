@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar
 
 import mujoco
@@ -56,6 +57,7 @@ class Reorientation(Task):
         self.driven = torch.from_numpy(model.actuator_trnid[:, 0]).to(device, torch.int64)
         self.goal_pos = torch.tensor(self.goal_position, device=device).repeat(self.num_envs, 1)
         self.goal_rot = torch.tensor([0.0, 0.0, 0.0, 1.0], device=device).repeat(self.num_envs, 1)
+        self.middle = torch.tensor(self.object_start, device=device)
         self.goals_reached = torch.zeros(self.num_envs, device=device)
         self.everywhere = torch.arange(self.num_envs, device=device)
 
@@ -126,8 +128,7 @@ class Reorientation(Task):
         """Joints near zero, the cube above the palm, both at rest; drive targets are the joints' own angles."""
         noise = self.noise.uniform(worlds, self.num_dofs, self.dof_lower_limits, self.dof_upper_limits)
         angles = (JOINT_NOISE * noise).clamp(self.dof_lower_limits, self.dof_upper_limits)
-        middle = torch.tensor(self.object_start, device=self.device)
-        position = middle + self.noise.uniform(worlds, 3, -POSITION_NOISE, POSITION_NOISE)
+        position = self.middle + self.noise.uniform(worlds, 3, -POSITION_NOISE, POSITION_NOISE)
         rotation = self._random_rotation(worlds)
         self.qpos[worlds] = torch.cat((angles, position, wxyz(rotation)), dim=-1)
         self.ctrl[worlds] = angles[:, self.driven]
@@ -174,8 +175,12 @@ class Reorientation(Task):
 def add_cube(spec: mujoco.MjSpec, side: float, density: float, start: Vector, goal: Vector) -> None:
     """The cube and, beside its goal position, a picture of the goal; both wear the wheel's lettered faces.
 
-    Add them last: `Reorientation` takes what comes before for the hand.
+    Light and camera too. Add them last: `Reorientation` takes what comes before for the hand.
     """
+    spec.worldbody.add_light(pos=[0, 0, 5])
+    camera = spec.worldbody.add_camera(name="front", pos=[goal[0] - 0.08, goal[1] - 0.42, goal[2] + 0.45])
+    half_turn = math.pi / 8
+    camera.quat = [math.cos(half_turn), math.sin(half_turn), 0, 0]  # looks along y and 45 degrees down, at the palm
     picture = wheel_file("gymnasium_robotics", "envs/assets/textures/block.png")
     texture = spec.add_texture(name=OBJECT, type=mujoco.mjtTexture.mjTEXTURE_CUBE, file=str(picture))
     texture.gridsize, texture.gridlayout = [3, 4], ".U..LFRB.D.."

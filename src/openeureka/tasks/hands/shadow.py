@@ -59,11 +59,12 @@ def add_shadow_hand(
 
 
 def _load() -> mujoco.MjSpec:
-    """The wheel's scene with plain names and no sizes, which would clash with those of the scene it is attached to."""
+    """The wheel's scene with plain names, without the sky and the sizes that would clash with the scene's own."""
     scene = wheel_file("gymnasium_robotics", "envs/assets/hand/reach.xml")
     parts = ("shared.xml", "shared_asset.xml", "robot.xml")
     include = {part: (scene.parent / part).read_text().replace("robot0:", "").encode() for part in parts}
     spec = mujoco.MjSpec.from_string(scene.read_text(), include=include)
+    spec.delete(next(texture for texture in spec.textures if texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX))
     for mesh in spec.meshes:
         mesh.file = str(scene.parent.parent / "stls" / "hand" / mesh.file)
     for size in ("njmax", "nconmax", "nuser_jnt", "nuser_site", "nuser_tendon", "nuser_actuator", "nuser_sensor"):

@@ -64,7 +64,7 @@ class ShadowHand(Reorientation):
         )
     )
     recipe = Recipe(
-        hidden=(256, 128, 128),
+        hidden=(128, 128),
         env_steps=30_000_000,
         worlds=512,
         horizon=16,
@@ -79,7 +79,6 @@ class ShadowHand(Reorientation):
     @staticmethod
     def model() -> mujoco.MjSpec:
         spec = mujoco.MjSpec()
-        spec.worldbody.add_light(pos=[0, 0, 5])
         add_shadow_hand(spec, PREFIX, pos=[0, 0, 0.5])
         add_cube(spec, side=0.05, density=567, start=ShadowHand.object_start, goal=ShadowHand.goal_position)
         add_wrench_sensors(spec, TIPS)

@@ -19,6 +19,7 @@ from openeureka.tasks.env import BatchedEnv, Step
 from openeureka.tasks.record import record_states
 from openeureka.tasks.registry import get, make
 from openeureka.tasks.task import Score, State
+from openeureka.training.replay import waits
 
 _HIDDEN = ("fitness", "human_reward", "sparse_reward", "terminated", "reset")
 
@@ -106,6 +107,31 @@ class TaskConformance:
             simulation.task.progress[others] = simulation.task.episode_length
         after, expected = broken.step(actions), sound.step(actions)
         assert torch.equal(after.observation[others], expected.observation[others]), "their next episodes differ"
+
+    def test_a_reset_by_mask_is_a_reset_by_index(self) -> None:
+        by_index, by_mask = self._make(worlds=6), self._make(worlds=6)
+        by_mask.masked = True  # as on a GPU
+        for simulation in (by_index, by_mask):
+            simulation.reset()
+            simulation.task.progress[1::2] = simulation.task.episode_length - 4
+        for a, b in zip(_random_steps(by_index, 8), _random_steps(by_mask, 8), strict=True):
+            expected, found = _tensors(a), _tensors(b)
+            different = [name for name, tensor in expected.items() if not torch.equal(found[name], tensor)]
+            assert not different, f"{different} differ: is there memory that is no attribute of the task?"
+
+    def test_a_step_asks_a_gpu_nothing(self) -> None:
+        simulation = self._make(worlds=4)
+        simulation.masked = True
+        simulation.reset()
+        simulation.task.progress[::2] = simulation.task.episode_length - 2
+        actions = torch.zeros(4, simulation.task.num_actions)
+
+        def step() -> None:
+            state = simulation.step(actions).state
+            for reward in (simulation.task.human_reward, simulation.task.sparse_reward, simulation.task.success_bonus):
+                reward(state)
+
+        assert waits(step, uploads=True) == [], "each of these would stall a GPU"
 
     def test_an_episode_is_cut_off_one_step_before_its_length(self) -> None:
         simulation = self._make(worlds=4)
