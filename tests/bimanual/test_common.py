@@ -95,3 +95,12 @@ def test_hands_start_with_equal_noise_inside_their_joint_ranges() -> None:
     assert bool((angles >= state["dof_lower_limits"] - 1e-6).all())
     assert bool((angles <= state["dof_upper_limits"] + 1e-6).all())
     assert float(angles.std(dim=0).min()) > 0.01
+
+
+def test_a_moving_bases_turn_is_observed_from_the_start() -> None:
+    simulation = fresh(DOOR)
+    base = slice(24 * 3 + 65 + 30 + 3, 24 * 3 + 65 + 30 + 6)  # after joints, fingertips, their wrenches, the palm
+    assert simulation.current_state()["obs_buf"][0, base].tolist() == pytest.approx([0.0, 0.0, 0.0], abs=1e-5)
+    observed = press(simulation, {5: 1.0}, steps=15)["obs_buf"][0, base]
+    # 0.52 rad/s about z for a quarter of a second; twice the sine of half the angle is about the angle.
+    assert observed.tolist() == pytest.approx([0.0, 0.0, 0.13], abs=0.02)

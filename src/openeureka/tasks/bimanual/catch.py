@@ -23,7 +23,7 @@ EGG_VARIABLES = (
 
 
 class Catch(TwoHands):
-    """An egg that starts at one hand, in any orientation, is wanted at a point over the other."""
+    """Eggs that start at one hand, in any orientation, are wanted at a point over the other."""
 
     observed_point = "base"
     position_noise: ClassVar[float] = 0.0
@@ -40,12 +40,15 @@ class Catch(TwoHands):
         return s["object_pos"][:, 2] <= self.drop_height
 
     def reset(self, worlds: Tensor) -> None:
+        """Eggs share a draw, and so do goals."""
         super().reset(worlds)
-        egg = self.qpos[worlds, self.thing_columns("object")]
-        egg[:, :3] += self.noise.uniform(worlds, 3, -self.position_noise, self.position_noise)
-        egg[:, 3:] = wxyz(tumble(self.noise.uniform(worlds, 2, -1.0, 1.0)))
-        self.qpos[worlds, self.thing_columns("object")] = egg
-        self.goal_pose[worlds, 3:] = tumble(self.noise.uniform(worlds, 2, -1.0, 1.0))
+        shift = self.noise.uniform(worlds, 3, -self.position_noise, self.position_noise)
+        egg_rot, goal_rot = (tumble(self.noise.uniform(worlds, 2, -1.0, 1.0)) for _ in range(2))
+        for egg in self.scene.things:
+            columns = self.thing_columns(egg)
+            self.qpos[worlds, columns] = torch.cat((self.start[columns][:3] + shift, wxyz(egg_rot)), dim=-1)
+        for pose in self.goal_poses.values():
+            pose[worlds, 3:] = goal_rot
 
     def success(self, s: State) -> Tensor:
         return distance(s["object_pos"], s["goal_pos"]) < CAUGHT

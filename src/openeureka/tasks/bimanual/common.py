@@ -12,7 +12,7 @@ from torch import Tensor
 
 from ..hands.shadow import FINGERS
 from ..joints import scaled, unscaled
-from ..rotations import conjugate, euler_xyz, multiply, rotation_distance, xyzw
+from ..rotations import conjugate, multiply, rotation_distance, xyzw
 from ..sensors import contact_wrenches
 from ..task import Recipe, Score, State, Task, mean_over_episodes
 from .frames import Frames
@@ -41,13 +41,11 @@ class TwoHands(Task):
     control_dt = CONTROL_DT
     substeps = 2
     scene: ClassVar[Scene]
-    goal: ClassVar[Pose | None] = None
-    """Start value of the goal variables; None in tasks that have none."""
     transition_scale: ClassVar[float] = 0.0
     orientation_scale: ClassVar[float] = 0.0
     """The original's scales of the bases' force and torque."""
     observed_point: ClassVar[str] = "hand"
-    """Whose position is observed beside the base's orientation: the palm (`hand`) or the mount (`base`)."""
+    """Whose position is observed beside the base's turn: the palm's (`hand`) or the mount's (`base`)."""
     joint_noise: ClassVar[float] = 0.0
     """Share of the joint ranges that start angles are spread by."""
 
@@ -73,14 +71,17 @@ class TwoHands(Task):
         force, torque = _FORCE * self.transition_scale, _TORQUE * self.orientation_scale
         self.full_push = _float32([force] * 3 + [torque] * 3, device)
 
+        self.start_rot = {side: xyzw(_float32(model.body(f"{side}_hand mount").quat, device)) for side in SIDES}
         self.start = _float32(model.qpos0, device)
         for name, value in self.scene.angles.items():
             self.start[int(model.joint(name).qposadr[0])] = value
-        if self.goal:
-            goal_rot = xyzw(_float32(quaternion(*self.goal.euler), device))
-            self.goal_pose = torch.cat((_float32(self.goal.pos, device), goal_rot)).repeat(self.num_envs, 1)
+        self.goal_poses = {name: self._everywhere(goal) for name, goal in self.scene.goals.items()}
         self.successes = torch.zeros(self.num_envs, device=device)
         self.outcome = self.successes
+
+    def _everywhere(self, pose: Pose) -> Tensor:
+        rot = xyzw(_float32(quaternion(*pose.euler), self.device))
+        return torch.cat((_float32(pose.pos, self.device), rot)).repeat(self.num_envs, 1)
 
     def apply_action(self, actions: Tensor) -> None:
         """Of each hand, right then left: force and torque on the base where it moves, then the joints' target angles,
@@ -109,14 +110,14 @@ class TwoHands(Task):
             "actions": self.actions.clone(),
             "num_envs": self.num_envs,
         }
-        if self.goal:
-            goal_pose = self.goal_pose.clone()
+        for name, pose in self.goal_poses.items():
             values |= {
-                "goal_pose": goal_pose,
-                "goal_pos": goal_pose[:, :3],
-                "goal_rot": goal_pose[:, 3:],
-                "rotation_distance": rotation_distance(frames["object_rot"], goal_pose[:, 3:]),
+                f"{name}_pose": pose.clone(),
+                f"{name}_pos": pose[:, :3].clone(),
+                f"{name}_rot": pose[:, 3:].clone(),
             }
+            if (thing_rot := frames.get(f"{name.replace('goal', 'object')}_rot")) is not None:
+                values[name.replace("goal", "rotation_distance")] = rotation_distance(thing_rot, pose[:, 3:])
         return {name: values[name] for name in self.spec.names if name in values}  # the original exposes no more
 
     def observe(self, s: State) -> Tensor:
@@ -130,13 +131,17 @@ class TwoHands(Task):
             s["actions"],
         ]
         if self.scene.hands_move:
-            bases = [
-                torch.stack((*s[f"{side}_{self.observed_point}_pos"].unbind(-1), *euler_xyz(s[f"{side}_base_rot"])), -1)
-                for side in SIDES
-            ]
-            per_hand.insert(-1, torch.cat(bases, dim=-1))
+            per_hand.insert(-1, torch.cat([self._base(s, side) for side in SIDES], dim=-1))
         hands = torch.cat([part.reshape(len(part), 2, -1) for part in per_hand], dim=-1).flatten(1)
         return torch.cat((hands, s["object_pose"], s["object_linvel"], s["object_angvel"] * 0.2), dim=-1)
+
+    def _base(self, s: State, side: str) -> Tensor:
+        """Where one hand is (N, 6): a position, and the turn since the start as a small-angle vector [rad].
+
+        The original's Euler angles are singular or jump by a full turn at the start poses of most tasks.
+        """
+        turn = multiply(s[f"{side}_base_rot"], conjugate(self.start_rot[side]))
+        return torch.cat((s[f"{side}_{self.observed_point}_pos"], 2.0 * turn[:, :3] * turn[:, 3:].sign()), dim=-1)
 
     def terminated(self, s: State) -> Tensor:
         """Never; tasks with a way to fail say so."""

@@ -45,6 +45,7 @@ def door_scene(*, towards_hands: bool, angle: float = 0.0, hand_x: float = 0.55,
         things={
             "object": Placed(thing=door, pos=(0, 0, 0.7), euler=(0, math.pi if towards_hands else 0, 0), fixed=True)
         },
+        goals={"goal": Pose(pos=(0, 0, 5.7))},
         angles={"door_right_hinge": angle, "door_left_hinge": angle},
     )
 
@@ -55,7 +56,6 @@ class Doors(TwoHands):
     episode_length = 250
     num_observations = 417
     num_actions = 52
-    goal = Pose(pos=(0, 0, 5.7))
     transition_scale = 0.5
     orientation_scale = 0.5
     reach = 1.5

@@ -22,8 +22,8 @@ class ShadowHandOver(Catch):
         left=Pose(pos=(0, -1, 0.5), euler=(0, 0, math.pi)),
         hands_move=False,
         things={"object": Placed(thing=Egg(), pos=(0, -0.39, 0.555))},  # 0.54 in the original, inside the palm at times
+        goals={"goal": Pose(pos=(0, -0.64, 0.54))},
     )
-    goal = Pose(pos=(0, -0.64, 0.54))
     joint_noise = 0.2
     position_noise = 0.01
     drop_height = 0.2

@@ -26,7 +26,7 @@ _OTHER_HAND = 4  # collision bit
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pose:
-    """Of a hand, its mount: unturned, the fingers point along -y and the palm faces up."""
+    """Of a goal, or of a hand's mount: unturned, the fingers point along -y and the palm faces up."""
 
     pos: Vector
     euler: Vector = (0.0, 0.0, 0.0)
@@ -67,6 +67,8 @@ class Scene:
     left: Pose
     things: Mapping[str, Placed]
     """By the name of their state variables; `object` is the main one."""
+    goals: Mapping[str, Pose] = field(default_factory=dict)
+    """Start values of the goals' state variables, by their name: `goal` is that of `object`. They are not drawn."""
     table: Table | None = None
     hands_move: bool = True
     """Whether forces drive the hands' bases; else they are fixed."""

@@ -48,8 +48,8 @@ class ShadowHandSwingCup(TwoHands):
                 points={"cup_right_handle": (0.062, 0, 0), "cup_left_handle": (-0.06, 0, 0)},
             )
         },
+        goals={"goal": Pose(pos=(0, 0, 5.6), euler=(0, 0, -math.pi / 2))},
     )
-    goal = Pose(pos=(0, 0, 5.6), euler=(0, 0, -math.pi / 2))
     spec = two_handed(
         num_observations,
         *thing_variables("object", "cup"),
