@@ -11,8 +11,8 @@ from ..config import RunConfig, as_dict, parse, short_name
 from ..errors import EurekaError
 from ..llm import open_model
 from ..report.build import build
-from ..report.run import Run
 from ..report.text import plain
+from ..report.view import RunView
 from ..sandbox.client import Sandbox
 from ..store import Store, is_run, read_config, read_replies
 from ..tasks.context import context
@@ -79,8 +79,7 @@ def _telling_how_to_continue(directory: Path) -> Iterator[None]:
 def _conclude(config: RunConfig, directory: Path) -> None:
     """Reports come last: the search is complete without them."""
     problem = build(directory, with_video=config.video == "best")
-    with Store.view(directory) as store:
-        result = Run.read(store)
+    result = RunView.read(directory)
     best = result.history.best
     if best is not None and best.sample.candidate is not None:
         print(f"\nBest reward:\n\n{plain(best.sample.candidate.source)}")

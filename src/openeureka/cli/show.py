@@ -5,19 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..report.build import build
-from ..report.run import Run
 from ..report.stats import by_generation
 from ..report.text import columns, number, plain, spread
+from ..report.view import RunView
 from ..score import Outcome
-from ..store import Store
 from ..types import Scored
 from .live import verdict_line
 
 
 def show(directory: Path) -> None:
     """Print every slot of every generation, the final scores and the best reward."""
-    with Store.view(directory) as store:
-        run = Run.read(store)
+    run = RunView.read(directory)
     slots = [_slot(entry) for generation in run.history.generations for entry in generation.entries]
     print(columns([("generation", "slot", "candidate", "try", "F", "verdict"), *slots]))
     print()
@@ -34,7 +32,7 @@ def _slot(entry: Scored) -> tuple[str, ...]:
     return (*place, number(entry.fitness), verdict_line(sample))
 
 
-def summary(run: Run) -> list[str]:
+def summary(run: RunView) -> list[str]:
     """The result in a few lines."""
     lines = [f"Generation {g.index}: best F {number(g.best)}, {g.trained} of {g.slots} trained"
              for g in by_generation(run.history)]  # fmt: skip

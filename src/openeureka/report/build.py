@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..store import Store, artifacts
-from . import events, plots, video
-from .markdown import report
-from .run import Run
+from ..store import artifacts
+from . import events, html, markdown, plots, video
+from .view import RunView
 
 
 def build(directory: Path, *, with_video: bool = True) -> str:
-    """Write report.md, summary.png, TensorBoard events and best/video.mp4.
+    """Write best/video.mp4, TensorBoard events, summary.png, report.md and report.html.
 
     Returns:
         Why there is no video, as a sentence; empty when there is one or none was wanted.
@@ -19,13 +18,15 @@ def build(directory: Path, *, with_video: bool = True) -> str:
     Raises:
         StoreError: when the directory holds no run or cannot be written.
     """
-    with Store.view(directory) as store:
-        run = Run.read(store)
+    run = RunView.read(directory)
+    problem = _video(directory, run.config.env) if with_video else ""
+    run = RunView.read(directory)
     for job, result in run.results.items():
         artifacts.write(directory / "lanes" / job / events.FILE_NAME, events.encode(result.curves))
     artifacts.write(directory / "summary.png", plots.summary(run))
-    artifacts.write(directory / "report.md", report(run))
-    return _video(directory, run.config.env) if with_video else ""
+    artifacts.write(directory / "report.md", markdown.report(run))
+    artifacts.write(directory / "report.html", html.report(run, directory))
+    return problem
 
 
 def _video(directory: Path, env: str) -> str:
