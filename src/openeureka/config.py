@@ -14,6 +14,8 @@ from omegaconf.errors import OmegaConfBaseException
 
 from .errors import ConfigError, nearest
 
+VIDEOS = ("all", "best", "none")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunConfig:
@@ -51,7 +53,7 @@ class RunConfig:
     price: str = ""
     """`INPUT,OUTPUT` in US dollars per million tokens; empty means the built-in table of prices."""
     video: str = "best"
-    """`best` or `none`."""
+    """`all` trained policies, the `best` or `none`."""
     dir: str = ""
     """Run directory; empty means `outputs/<time>_<env>`."""
     unsafe_no_sandbox: bool = False
@@ -63,7 +65,7 @@ class RunConfig:
                 raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
         if self.seeds < 1:
             raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")
-        for key, allowed in (("search", ("best", "eureka")), ("video", ("best", "none"))):
+        for key, allowed in (("search", ("best", "eureka")), ("video", VIDEOS)):
             if getattr(self, key) not in allowed:
                 raise ConfigError(f"`{key}` must be one of {', '.join(allowed)}, not `{getattr(self, key)}`.")
 

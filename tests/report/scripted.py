@@ -9,6 +9,7 @@ from openeureka import search
 from openeureka.config import RunConfig
 from openeureka.llm.client import LanguageModel
 from openeureka.loop import run
+from openeureka.observer import Observer
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer
 from openeureka.types import Trainer
@@ -20,11 +21,12 @@ def search_in(
     *,
     model: LanguageModel | None = None,
     trainer: Trainer | None = None,
+    observer: Observer | None = None,
     **settings: object,
 ) -> Path:
     """Run a toy search of two slots; what stops the model or the trainer stops it there."""
     config = RunConfig(**{"env": "toy", "sample": 2, "iteration": 1, "refill": 0, "seeds": 1, **settings})  # type: ignore[arg-type]
     with Store.open(directory, config) as store:
         model, trainer = model or ScriptedModel(script), trainer or ToyTrainer()
-        run(config, store, model, ToyChecker(), trainer, TOY, search.make(config))
+        run(config, store, model, ToyChecker(), trainer, TOY, search.make(config), observer)
     return directory

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..config import VIDEOS
 from ..errors import ConfigError
 
 
@@ -50,6 +51,18 @@ class CheckConfig:
     env: str = "cartpole"
     unsafe_no_sandbox: bool = False
     """Run the file in an unconfined child process where the kernel cannot confine it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportConfig:
+    """Report of a run."""
+
+    video: str = ""
+    """`all` trained policies, the `best` or `none`; empty means what the run began with."""
+
+    def __post_init__(self) -> None:
+        if self.video not in ("", *VIDEOS):
+            raise ConfigError(f"`video` must be one of {', '.join(VIDEOS)}, not `{self.video}`.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
+from ..config import parse
 from ..report.build import build
 from ..report.stats import by_generation
 from ..report.text import columns, number, plain, spread
@@ -11,6 +13,7 @@ from ..report.view import RunView
 from ..score import Outcome
 from ..types import Scored
 from .live import verdict_line
+from .settings import ReportConfig, only_path, split
 
 
 def show(directory: Path) -> None:
@@ -53,9 +56,11 @@ def final(outcome: Outcome) -> list[str]:
     return [*table.splitlines(), f"Human-normalised score, held out: {number(outcome.normalised)}"]
 
 
-def report(directory: Path) -> None:
+def report(words: Sequence[str]) -> None:
     """Write the files of the report again and say where they are."""
-    problem = build(directory)
-    print(f"Wrote {directory / 'report.md'}")
-    if problem:
-        print(problem)
+    settings, paths = split(words)
+    directory = only_path(paths, "eureka report outputs/<time>_cartpole")
+    problems = build(directory, parse(ReportConfig, settings).video)
+    print(f"Wrote {directory / 'report.html'} and {directory / 'report.md'}")
+    for problem in problems:
+        print(plain(problem))
