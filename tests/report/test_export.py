@@ -1,3 +1,6 @@
+import runpy
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
@@ -5,22 +8,9 @@ import torch
 from openeureka.report import export
 from openeureka.training.policy import Player, Policy
 
+from .policies import policy
+
 onnxruntime = pytest.importorskip("onnxruntime", reason="checks policy.onnx; comes with the extra dev")
-
-
-def policy(observations: int, actions: int, hidden: tuple[int, ...]) -> Policy:
-    """Random weights, large enough that both clamps act, and statistics far from zero and one."""
-    generator = torch.Generator().manual_seed(0)
-
-    def rand(*shape: int) -> torch.Tensor:
-        return torch.randn(*shape, generator=generator)
-
-    sizes = (observations, *hidden)
-    tensors = {f"w{i}": rand(a, b) / a**0.5 for i, (a, b) in enumerate(zip(sizes, hidden, strict=False))}
-    tensors |= {f"b{i}": rand(1, size) for i, size in enumerate(hidden)}
-    tensors |= {"head_w": rand(hidden[-1], actions + 1), "head_b": rand(1, actions + 1), "log_std": rand(1, actions)}
-    tensors |= {"observation_mean": 3 * rand(1, observations), "observation_var": 0.1 + 4 * rand(1, observations) ** 2}
-    return Policy("toy", tensors)
 
 
 @pytest.mark.parametrize("shape", [(4, 1, (32, 32)), (60, 8, (64, 32, 16)), (3, 2, (8,))])
@@ -40,3 +30,17 @@ def test_the_file_names_its_task_and_its_sizes():
     assert session.get_modelmeta().custom_metadata_map == {"env": "toy"}
     assert [(i.name, i.shape) for i in session.get_inputs()] == [("observation", ["N", 4])]
     assert [(o.name, o.shape) for o in session.get_outputs()] == [("action", ["N", 1])]
+
+
+def test_the_example_plays_the_file_on_plain_mujoco(tmp_path, monkeypatch, capsys):
+    """A hand-made linear policy that balances: the force follows the pole's angle and rate."""
+    # ELU is the identity above 0: ten more before it, ten less after it.
+    tensors = {"w0": torch.tensor([[-0.1, -0.2, 2.0, 0.5]]).T, "b0": torch.tensor([[10.0]])}
+    tensors |= {"head_w": torch.tensor([[-1.0, 0.0]]), "head_b": torch.tensor([[10.0, 0.0]])}
+    tensors |= {"log_std": torch.zeros(1, 1)}
+    tensors |= {"observation_mean": torch.zeros(1, 4), "observation_var": torch.ones(1, 4)}
+    (tmp_path / "best").mkdir()
+    (tmp_path / "best" / "policy.onnx").write_bytes(export.to_onnx(Policy("cartpole", tensors)))
+    monkeypatch.setattr("sys.argv", ["play_onnx.py", str(tmp_path)])
+    runpy.run_path(str(Path(__file__).parents[2] / "examples" / "play_onnx.py"))
+    assert "The pole stood for 10.0 s" in capsys.readouterr().out

@@ -97,14 +97,16 @@ def check(words: Words = None) -> None:
 
 
 @app.command(epilog=describe(PlayConfig))
-def play(words: Words = None) -> None:
-    """Write a video of a policy; needs no display.
+def play(
+    words: Words = None, web: Annotated[bool, typer.Option("--web", help="In a browser, in 3-D.")] = False
+) -> None:
+    """Show a policy in a window; without a display, or with out=FILE.mp4, write a video.
 
     Example: eureka play env=cartpole policy=random
     """
     from .play import play
 
-    play(words or [])
+    play(words or [], web=web)
 
 
 @app.command(epilog=describe(ContextConfig))
