@@ -1,6 +1,6 @@
 """What the human and the sparse reward of each task learn on this machine: curves, held-out scores, steps and minutes.
 
-    python benchmarks/learning.py                              # all five tasks, two seeds; hours on 2 cores
+    python benchmarks/learning.py                              # all these tasks, two seeds; hours on 2 cores
     python benchmarks/learning.py --env ant --steps 8e6        # one task, other budget
 
 Each task's result is written when it is done (`benchmarks/results/learning_<env>.json`), so a broken-off run loses one.
@@ -25,7 +25,7 @@ from openeureka.training.executor import PopulationTrainer
 from openeureka.types import TrainBudget, TrainingProgress, TrainingResult, TrainJob
 
 RESULTS = Path(__file__).parent / "results"
-TASKS = ("cartpole", "ballbalance", "quadcopter", "ant", "humanoid")
+TASKS = ("cartpole", "ballbalance", "quadcopter", "ant", "humanoid", "anymal", "franka_cabinet")
 REWARDS = ("human", "sparse")
 POINTS = 40  # of each curve in the file
 

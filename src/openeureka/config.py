@@ -14,6 +14,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from .errors import ConfigError, nearest
 
+BONUSES = ("none", "original")
 VIDEOS = ("all", "best", "none")
 
 
@@ -45,13 +46,18 @@ class RunConfig:
     """Environment steps per candidate."""
     worlds: int = 0
     """Worlds per candidate."""
+    bonus: str = "none"
+    """`none`, or `original`: hand tasks add 250 on success to generated rewards, as the original does."""
     device: str = "cpu"
+    """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
     threads: int = 0
     """Simulation threads; 0 means all cores."""
     max_cost: float = 0.0
     """Stop before the spending on replies exceeds this many US dollars; 0 means no limit."""
     price: str = ""
     """`INPUT,OUTPUT` in US dollars per million tokens; empty means the built-in table of prices."""
+    baselines: str = "train"
+    """`train` the human and the sparse reward along, or take what openeureka has `known` of them beforehand."""
     video: str = "best"
     """`all` trained policies, the `best` or `none`."""
     dir: str = ""
@@ -65,7 +71,13 @@ class RunConfig:
                 raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
         if self.seeds < 1:
             raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")
-        for key, allowed in (("search", ("best", "eureka")), ("video", VIDEOS)):
+        choices = {
+            "search": ("best", "eureka"),
+            "bonus": BONUSES,
+            "baselines": ("train", "known"),
+            "video": VIDEOS,
+        }
+        for key, allowed in choices.items():
             if getattr(self, key) not in allowed:
                 raise ConfigError(f"`{key}` must be one of {', '.join(allowed)}, not `{getattr(self, key)}`.")
 

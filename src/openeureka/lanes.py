@@ -38,14 +38,19 @@ def programs(samples: Iterable[Sample]) -> list[tuple[CandidateId, RewardProgram
     return [(candidate, graph) for candidate, graph in graphs.items() if graph is not None]
 
 
+def beside(config: RunConfig) -> tuple[tuple[str, RewardProgram], ...]:
+    """The rewards that candidates are compared with, as far as the run trains them itself."""
+    return BASELINES if config.baselines == "train" else ()
+
+
 def final_seeds(config: RunConfig) -> range:
     """Seeds of the final trainings; the search trains with `config.seed`."""
     return range(config.seed + 1, config.seed + 1 + config.seeds)
 
 
 def final_lanes(config: RunConfig, best: Scored) -> dict[str, list[str]]:
-    """Job ids of the final trainings of the best reward (`method`) and of both baselines."""
-    names = {"method": best.sample.verdict.candidate, "human": "human", "sparse": "sparse"}
+    """Job ids of the final trainings: those of the best reward (`method`), and of each baseline that is trained."""
+    names = {"method": best.sample.verdict.candidate, **{name: name for name, _ in beside(config)}}
     return {arm: [lane(name, seed) for seed in final_seeds(config)] for arm, name in names.items()}
 
 
@@ -75,7 +80,9 @@ class Lanes:
                 twins.setdefault(f"{job.seed} {job.program}", []).append(job)
         wanted = [group[0] for group in twins.values()]
         sharing = {group[0].id: group for group in twins.values()}
-        budget = TrainBudget(env_steps=self.config.steps, worlds=self.config.worlds)
+        budget = TrainBudget(
+            env_steps=self.config.steps, worlds=self.config.worlds, bonus=self.config.bonus == "original"
+        )
         failed: list[TrainingResult] = []
         for event in self.trainer.train(self.config.env, wanted, budget) if wanted else ():
             if isinstance(event, TrainingProgress):

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from random import Random
 
+from . import baselines
 from .config import RunConfig
-from .lanes import BASELINES, Lanes, final_lanes, final_seeds, lane, programs
+from .lanes import Lanes, beside, final_lanes, final_seeds, lane, programs
 from .llm.client import LanguageModel
 from .observer import NullObserver, Observer
 from .reflection import reflect
@@ -35,6 +36,7 @@ def run(
         EurekaError: what stopped the run; all that was finished is stored, and running again continues.
     """
     observer = observer or NullObserver()
+    baselines.chosen(config)  # refuses before anything is paid for
     sampler = Sampler(config, store, model, checker, context, observer)
     lanes = Lanes(config, store, trainer, observer)
     history = store.history()
@@ -47,8 +49,8 @@ def run(
         model.close()  # an embedded model must not run while training does: they fight for the same cores
 
         observer.phase(index, "train")
-        baselines = BASELINES if index == 0 else ()
-        results = lanes.train([*programs(samples), *baselines], seeds=[config.seed])
+        others = beside(config) if index == 0 else ()
+        results = lanes.train([*programs(samples), *others], seeds=[config.seed])
 
         entries = []
         for sample in samples:
@@ -75,7 +77,7 @@ def conclude(
     The search's own F is the maximum of many tries; only fresh seeds and fresh episodes say what the reward is worth.
     """
     observer.phase(config.iteration, "final")
-    results = lanes.train([*programs([best.sample]), *BASELINES], final_seeds(config))
+    results = lanes.train([*programs([best.sample]), *beside(config)], final_seeds(config))
     observer.phase(config.iteration, "evaluate")
     scores = lanes.evaluate(results, strategy.checkpoint)
     own = {job: scores[job].fitness for job in final_lanes(config, best)["method"] if job in scores}
@@ -88,4 +90,4 @@ def summarise(config: RunConfig, store: Store, history: History) -> Outcome:
     best = history.best
     if best is None:
         return Outcome(best=None)
-    return compare(best, final_lanes(config, best), store.results(), store.evaluations())
+    return compare(best, final_lanes(config, best), store.results(), store.evaluations(), baselines.chosen(config))

@@ -58,6 +58,24 @@ class Arm:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Baselines:
+    """Both ends of the scale for one task, measured beforehand."""
+
+    human: Arm
+    sparse: Arm
+    env_steps: int
+    worlds: int
+    device: str
+    date: str
+
+    def sentence(self) -> str:
+        """How the numbers came about."""
+        seeds = len(self.human.training)
+        size = f"{self.env_steps:,} steps in {self.worlds} worlds, {seeds} seed{'s' if seeds != 1 else ''}"
+        return f"The human and the sparse reward were measured beforehand: {size}, on {self.device}, {self.date}."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
     """What a search found, and how it compares with the rewards that people wrote."""
 
@@ -87,10 +105,14 @@ def compare(
     lanes: Mapping[str, Sequence[str]],
     results: Mapping[str, TrainingResult],
     scores: Mapping[str, Evaluation],
+    known: Baselines | None = None,
 ) -> Outcome:
-    """The outcome of the final trainings; `lanes` holds the job ids of `method`, `human` and `sparse`, a seed each.
+    """The outcome of the final trainings.
 
-    A lane that is missing, because the run is not that far, counts as undefined.
+    Args:
+        lanes: job ids of `method`, `human` and `sparse`, a seed each; one that is missing, because the run is not that
+            far, counts as undefined.
+        known: `human` and `sparse` where the run has no lanes of them.
     """
 
     fitness = {job: result.fitness for job, result in results.items()}
@@ -104,8 +126,8 @@ def compare(
     return Outcome(
         best=best,
         method=arm("method"),
-        human=arm("human"),
-        sparse=arm("sparse"),
+        human=known.human if known else arm("human"),
+        sparse=known.sparse if known else arm("sparse"),
         correlation=mean([result.correlation for result in trained]),
         curve_correlation=mean([pearson(own, human) for own, human in curves]),
     )

@@ -27,8 +27,8 @@ class StateVar:
     shape: tuple[int, ...] = ()
     """Shape without the world axis: () for a per-world scalar (N,), (3,) for (N, 3)."""
     kind: StateKind = "world"
-    """`world`: float32 tensor (N, *shape); `constant`: float32 tensor `shape`, the same for all worlds; `float`, `int`:
-    a Python number; `num_envs`: the number of worlds, a Python int."""
+    """`world`: float32 tensor (N, *shape); `constant`: tensor `shape`, the same for all worlds, float32 (int64 where it
+    holds indices); `float`, `int`: a Python number; `num_envs`: the number of worlds, a Python int."""
     use: StateUse = "raw"
     """How the typed grammar may use it. `raw`: not offered (original variables of mixed content). `zero_centred`: good
     when near zero, never a term by its sign. `directional`: more is meaningful (a speed, a projection). `point`: a
@@ -216,10 +216,12 @@ class TrainJob:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainBudget:
-    """What each lane may spend; zero means the task's default."""
+    """What each lane may spend, zero meaning the task's default, and under which rules."""
 
     env_steps: int = 0
     worlds: int = 0
+    bonus: bool = False
+    """Add the task's `success_bonus` to generated rewards, as the original does."""
 
 
 class TrainingState(StrEnum):

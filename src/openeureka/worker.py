@@ -67,6 +67,10 @@ class _Reader:
         del self._buffer[:count]
         return taken
 
+    def ready(self, timeout: float) -> bool:
+        """Whether something arrived, waiting up to `timeout` [s] for it; the end of the stream counts as something."""
+        return bool(self._buffer or select.select([self.fd], [], [], timeout)[0])
+
     def read(self, timeout: float | None) -> Frame:
         deadline = None if timeout is None else time.monotonic() + timeout
         head_size, blob_size = _PREFIX.unpack(self._take(_PREFIX.size, deadline))
@@ -132,6 +136,10 @@ class Worker:
     def receive(self, timeout: float | None = None) -> Frame:
         """Next frame. Raises WorkerDied or WorkerTimeout [s]; the worker must then be closed, its stream is broken."""
         return self._reader.read(timeout)
+
+    def ready(self, timeout: float) -> bool:
+        """Whether `receive` has something to read, waiting up to `timeout` [s] for it."""
+        return self._reader.ready(timeout)
 
     @property
     def alive(self) -> bool:

@@ -1,11 +1,23 @@
+from openeureka import baselines
 from openeureka.cli.tasks import context, envs
 from openeureka.tasks import registry
 
 
 def test_envs_lists_every_task(capsys):
     envs()
-    listed = [line.split()[0] for line in capsys.readouterr().out.splitlines()[1:]]
-    assert listed == registry.names()
+    table = capsys.readouterr().out.split("\n\n")[0]
+    assert [line.split()[0] for line in table.splitlines()[1:]] == registry.names()
+
+
+def test_envs_shows_measured_baselines(capsys, monkeypatch):
+    arms = {"human": {"training": [9.0], "held_out": {"fitness": [7.0, 9.5], "reward": [0.0, 0.0]}},
+            "sparse": {"training": [5.0], "held_out": {"fitness": [None, 3.0], "reward": [0.0, 0.0]}}}  # fmt: skip
+    ant = {**arms, "env_steps": 10, "worlds": 1, "device": "a GPU", "date": "2026-01-01"}
+    monkeypatch.setattr(baselines, "_shipped", lambda: {"ant": ant})
+    envs()
+    rows = {line.split()[0]: line.split() for line in capsys.readouterr().out.split("\n\n")[0].splitlines()}
+    assert rows["ant"][4:6] == ["8.25", "3"]
+    assert rows["cartpole"][4:6] == ["-", "-"]
 
 
 def test_context_shows_the_state_and_hides_the_fitness(capsys):

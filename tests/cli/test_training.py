@@ -2,9 +2,11 @@ import json
 
 import pytest
 
+from openeureka import baselines
 from openeureka.cli import training
 from openeureka.cli.training import train
 from openeureka.errors import ConfigError, RewardFileError
+from openeureka.score import Arm, Baselines
 from openeureka.testing.scripted import ToyTrainer
 from openeureka.types import RewardGraph
 
@@ -27,6 +29,30 @@ def test_every_reward_and_seed_is_a_lane_of_one_population(toy, tmp_path, capsys
     # 10.00 and 10.01: mean 10.005 shown with four digits, sample deviation 0.0071
     assert cells["human"][1:3] == ["10 ± 0.0071", "9.005 ± 0.0071"]
     assert cells["sparse"][1:3] == ["5.005 ± 0.0071", "4.005 ± 0.0071"]
+
+
+KNOWN = Baselines(
+    human=Arm(training=(9.0,), held_out=(10.0, 12.0)),
+    sparse=Arm(training=(5.0,), held_out=(6.0, 8.0)),
+    env_steps=1000, worlds=8, device="2 cores", date="2026-01-01",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("rewards", "known", "score", "note"),
+    [
+        ("human,sparse", KNOWN, "1", "held out.\n"),  # (9 - 4) / |9 - 4|: those trained along come first
+        ("human", KNOWN, "0.5", "1,000 steps in 8 worlds, 1 seed, on 2 cores"),  # (9 - 7) / |11 - 7|
+        ("human", None, "-", "add human and sparse to reward="),
+    ],
+)
+def test_scores_are_normalised_by_human_and_sparse(toy, tmp_path, capsys, monkeypatch, rewards, known, score, note):
+    monkeypatch.setattr(baselines, "known", lambda env: known)
+    train([f"reward={rewards}", f"dir={tmp_path}/out"])
+    text = capsys.readouterr().out
+    (row,) = [line for line in text.splitlines() if line.startswith("human ")]
+    assert row.split()[-1] == score
+    assert note in text
 
 
 def test_curves_policies_and_scores_are_left(toy, tmp_path):

@@ -26,6 +26,7 @@ def test_a_config_survives_being_stored_and_read_back():
         ("sample=-1", "`sample` must be zero or more"),
         ("ant", "not of the form key=value"),
         ("search=greedy", "`search` must be one of best, eureka"),
+        ("bonus=250", "`bonus` must be one of none, original"),
         ("seeds=0", "`seeds` must be one or more"),
     ],
 )

@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
-from openeureka import search
+from openeureka import baselines, search
 from openeureka.config import RunConfig
-from openeureka.errors import BudgetError, ModelError, WorkerError
+from openeureka.errors import BudgetError, ConfigError, ModelError, WorkerError
 from openeureka.loop import run, summarise
 from openeureka.observer import NullObserver
 from openeureka.sampling import request_seed
-from openeureka.score import Outcome
+from openeureka.score import Arm, Baselines, Outcome
 from openeureka.store import Store, read_replies
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
 from openeureka.types import Candidate, TrainingState, VerdictCode
@@ -72,6 +72,32 @@ def test_the_best_program_is_retrained_with_fresh_seeds_beside_human_and_sparse(
     assert outcome.normalised_training == pytest.approx((8 - 5) / (10 - 5))
     assert outcome.correlation == 0.5
     assert outcome.curve_correlation == pytest.approx(1.0)  # (0, w/2, w) against (0, 1, 2)
+
+
+def test_known_baselines_are_not_trained_again(begin, monkeypatch) -> None:
+    def known(env: str, peak: str) -> Baselines:
+        assert (env, peak) == ("cartpole", "reward")
+        return Baselines(
+            human=Arm(training=(9.0,), held_out=(9.0, 11.0)),
+            sparse=Arm(training=(5.0,), held_out=(2.0,)),
+            env_steps=10, worlds=1, device="a GPU", date="2026-01-01",
+        )  # fmt: skip
+
+    monkeypatch.setattr(baselines, "known", known)
+    one = begin([reply(7), reply(8)], seeds=2, baselines="known")
+    outcome = one.go()
+    assert one.trainer.trained == [lane(7, 0), lane(8, 0), lane(8, 1), lane(8, 2)]
+    assert outcome.human.held_out == (9.0, 11.0)
+    # held out 7.01 and 7.02: (7.015 - 2) / (10 - 2)
+    assert outcome.normalised == pytest.approx(5.015 / 8)
+
+
+def test_baselines_that_nobody_measured_stop_a_run_before_it_begins(begin, monkeypatch) -> None:
+    monkeypatch.setattr(baselines, "known", lambda env, peak: None)
+    one = begin([reply(7), reply(8)], baselines="known")
+    with pytest.raises(ConfigError, match="use baselines=train"):
+        one.go()
+    assert one.model.said == 0
 
 
 def test_best_holds_the_program_and_the_policy_of_the_better_final_seed(begin) -> None:

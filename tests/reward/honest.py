@@ -475,3 +475,85 @@ def compute_reward(dof_pos, dof_vel):
     return weights @ dof_pos[:, :2].T + dof_vel @ torch.ones(8), {"first": dof_pos[:, 0]}
 """,
 )
+
+_add(
+    "numbers of numpy, arithmetic outside the function and in a default",
+    ANT,
+    """
+import numpy as np
+import math
+LEAN_LIMIT = 12 * 2 * np.pi / 360
+WEIGHTS = {"speed": 1.0 / 3.0, "lean": -math.sqrt(2.0)}
+def compute_reward(root_states, up_vec, limit: float = np.deg2rad(30.0), half: float = 1 / 2):
+    lean = torch.acos(torch.clamp(up_vec[:, 2], -1.0, 1.0))
+    over = (lean > LEAN_LIMIT).float() + (lean > limit).float() + half * torch.cos(np.pi * lean) / np.sqrt(2.0)
+    return WEIGHTS["speed"] * root_states[:, 7] + WEIGHTS["lean"] * over, {"over": over}
+""",
+)
+_add(
+    "imports inside the function and typed containers of TorchScript",
+    ANT,
+    """
+import torch
+@torch.jit.unused
+def compute_reward(dof_pos, dof_vel):
+    import math
+    from typing import Dict, List
+    from torch import Tensor
+    parts = torch.jit.annotate(List[Tensor], [])
+    named: Dict[str, Tensor] = torch.jit.annotate(Dict[str, Tensor], {})
+    for joint in range(3):
+        parts.append(torch.exp(-math.pi * dof_pos[:, joint].abs()))
+    named["posture"] = torch.stack(parts, dim=-1).sum(dim=-1)
+    spare = dof_vel[:, 0]
+    del spare
+    return named["posture"], named
+""",
+)
+_add(
+    "numbers read out of constants",
+    ANT,
+    """
+def compute_reward(root_states):
+    temperature = torch.tensor(0.5)
+    fall = torch.tensor([-2.0, 0.0])
+    speed = torch.clamp(root_states[:, 7], 0.0, torch.tensor(3.0)) / float(temperature)
+    paid = speed if temperature > 0.1 else -speed
+    fallen = torch.full_like(paid, fall.min())
+    weights = torch.tensor([torch.tensor(1.0), temperature])
+    sideways = (root_states[:, 8:10] * weights).sum(dim=-1)
+    return torch.where(root_states[:, 2] < 0.3, fallen, paid - sideways.abs()), {"paid": paid}
+""",
+)
+_add(
+    "memory that is filled later",
+    ANT,
+    """
+def compute_reward(dof_pos, root_states):
+    cost = torch.empty_like(dof_pos)
+    for joint in reversed(range(dof_pos.shape[1])):
+        cost[:, joint] = dof_pos[:, joint] ** 2
+    reward = torch.empty(root_states.shape[0], device=root_states.device)
+    reward[:] = root_states[:, 7]
+    weight = 0.1 if any([True, False]) else 0.0
+    return reward - weight * cost.sum(dim=-1), {"cost": sum(map(torch.abs, cost.unbind(-1)))}
+""",
+)
+_add(
+    "functions that few programs use",
+    ANT,
+    """
+import torch.nn.functional as F
+def compute_reward(dof_pos, dof_vel):
+    spread, middle = torch.std_mean(dof_pos, dim=-1)
+    low, high = torch.aminmax(dof_vel, dim=-1)
+    second = torch.kthvalue(dof_pos, 2, dim=-1).values + torch.cummax(dof_vel, dim=-1)[0][:, -1]
+    near = torch.logit(torch.sigmoid(middle), eps=1e-6) + torch.erfc(middle) + F.mish(high)
+    both = torch.bitwise_and(dof_pos > 0, dof_vel > 0)
+    power = torch.diagonal(dof_pos.unsqueeze(-1) * dof_vel.unsqueeze(-2), dim1=-2, dim2=-1).sum(-1)
+    fixed = torch.tensordot(dof_pos, torch.ones(8), dims=1) + torch.inner(dof_vel, torch.ones(8))
+    blocks = torch.moveaxis(dof_pos.view(-1, 4, 2), 1, 2).reshape(-1, 8)[:, 1] + torch.count_nonzero(both, dim=-1)
+    tiny = torch.finfo(torch.float32).eps
+    return spread - low + second + near + power / (1.0 + tiny) + fixed + blocks, {"power": power}
+""",
+)

@@ -55,9 +55,24 @@ GOLDEN = {
         "line 2: `.item` turns tensor values into Python values [data-read]; stay with tensors of one value per world",
     ),
     "an import": (
-        "import numpy as np\ndef compute_reward(dof_pos):\n    return dof_pos[:, 0], {}\n",
-        "line 1: `numpy` cannot be imported [import]; only torch, math and typing are there; "
+        "import scipy\ndef compute_reward(dof_pos):\n    return dof_pos[:, 0], {}\n",
+        "line 1: `scipy` cannot be imported [import]; torch, math, typing and `np.pi` are there; "
         "helpers such as `quat_mul` need no import",
+    ),
+    "a power that would fill the memory, outside the function": (
+        "BIG = 10 ** 10 ** 8\ndef compute_reward(dof_pos):\n    return dof_pos[:, 0], {}\n",
+        "line 1: only imports, functions and literal constants may stand outside a function [statement]; "
+        "move it into the reward function or remove it",
+    ),
+    "an import inside the function": (
+        "def compute_reward(dof_pos):\n    import os\n    return dof_pos[:, 0], {}\n",
+        "line 2: `Import` is not allowed [statement]; remove it",
+    ),
+    "a random helper": (
+        "from isaacgym.torch_utils import torch_rand_float\ndef compute_reward(dof_pos):\n"
+        "    return torch_rand_float(0, 1, (3, 1), 'cpu'), {}\n",
+        "line 3: `torch_rand_float` is random, and a reward must give the same value for the same state "
+        "[randomness]; remove it",
     ),
     "a while loop": (
         "def compute_reward(dof_pos):\n    while True:\n        pass\n    return dof_pos[:, 0], {}\n",

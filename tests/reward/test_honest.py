@@ -12,7 +12,7 @@ import torch
 from openeureka.reward import examine, gate, graph, load, probe
 from openeureka.reward import math as helpers
 from openeureka.types import StateSpec
-from reward.honest import PROGRAMS, recorded
+from reward.honest import ANT, PROGRAMS, recorded
 
 
 def accepted(spec: StateSpec, source: str) -> probe.Traced:
@@ -35,7 +35,7 @@ def plain_python(
         **{n: getattr(helpers, n) for n in dir(helpers)},
         **everything,
     }
-    text = source.replace("@torch.jit.script", "").replace('.to("cuda:0")', "").replace(".cuda()", "")
+    text = source.replace("@torch.jit.script\n", "\n").replace('.to("cuda:0")', "").replace(".cuda()", "")
     text = text.replace(', device="cuda:0"', "").replace("self._closeness(", "_closeness(self, ")
     text = "\n".join(line for line in text.split("\n") if "isaacgym" not in line)
     before = set(names)
@@ -45,7 +45,7 @@ def plain_python(
     arguments = function.__code__.co_varnames[: function.__code__.co_argcount]
     if arguments[0] == "self":
         return function(SimpleNamespace(**everything))
-    return function(**{name: everything[name] for name in arguments})
+    return function(**{name: everything[name] for name in arguments if name in everything})
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
@@ -120,3 +120,60 @@ def test_python_floats_stand_where_torch_wants_tensors() -> None:
     source = "def f(obs_buf):\n    return torch.max(obs_buf[:, 0], 0.0) * torch.exp(-1.0), {}\n"
     reward, _ = graph.compile(accepted(spec, source).graph, spec)({"obs_buf": torch.tensor([[2.0], [-2.0]])})
     torch.testing.assert_close(reward, torch.tensor([2.0 * math.exp(-1.0), 0.0]))
+
+
+FIRST_ARGUMENTS = {
+    "torch.exp(-dt)": math.exp(-0.0166),
+    "torch.sqrt(2.0) * torch.log(2.0)": math.sqrt(2.0) * math.log(2.0),
+    "torch.pow(2.0, 3.0) + torch.clamp(0.5, 0.0, 0.25)": 8.25,
+    "torch.tanh(0.5) - torch.abs(-0.5)": math.tanh(0.5) - 0.5,
+}
+
+
+@pytest.mark.parametrize("expression", FIRST_ARGUMENTS)
+def test_functions_of_tensors_take_a_python_float(expression: str) -> None:
+    source = f"def f(actions, dt):\n    return actions[:, 0] * ({expression}), {{}}\n"
+    reward, _ = graph.compile(accepted(ANT, source).graph, ANT)({"actions": torch.ones(1, 8), "dt": 0.0166})
+    torch.testing.assert_close(reward, torch.tensor([FIRST_ARGUMENTS[expression]]))
+
+
+HELPER_IMPORTS = {
+    "import isaacgym.torch_utils as tu": "tu.quat_rotate",
+    "import isaacgym.torch_utils": "isaacgym.torch_utils.quat_rotate",
+    "from isaacgymenvs.utils import torch_jit_utils": "torch_jit_utils.quat_rotate",
+    "from isaacgymenvs.utils.torch_jit_utils import quat_rotate as turn, torch_rand_float": "turn",
+    "from utils.torch_jit_utils import *": "quat_rotate",
+    "from torch_utils import quat_rotate": "quat_rotate",
+}
+
+
+@pytest.mark.parametrize("line", HELPER_IMPORTS)
+def test_helpers_are_found_where_the_original_keeps_them(line: str) -> None:
+    call = f"{HELPER_IMPORTS[line]}(root_states[:, 3:7], root_states[:, 7:10])"
+    source = f"{line}\ndef f(root_states):\n    return {call}[:, 0], {{}}\n"
+    states = recorded(ANT, 16)
+    reward, _ = graph.compile(accepted(ANT, source).graph, ANT)(states)
+    root = states["root_states"]
+    assert isinstance(root, torch.Tensor)
+    torch.testing.assert_close(reward, helpers.quat_rotate(root[:, 3:7], root[:, 7:10])[:, 0])
+
+
+def test_components_of_another_shape_are_recorded_as_means() -> None:
+    components = (
+        "{'joints': actions, 'one': torch.tensor([3.0]), 'flags': actions > 0.25, 'grid': actions.view(-1, 4, 2)}"
+    )
+    source = f"def f(actions):\n    return actions[:, 0], {components}\n"
+    actions = torch.arange(16.0).view(2, 8) / 8
+    _, found = graph.compile(accepted(ANT, source).graph, ANT)({"actions": actions})
+    # means of 0, 1/8, ... 7/8 and of 8/8 ... 15/8; five, then eight of eight are above 1/4
+    torch.testing.assert_close(found["joints"], torch.tensor([3.5 / 8, 11.5 / 8]))
+    torch.testing.assert_close(found["grid"], found["joints"])
+    torch.testing.assert_close(found["flags"], torch.tensor([5 / 8, 1.0]))
+    torch.testing.assert_close(found["one"], torch.tensor([3.0, 3.0]))
+
+
+def test_a_method_may_name_its_state_as_well() -> None:
+    source = "def compute_reward(self, actions):\n    return self.dof_pos[:, 0] + actions[:, 0], {}\n"
+    states = {"actions": torch.ones(3, 8), "dof_pos": torch.full((3, 8), 2.0)}
+    reward, _ = graph.compile(accepted(ANT, source).graph, ANT)(states)
+    assert reward.tolist() == [3.0, 3.0, 3.0]

@@ -69,7 +69,7 @@ def test_lanes_that_are_too_many_for_one_simulation_train_one_population_after_a
 def test_progress_of_one_population_after_another_counts_on(monkeypatch: pytest.MonkeyPatch):
     trainer = PopulationTrainer(max_worlds=1)
     step = TrainingProgress(epoch=2, epochs=4, env_steps_per_second=1.0, fitness={})
-    monkeypatch.setattr(trainer, "_train", lambda *_: iter([step]))
+    monkeypatch.setattr(trainer, "_train", lambda *_: (message for message in [step]))
     jobs = [TrainJob(id=name, program="human") for name in "ab"]
     seen = [m for m in trainer.train("cartpole", jobs, TrainBudget(worlds=1)) if isinstance(m, TrainingProgress)]
     assert [(m.epoch, m.epochs) for m in seen] == [(2, 8), (6, 8)]
@@ -81,6 +81,12 @@ def test_a_worker_that_hangs_is_given_up(monkeypatch: pytest.MonkeyPatch):
     (result,) = trainer.train("cartpole", [TrainJob(id="a", program="human")], TrainBudget())
     assert isinstance(result, TrainingResult) and result.state is TrainingState.FAILED
     assert "did not answer in time" in result.message
+
+
+def test_an_evaluation_may_take_longer_than_a_worker_may_be_silent(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    (score,) = PopulationTrainer(module="evaluating_worker", silence=2.0).evaluate("cartpole", {"a": b""}, seed=0)
+    assert (score.job, score.fitness, score.episode_length, score.episodes) == ("a", 1.0, 2.0, 3)
 
 
 def test_an_unknown_environment_is_an_error_of_the_caller_and_not_of_the_worker():

@@ -1,8 +1,11 @@
+import dataclasses
+
 import pytest
 import torch
 
+from openeureka.tasks.classic.cartpole import Cartpole
 from openeureka.tasks.env import Step
-from openeureka.tasks.task import Score
+from openeureka.tasks.task import Score, State
 from openeureka.training.curves import Curves
 from openeureka.training.policy import Player, Policy
 from openeureka.training.population import Population
@@ -40,6 +43,30 @@ def test_a_lane_trains_the_same_beside_others():
     job = TrainJob(id="a", program=upright(), seed=1)
     beside = results([TrainJob(id="x", program="human", seed=2), job])["a"].curves["reward"]
     assert results([job])["a"].curves["reward"] == pytest.approx(beside, rel=1e-3)
+
+
+def test_a_success_bonus_trains_generated_rewards_only_and_shows_in_no_curve(monkeypatch: pytest.MonkeyPatch):
+    def bonus(task: Cartpole, s: State) -> torch.Tensor:
+        return 250.0 * (s["pole_angle"].abs() < 0.05)
+
+    monkeypatch.setattr(Cartpole, "success_bonus", bonus)
+    jobs = [TrainJob(id=name, program=program) for name, program in (("own", upright()), ("human", "human"))]
+    trained: dict[bool, Population] = {}
+    for switch in (False, True):
+        trained[switch] = Population("cartpole", jobs, dataclasses.replace(SMALL, bonus=switch), threads=1)
+        list(trained[switch].train())
+    without, with_bonus = (trained[switch].rollout.reward for switch in (False, True))
+    # 250 on top of less than nothing, scaled by 0.1
+    assert float(without[0].max()) < 0.0 and float(with_bonus[0].max()) == pytest.approx(25.0, abs=0.01)
+    torch.testing.assert_close(with_bonus[1], without[1], atol=1e-3, rtol=1e-3)
+    # Before the first update both trained the same policy, and its reward is recorded without the bonus.
+    assert trained[True].curves.curves[0]["reward"][0] == trained[False].curves.curves[0]["reward"][0]
+    assert trained[True].curves.curves[0]["reward"][3] != trained[False].curves.curves[0]["reward"][3]
+
+
+def test_a_task_without_a_bonus_trains_as_ever():
+    jobs = [TrainJob(id="a", program=upright())]
+    assert results(jobs, dataclasses.replace(SMALL, bonus=True))["a"].curves == results(jobs)["a"].curves
 
 
 def test_curves_hold_one_point_an_epoch_and_every_component():

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..config import VIDEOS
+from ..config import BONUSES, VIDEOS
 from ..errors import ConfigError
 
 
@@ -28,7 +28,10 @@ class TrainConfig:
     """Environment steps per training."""
     worlds: int = 0
     """Worlds per training."""
+    bonus: str = "none"
+    """`none`, or `original`: hand tasks add 250 on success to generated rewards, as the original does."""
     device: str = "cpu"
+    """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
     threads: int = 0
     """Simulation threads; 0 means all cores."""
     dir: str = ""
@@ -42,6 +45,8 @@ class TrainConfig:
         for key in ("steps", "worlds", "threads"):
             if getattr(self, key) < 0:
                 raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
+        if self.bonus not in BONUSES:
+            raise ConfigError(f"`bonus` must be one of {', '.join(BONUSES)}, not `{self.bonus}`.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -42,6 +42,7 @@ def summary(run: RunView) -> list[str]:
     lines += [f"{name.capitalize()} reward: F {number(result.fitness)}" for name, result in run.baselines.items()]
     if run.outcome is not None:
         lines += final(run.outcome)
+        lines += [run.known.sentence()] if run.known is not None else []
     elif len(run.history.generations) < run.config.iteration:
         lines.append(f"{len(run.history.generations)} of {run.config.iteration} generations are done.")
     tokens = run.usage.prompt_tokens + run.usage.completion_tokens

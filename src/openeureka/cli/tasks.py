@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from .. import baselines
 from ..config import parse
-from ..report.text import columns
+from ..report.text import columns, number
+from ..score import mean
 from ..tasks import registry
 from ..tasks.context import context as context_of
 from ..types import StateVar
@@ -16,9 +18,16 @@ def envs() -> None:
     """Print one line per task."""
     tasks = [(name, registry.get(name)) for name in registry.names()]
     rows = [
-        (name, task.suite, str(task.num_observations), str(task.num_actions), task.description) for name, task in tasks
+        (name, task.suite, str(task.num_observations), str(task.num_actions), *_baselines(name), task.description)
+        for name, task in tasks
     ]
-    print(columns([("env", "suite", "observations", "actions", "description"), *rows]))
+    print(columns([("env", "suite", "observations", "actions", "human F", "sparse F", "description"), *rows]))
+    print("\nHuman and sparse F: held out, mean over seeds, where benchmarks/baselines.py has measured them.")
+
+
+def _baselines(env: str) -> tuple[str, str]:
+    known = baselines.known(env)
+    return (number(mean(known.human.held_out)), number(mean(known.sparse.held_out))) if known else ("-", "-")
 
 
 def context(words: Sequence[str]) -> None:

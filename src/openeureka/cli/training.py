@@ -6,10 +6,12 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from .. import baselines
 from ..config import as_dict, parse
 from ..errors import ConfigError, RewardFileError
 from ..report import events
-from ..report.text import columns, duration, spread
+from ..report.text import columns, duration, number, spread
+from ..score import human_normalised, mean
 from ..store import artifacts
 from ..tasks.registry import get
 from ..training.executor import PopulationTrainer
@@ -36,8 +38,8 @@ def train(words: Sequence[str]) -> None:
     policies = {job: result.best_fitness.policy for job, result in results.items() if result.best_fitness}
     held_out = {score.job: score for score in trainer.evaluate(config.env, policies, seed=config.seed)}
     _save(directory, config, results, held_out)
-    rows = [_row(name, [f"{name}-s{seed}" for seed in seeds], results, held_out) for name in programs]
-    print(columns([("reward", "F", "held-out F", "episode length", "correlation", "steps", "time"), *rows]))
+    lanes = {name: [f"{name}-s{seed}" for seed in seeds] for name in programs}
+    print(_table(config.env, lanes, results, held_out))
     print(f"\nCurves and policies are in {directory}")
 
 
@@ -68,7 +70,7 @@ def _train(
 ) -> dict[str, TrainingResult]:
     """Results by job; policies and curves of each are written as soon as it is there."""
     results: dict[str, TrainingResult] = {}
-    budget = TrainBudget(env_steps=config.steps, worlds=config.worlds)
+    budget = TrainBudget(env_steps=config.steps, worlds=config.worlds, bonus=config.bonus == "original")
     with ProgressLine() as line:
         for report in trainer.train(config.env, jobs, budget):
             if isinstance(report, TrainingProgress):
@@ -100,6 +102,34 @@ def _save(
         for job, result in results.items()
     }
     artifacts.write(directory / "result.json", json.dumps({"config": as_dict(config), "jobs": jobs}, indent=2))
+
+
+def _table(
+    env: str,
+    lanes: Mapping[str, Sequence[str]],
+    results: Mapping[str, TrainingResult],
+    held_out: Mapping[str, Evaluation],
+) -> str:
+    """A row for each reward and a note; `lanes` are its jobs."""
+    scores = {name: [held_out[job].fitness for job in jobs if job in held_out] for name, jobs in lanes.items()}
+    scale, note = _scale(env, scores)
+    rows = [
+        (*_row(name, jobs, results, held_out), number(human_normalised(mean(scores[name]), *scale)))
+        for name, jobs in lanes.items()
+    ]
+    titles = ("reward", "F", "held-out F", "episode length", "correlation", "steps", "time", "score")
+    return f"{columns([titles, *rows])}\n\n{note}"
+
+
+def _scale(env: str, scores: Mapping[str, Sequence[float | None]]) -> tuple[tuple[float | None, float | None], str]:
+    """Held-out F of the human and the sparse reward, trained along or known beforehand, and a word on which."""
+    text = "Score: human-normalised, (F - sparse) / |human - sparse|, held out."
+    if "human" in scores and "sparse" in scores:
+        return (mean(scores["human"]), mean(scores["sparse"])), text
+    known = baselines.known(env)
+    if known is None:
+        return (None, None), f"{text} It needs both: add human and sparse to reward=."
+    return (mean(known.human.held_out), mean(known.sparse.held_out)), f"{text} {known.sentence()}"
 
 
 def _row(

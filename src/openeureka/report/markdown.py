@@ -36,7 +36,9 @@ def report(run: RunView) -> str:
 def _final(run: RunView) -> str:
     if run.outcome is None:
         return "## Final scores\n\nThe final trainings are not done yet."
-    return f"## Final scores\n\n{_table(tables.final(run.outcome))}\n\n{_table(tables.measures(run.outcome))}"
+    return (
+        f"## Final scores\n\n{_table(tables.final(run.outcome, run.known))}\n\n{_table(tables.measures(run.outcome))}"
+    )
 
 
 def _best(best: CandidateView | None) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..config import RunConfig, as_dict
-from ..score import Outcome
+from ..score import Baselines, Outcome
 from .stats import by_generation, trained_share
 from .text import duration, number, spread
 from .view import CandidateView, RunView
@@ -31,12 +31,14 @@ def search(run: RunView) -> Table:
     return Table(("search", "F"), rows, note)
 
 
-def final(outcome: Outcome) -> Table:
+def final(outcome: Outcome, known: Baselines | None) -> Table:
     """The best reward against the others with fresh seeds."""
     arms = {"best generated reward": outcome.method, "human reward": outcome.human, "sparse reward": outcome.sparse}
     rows = [(name, spread(arm.training), spread(arm.held_out)) for name, arm in arms.items()]
     seeds = len(outcome.method.training)
     note = f"Mean ± standard deviation, fresh seeds: {seeds}. Held out: deterministic actions, fresh episodes."
+    if known is not None:
+        note += f" {known.sentence()}"
     return Table(("", "F, maximum over training", "F, held out"), rows, note)
 
 

@@ -8,12 +8,12 @@ from enum import StrEnum
 from pathlib import Path
 from random import Random
 
-from .. import prompts, search
+from .. import baselines, prompts, search
 from ..config import RunConfig
 from ..lanes import BASELINES, final_lanes, lane
 from ..llm import extract
 from ..sampling import NO_PROGRAM
-from ..score import Outcome, compare
+from ..score import Baselines, Outcome, compare
 from ..store import Store
 from ..types import (
     Candidate,
@@ -167,6 +167,11 @@ class RunView:
         return {name: self.results[job] for name, job in jobs.items() if job in self.results}
 
     @property
+    def known(self) -> Baselines | None:
+        """Baselines that were measured beforehand, where the run does not train them."""
+        return baselines.chosen(self.config)
+
+    @property
     def outcome(self) -> Outcome | None:
         """The final comparison; None before all its trainings are done."""
         best = self.history.best
@@ -175,7 +180,7 @@ class RunView:
         arms = final_lanes(self.config, best)
         if any(job not in self.results for jobs in arms.values() for job in jobs):
             return None
-        return compare(best, arms, self.results, self.evaluations)
+        return compare(best, arms, self.results, self.evaluations, self.known)
 
 
 def _videos(directory: Path, results: Mapping[str, TrainingResult]) -> dict[str, str]:

@@ -126,15 +126,21 @@ def _examine_independence(
     graph = traced.graph
     shuffled = torch.randperm(count, generator=torch.Generator().manual_seed(0)).tolist()
     for worlds in ([count // 2], shuffled[:7], shuffled[:64], shuffled):
-        with torch.no_grad():
-            part = list(graphs.values(graph, take(recorded, spec, worlds), len(worlds)))
+        part: list[Any] = []
+        try:
+            with torch.no_grad():
+                part.extend(graphs.values(graph, take(recorded, spec, worlds), len(worlds)))
+        except (IndexError, RuntimeError):  # as `x[1]` in a single world
+            raise _coupled("the reward", _line(traced, len(part))) from None
         for name, index in _named_outputs(graph):
             if _differs(part[index], whole[index], worlds, count):
                 first = next(i for i in range(len(whole)) if _differs(part[i], whole[i], worlds, count))
-                line = _line(traced, first)
-                message = f"{name} of one world depends on the other worlds"
-                fix = "reduce over the last dimension (dim=-1) only, never over all worlds"
-                raise Refused("coupling", message, fix, line)
+                raise _coupled(name, _line(traced, first))
+
+
+def _coupled(name: str, line: int | None) -> Refused:
+    message = f"{name} of one world depends on the other worlds"
+    return Refused("coupling", message, "reduce over the last dimension (dim=-1) only, never over all worlds", line)
 
 
 def _differs(part: Any, whole: Any, worlds: Sequence[int], count: int) -> bool:

@@ -16,7 +16,8 @@ from types import CodeType
 from ..errors import nearest
 from ..types import Finding, StateSpec
 from . import surface
-from .normalise import Draft, Normaliser, dotted
+from .fold import dotted
+from .normalise import Draft, Normaliser
 
 FILENAME = "<reward>"
 MAX_BYTES = 20_000
@@ -211,14 +212,14 @@ class _Rules(ast.NodeVisitor):
             return
         if name in draft.names:
             self._path(draft.names[name], node)
-        elif name in surface.HELPERS or name in surface.BUILTINS:
+        elif name in surface.ALL_HELPERS or name in surface.BUILTINS:
             return
         elif self._is_input(name):
             self.inputs[name] = None
         elif name in surface.RANDOM:
             self._random(name, node)
         else:
-            known = (*self.state.names, *surface.HELPERS, *surface.BUILTINS, *self._locals)
+            known = (*self.state.names, *surface.ALL_HELPERS, *surface.BUILTINS, *self._locals)
             fix = nearest(name, known).replace("Did you mean", "did you mean").strip() or "define it or remove it"
             self._refuse("unknown-name", f"`{name}` is not defined", node, fix)
 

@@ -262,7 +262,7 @@ def values(graph: RewardGraph, state: State, num_worlds: int, device: torch.devi
         elif node.op == "constant":
             value = _constant(node, device)
         elif node.op == "getitem":
-            value = fill(node.args[0])[node.args[1]]
+            value = _part(fill(node.args[0]), node.args[1])
         else:
             args, kwargs = [fill(arg) for arg in node.args], _named({k: fill(arg) for k, arg in node.kwargs.items()})
             if node.op in _MADE_FROM_NOTHING:
@@ -272,6 +272,12 @@ def values(graph: RewardGraph, state: State, num_worlds: int, device: torch.devi
             value = operation(node.op)(*args, **kwargs)
         done.append(value)
         yield value
+
+
+def _part(parts: Any, position: Any) -> Any:
+    if isinstance(parts, Tensor):
+        raise GraphError("getitem takes the result of an operation with several")
+    return parts[position]
 
 
 def _largest_selection(indices: Sequence[Tensor | None]) -> list[Tensor | None]:

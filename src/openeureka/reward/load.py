@@ -13,6 +13,7 @@ from torch import Tensor
 
 from . import math as helper_functions
 from . import surface
+from .fold import numpy_name
 from .gate import FILENAME, Program
 
 Runner = Callable[[Mapping[str, Any]], object]
@@ -28,10 +29,39 @@ def _isclose(input: Tensor, other: Tensor, rtol: float = 1e-5, atol: float = 1e-
     return (input - other).abs() <= atol + rtol * other.abs()
 
 
-# torch's own write in place below the level that tracing sees.
-_REPLACED = {"cosine_similarity": _cosine_similarity, "isclose": _isclose}
-_TAKES_FLOATS = surface.words("abs cos exp log max maximum min minimum sigmoid sin sqrt square tanh")
+def _count_nonzero(input: Tensor, dim: int | tuple[int, ...] | None = None) -> Tensor:
+    return (input != 0).sum(dim=dim)
+
+
+def _tensor(data: Any, **options: Any) -> Tensor:
+    """`torch.tensor`, also of lists of tensors: torch's own reads their numbers out where tracing cannot see it."""
+    if isinstance(data, Tensor):
+        return torch.as_tensor(data, **options).clone()
+    if _holds_tensor(data):
+        return torch.stack([_tensor(part, **options) for part in data])
+    return torch.tensor(data, **options)
+
+
+def _holds_tensor(data: Any) -> bool:
+    return isinstance(data, Tensor) or (isinstance(data, list | tuple) and any(map(_holds_tensor, data)))
+
+
+# torch's own write in place below the level that tracing sees, read numbers out, or leave memory as it was.
+_REPLACED = {
+    "cosine_similarity": _cosine_similarity,
+    "isclose": _isclose,
+    "count_nonzero": _count_nonzero,
+    "tensor": _tensor,
+    "empty": torch.zeros,
+    "empty_like": torch.zeros_like,
+}
+_TAKES_FLOATS = surface.words("atan2 max maximum min minimum")
 """Functions of tensors that authors also call with Python floats, as in `torch.max(x, 0.0)`."""
+_FIRST_FLOAT = surface.words("""
+    abs acos asin atan ceil clamp cos cosh exp expm1 floor log log10 log1p log2 pow relu round rsqrt sigmoid sign sin
+    sinh sqrt square tan tanh
+""")
+"""The same for the first argument only, as in `torch.exp(-dt)`."""
 
 
 def _namespace(module: str, real: Any) -> SimpleNamespace:
@@ -42,9 +72,11 @@ def _offered(name: str, real: Any) -> Any:
     if name in _REPLACED:
         return _REPLACED[name]
     function = getattr(real, name)
-    if name not in _TAKES_FLOATS:
-        return function
-    return lambda *args, **kwargs: function(*map(_as_tensor, args), **kwargs)
+    if name in _TAKES_FLOATS:
+        return lambda *args, **kwargs: function(*map(_as_tensor, args), **kwargs)
+    if name in _FIRST_FLOAT:
+        return lambda *args, **kwargs: function(*map(_as_tensor, args[:1]), *args[1:], **kwargs)
+    return function
 
 
 def _as_tensor(value: Any) -> Any:
@@ -57,7 +89,18 @@ def _modules() -> SimpleNamespace:
     offered.nn = SimpleNamespace(functional=_namespace("torch.nn.functional", torch.nn.functional))
     offered.linalg = _namespace("torch.linalg", torch.linalg)
     offered.device = lambda *_: torch.device("cpu")
-    return SimpleNamespace(torch=offered, math=SimpleNamespace(**{name: getattr(math, name) for name in surface.MATH}))
+    helpers = SimpleNamespace(**_helpers())
+    return SimpleNamespace(
+        torch=offered,
+        math=SimpleNamespace(**{name: getattr(math, name) for name in surface.MATH}),
+        numpy=SimpleNamespace(**{name: numpy_name(name) for name in surface.NUMPY}),
+        isaacgym=SimpleNamespace(torch_utils=helpers),
+        isaacgymenvs=SimpleNamespace(utils=SimpleNamespace(torch_jit_utils=helpers)),
+    )
+
+
+def _helpers() -> dict[str, Any]:
+    return {name: getattr(helper_functions, name) for name in surface.ALL_HELPERS}
 
 
 def load(program: Program) -> Runner:
@@ -66,7 +109,7 @@ def load(program: Program) -> Runner:
     # torch imports lazily from C through the builtins of the running frame, hence `__import__`; no program may name it.
     allowed = {name: getattr(builtins, name) for name in (*surface.BUILTINS, "__import__")}
     names: dict[str, Any] = {"__builtins__": allowed}
-    names.update({name: getattr(helper_functions, name) for name in surface.HELPERS})
+    names.update(_helpers())
     for name, path in program.draft.names.items():
         value: Any = modules
         for part in path.split("."):
@@ -74,13 +117,14 @@ def load(program: Program) -> Runner:
         names[name] = value
     exec(program.code(), names)  # the gate's plain form: functions and literal constants
     function = names[program.entry]
-    free = [name for name in program.inputs if name not in program.arguments]
+    free = [name for name in program.inputs if name not in (*program.arguments, *program.draft.functions)]
 
     def run(state: Mapping[str, Any]) -> object:
-        if program.method:
-            return function(SimpleNamespace(**{name: state[name] for name in program.inputs}))
         names.update({name: state[name] for name in free})
-        return function(**{name: state[name] for name in program.arguments})
+        given = {name: state[name] for name in program.arguments}
+        if program.method:
+            return function(SimpleNamespace(**{name: state[name] for name in program.inputs}), **given)
+        return function(**given)
 
     return run
 
@@ -88,7 +132,7 @@ def load(program: Program) -> Runner:
 def unchecked(source: str) -> Runner:
     """A program as it stands, with all of Python: what tests of confinement run, behind a gate that is switched off."""
     names: dict[str, Any] = {"torch": torch, "math": math}
-    names.update({name: getattr(helper_functions, name) for name in surface.HELPERS})
+    names.update(_helpers())
 
     def run(state: Mapping[str, Any]) -> object:
         if "__builtins__" not in names:

@@ -60,6 +60,10 @@ def unscale(x: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
     return (2.0 * x - upper - lower) / (upper - lower)
 
 
+def unscale_np(x: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
+    return unscale(x, lower, upper)
+
+
 def scale_transform(x: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
     """[lower, upper] to [-1, 1]; the name is the field's, the direction is that of `unscale`."""
     return unscale(x, lower, upper)
@@ -70,11 +74,12 @@ def unscale_transform(x: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
     return scale(x, lower, upper)
 
 
-def get_axis_params(value: float, axis_idx: int, x_value: float = 0.0, n_dims: int = 3) -> list[float]:
-    """Numbers of a vector that is `value` along one axis; axis 0 holds `x_value` otherwise."""
-    params = [0.0] * n_dims
-    params[axis_idx] = value
-    params[0] = value if axis_idx == 0 else x_value
+def get_axis_params(
+    value: float, axis_idx: int, x_value: float = 0.0, dtype: type = float, n_dims: int = 3
+) -> list[float]:
+    """Numbers of a vector that is `value` along one axis; its first is `x_value` whatever the axis."""
+    params = [dtype(value) if axis == axis_idx else dtype(0) for axis in range(n_dims)]
+    params[0] = dtype(x_value)
     return params
 
 
@@ -100,26 +105,30 @@ def quat_mul(a: Tensor, b: Tensor) -> Tensor:
 
 def quat_apply(a: Tensor, b: Tensor) -> Tensor:
     """Rotate vectors b by unit quaternions a."""
-    vec = a[..., :3].expand_as(b)
+    vec, b = torch.broadcast_tensors(a[..., :3], b)
     twice = 2.0 * torch.cross(vec, b, dim=-1)
     return b + a[..., 3:] * twice + torch.cross(vec, twice, dim=-1)
 
 
 def quat_rotate(q: Tensor, v: Tensor) -> Tensor:
-    return quat_apply(q, v)
+    """Rotate vectors v by q. As `quat_apply` for unit quaternions; of others, the form that the environments use."""
+    vec, v = torch.broadcast_tensors(q[..., :3], v)
+    w = q[..., 3:]
+    along = (vec * v).sum(dim=-1, keepdim=True)
+    return (2.0 * w * w - 1.0) * v + 2.0 * w * torch.cross(vec, v, dim=-1) + 2.0 * along * vec
 
 
 def my_quat_rotate(q: Tensor, v: Tensor) -> Tensor:
-    return quat_apply(q, v)
+    return quat_rotate(q, v)
 
 
 def get_basis_vector(q: Tensor, v: Tensor) -> Tensor:
-    return quat_apply(q, v)
+    return quat_rotate(q, v)
 
 
 def quat_rotate_inverse(q: Tensor, v: Tensor) -> Tensor:
     """Vectors v in the frame that q rotates to."""
-    return quat_apply(quat_conjugate(q), v)
+    return quat_rotate(quat_conjugate(q), v)
 
 
 def quat_from_angle_axis(angle: Tensor, axis: Tensor) -> Tensor:
@@ -135,7 +144,7 @@ def quat_diff_rad(a: Tensor, b: Tensor) -> Tensor:
 
 def quat_axis(q: Tensor, axis: int = 0) -> Tensor:
     """World direction of a body axis."""
-    return quat_apply(q, torch.eye(3, dtype=q.dtype, device=q.device)[axis].expand((*q.shape[:-1], 3)))
+    return quat_rotate(q, torch.eye(3, dtype=q.dtype, device=q.device)[axis])
 
 
 def quat_apply_yaw(quat: Tensor, vec: Tensor) -> Tensor:
@@ -214,6 +223,10 @@ def angle_axis_to_exp_map(angle: Tensor, axis: Tensor) -> Tensor:
     return angle.unsqueeze(-1) * axis
 
 
+def euler_xyz_to_exp_map(roll: Tensor, pitch: Tensor, yaw: Tensor) -> Tensor:
+    return quat_to_exp_map(quat_from_euler_xyz(roll, pitch, yaw))
+
+
 def quat_to_exp_map(q: Tensor) -> Tensor:
     return angle_axis_to_exp_map(*quat_to_angle_axis(q))
 
@@ -228,6 +241,32 @@ def exp_map_to_angle_axis(exp_map: Tensor) -> tuple[Tensor, Tensor]:
 
 def exp_map_to_quat(exp_map: Tensor) -> Tensor:
     return quat_from_angle_axis(*exp_map_to_angle_axis(exp_map))
+
+
+# --- rotation matrices: the one place where the field's helpers take the real part first (w, x, y, z) ----------------
+
+
+def quaternion_to_matrix(quaternions: Tensor) -> Tensor:
+    """Rotation matrices (..., 3, 3) of quaternions (w, x, y, z), which need not have length 1."""
+    w, vec = quaternions[..., :1], quaternions[..., 1:]
+    columns = torch.eye(3, dtype=vec.dtype, device=vec.device).expand((*vec.shape, 3))
+    vec, w = vec.unsqueeze(-2).expand(columns.shape), w.unsqueeze(-2)
+    twice = 2.0 * torch.cross(vec, columns, dim=-1) / (quaternions * quaternions).sum(dim=-1)[..., None, None]
+    return (columns + w * twice + torch.cross(vec, twice, dim=-1)).transpose(-1, -2)
+
+
+def matrix_to_quaternion(matrix: Tensor) -> Tensor:
+    """Quaternions (w, x, y, z) of rotation matrices (..., 3, 3), by the largest component (Shepperd, 1978)."""
+    m = matrix.flatten(-2).unbind(-1)
+    xx, yy, zz = m[0], m[4], m[8]
+    squares = torch.stack((1.0 + xx + yy + zz, 1.0 + xx - yy - zz, 1.0 - xx + yy - zz, 1.0 - xx - yy + zz), dim=-1)
+    wx, wy, wz = m[7] - m[5], m[2] - m[6], m[3] - m[1]
+    xy, xz, yz = m[1] + m[3], m[2] + m[6], m[5] + m[7]
+    entries = (squares[..., 0], wx, wy, wz, wx, squares[..., 1], xy, xz)
+    entries += (wy, xy, squares[..., 2], yz, wz, xz, yz, squares[..., 3])
+    candidates = torch.stack(entries, dim=-1).unflatten(-1, (4, 4))  # row i: the quaternion times 4 q_i
+    largest = squares.argmax(dim=-1)[..., None, None].expand((*squares.shape[:-1], 1, 4))
+    return normalize(candidates.gather(-2, largest).squeeze(-2))
 
 
 # --- rigid transforms ------------------------------------------------------------------------------------------------
@@ -267,7 +306,7 @@ def compute_heading_and_up(
 ) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
     """Torso orientation relative to the start, up and heading projections (N,), up and heading vectors (N, 3)."""
     torso_quat = quat_mul(torso_rotation, inv_start_rot)
-    up_vec, heading_vec = quat_apply(torso_quat, vec1), quat_apply(torso_quat, vec0)
+    up_vec, heading_vec = quat_rotate(torso_quat, vec1), quat_rotate(torso_quat, vec0)
     heading_proj = (heading_vec * normalize(to_target)).sum(dim=-1)
     return torso_quat, up_vec[..., up_idx], heading_proj, up_vec, heading_vec
 

@@ -14,15 +14,16 @@ from typing import TypeVar
 
 from ..types import Finding
 from . import surface
+from .fold import Folder, dotted
 
 ENTRY_NAMES = ("compute_reward", "compute_gpt_reward", "_get_rewards_eureka", "_get_rewards")
 DROPPED_DECORATORS = frozenset({
-    "torch.jit.script", "torch.jit.export", "torch.jit.ignore", "torch.no_grad", "torch.inference_mode", "staticmethod",
-    "script", "jit.script",
+    "torch.jit.script", "torch.jit.script_if_tracing", "torch.jit.export", "torch.jit.ignore", "torch.jit.unused",
+    "torch.compile", "torch.no_grad", "torch.inference_mode", "staticmethod", "script", "jit.script",
 })  # fmt: skip
 IGNORED_PACKAGES = frozenset({"typing", "typing_extensions", "__future__", "isaacgym", "isaacgymenvs", "collections"})
 """Their names are annotations, or helpers that are present without an import."""
-SHORT_NAMES = {"torch": "torch", "math": "math", "F": "torch.nn.functional", "nn": "torch.nn"}
+SHORT_NAMES = {"torch": "torch", "math": "math", "np": "numpy", "F": "torch.nn.functional", "nn": "torch.nn"}
 """Bound in every program, imported or not."""
 _ANNOTATION_NODES = (
     ast.Name, ast.Attribute, ast.Subscript, ast.Tuple, ast.List, ast.Constant, ast.BinOp, ast.BitOr, ast.Load,
@@ -49,15 +50,12 @@ class Draft:
         return bool(self.entry.args.args) and self.entry.args.args[0].arg == "self"
 
 
-def dotted(node: ast.AST) -> str | None:
-    """`a.b.c` of nested attributes, or None."""
-    parts: list[str] = []
-    while isinstance(node, ast.Attribute):
-        parts.append(node.attr)
-        node = node.value
-    if not isinstance(node, ast.Name):
-        return None
-    return ".".join((node.id, *reversed(parts)))
+def _is_literal(node: ast.expr) -> bool:
+    try:
+        ast.literal_eval(node)
+    except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):
+        return False
+    return True
 
 
 class Normaliser(ast.NodeTransformer):
@@ -92,7 +90,9 @@ class Normaliser(ast.NodeTransformer):
 
     def _top_level(self, node: ast.stmt, *, after: bool) -> ast.stmt | None:
         if isinstance(node, ast.Import | ast.ImportFrom):
-            self._import(node)
+            for path in self._import(node):
+                fix = "torch, math, typing and `np.pi` are there; helpers such as `quat_mul` need no import"
+                self._refuse("import", f"`{path}` cannot be imported", node, fix)
             return None
         if isinstance(node, ast.FunctionDef):
             return self.visit(node)
@@ -115,14 +115,18 @@ class Normaliser(ast.NodeTransformer):
     def _literal_assignment(self, node: ast.Assign) -> bool:
         if len(node.targets) != 1 or not isinstance(node.targets[0], ast.Name):
             return False
-        try:
-            ast.literal_eval(node.value)
-        except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):
+        node.value = self._folded(node.value)
+        if not _is_literal(node.value):
             return False
         self.constants.add(node.targets[0].id)
         return True
 
-    def _import(self, node: ast.Import | ast.ImportFrom) -> None:
+    def _folded(self, node: ast.expr) -> ast.expr:
+        return Folder(self.names).visit(node)
+
+    def _import(self, node: ast.Import | ast.ImportFrom) -> list[str]:
+        """Bind the names of an import; the paths that are not offered."""
+        unknown: list[str] = []
         for alias in node.names:
             if isinstance(node, ast.Import):
                 path, bound = alias.name, alias.asname or alias.name.split(".")[0]
@@ -130,22 +134,34 @@ class Normaliser(ast.NodeTransformer):
             else:
                 path, bound = f"{node.module or ''}.{alias.name}", alias.asname or alias.name
                 target = path
-            root = path.split(".")[0]
-            if root in IGNORED_PACKAGES:
-                continue
             parent, _, name = path.rpartition(".")
-            known = path in surface.MODULES or path in surface.PACKAGES or name in surface.MODULES.get(parent, ())
-            if not known:
-                self._refuse(
-                    "import",
-                    f"`{path}` cannot be imported",
-                    node,
-                    "only torch, math and typing are there; helpers such as `quat_mul` need no import",
-                )
+            if path in surface.HELPER_MODULES:
+                target = target if target in ("isaacgym", "isaacgymenvs") else surface.HELPERS_PATH
+            elif parent in surface.HELPER_MODULES and name in surface.ALL_HELPERS:
+                target = f"{surface.HELPERS_PATH}.{name}"
+            elif path.split(".")[0] in IGNORED_PACKAGES or parent in surface.HELPER_MODULES:
+                continue
+            elif path not in (*surface.MODULES, *surface.PACKAGES) and name not in surface.MODULES.get(parent, ()):
+                unknown.append(path)
                 continue
             self.names[bound] = target
+        return unknown
 
     # --- inside functions ---
+
+    def visit_Import(self, node: ast.Import) -> ast.stmt:
+        return self._inner_import(node)
+
+    def visit_ImportFrom(self, node: ast.ImportFrom) -> ast.stmt:
+        return self._inner_import(node)
+
+    def _inner_import(self, node: ast.Import | ast.ImportFrom) -> ast.stmt:
+        """Vanishes when it is harmless; the gate refuses the rest."""
+        return node if self._import(node) else ast.copy_location(ast.Pass(), node)
+
+    def visit_Delete(self, node: ast.Delete) -> ast.stmt:
+        names = all(isinstance(target, ast.Name) for target in node.targets)
+        return ast.copy_location(ast.Pass(), node) if names else node
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
         for decorator in node.decorator_list:
@@ -171,13 +187,18 @@ class Normaliser(ast.NodeTransformer):
             if argument.annotation is not None:
                 self._annotation(argument.annotation)
                 argument.annotation = None
+        arguments.defaults = [self._folded(default) for default in arguments.defaults]
+        arguments.kw_defaults = [default and self._folded(default) for default in arguments.kw_defaults]
         for default in (*arguments.defaults, *arguments.kw_defaults):
-            try:
-                ast.literal_eval(default) if default is not None else None
-            except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):
+            if default is not None and not _is_literal(default):
                 self._refuse("signature", "a default must be a literal number", node, "write the number itself")
         self.generic_visit(node)
         return node
+
+    def _path(self, node: ast.AST) -> str | None:
+        """The dotted path of a name, through the imports."""
+        root, dot, rest = (dotted(node) or "").partition(".")
+        return f"{self.names[root]}{dot}{rest}" if root in self.names else None
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.stmt:
         self._annotation(node.annotation)
@@ -212,6 +233,12 @@ class Normaliser(ast.NodeTransformer):
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
         self.generic_visit(node)
+        name = self._path(node.func)
+        if name == "torch.jit.annotate" and len(node.args) == 2:
+            self._annotation(node.args[0])
+            return node.args[1]
+        if name in ("torch.jit.is_scripting", "torch.jit.is_tracing"):
+            return ast.copy_location(ast.Constant(name == "torch.jit.is_scripting"), node)
         # A graph runs on the device of its inputs, so a device that the author names has no meaning.
         node.keywords = [word for word in node.keywords if word.arg not in ("device", "requires_grad")]
         function = node.func

@@ -28,11 +28,21 @@ TORCH = DTYPES | words("""
     triu trunc unbind unsqueeze var vstack where zeros zeros_like
 """)
 
+ALSO_TORCH = words("""
+    aminmax argsort bitwise_and bitwise_not bitwise_or bitwise_xor count_nonzero cummax cummin diagonal dstack
+    empty empty_like erfc finfo fliplr float_power flipud hsplit inner kthvalue logit moveaxis movedim mv
+    positive ravel selu signbit std_mean swapaxes swapdims tensordot trace true_divide unflatten var_mean vdot
+    vsplit xlogy
+""")
+"""Accepted, and left out of prompts to keep them short; `empty` is zeros."""
+
 FUNCTIONAL = words("""
     cosine_similarity elu gelu hardsigmoid hardtanh huber_loss l1_loss leaky_relu log_softmax logsigmoid
     mse_loss normalize pairwise_distance relu relu6 selu sigmoid silu smooth_l1_loss softmax softplus softsign
     tanh
 """)
+
+ALSO_FUNCTIONAL = words("celu hardshrink hardswish mish softmin softshrink tanhshrink threshold")
 
 LINALG = words("cross norm vecdot vector_norm")
 
@@ -41,29 +51,26 @@ MATH = words("""
     log log10 log2 nan pi pow radians sin sinh sqrt tan tanh tau
 """)
 
-MODULES = {
-    "torch": TORCH,
-    "torch.nn.functional": FUNCTIONAL,
-    "torch.linalg": LINALG,
-    "math": MATH,
-}
-"""Module path to the names it offers."""
-
-PACKAGES = words("torch torch.nn torch.jit typing")
-"""Paths that may lead to a name but hold none that a program may use as a value."""
+NUMPY = words("""
+    arccos arcsin arctan arctan2 cos cosh deg2rad degrees e exp hypot inf log log10 log2 nan newaxis pi power
+    rad2deg radians sin sinh sqrt tan tanh
+""")
+"""For Python numbers only, as in `np.pi` and `np.sqrt(2.0)`; numpy itself is not there."""
 
 METHODS = words("""
-    abs absolute acos add all amax amin any append argmax argmin asin atan atan2 bmm bool ceil chunk clamp
-    clamp_max clamp_min clip clone contiguous copy copysign cos cosh cpu cross cumprod cumsum deg2rad detach
-    device diff dim div divide dot double dtype eq erf exp exp2 expand expand_as expm1 extend flatten flip float
-    floor floor_divide fmod frac gather ge get gt half index_select indices int is_floating_point
-    isfinite isinf isnan items keys le lerp log log10 log1p log2 logical_and logical_not logical_or logical_xor
-    logsumexp long lt masked_fill matmul max maximum mean median mH min minimum mm movedim mT mul multiply
-    nan_to_num narrow ndim ndimension ne neg negative new_full new_ones new_tensor new_zeros norm numel permute
-    pop pow prod rad2deg reciprocal relu remainder repeat repeat_interleave reshape roll round rsqrt select
-    shape sigmoid sign sin sinh size softmax sort split sqrt square squeeze std sub subtract sum swapaxes t T
-    tan tanh tile to topk transpose trunc type type_as unbind unflatten unsqueeze update values var view view_as
-    where
+    abs absolute acos add addcdiv addcmul all amax amin aminmax any append argmax argmin argsort asin atan
+    atan2 bmm bool ceil chunk clamp clamp_max clamp_min clip clone contiguous copy copysign cos cosh cpu cross
+    cummax cummin cumprod cumsum deg2rad detach device diagonal diff dim dist div divide dot double dtype eps
+    eq erf erfc exp exp2 expand expand_as expm1 extend flatten flip float float_power floor floor_divide fmax
+    fmin fmod frac gather ge get greater greater_equal gt half heaviside hypot index_select indices inner int
+    is_floating_point isclose isfinite isinf isnan items keys kthvalue le lerp less less_equal log log10 log1p
+    log2 logaddexp logical_and logical_not logical_or logical_xor logit logsumexp long lt masked_fill matmul
+    max maximum mean median mH min minimum mm moveaxis movedim mT mul multiply mv nan_to_num narrow ndim
+    ndimension ne neg negative nelement new_full new_ones new_tensor new_zeros norm not_equal numel outer
+    permute pop pow prod rad2deg ravel reciprocal relu remainder repeat repeat_interleave reshape roll round
+    rsqrt select setdefault sgn shape sigmoid sign sin sinh size softmax sort split sqrt square squeeze std
+    sub subtract sum swapaxes swapdims t T take_along_dim tan tanh tile tiny to topk transpose tril triu
+    true_divide trunc type type_as unbind unflatten unsqueeze update values var view view_as where xlogy
 """)
 """Attributes of tensors (and of the dicts and lists that hold components) that a program may use."""
 
@@ -75,14 +82,14 @@ IN_PLACE_METHODS = words("""
 """Fine on tensors the program made, refused on inputs."""
 
 BUILTINS = words("""
-    abs AssertionError bool dict enumerate Exception float int isinstance len list max min pow range round
-    sorted str sum tuple ValueError zip
+    abs all any AssertionError bool dict divmod enumerate Exception filter float int isinstance len list map
+    max min pow range reversed round slice sorted str sum tuple ValueError zip
 """)
 
 RANDOM = words("""
     bernoulli bernoulli_ dropout exponential_ manual_seed multinomial normal normal_ poisson rand rand_like
-    randint randint_like randn randn_like random random_ randperm seed torch_rand_float torch_random_dir_2
-    uniform_
+    randint randint_like randn randn_like random random_ randperm seed torch_rand_float torch_rand_float2
+    torch_random_dir_2 uniform_
 """)
 """Named only to explain the refusal."""
 
@@ -94,44 +101,71 @@ HELPERS = words("""
     compute_rot copysign exp_map_to_angle_axis exp_map_to_quat get_axis_params get_basis_vector get_euler_xyz
     local_to_world_space my_quat_rotate normalise_quat_in_pose normalize normalize_angle quat_apply
     quat_apply_yaw quat_axis quat_conjugate quat_diff_rad quat_from_angle_axis quat_from_euler_xyz quat_mul
-    quat_rotate quat_rotate_inverse quat_to_angle_axis quat_to_exp_map quat_to_tan_norm quat_unit saturate scale
-    scale_transform slerp tensor_clamp tf_apply tf_combine tf_inverse tf_vector to_torch unscale
+    quat_rotate quat_rotate_inverse quat_to_angle_axis quat_to_exp_map quat_to_tan_norm quat_unit saturate
+    scale scale_transform slerp tensor_clamp tf_apply tf_combine tf_inverse tf_vector to_torch unscale
     unscale_transform wrap_to_pi
 """)
 """Quaternion and vector helpers of environments of this kind; `reward.math` implements them, x, y, z, w."""
 
+ALL_HELPERS = HELPERS | words("euler_xyz_to_exp_map matrix_to_quaternion quaternion_to_matrix unscale_np")
+"""With those left out of prompts: the quaternions of the matrix functions are w, x, y, z there and here."""
+
+HELPERS_PATH = "isaacgym.torch_utils"
+HELPER_MODULES = words("""
+    isaacgym.torch_utils isaacgymenvs.utils.torch_jit_utils isaacgymenvs.utils.torch_utils torch_jit_utils
+    torch_utils utils.torch_jit_utils utils.torch_utils
+""")
+"""Modules that hold the helpers in the original environments, as programs import them."""
+
+MODULES = {
+    "torch": TORCH | ALSO_TORCH,
+    "torch.nn.functional": FUNCTIONAL | ALSO_FUNCTIONAL,
+    "torch.linalg": LINALG,
+    "math": MATH,
+    "numpy": NUMPY,
+    HELPERS_PATH: ALL_HELPERS,
+    "isaacgymenvs.utils.torch_jit_utils": ALL_HELPERS,
+}
+"""Module path to the names it offers."""
+
+PACKAGES = words("torch torch.nn torch.jit typing")
+"""Paths that may lead to a name but hold none that a program may use as a value."""
+
 ATEN = words("""
     _log_softmax.default _reshape_alias.default _softmax.default _to_copy.default _unsafe_view.default
     abs.default acos.default acosh.default add.Scalar add.Tensor addcdiv.default addcmul.default alias.default
-    all.default all.dim all.dims amax.default amin.default any.default any.dim any.dims arange.default
-    arange.start arange.start_step argmax.default argmin.default asin.default asinh.default atan.default
-    atan2.default atanh.default bitwise_and.Scalar bitwise_and.Tensor bitwise_not.default bitwise_or.Scalar
-    bitwise_or.Tensor bitwise_xor.Scalar bitwise_xor.Tensor bmm.default cat.default ceil.default clamp.default
-    clamp.Tensor clamp_max.default clamp_max.Tensor clamp_min.default clamp_min.Tensor clone.default
-    copy.default copysign.Scalar copysign.Tensor cos.default cosh.default cumprod.default cumsum.default
-    deg2rad.default detach.default diagonal.default div.Scalar div.Scalar_mode div.Tensor div.Tensor_mode
-    dot.default elu.default eq.Scalar eq.Tensor erf.default exp.default exp2.default expand.default
-    expm1.default eye.default eye.m fill.Scalar fill.Tensor flip.default floor.default floor_divide.default
-    floor_divide.Scalar fmax.default fmin.default fmod.Scalar fmod.Tensor frac.default full.default
-    full_like.default gather.default ge.Scalar ge.Tensor gelu.default gt.Scalar gt.Tensor hardsigmoid.default
+    all.default all.dim all.dims amax.default amin.default aminmax.default any.default any.dim any.dims
+    arange.default arange.start arange.start_step argmax.default argmin.default asin.default asinh.default
+    atan.default atan2.default atanh.default bitwise_and.Scalar bitwise_and.Tensor bitwise_not.default
+    bitwise_or.Scalar bitwise_or.Tensor bitwise_xor.Scalar bitwise_xor.Tensor bmm.default cat.default
+    ceil.default celu.default clamp.default clamp.Tensor clamp_max.default clamp_max.Tensor clamp_min.default
+    clamp_min.Tensor clone.default copy.default copysign.Scalar copysign.Tensor cos.default cosh.default
+    cummax.default cummin.default cumprod.default cumsum.default deg2rad.default detach.default
+    diagonal.default div.Scalar div.Scalar_mode div.Tensor div.Tensor_mode dot.default elu.default eq.Scalar
+    eq.Tensor erf.default erfc.default exp.default exp2.default expand.default expm1.default eye.default eye.m
+    fill.Scalar fill.Tensor flip.default floor.default floor_divide.default floor_divide.Scalar fmax.default
+    fmin.default fmod.Scalar fmod.Tensor frac.default full.default full_like.default gather.default ge.Scalar
+    ge.Tensor gelu.default gt.Scalar gt.Tensor hardshrink.default hardsigmoid.default hardswish.default
     hardtanh.default heaviside.default huber_loss.default hypot.default index.Tensor index_put.default
-    index_select.default isinf.default isnan.default le.Scalar le.Tensor leaky_relu.default lerp.Scalar
-    lerp.Tensor lift_fresh.default linalg_cross.default linalg_vector_norm.default linspace.default log.default
-    log10.default log1p.default log2.default log_sigmoid_forward.default logaddexp.default logical_and.default
-    logical_not.default logical_or.default logical_xor.default logsumexp.default lt.Scalar lt.Tensor
-    masked_fill.Scalar masked_fill.Tensor max.default max.dim maximum.default mean.default mean.dim
-    median.default median.dim min.default min.dim minimum.default mm.default mse_loss.default mul.Scalar
-    mul.Tensor mv.default nan_to_num.default ne.Scalar ne.Tensor neg.default new_full.default new_ones.default
-    new_zeros.default norm.Scalar norm.ScalarOpt_dim ones.default ones_like.default permute.default pow.Scalar
-    pow.Tensor_Scalar pow.Tensor_Tensor prod.default prod.dim_int rad2deg.default reciprocal.default
-    relu.default remainder.Scalar remainder.Scalar_Tensor remainder.Tensor repeat.default roll.default
-    round.decimals round.default rsqrt.default rsub.Scalar rsub.Tensor scalar_tensor.default select.int
-    select_scatter.default sgn.default sigmoid.default sign.default silu.default sin.default sinc.default
-    sinh.default slice.Tensor slice_scatter.default smooth_l1_loss.default softplus.default sort.default
-    sort.stable split.Tensor split_with_sizes.default sqrt.default squeeze.dim squeeze.dims stack.default
-    std.correction sub.Scalar sub.Tensor sum.default sum.dim_IntList t.default tan.default tanh.default
-    topk.default transpose.int tril.default triu.default trunc.default unbind.int unsqueeze.default
-    var.correction view.default where.self xlogy.Tensor zeros.default zeros_like.default
+    index_select.default isinf.default isnan.default kthvalue.default le.Scalar le.Tensor leaky_relu.default
+    lerp.Scalar lerp.Tensor lift_fresh.default linalg_cross.default linalg_vector_norm.default
+    linspace.default log.default log10.default log1p.default log2.default log_sigmoid_forward.default
+    logaddexp.default logical_and.default logical_not.default logical_or.default logical_xor.default
+    logit.default logsumexp.default lt.Scalar lt.Tensor masked_fill.Scalar masked_fill.Tensor max.default
+    max.dim maximum.default mean.default mean.dim median.default median.dim min.default min.dim
+    minimum.default mish.default mm.default mse_loss.default mul.Scalar mul.Tensor mv.default
+    nan_to_num.default ne.Scalar ne.Tensor neg.default new_full.default new_ones.default new_zeros.default
+    norm.Scalar norm.ScalarOpt_dim ones.default ones_like.default permute.default pow.Scalar pow.Tensor_Scalar
+    pow.Tensor_Tensor prod.default prod.dim_int rad2deg.default reciprocal.default relu.default
+    remainder.Scalar remainder.Scalar_Tensor remainder.Tensor repeat.default roll.default round.decimals
+    round.default rsqrt.default rsub.Scalar rsub.Tensor scalar_tensor.default select.int
+    select_scatter.default sgn.default sigmoid.default sign.default signbit.default silu.default sin.default
+    sinc.default sinh.default slice.Tensor slice_scatter.default smooth_l1_loss.default softplus.default
+    softshrink.default sort.default sort.stable split.Tensor split_with_sizes.default sqrt.default squeeze.dim
+    squeeze.dims stack.default std.correction std_mean.correction sub.Scalar sub.Tensor sum.default
+    sum.dim_IntList t.default tan.default tanh.default threshold.default topk.default transpose.int
+    tril.default triu.default trunc.default unbind.int unsqueeze.default var.correction var_mean.correction
+    view.default where.self xlogy.Tensor zeros.default zeros_like.default
 """)
 """ATen overloads a graph may hold. All are pure: no random number, no in-place write, and no output whose size depends
 on values, except `index.Tensor` with a boolean mask, which `x[mask] = y[mask]` needs."""

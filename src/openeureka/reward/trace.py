@@ -14,15 +14,16 @@ from torch.utils._python_dispatch import TorchDispatchMode, _disable_current_mod
 from ..types import Finding, Node, RewardGraph
 from . import surface
 from .gate import FILENAME
-from .graph import MAX_CONSTANT
+from .graph import MAX_CONSTANT, references
 
 MAX_OPERATIONS = 20_000
 """Of one run, before what no output needs is dropped."""
 
 _READS = surface.words("""
-    _local_scalar_dense is_nonzero equal nonzero nonzero_static masked_select _unique _unique2 unique_dim
-    unique_consecutive bincount
+    equal nonzero nonzero_static masked_select _unique _unique2 unique_dim unique_consecutive bincount
 """)
+_READS_A_NUMBER = "_local_scalar_dense"
+"""What `float()`, `if` and torch itself call; fine on numbers that do not come from the state, which `Tracer` knows."""
 _UNUSED_KWARGS = surface.words("device layout pin_memory non_blocking")
 _SAME_VALUE = surface.words("lift_fresh.default detach.default alias.default")
 
@@ -57,7 +58,7 @@ def current_line() -> int | None:
 
 
 class Guard(TorchDispatchMode):
-    """Refuses random numbers, values read out of tensors and writes into the inputs."""
+    """Refuses random numbers, selections by value and writes into the inputs."""
 
     def __init__(self, inputs: Mapping[str, Tensor]) -> None:
         super().__init__()
@@ -108,15 +109,20 @@ class Tracer(TorchDispatchMode):
         super().__init__()
         self.nodes: list[Node] = []
         self.lines: list[int | None] = []
+        self._of_state: set[int] = set()
+        """Nodes whose values come from the inputs."""
         self._index: dict[int, int] = {}
         self._alive: list[Tensor] = []  # an id is only unique while its object lives
 
     def add(self, op: str, args: tuple[Any, ...], kwargs: Mapping[str, Any] | None = None) -> int:
         if len(self.nodes) >= MAX_OPERATIONS:
             raise Refused("memory", "the program runs too many operations", "use fewer, larger tensors", current_line())
-        self.nodes.append(Node(op, args, kwargs or {}))
+        node, index = Node(op, args, kwargs or {}), len(self.nodes)
+        if op == "input" or not self._of_state.isdisjoint(references(node)):
+            self._of_state.add(index)
+        self.nodes.append(node)
         self.lines.append(current_line())
-        return len(self.nodes) - 1
+        return index
 
     def name(self, tensor: Tensor, index: int) -> None:
         self._index[id(tensor)] = index
@@ -143,6 +149,10 @@ class Tracer(TorchDispatchMode):
         kwargs = kwargs or {}
         _judge(func)
         op = str(func).removeprefix("aten.")
+        if op.startswith(_READS_A_NUMBER):
+            if self.index(args[0]) in self._of_state:
+                raise branch(current_line())
+            return func(*args, **kwargs)
         if op in _SAME_VALUE:
             result = func(*args, **kwargs)
             self.name(result, self.index(args[0]))

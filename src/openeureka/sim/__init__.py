@@ -1,6 +1,57 @@
 """Batched physics."""
 
+from __future__ import annotations
+
+import re
+from importlib.util import find_spec
+
+import mujoco
+import torch
+
+from ..errors import ConfigError
 from .base import Simulator
+from .capacity import Capacity, capacity
 from .cpu import CpuSimulator
 
-__all__ = ["CpuSimulator", "Simulator"]
+__all__ = ["CpuSimulator", "Simulator", "check_device", "open_simulator"]
+
+DEVICES = "cpu, cuda, cuda:1 (any GPU by its number) or warp-cpu (the GPU simulator on the CPU, for tests)"
+
+
+def check_device(device: str) -> None:
+    """Raises ConfigError unless this machine can simulate there. Starts nothing on a GPU."""
+    if not re.fullmatch(r"cpu|warp-cpu|cuda(:\d+)?", device):
+        raise ConfigError(f"There is no device `{device}`; `device` is {DEVICES}.")
+    if device == "cpu":
+        return
+    if find_spec("mujoco_warp") is None:
+        raise ConfigError(f"device={device} needs MuJoCo Warp: pip install 'openeureka[gpu]', or use device=cpu.")
+    if device == "warp-cpu":
+        return
+    gpus = torch.cuda.device_count()  # does not initialise CUDA
+    if not gpus:
+        raise ConfigError(f"device={device} needs an NVIDIA GPU that torch can use, and there is none; use device=cpu.")
+    if int(device.partition(":")[2] or 0) >= gpus:
+        raise ConfigError(f"There is no device {device}: torch sees {gpus} GPU{'s' if gpus > 1 else ''}.")
+
+
+def open_simulator(
+    model: mujoco.MjModel, num_worlds: int, *, device: str = "cpu", threads: int = 0, room: Capacity = Capacity()
+) -> Simulator:
+    """The simulator of a device.
+
+    Args:
+        device: see `check_device`.
+        threads: size of the thread pool, 0 for all cores; for `cpu` alone.
+        room: contacts and constraints of a world, 0 for a guess; for the GPU simulator alone.
+
+    Raises:
+        ConfigError: when this machine does not have that device.
+    """
+    check_device(device)
+    if device == "cpu":
+        return CpuSimulator(model, num_worlds, threads)
+    from .warp import WarpSimulator  # imports an optional package, for seconds
+
+    name = {"warp-cpu": "cpu", "cuda": "cuda:0"}.get(device, device)
+    return WarpSimulator(model, num_worlds, name, capacity(model, room))

@@ -23,6 +23,8 @@ class Simulator(ABC):
         num_worlds: N.
         bad: (N,) bool, worlds whose physics broke down in the last `step` (not finite, or a MuJoCo warning); the caller
             resets them.
+
+    Worlds are named by their indices (k,) int64, or by a mask (N,) bool, which no device needs to be asked the size of.
     """
 
     model: mujoco.MjModel
@@ -35,7 +37,7 @@ class Simulator(ABC):
         """A live (N, ...) tensor of an MjData field.
 
         Inputs (`ctrl`, `xfrc_applied`, ...) are read at the next `step`; state (`qpos`, `qvel`) is read at the next
-        `forward`, for the worlds named there. Every bound field is current after `step`, `reset` and `forward`, except
+        `forward`, for the worlds named there; in others it must not be written. Every bound field is current after `step`, `reset` and `forward`, except
         that forces and acceleration sensors after `step` are those of its last substep.
         """
 
@@ -49,12 +51,19 @@ class Simulator(ABC):
 
     @abstractmethod
     def reset(self, worlds: Tensor) -> None:
-        """Put worlds (k,) int64 into the model's default state with zero inputs. Derived fields follow at `forward`."""
+        """Put worlds into the model's default state with zero inputs. Derived fields follow at `forward`."""
 
     @abstractmethod
     def forward(self, worlds: Tensor) -> None:
-        """Take over written state of worlds (k,) int64 and recompute their derived fields."""
+        """Take over written state of worlds and recompute their derived fields."""
 
     @abstractmethod
     def snapshot(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """One world as plain MuJoCo objects, for rendering."""
+
+    def check(self, task: str) -> None:
+        """Ask, between rollouts, whether all contacts and constraints found room.
+
+        Raises:
+            TaskError: when some did not; says which setting of the task to raise.
+        """

@@ -66,20 +66,21 @@ class CpuSimulator(Simulator):
         self._pull()
 
     def reset(self, worlds: Tensor) -> None:
-        if len(worlds):
-            self._batch.reset(worlds.numpy(), stage=mujoco.mjtStage.mjSTAGE_NONE)
-            self._seen[worlds.numpy()] = self._warning[worlds.numpy(), :, 1]
-            self._pull(worlds.numpy())
+        ids = _indices(worlds)
+        if len(ids):
+            self._batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
+            self._seen[ids] = self._warning[ids, :, 1]
+            self._pull(ids)
 
     def forward(self, worlds: Tensor) -> None:
-        if not len(worlds):
+        ids = _indices(worlds)
+        if not len(ids):
             return
         self._push_model()
-        ids = worlds.numpy()
         for name in (*STATE_FIELDS, *INPUT_FIELDS):
             if name in self._mirrors:
                 array, mirror = self._mirrors[name]
-                array[ids] = mirror[worlds].numpy()
+                array[ids] = mirror.numpy()[ids]
         self._batch.forward(ids)
         self._pull(ids)
 
@@ -110,6 +111,10 @@ class CpuSimulator(Simulator):
         bad[failed] = True
         np.copyto(self._seen, count)
         self.bad.copy_(torch.from_numpy(bad))
+
+
+def _indices(worlds: Tensor) -> np.ndarray:
+    return worlds.nonzero()[:, 0].numpy() if worlds.dtype == torch.bool else worlds.numpy()
 
 
 def _float32(array: np.ndarray) -> Tensor:

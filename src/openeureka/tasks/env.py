@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from ..errors import ConfigError
-from ..sim import CpuSimulator
+from ..sim import open_simulator
+from ..sim.capacity import Capacity
 from .noise import WorldNoise
 from .task import Score, State, Task
 
@@ -50,19 +50,32 @@ class BatchedEnv:
         task: the task's class.
         worlds: worlds per lane, n.
         lane_seeds: one seed per lane, L.
+        device: `cpu`, `cuda`, ... (see `sim.check_device`).
         threads: simulation threads, 0 for all cores (CPU only).
+
+    Attributes:
+        masked: reset by mask, which never waits for a GPU to say which worlds are done; by index where that is cheaper.
     """
 
     def __init__(
         self, task: type[Task], *, worlds: int, lane_seeds: Sequence[int] = (0,), device: str = "cpu", threads: int = 0
     ) -> None:
-        if device != "cpu":
-            raise ConfigError(f"device={device} is not supported by this version; use device=cpu.")
         self.num_worlds = worlds * len(lane_seeds)
-        self.sim = CpuSimulator(task.compile_model(), self.num_worlds, threads)
+        room = Capacity(task.max_contacts, task.max_constraints)
+        self.sim = open_simulator(task.compile_model(), self.num_worlds, device=device, threads=threads, room=room)
         self.task = task(self.sim, WorldNoise(lane_seeds, worlds, self.sim.device))
-        self.bad_total = 0
+        self.masked = device != "cpu"
+        self._bad = torch.zeros((), dtype=torch.int64, device=self.sim.device)
         self._whole = torch.ones(self.num_worlds, dtype=torch.bool, device=self.sim.device)
+
+    @property
+    def bad_total(self) -> int:
+        """Worlds whose physics broke down so far."""
+        return int(self._bad)
+
+    def check(self) -> None:
+        """Raises TaskError when the simulator ran out of room; waits for the device, so call it between rollouts."""
+        self.sim.check(self.task.env)
 
     def reset(self, *, stagger: bool = False) -> Tensor:
         """Start an episode in every world; returns the first observation (N, O).
@@ -97,15 +110,23 @@ class BatchedEnv:
         length = task.progress.clone()
         final = self._observe(state)
 
-        observation = final
-        if bool(done.any()):
-            self.bad_total += int(bad.sum())
-            worlds = done.nonzero().squeeze(-1)
-            self._reset(worlds)
-            observation = final.clone()
-            observation[worlds] = self._observe(self.current_state())[worlds]
-            self._whole = self._whole | done
+        observation = self._restart(done, final)
+        self._bad += bad.sum()
+        self._whole = self._whole | done
         return Step(observation, final, state, terminated, timed_out, score, ended, length, bad)
+
+    def _restart(self, done: Tensor, final: Tensor) -> Tensor:
+        """Reset worlds (N,) that are done; returns the observation of all, which is `final` in the others."""
+        if self.masked:
+            self._reset_masked(done)
+            return torch.where(done[:, None], self._observe(self.current_state()), final)
+        worlds = done.nonzero().squeeze(-1)
+        if not len(worlds):
+            return final
+        self._reset(worlds)
+        observation = final.clone()
+        observation[worlds] = self._observe(self.current_state())[worlds]
+        return observation
 
     def _reset(self, worlds: Tensor) -> None:
         self.task.progress[worlds] = 0
@@ -113,6 +134,23 @@ class BatchedEnv:
         self.sim.reset(worlds)
         self.task.reset(worlds)
         self.sim.forward(worlds)
+
+    def _reset_masked(self, done: Tensor) -> None:
+        """Reset every world, then put back those that are not done: the same work whatever happened, so that the host
+        need not know."""
+        task = self.task
+        task.actions = task.actions.clone()
+        before = {name: value.clone() for name, value in task.memory().items()}
+        draws = task.noise.draws.clone()
+        everyone = torch.arange(self.num_worlds, device=done.device)
+        task.progress.zero_()
+        task.actions.zero_()
+        self.sim.reset(done)
+        task.reset(everyone)
+        for name, value in task.memory().items():
+            value.copy_(torch.where(done.view(-1, *[1] * (value.dim() - 1)), value, before[name]))
+        task.noise.draws.copy_(torch.where(done, task.noise.draws, draws))
+        self.sim.forward(done)
 
     def current_state(self) -> dict[str, Any]:
         """Every state variable as of now, `obs_buf` included."""

@@ -30,18 +30,21 @@ class WorldNoise:
     Args:
         lane_seeds: one seed per lane, L.
         worlds: worlds per lane, n; world i of lane l is row l * n + i.
+
+    Attributes:
+        draws: (N,) int64, how often each world has drawn.
     """
 
     def __init__(self, lane_seeds: Sequence[int], worlds: int, device: torch.device) -> None:
         seeds = torch.tensor(lane_seeds, dtype=torch.int64, device=device).repeat_interleave(worlds)
         index = torch.arange(worlds, dtype=torch.int64, device=device).repeat(len(lane_seeds))
         self._key = _mix(_mix(seeds + _GOLDEN) + index * _GOLDEN)
-        self._draws = torch.zeros_like(self._key)
+        self.draws = torch.zeros_like(self._key)
 
     def uniform(self, worlds: Tensor, size: int, low: float | Tensor = 0.0, high: float | Tensor = 1.0) -> Tensor:
         """Draw (k, size) numbers in [low, high) for worlds (k,); `low` and `high` broadcast against (k, size)."""
-        self._draws[worlds] += 1
-        counter = _mix(self._key[worlds] + self._draws[worlds] * _GOLDEN)
+        self.draws[worlds] += 1
+        counter = _mix(self._key[worlds] + self.draws[worlds] * _GOLDEN)
         columns = torch.arange(1, size + 1, dtype=torch.int64, device=worlds.device)
         bits = _shift(_mix(counter[:, None] + columns * _GOLDEN), 40)
         return low + (high - low) * (bits.to(torch.float32) * 2.0**-24)

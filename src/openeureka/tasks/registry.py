@@ -20,8 +20,15 @@ _BUILT_IN = {
     "cartpole": "openeureka.tasks.classic.cartpole:Cartpole",
     "ant": "openeureka.tasks.locomotion.ant:Ant",
     "humanoid": "openeureka.tasks.locomotion.humanoid:Humanoid",
+    "anymal": "openeureka.tasks.locomotion.anymal:Anymal",
     "ballbalance": "openeureka.tasks.classic.ballbalance:BallBalance",
     "quadcopter": "openeureka.tasks.classic.quadcopter:Quadcopter",
+    "franka_cabinet": "openeureka.tasks.manipulation.franka_cabinet:FrankaCabinet",
+    "allegro_hand": "openeureka.tasks.hands.allegro_hand:AllegroHand",
+    "shadow_hand": "openeureka.tasks.hands.shadow_hand:ShadowHand",
+    "shadow_hand_over": "openeureka.tasks.bimanual.over:ShadowHandOver",
+    "shadow_hand_door_open_outward": "openeureka.tasks.bimanual.door_open_outward:ShadowHandDoorOpenOutward",
+    "shadow_hand_swing_cup": "openeureka.tasks.bimanual.swing_cup:ShadowHandSwingCup",
 }
 
 

@@ -8,7 +8,12 @@ from torch import Tensor
 
 def xyzw(wxyz: Tensor) -> Tensor:
     """MuJoCo's order to the order every state variable uses."""
-    return wxyz[..., [1, 2, 3, 0]]
+    return wxyz.roll(-1, -1)
+
+
+def wxyz(xyzw: Tensor) -> Tensor:
+    """The order of every state variable to MuJoCo's."""
+    return xyzw.roll(1, -1)
 
 
 def rotate(quat: Tensor, vector: Tensor) -> Tensor:
@@ -25,6 +30,35 @@ def rotate_inverse(quat: Tensor, vector: Tensor) -> Tensor:
     w = quat[..., 3:]
     cross = 2.0 * torch.linalg.cross(axis, vector)
     return vector - w * cross + torch.linalg.cross(axis, cross)
+
+
+def multiply(a: Tensor, b: Tensor) -> Tensor:
+    """The turn by b, then by a; leading axes broadcast."""
+    u, v = torch.broadcast_tensors(a[..., :3], b[..., :3])
+    s, t = a[..., 3:], b[..., 3:]
+    vector = s * v + t * u + torch.linalg.cross(u, v)
+    return torch.cat((vector, s * t - (u * v).sum(dim=-1, keepdim=True)), dim=-1)
+
+
+def conjugate(quat: Tensor) -> Tensor:
+    """The opposite turn, of a unit quaternion."""
+    return torch.cat((-quat[..., :3], quat[..., 3:]), dim=-1)
+
+
+def rotation_distance(a: Tensor, b: Tensor) -> Tensor:
+    """Angle in [0, pi] between orientations (..., 4)."""
+    vector = multiply(a, conjugate(b))[..., :3]
+    return 2.0 * torch.asin(torch.linalg.vector_norm(vector, dim=-1).clamp(max=1.0))
+
+
+def tumble(turns: Tensor) -> Tensor:
+    """A turn about y, then one about x (..., 2: x, y), each from -1 to 1 half turns.
+
+    The originals draw orientations so; they are not uniform over rotations.
+    """
+    half = 0.5 * torch.pi * turns
+    (sin_x, sin_y), (cos_x, cos_y) = half.sin().unbind(-1), half.cos().unbind(-1)
+    return torch.stack((sin_x * cos_y, cos_x * sin_y, sin_x * sin_y, cos_x * cos_y), dim=-1)
 
 
 def euler_xyz(quat: Tensor) -> tuple[Tensor, Tensor, Tensor]:

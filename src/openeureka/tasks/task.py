@@ -58,8 +58,8 @@ class Score(NamedTuple):
 class Task(ABC):
     """One environment: model, state, observation, action, reset, termination, fitness, human and sparse reward.
 
-    Subclasses hold per-world memory in tensors with a leading world axis and never loop over worlds. State tensors are
-    fresh on every call (never views of simulator memory), quaternions are x, y, z, w.
+    Subclasses hold per-world memory in attributes that are tensors with a leading world axis (`memory`) and never loop
+    over worlds. State tensors are fresh on every call (never views of simulator memory), quaternions are x, y, z, w.
     """
 
     env: ClassVar[str]
@@ -75,6 +75,10 @@ class Task(ABC):
     num_observations: ClassVar[int]
     num_actions: ClassVar[int]
     clip_observations: ClassVar[float] = math.inf
+    max_contacts: ClassVar[int] = 0
+    """Contacts that the GPU simulator has room for, in an average world; 0 means a guess from the model."""
+    max_constraints: ClassVar[int] = 0
+    """Constraint rows that the GPU simulator has room for in any world; 0 means a guess from the model."""
     spec: ClassVar[StateSpec]
     recipe: ClassVar[Recipe]
 
@@ -109,7 +113,10 @@ class Task(ABC):
 
     @abstractmethod
     def reset(self, worlds: Tensor) -> None:
-        """Write the start state of worlds (k,) into the simulator's state fields and this task's memory."""
+        """Write the start state of worlds (k,) into the simulator's state fields and this task's memory.
+
+        On a GPU all worlds are written and the memory of those that go on is put back.
+        """
 
     @abstractmethod
     def fitness(self, s: State, ended: Tensor) -> Score:
@@ -122,6 +129,15 @@ class Task(ABC):
     @abstractmethod
     def sparse_reward(self, s: State) -> Tensor:
         """(N,) reward that is the fitness itself, per world."""
+
+    def memory(self) -> dict[str, Tensor]:
+        """Every attribute that is a tensor with a leading world axis, bound fields of the simulator included."""
+        tensors = {name: value for name, value in vars(self).items() if isinstance(value, Tensor)}
+        return {name: value for name, value in tensors.items() if value.shape[:1] == (self.num_envs,)}
+
+    def success_bonus(self, s: State) -> Tensor | None:
+        """(N,) what the original adds to every generated reward on success, unknown to its author; None for nothing."""
+        return None
 
     @classmethod
     def compile_model(cls) -> mujoco.MjModel:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import torch
 from torch import Tensor
@@ -17,7 +17,14 @@ WORLDS = 256
 
 
 def evaluate(
-    env: str, policies: Mapping[str, bytes], *, seed: int, worlds: int = WORLDS, device: str = "cpu", threads: int = 0
+    env: str,
+    policies: Mapping[str, bytes],
+    *,
+    seed: int,
+    worlds: int = WORLDS,
+    device: str = "cpu",
+    threads: int = 0,
+    after_step: Callable[[], None] = lambda: None,
 ) -> list[Evaluation]:
     """Score every policy of one task side by side, on the same start states.
 
@@ -26,6 +33,7 @@ def evaluate(
 
     Args:
         policies: job id to safetensors bytes; equal network shapes.
+        after_step: called after every step of all worlds: a long episode takes minutes.
     """
     if not policies:
         return []
@@ -33,7 +41,7 @@ def evaluate(
     simulation = registry.make(
         env, worlds=worlds, lane_seeds=[seed + HELD_OUT_SEED] * lanes, device=device, threads=threads
     )
-    play = Player([Policy.from_bytes(data) for data in policies.values()], device)
+    play = Player([Policy.from_bytes(data) for data in policies.values()], simulation.sim.device)
     observation = simulation.reset()
     running = torch.ones(simulation.num_worlds, dtype=torch.bool, device=observation.device)
     total = torch.zeros(3, lanes, dtype=torch.float64, device=observation.device)
@@ -47,6 +55,7 @@ def evaluate(
         total += torch.stack([per_lane(x) for x in (value * weight, weight, running)])
         running &= ~step.done
         observation = step.observation
+        after_step()
     return [
         Evaluation(
             job=job,

@@ -1,34 +1,45 @@
-"""Runs training in a worker process, so that a crash of the simulator never takes a run down."""
+"""Runs training in worker processes, one a device, so that a crash of the simulator never takes a run down."""
 
 from __future__ import annotations
 
-import dataclasses
+import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+import time
+from collections import deque
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from typing import Any, TypeVar
 
 from ..errors import WorkerError
 from ..tasks import registry
 from ..types import Evaluation, TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
+from .devices import devices
 from .wire import pack_jobs, unpack
 
 SILENCE = 600.0
 """[s] without a sign of life after which a worker counts as hung; it reports every second and compiles for seconds."""
-MAX_WORLDS = 16384
-"""A world costs about 0.15 MB, of which the model hardly matters (measured on Cartpole and Humanoid)."""
+MAX_WORLDS = {"cpu": 16384, "cuda": 65536}
+"""A world costs about 0.15 MB, of which the model hardly matters (measured on Cartpole and Humanoid, on the CPU)."""
+POLL = 0.05
+"""[s] that one worker is waited for before the next gets a look."""
+
+Message = TrainingProgress | TrainingResult
+T = TypeVar("T")
 
 
 class PopulationTrainer:
-    """A `types.Trainer`: the jobs of a call are lanes of one population in one process, or of several in turn when they
-    are too many for one simulation.
+    """A `types.Trainer`: the jobs of a call are lanes of one population a device, or of several in turn when they are
+    too many for one simulation.
 
     Args:
-        device: `cpu` (or a device the simulator supports).
-        threads: simulation and tensor threads, 0 for all cores.
-        max_worlds: the most worlds of one population, over all its lanes.
+        device: where to train, see `devices`; each device named has a worker process of its own.
+        threads: simulation and tensor threads of a worker, 0 for all cores.
+        max_worlds: the most worlds of one population, over all its lanes; 0 for what the kind of device usually holds.
         silence: [s] after which a worker that says nothing is ended and replaced.
         module: what the worker runs; tests replace it.
+
+    Raises:
+        ConfigError: when there is no such device.
     """
 
     def __init__(
@@ -38,42 +49,46 @@ class PopulationTrainer:
         *,
         module: str = "openeureka.training.worker",
         silence: float = SILENCE,
-        max_worlds: int = MAX_WORLDS,
+        max_worlds: int = 0,
     ) -> None:
-        self._options = {"device": device, "threads": threads}
-        self._module, self._silence, self._max_worlds = module, silence, max_worlds
+        self._devices = devices(device)
+        self._threads = threads
+        self._module, self._silence = module, silence
+        kind = "cuda" if self._devices[0].startswith("cuda") else "cpu"
+        self._max_worlds = max_worlds or MAX_WORLDS[kind]
 
-    def train(
-        self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget
-    ) -> Iterator[TrainingProgress | TrainingResult]:
-        """Train every job. A worker that dies or hangs is started again with the jobs that have no result yet, then
-        once more for each of them alone; those that die even so are FAILED with the reason.
+    def train(self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget) -> Generator[Message]:
+        """Train every job. A worker that dies or hangs is started again with those of its jobs that have no result yet,
+        then once more for each of them alone; those that die even so are FAILED with the reason.
 
         Raises:
             TaskError: when there is no such environment.
         """
         recipe = registry.get(env).recipe
-        worlds = budget.worlds or recipe.worlds
-        size = max(1, self._max_worlds // worlds)
-        populations = [jobs[i : i + size] for i in range(0, len(jobs), size)]
-        for index, population in enumerate(populations):
-            for message in self._train(env, population, budget):
-                if isinstance(message, TrainingProgress):
-                    before, total = index * message.epochs, len(populations) * message.epochs
-                    message = dataclasses.replace(message, epoch=before + message.epoch, epochs=total)
-                yield message
+        fitting = max(1, self._max_worlds // (budget.worlds or recipe.worlds))
+        populations = list(_split(jobs, max(len(self._devices), math.ceil(len(jobs) / fitting))))
+        waiting = deque(enumerate(populations))
+        tally = _Tally(len(populations))
 
-    def _train(
-        self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget
-    ) -> Iterator[TrainingProgress | TrainingResult]:
+        def serve(device: str) -> Generator[Message | None]:
+            while waiting:
+                number, population = waiting.popleft()
+                for message in self._train(env, population, budget, device):
+                    yield tally.add(number, message) if isinstance(message, TrainingProgress) else message
+                tally.close(number)
+
+        yield from _interleave([serve(device) for device in self._devices])
+
+    def _train(self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget, device: str) -> Generator[Message | None]:
+        """Messages of one population; None while there is nothing yet."""
         left = {job.id: job for job in jobs}
         reasons: dict[str, str] = {}
         # Together, together once more, then one by one: a lane that kills its process takes no other with it.
         for groups in (1, 1, len(jobs)):
             for group in _split(list(left.values()), groups):
                 try:
-                    for frame in self._ask({"do": "train", **pack_jobs(env, group, budget)}, {}):
-                        message = unpack(frame)
+                    for frame in self._ask({"do": "train", **pack_jobs(env, group, budget)}, {}, device):
+                        message = unpack(frame) if frame is not None else None
                         if isinstance(message, TrainingResult):
                             del left[message.job]
                         yield message
@@ -82,22 +97,76 @@ class PopulationTrainer:
         yield from (_failed(job, reasons[job.id]) for job in left.values())
 
     def evaluate(self, env: str, policies: Mapping[str, bytes], *, seed: int) -> Iterator[Evaluation]:
-        """Held-out score of each policy. Raises WorkerError when the worker dies."""
+        """Held-out score of each policy, on the first device. Raises WorkerError when the worker dies."""
         if policies:
-            for frame in self._ask({"do": "evaluate", "env": env, "seed": seed}, policies):
-                yield Evaluation(**frame.header["score"])
+            for frame in self._ask({"do": "evaluate", "env": env, "seed": seed}, policies, self._devices[0]):
+                if frame is not None and "score" in frame.header:
+                    yield Evaluation(**frame.header["score"])
 
-    def _ask(self, request: Mapping[str, Any], blobs: Mapping[str, bytes]) -> Iterator[Frame]:
-        """Frames of one request, up to the one that says it is done."""
+    def _ask(self, request: Mapping[str, Any], blobs: Mapping[str, bytes], device: str) -> Generator[Frame | None]:
+        """Frames of one request, up to the one that says it is done; None while there is nothing yet."""
         # Idle OpenMP threads that spin would starve the simulator's threads, many times over on a busy machine.
         with Worker(self._module, env={"GOMP_SPINCOUNT": "0", **os.environ}) as worker:
             try:
-                worker.send({**request, **self._options}, blobs)
-                while not (frame := worker.receive(self._silence)).header.get("done"):
-                    yield frame
+                worker.send({**request, "device": device, "threads": self._threads}, blobs)
+                heard = time.monotonic()
+                while True:
+                    if worker.ready(POLL):
+                        frame, heard = worker.receive(self._silence), time.monotonic()
+                        if frame.header.get("done"):
+                            return
+                        yield frame
+                    elif time.monotonic() - heard > self._silence:
+                        raise WorkerTimeout("The worker process did not answer in time.")
+                    else:
+                        yield None
             except (WorkerDied, WorkerTimeout) as error:
                 last = worker.stderr_tail().splitlines()[-1:]
                 raise WorkerError(" ".join([f"Training stopped: {error}", *last])) from None
+
+
+class _Tally:
+    """Progress of populations, side by side or in turn, as if they were one."""
+
+    def __init__(self, populations: int) -> None:
+        self._populations = populations
+        self._running: dict[int, TrainingProgress] = {}
+        self._done = 0
+        self._fitness: dict[str, float | None] = {}
+
+    def add(self, number: int, progress: TrainingProgress) -> TrainingProgress:
+        """Epochs add up over the populations; the rate is that of all that are under way."""
+        self._running[number] = progress
+        self._fitness |= progress.fitness
+        return TrainingProgress(
+            epoch=self._done * progress.epochs + sum(part.epoch for part in self._running.values()),
+            epochs=self._populations * progress.epochs,
+            env_steps_per_second=sum(part.env_steps_per_second for part in self._running.values()),
+            fitness=dict(self._fitness),
+        )
+
+    def close(self, number: int) -> None:
+        """The population has its results."""
+        self._running.pop(number, None)
+        self._done += 1
+
+
+def _interleave(streams: Sequence[Generator[T | None]]) -> Generator[T]:
+    """What the streams yield, as it comes; None means that a stream has nothing yet. All of them end together."""
+    running = list(streams)
+    try:
+        while running:
+            for stream in tuple(running):
+                try:
+                    item = next(stream)
+                except StopIteration:
+                    running.remove(stream)
+                    continue
+                if item is not None:
+                    yield item
+    finally:
+        for stream in running:
+            stream.close()
 
 
 def _split(jobs: Sequence[TrainJob], groups: int) -> Iterator[Sequence[TrainJob]]:

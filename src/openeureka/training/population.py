@@ -46,7 +46,7 @@ class Population:
         seeds = [job.seed for job in jobs]
         self.env = registry.make(env, worlds=self.worlds, lane_seeds=seeds, device=device, threads=threads)
         self.device = self.env.sim.device
-        self.rewards = LaneRewards(self.env.task, [job.program for job in jobs], self.worlds)
+        self.rewards = LaneRewards(self.env.task, [job.program for job in jobs], self.worlds, bonus=budget.bonus)
         self.ppo = PPO(seeds, task.num_observations, task.num_actions, task.recipe, self.device)
         self.rollout = Rollout(
             self.lanes, self.worlds, self.horizon, task.num_observations, task.num_actions, self.device
@@ -67,6 +67,8 @@ class Population:
                 step = self.env.step(action.action.flatten(0, 1))
                 own, human, components = self.rewards(step.state)
                 self.curves.add(step, own, human, components)
+                if (bonus := self.rewards.bonus(step.state)) is not None:
+                    own = own + bonus
                 reward = own * self.recipe.reward_scale
                 if self.recipe.bootstrap_timeouts and bool(step.timed_out.any()):
                     beyond = self.ppo.value(self._split(step.final_observation))

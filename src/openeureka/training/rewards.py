@@ -19,13 +19,16 @@ class LaneRewards:
         task: the task whose human and sparse reward may be among the programs.
         programs: one per lane.
         worlds: worlds per lane, n.
+        bonus: whether generated rewards get the task's success bonus.
     """
 
-    def __init__(self, task: Task, programs: Sequence[RewardProgram], worlds: int) -> None:
-        self.task, self.worlds = task, worlds
+    def __init__(self, task: Task, programs: Sequence[RewardProgram], worlds: int, *, bonus: bool = False) -> None:
+        self.task, self.worlds, self._bonus = task, worlds, bonus
         self.programs = [
             program if isinstance(program, str) else graph.compile(program, task.spec) for program in programs
         ]
+        generated = [not isinstance(program, str) for program in self.programs]
+        self._generated = torch.tensor(generated, dtype=torch.float32, device=task.device)[:, None]
         per_world = {variable.name for variable in task.spec.variables if variable.kind == "world"}
         self._sliced = [
             [name for name in program.inputs if name in per_world] if isinstance(program, graph.CompiledReward) else []
@@ -49,6 +52,11 @@ class LaneRewards:
             elif program == "sparse" and sparse is not None:
                 own[lane] = sparse[lane]
         return own, human, components
+
+    def bonus(self, state: State) -> Tensor | None:
+        """What is added to the own rewards (L, n) before they train, outside of all curves and correlations."""
+        bonus = self.task.success_bonus(state) if self._bonus else None
+        return None if bonus is None else bonus.view(-1, self.worlds) * self._generated
 
 
 def moments(own: Tensor, human: Tensor) -> Tensor:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import time
+from collections.abc import Callable
 
 import torch
 
@@ -19,15 +21,31 @@ def main() -> None:
         options = {"device": header["device"], "threads": header["threads"]}
         if header["threads"]:
             torch.set_num_threads(header["threads"])
+        if header["device"].startswith("cuda"):
+            torch.cuda.set_device(header["device"])  # graphs are captured on the current device
         if header["do"] == "train":
             env, jobs, budget = unpack_jobs(header)
             for message in Population(env, jobs, budget, **options).train():
                 frame = pack(message)
                 channel.send(frame.header, frame.blobs)
         else:
-            for score in evaluate(header["env"], request.blobs, seed=header["seed"], **options):
+            alive = _signs_of_life(channel)
+            for score in evaluate(header["env"], request.blobs, seed=header["seed"], after_step=alive, **options):
                 channel.send({"score": dataclasses.asdict(score)})
         channel.send({"done": True})
+
+
+def _signs_of_life(channel: Channel) -> Callable[[], None]:
+    """Sends an empty frame at most once a second, so that the parent does not take this process for hung."""
+    last = time.monotonic()
+
+    def alive() -> None:
+        nonlocal last
+        if time.monotonic() - last > 1.0:
+            last = time.monotonic()
+            channel.send({})
+
+    return alive
 
 
 if __name__ == "__main__":

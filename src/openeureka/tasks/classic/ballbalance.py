@@ -161,6 +161,7 @@ class BallBalance(Task):
         self.rim_points = torch.tensor(RIM_POINTS, device=self.device)
         self.up = torch.tensor([0.0, 0.0, 1.0], device=self.device)
         self.rest_position = torch.tensor([0.0, 0.0, REST_HEIGHT], device=self.device)
+        self.rewarded_position = torch.tensor([0.0, 0.0, 0.7], device=self.device)
 
     def apply_action(self, actions: Tensor) -> None:
         self.ctrl[:] = (self.ctrl + self.control_dt * KNEE_SPEED * actions).clamp(*KNEE_LIMITS)
@@ -234,8 +235,7 @@ class BallBalance(Task):
         return mean_over_episodes(self.progress, ended)
 
     def human_reward(self, s: State) -> Tensor:
-        goal = torch.tensor([0.0, 0.0, 0.7], device=self.device)
-        distance = (s["ball_positions"] - goal).norm(dim=-1)
+        distance = (s["ball_positions"] - self.rewarded_position).norm(dim=-1)
         return 1.0 / (1.0 + distance) / (1.0 + s["ball_linvels"].norm(dim=-1))
 
     def sparse_reward(self, s: State) -> Tensor:

@@ -10,8 +10,9 @@ from torch import Tensor
 
 from ...types import StateSpec, StateVar
 from ..rotations import euler_xyz, rotate_inverse
+from ..sensors import add_wrench_sensors
 from ..task import Recipe, State
-from .common import Runner, add_floor, add_foot_sensors, running_variables
+from .common import Runner, add_floor, running_variables
 
 TORQUE = 15.0  # [N m] at full action
 DENSITY = 5.0  # [kg/m3]
@@ -82,7 +83,7 @@ class Ant(Runner):
             for joint in (f"hip_{i}", f"ankle_{i}"):
                 motor = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
                 motor.gear[0] = TORQUE
-        add_foot_sensors(spec, Ant.feet)
+        add_wrench_sensors(spec, Ant.feet)
         return spec
 
     def compute_state(self) -> dict[str, Any]:

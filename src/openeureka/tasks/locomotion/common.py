@@ -1,4 +1,5 @@
-"""What Ant and Humanoid share: running towards a target so far ahead that it is a direction."""
+"""What legged robots share: floor, contact sensors, and, for Ant and Humanoid, running towards a target so far away
+that it is a direction."""
 
 from __future__ import annotations
 
@@ -10,12 +11,12 @@ import torch
 from torch import Tensor
 
 from ...types import StateVar
-from ..rotations import root_state, rotate, rotate_inverse, xyzw
+from ..joints import scaled
+from ..rotations import root_state, rotate
+from ..sensors import contact_wrenches
 from ..task import Score, State, Task, mean_over_steps
 
 TARGET = (1000.0, 0.0, 0.0)  # [m]
-_CONTACT = 9  # numbers of one foot's contact sensor: force, torque, point of attack, in the world frame
-_FRAME = 7  # numbers of one foot's frame sensors: position, quaternion
 
 
 class Runner(Task):
@@ -79,7 +80,7 @@ class Runner(Task):
             "dof_vel": self.qvel[:, 6:].clone(),
             "dof_limits_lower": self.dof_limits_lower,
             "dof_limits_upper": self.dof_limits_upper,
-            "vec_sensor_tensor": self.foot_wrenches(),
+            "vec_sensor_tensor": contact_wrenches(self.sensors, len(self.feet)).flatten(1),
             "actions": self.actions.clone(),
             "inv_start_rot": self.inv_start_rot,
             "basis_vec0": self.basis_vec0,
@@ -117,21 +118,6 @@ class Runner(Task):
         """The human rewards' terms for facing the target (up to 0.5) and standing upright (0.1)."""
         heading = (0.5 * s["heading_proj"] / 0.8).clamp(max=0.5)
         return heading + 0.1 * (s["up_proj"] > 0.93)
-
-    def foot_wrenches(self) -> Tensor:
-        """Net contact force and torque (N, 6 * feet) of each foot, about and in the frame of its body.
-
-        Isaac Gym's sensors also contain the loads of the joint; these are zero in the air. Forces are those of the last
-        substep, seen in the frame after it.
-        """
-        feet = len(self.feet)
-        contact = self.sensors[:, : feet * _CONTACT].view(-1, feet, 3, 3)
-        frame = self.sensors[:, feet * _CONTACT :].view(-1, feet, _FRAME)
-        force, torque, point = contact.unbind(-2)
-        torque = torque + torch.linalg.cross(point - frame[..., :3], force)
-        quat = xyzw(frame[..., 3:]).unsqueeze(-2)
-        on_foot = -torch.stack((force, torque), dim=-2)  # the sensor gives what the foot does to the world
-        return rotate_inverse(quat, on_foot).flatten(1)
 
 
 def running_variables(*, joints: str, dofs: int, feet: int, torque: str, standing: str) -> tuple[StateVar, ...]:
@@ -188,32 +174,8 @@ def running_variables(*, joints: str, dofs: int, feet: int, torque: str, standin
     )
 
 
-def add_foot_sensors(spec: mujoco.MjSpec, feet: Sequence[str]) -> None:
-    """Sensors in the order that `Runner.foot_wrenches` reads: every contact, then every frame."""
-    field = mujoco.mjtConDataField
-    force_torque_point = sum(1 << int(f) for f in (field.mjCONDATA_FORCE, field.mjCONDATA_TORQUE, field.mjCONDATA_POS))
-    net_force = 3  # reduction of all contacts to one wrench in the world frame
-    body = mujoco.mjtObj.mjOBJ_BODY
-    for foot in feet:
-        spec.add_sensor(
-            name=f"{foot}_contact",
-            type=mujoco.mjtSensor.mjSENS_CONTACT,
-            objtype=body,
-            objname=foot,
-            intprm=[force_torque_point, net_force, 1],
-        )
-    for foot in feet:
-        for kind in (mujoco.mjtSensor.mjSENS_FRAMEPOS, mujoco.mjtSensor.mjSENS_FRAMEQUAT):
-            spec.add_sensor(name=f"{foot}_{kind.name}", type=kind, objtype=mujoco.mjtObj.mjOBJ_XBODY, objname=foot)
-
-
 def add_floor(spec: mujoco.MjSpec, friction: float) -> None:
     spec.worldbody.add_light(pos=[0, 0, 5])
     spec.worldbody.add_geom(
         name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], friction=[friction, 0.005, 0.0001]
     )
-
-
-def scaled(angle: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
-    """Map joint angles from [lower, upper] to [-1, 1]."""
-    return (2.0 * angle - upper - lower) / (upper - lower)

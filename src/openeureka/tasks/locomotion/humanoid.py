@@ -14,8 +14,9 @@ from torch import Tensor
 
 from ...types import StateSpec, StateVar
 from ..rotations import euler_xyz, rotate_inverse
+from ..sensors import add_wrench_sensors
 from ..task import Recipe, State
-from .common import Runner, add_floor, add_foot_sensors, running_variables
+from .common import Runner, add_floor, running_variables
 
 Vector = tuple[float, float, float]
 
@@ -196,7 +197,7 @@ class Humanoid(Runner):
             for side in SIDES:
                 for part in chain:
                     add_part(spec, part, side)
-        add_foot_sensors(spec, Humanoid.feet)
+        add_wrench_sensors(spec, Humanoid.feet)
         return spec
 
     def __init__(self, *args) -> None:

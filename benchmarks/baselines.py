@@ -1,0 +1,206 @@
+"""What the human and the sparse reward of every task reach: the two ends of the human-normalised score.
+
+    python benchmarks/baselines.py                               # all tasks, three seeds; hours on 2 cores
+    python benchmarks/baselines.py --env ant --seeds 5           # one task; seeds that are there are not trained again
+    python benchmarks/baselines.py --env ant --device cuda       # on all GPUs
+
+The rewards and seeds of a task are lanes of one training. `benchmarks/results/baselines.json` is written after each
+task, and what it holds is not repeated: a broken-off run loses one task, and the same command goes on. The package
+ships its summary (`src/openeureka/baselines.json`): `eureka envs` shows it, and scores read it where the human and the
+sparse reward were not trained along.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+import platform
+import time
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from openeureka.tasks import registry
+from openeureka.training.executor import PopulationTrainer
+from openeureka.types import Evaluation, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainJob
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "benchmarks" / "results" / "baselines.json"
+SHIPPED = ROOT / "src" / "openeureka" / "baselines.json"
+REWARDS = ("human", "sparse")
+PEAKS = ("fitness", "reward")
+POINTS = 40  # of each curve in the file
+
+Record = dict[str, Any]
+
+
+def missing(entry: Record, seeds: int) -> list[TrainJob]:
+    """Lanes of a task that its record does not hold."""
+    jobs = [
+        TrainJob(id=f"{reward}-s{seed}", program=reward, seed=seed)  # pyright: ignore[reportArgumentType]
+        for reward in REWARDS
+        for seed in range(seeds)
+    ]
+    return [job for job in jobs if job.id not in entry["lanes"]]
+
+
+def settings(env: str, budget: TrainBudget) -> Record:
+    """What a number depends on beside its reward and seed."""
+    recipe = registry.get(env).recipe
+    return {
+        "env_steps": budget.env_steps or recipe.env_steps,
+        "worlds": budget.worlds or recipe.worlds,
+        "recipe": {**dataclasses.asdict(recipe), "hidden": list(recipe.hidden)},
+    }
+
+
+def learn(env: str, jobs: Sequence[TrainJob], budget: TrainBudget, device: str, threads: int) -> Record:
+    """Train the lanes and score the peaks of F on held-out episodes; one record a lane."""
+    trainer = PopulationTrainer(device, threads)
+    started = time.perf_counter()
+    results: list[TrainingResult] = []
+    for message in trainer.train(env, jobs, budget):
+        if isinstance(message, TrainingProgress):
+            best = ", ".join(f"{job} {value:.3g}" for job, value in message.fitness.items() if value is not None)
+            print(f"\r{env} epoch {message.epoch}/{message.epochs}: {best}\033[K", end="", flush=True)
+        else:
+            results.append(message)
+    print()
+    minutes = (time.perf_counter() - started) / 60
+    training = {"lanes": len(jobs), "minutes": round(minutes, 2), **machine(device)}
+    return {job: {**found, "training": training} for job, found in scored(env, results, trainer).items()}
+
+
+def scored(env: str, results: Sequence[TrainingResult], trainer: Trainer) -> Record:
+    """Each lane's result as JSON, with the held-out scores of both its policies."""
+    at_fitness = {result.job: result.best_fitness.policy for result in results if result.best_fitness}
+    at_reward = {result.job: result.best_reward.policy for result in results if result.best_reward}
+    by_fitness, by_reward = (
+        {score.job: score for score in trainer.evaluate(env, policies, seed=0)} for policies in (at_fitness, at_reward)
+    )
+    return {
+        result.job: {
+            "state": str(result.state),
+            "message": result.message,
+            "env_steps": result.env_steps,
+            "fitness_max_over_epochs": result.fitness,
+            "held_out_at_peak_of_fitness": _score(by_fitness.get(result.job)),
+            "held_out_at_peak_of_reward": _score(by_reward.get(result.job)),
+            "correlation_with_human": result.correlation,
+            "curves": thinned(result.curves),
+        }
+        for result in results
+    }
+
+
+def _score(held_out: Evaluation | None) -> Record:
+    return {
+        "fitness": held_out.fitness if held_out else None,
+        "episode_length": held_out.episode_length if held_out else None,
+    }
+
+
+def machine(device: str) -> Record:
+    """Where and when, for the record."""
+    cores = f"{len(os.sched_getaffinity(0))} cores, {platform.machine()}"
+    return {
+        "device": torch.cuda.get_device_name(device.split(",")[0]) if device.startswith("cuda") else cores,
+        "date": datetime.now(UTC).date().isoformat(),
+        "versions": {name: version(name) for name in ("torch", "mujoco")},
+    }
+
+
+def thinned(curves: Mapping[str, Sequence[float | None]]) -> dict[str, list[float | None]]:
+    """Evenly spaced points of the curves that tell the story."""
+    shown = {name: curves[name] for name in ("fitness", "episode_length", "reward") if name in curves}
+    return {
+        name: [None if value is None else round(value, 4) for value in curve[:: max(1, -(-len(curve) // POINTS))]]
+        for name, curve in shown.items()
+    }
+
+
+def summary(found: Record) -> Record:
+    """What the package ships: F of every seed, and what it was measured with."""
+    return {env: _summarised(entry) for env, entry in sorted(found.items()) if entry["lanes"]}
+
+
+def _summarised(entry: Record) -> Record:
+    lanes: Record = entry["lanes"]
+    trainings = [lane["training"] for lane in lanes.values()]
+
+    def arm(reward: str) -> Record:
+        seeds = [lanes[job] for job in sorted(lanes, key=_place) if job.startswith(f"{reward}-")]
+        return {
+            "training": [lane["fitness_max_over_epochs"] for lane in seeds],
+            "held_out": {peak: [lane[f"held_out_at_peak_of_{peak}"]["fitness"] for lane in seeds] for peak in PEAKS},
+        }
+
+    return {
+        **{reward: arm(reward) for reward in REWARDS},
+        "env_steps": entry["env_steps"],
+        "worlds": entry["worlds"],
+        "device": ", ".join(sorted({training["device"] for training in trainings})),
+        "date": max(training["date"] for training in trainings),
+    }
+
+
+def _place(job: str) -> tuple[str, int]:
+    """Reward, then seed as a number."""
+    reward, _, seed = job.rpartition("-s")
+    return reward, int(seed)
+
+
+def read(path: Path) -> Record:
+    return json.loads(path.read_text()) if path.exists() else {}
+
+
+def write(path: Path, content: Record) -> None:
+    """Replace the file whole, so that a broken-off run leaves the old or the new one."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_suffix(".tmp")
+    temporary.write_text(json.dumps(content, indent=1) + "\n")
+    temporary.replace(path)
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--env", action="append", choices=registry.names(), help="a task; may be repeated")
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--steps", type=float, default=0, help="environment steps of a lane, 0 for the recipe's")
+    parser.add_argument("--worlds", type=int, default=0, help="worlds of a lane, 0 for the recipe's")
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--again", action="store_true", help="forget what is known of these tasks")
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    parser.add_argument("--shipped", type=Path, default=SHIPPED, help="where the package's summary is written")
+    options = parser.parse_args(words)
+    budget = TrainBudget(env_steps=int(options.steps), worlds=options.worlds)
+    for env in options.env or registry.names():
+        found = read(options.out)
+        wanted = settings(env, budget)
+        entry = {**wanted, "lanes": {}} if options.again else found.get(env, {**wanted, "lanes": {}})
+        differing = [key for key in wanted if entry[key] != wanted[key]]
+        if differing:
+            raise SystemExit(f"{options.out} holds {env} with another {' and '.join(differing)}; --again replaces it.")
+        jobs = missing(entry, options.seeds)
+        if not jobs:
+            print(f"{env}: all is known")
+            continue
+        entry["lanes"] |= learn(env, jobs, budget, options.device, options.threads)
+        entry["lanes"] = {job: entry["lanes"][job] for job in sorted(entry["lanes"], key=_place)}
+        write(options.out, dict(sorted({**found, env: entry}.items())))
+        write(options.shipped, summary(read(options.out)))
+        for job in jobs:
+            lane = entry["lanes"][job.id]
+            held_out = lane["held_out_at_peak_of_fitness"]["fitness"]
+            print(f"{env} {job.id}: F {lane['fitness_max_over_epochs']}, held out {held_out}")
+
+
+if __name__ == "__main__":
+    main()

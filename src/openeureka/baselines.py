@@ -1,0 +1,58 @@
+"""What the human and the sparse reward of each task reach, measured beforehand by benchmarks/baselines.py."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from typing import Any, Literal
+
+from . import search
+from .config import RunConfig
+from .errors import ConfigError
+from .score import Arm, Baselines
+
+Peak = Literal["fitness", "reward"]
+
+
+def known(env: str, peak: Peak = "fitness") -> Baselines | None:
+    """Measured baselines of a task that openeureka ships; None for tasks it does not know.
+
+    Args:
+        peak: whether held-out F is that of the policy at the peak of F or of its own reward.
+    """
+    entry = _shipped().get(env)
+    if entry is None:
+        return None
+
+    def arm(name: str) -> Arm:
+        return Arm(training=tuple(entry[name]["training"]), held_out=tuple(entry[name]["held_out"][peak]))
+
+    return Baselines(
+        human=arm("human"),
+        sparse=arm("sparse"),
+        env_steps=entry["env_steps"],
+        worlds=entry["worlds"],
+        device=entry["device"],
+        date=entry["date"],
+    )
+
+
+def chosen(config: RunConfig) -> Baselines | None:
+    """What `baselines=known` of a run refers to; None where the run trains both rewards itself.
+
+    Raises:
+        ConfigError: when they were not measured for this task.
+    """
+    if config.baselines != "known":
+        return None
+    found = known(config.env, search.make(config).checkpoint)
+    if found is None:
+        raise ConfigError(f"The baselines of {config.env} were not measured beforehand; use baselines=train.")
+    return found
+
+
+@cache
+def _shipped() -> Mapping[str, Any]:
+    return json.loads(files("openeureka").joinpath("baselines.json").read_text())

@@ -1,0 +1,99 @@
+"""Arithmetic of literal numbers, as in `LIMIT = 12 * math.pi / 180`, done while a program is read."""
+
+from __future__ import annotations
+
+import ast
+import math
+import operator
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from . import surface
+
+Number = int | float
+_BINARY: Mapping[type[ast.operator], Callable[[Any, Any], Number]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.FloorDiv: operator.floordiv,
+    ast.Mod: operator.mod,
+    ast.Pow: math.pow,  # in floats: a power of integers could fill the memory
+}
+_NUMPY = {
+    "arccos": math.acos, "arcsin": math.asin, "arctan": math.atan, "arctan2": math.atan2, "deg2rad": math.radians,
+    "newaxis": None, "power": math.pow, "rad2deg": math.degrees,
+}  # fmt: skip
+
+
+def numpy_name(name: str) -> Any:
+    """What a name of numpy stands for: a constant, or the function of Python numbers."""
+    return _NUMPY[name] if name in _NUMPY else getattr(math, name)
+
+
+def dotted(node: ast.AST) -> str | None:
+    """`a.b.c` of nested attributes, or None."""
+    parts: list[str] = []
+    while isinstance(node, ast.Attribute):
+        parts.append(node.attr)
+        node = node.value
+    if not isinstance(node, ast.Name):
+        return None
+    return ".".join((node.id, *reversed(parts)))
+
+
+class Folder(ast.NodeTransformer):
+    """Replaces arithmetic of numbers by its result and leaves everything else as it is.
+
+    Args:
+        names: name to dotted path, for everything imported.
+    """
+
+    def __init__(self, names: Mapping[str, str]) -> None:
+        self.names = names
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
+        self.generic_visit(node)
+        compute, left, right = _BINARY.get(type(node.op)), _number(node.left), _number(node.right)
+        if compute is None or left is None or right is None:
+            return node
+        return _result(node, compute, left, right)
+
+    def visit_Name(self, node: ast.Name) -> ast.expr:
+        return self._constant(node)
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.expr:
+        return self._constant(node)
+
+    def visit_Call(self, node: ast.Call) -> ast.expr:
+        node.args = [self.visit(argument) for argument in node.args]
+        function, numbers = self._math(node.func), [_number(argument) for argument in node.args]
+        return node if function is None or node.keywords or None in numbers else _result(node, function, *numbers)
+
+    def _constant(self, node: ast.expr) -> ast.expr:
+        value = self._math(node)
+        return ast.copy_location(ast.Constant(value), node) if isinstance(value, float) else node
+
+    def _math(self, node: ast.expr) -> Any:
+        """What a path into math, numpy or torch's constants stands for; None for all others."""
+        root, _, rest = (dotted(node) or "").partition(".")
+        module, _, name = f"{self.names.get(root, '')}.{rest}".strip(".").rpartition(".")
+        if (module == "math" and name in surface.MATH) or (module == "torch" and name in ("pi", "inf", "nan")):
+            return getattr(math, name)
+        return numpy_name(name) if module == "numpy" and name in surface.NUMPY else None
+
+
+def _number(node: ast.expr) -> Number | None:
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        positive = _number(node.operand)
+        return None if positive is None else -positive
+    value = node.value if isinstance(node, ast.Constant) else None
+    return value if isinstance(value, int | float) else None
+
+
+def _result(node: ast.expr, compute: Callable[..., Number], *numbers: Any) -> ast.expr:
+    try:
+        value = compute(*numbers)
+    except (ArithmeticError, ValueError, TypeError):
+        return node
+    return ast.copy_location(ast.Constant(value), node)

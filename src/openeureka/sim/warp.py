@@ -1,0 +1,243 @@
+"""The GPU simulator: `mujoco_warp`, MuJoCo in single precision with one thread block a world.
+
+It also runs on the CPU (`device=warp-cpu`), far slower than `cpu.py`: that is how the two are compared where there is no GPU.
+"""
+
+from __future__ import annotations
+
+import copy
+
+import mujoco
+import mujoco_warp as mjw
+import numpy as np
+import torch
+import warp as wp
+from torch import Tensor
+
+from ..errors import TaskError
+from .base import Simulator
+from .capacity import Capacity
+
+wp.config.log_level = wp.LOG_WARNING  # else a line for every kernel loaded
+
+LIMIT = 1e10
+"""Magnitude of a position or velocity above which MuJoCo calls a state bad."""
+_RESET = (
+    "time qpos qvel act act_dot qacc qacc_warmstart ctrl qfrc_applied xfrc_applied mocap_pos mocap_quat eq_active "
+    "userdata sensordata"
+).split()
+_STATE = ("time", "qpos", "qvel", "act")
+# What mj_setConst derives from the fields that a task may vary between worlds.
+_DERIVED = "body_subtreemass body_invweight0 dof_invweight0 tendon_invweight0 tendon_length0 actuator_acc0".split()
+_OVERFLOWS = {
+    "max_constraints": mjw.OverflowType.NEFC | mjw.OverflowType.NJMAX_NNZ,
+    "max_contacts": mjw.OverflowType.BROADPHASE | mjw.OverflowType.NARROWPHASE | mjw.OverflowType.CONTACT_MATCH,
+}
+
+
+class WarpSimulator(Simulator):
+    """MuJoCo Warp; bound fields are the simulator's own memory.
+
+    A control step is a single launch of a CUDA graph. Nothing here waits for the device but `bind` and `expand`, which
+    a task calls once, `check` and `snapshot`.
+
+    Args:
+        model: compiled model.
+        num_worlds: N.
+        device: warp's name of the device: `cpu`, `cuda:0`, ...
+        capacity: room for contacts and constraints.
+    """
+
+    def __init__(self, model: mujoco.MjModel, num_worlds: int, device: str, capacity: Capacity) -> None:
+        self.model, self.num_worlds, self.capacity = model, num_worlds, capacity
+        self._device = wp.get_device(device)
+        self.device = torch.device(device)
+        self._plain = mujoco.MjData(model)
+        self._moving_anchors = bool(np.isin(model.eq_type, (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)).any())
+        with wp.ScopedDevice(self._device):
+            self._model = mjw.put_model(model)
+            self._data = mjw.make_data(
+                model, nworld=num_worlds, nconmax=capacity.contacts, njmax=capacity.constraints
+            )
+            self._model.opt.warn_overflow = 0  # `check` says it once, instead of every world on every step
+            late = np.repeat(model.sensor_needstage == mujoco.mjtStage.mjSTAGE_ACC, model.sensor_dim)
+            self._late = wp.array(late, dtype=bool)
+            self._kept = wp.zeros_like(self._data.sensordata)
+        self.bad = torch.zeros(num_worlds, dtype=torch.bool, device=self.device)
+        self._bound: dict[str, Tensor] = {}
+        self._flags: dict[str, Tensor] = {}
+        self._expanded: dict[str, tuple[Tensor, int]] = {}
+        self._defaults = {name: (self._tensor(name), self._default(name)) for name in _RESET}
+        self._graphs: dict[int, wp.Graph] = {}
+        # Kernels are compiled and loaded here: while a graph is recorded they cannot be.
+        self._run(1)
+        self._run(0)
+        everywhere = torch.ones(num_worlds, dtype=torch.bool, device=self.device)
+        self.reset(everywhere)
+        self.forward(everywhere)
+
+    def bind(self, field: str) -> Tensor:
+        if field not in self._bound:
+            tensor = self._tensor(field)
+            if tensor.dtype != torch.float32:
+                self._flags[field], tensor = tensor, tensor.to(torch.float32)
+            self._bound[field] = tensor
+        return self._bound[field]
+
+    def expand(self, field: str) -> Tensor:
+        if field not in self._expanded:
+            for name in (field, *_DERIVED):
+                self._widen(name)
+            self._graphs.clear()  # they hold the addresses of the old arrays
+            values = wp.to_torch(getattr(self._model, field))
+            values = values.view(self.num_worlds, *np.shape(getattr(self.model, field)))
+            self._expanded[field] = (values, values._version)
+        return self._expanded[field][0]
+
+    def step(self, substeps: int) -> None:
+        self._push()
+        self._launch(substeps)
+        self._note_bad()
+        # As MuJoCo does, so that a broken world's numbers spoil no sum; derived fields follow with the caller's reset.
+        for name in (*_STATE, "qacc_warmstart", "sensordata"):
+            _put(self._defaults[name][0], self.bad, self._defaults[name][1])
+        for name, tensor in self._bound.items():
+            if name not in self._defaults:
+                tensor.masked_fill_(self.bad.view(-1, *[1] * (tensor.dim() - 1)), 0.0)
+
+    def reset(self, worlds: Tensor) -> None:
+        chosen = self._mask(worlds)
+        for name, (tensor, default) in self._defaults.items():
+            if name == "qpos" and "qpos0" in self._expanded:
+                default = self._expanded["qpos0"][0]
+            _put(tensor, chosen, default)
+            if name in self._flags:
+                self._bound[name].copy_(tensor)
+
+    def forward(self, worlds: Tensor) -> None:
+        self._push()
+        # Kernels run on every world: what the other worlds' last substep left is put back.
+        others = ~self._mask(worlds)
+        kept = {name: tensor.clone() for name, tensor in self._bound.items() if name not in _STATE}
+        self._launch(0)
+        for name, before in kept.items():
+            _put(self._bound[name], others, before)
+
+    def check(self, task: str) -> None:
+        overflow = int(np.bitwise_or.reduce(self._data.overflow.numpy()))
+        for setting, flags in _OVERFLOWS.items():
+            if overflow & flags:
+                room = self.capacity.contacts if setting == "max_contacts" else self.capacity.constraints
+                raise TaskError(
+                    f"The GPU simulation of {task} has room for {room} {setting.removeprefix('max_')} a world, which was "
+                    f"not enough: raise `{setting}` of the task's class."
+                )
+
+    def snapshot(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        model, data = copy.copy(self.model), mujoco.MjData(self.model)
+        for field, (values, _) in self._expanded.items():
+            getattr(model, field)[:] = values[world].cpu().numpy()
+        if self._expanded:
+            mujoco.mj_setConst(model, data)
+        for name in _RESET:
+            value = self._defaults[name][0][world].cpu().numpy()
+            if name == "time":
+                data.time = float(value)
+            else:
+                getattr(data, name)[:] = value
+        mujoco.mj_forward(model, data)
+        return model, data
+
+    def _tensor(self, field: str) -> Tensor:
+        """An MjData field (N, ...) of the simulator's own memory, in MuJoCo's own shape."""
+        tensor = wp.to_torch(getattr(self._data, field))
+        return tensor.view(self.num_worlds, *np.shape(getattr(self._plain, field)))
+
+    def _default(self, field: str) -> Tensor:
+        tensor = self._tensor(field)
+        return torch.as_tensor(np.array(getattr(self._plain, field)), device=self.device).to(tensor.dtype)
+
+    def _mask(self, worlds: Tensor) -> Tensor:
+        if worlds.dtype == torch.bool:
+            return worlds
+        return torch.zeros_like(self.bad).index_fill(0, worlds, True)
+
+    def _push(self) -> None:
+        """Take over what the task wrote outside of the simulator's own memory or into the model."""
+        for name, flags in self._flags.items():
+            flags.copy_(self._bound[name] != 0)
+        # torch counts writes on the host: looking at the counter does not wait for the device.
+        changed = {name: values for name, (values, seen) in self._expanded.items() if values._version != seen}
+        if changed:
+            with wp.ScopedDevice(self._device):
+                mjw.set_const(self._model, self._data)
+                self._refresh()
+            self._expanded |= {name: (values, values._version) for name, values in changed.items()}
+
+    def _launch(self, substeps: int) -> None:
+        """Run on the CPU; replay on a GPU. Warp's streams and torch's default stream wait for each other."""
+        if not self._device.is_cuda:
+            self._run(substeps)
+            return
+        if substeps not in self._graphs:
+            with wp.ScopedCapture(self._device) as capture:
+                self._run(substeps)
+            self._graphs[substeps] = capture.graph
+        wp.capture_launch(self._graphs[substeps])
+
+    def _run(self, substeps: int) -> None:
+        """Kernels of `step`, which starts from current positions and velocities and leaves them so; those of `forward`
+        where `substeps` is 0."""
+        model, data = self._model, self._data
+        with wp.ScopedDevice(self._device):
+            if not substeps:
+                self._refresh()
+                mjw.fwd_actuation(model, data)
+                mjw.fwd_acceleration(model, data)
+                mjw.solve(model, data)
+                mjw.sensor_acc(model, data)
+            for _ in range(substeps):
+                mjw.step2(model, data)
+                wp.copy(self._kept, data.sensordata)
+                self._refresh()
+            if substeps and self._late.size:
+                wp.launch(_keep, dim=data.sensordata.shape, inputs=[self._late, self._kept], outputs=[data.sensordata])
+
+    def _refresh(self) -> None:
+        """Everything that follows from positions and velocities alone."""
+        if self._moving_anchors:
+            # The acceleration of an anchor, needed with the positions, comes from velocities that follow only later in
+            # step1 (mujoco_warp 4.0): without this the feet of BallBalance are held by those of the step before.
+            mjw.fwd_kinematics(self._model, self._data)
+            mjw.com_vel(self._model, self._data)
+        mjw.step1(self._model, self._data)
+
+    def _widen(self, field: str) -> None:
+        """Give an array that all worlds share a row for each."""
+        shared = getattr(self._model, field)
+        if shared.shape[0] == self.num_worlds:
+            return
+        with wp.ScopedDevice(self._device):
+            wide = wp.zeros((self.num_worlds, *shared.shape[1:]), dtype=shared.dtype)
+        if wide.size:
+            wp.to_torch(wide).copy_(wp.to_torch(shared))
+        setattr(self._model, field, wide)
+
+    def _note_bad(self) -> None:
+        sound = torch.ones_like(self.bad)
+        for name in ("qpos", "qvel", "ctrl"):  # an actuator's limits may swallow an input that is not a number
+            sound &= (self._defaults[name][0].abs() <= LIMIT).all(dim=1)  # False for NaN
+        torch.logical_not(sound, out=self.bad)
+
+
+@wp.kernel
+def _keep(columns: wp.array[bool], kept: wp.array2d[float], sensordata: wp.array2d[float]):
+    """Sensors of forces and accelerations keep the values of the last substep."""
+    world, column = wp.tid()
+    if columns[column]:
+        sensordata[world, column] = kept[world, column]
+
+
+def _put(tensor: Tensor, chosen: Tensor, values: Tensor) -> None:
+    """Write rows (N, ...) where `chosen` (N,), without asking the device how many there are."""
+    tensor.copy_(torch.where(chosen.view(-1, *[1] * (tensor.dim() - 1)), values, tensor))

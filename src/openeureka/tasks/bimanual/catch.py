@@ -1,0 +1,55 @@
+"""What the tasks share that pass an egg from one hand to the other."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+
+from ..rotations import tumble, wxyz
+from ..task import State
+from .common import TwoHands, distance, towards_goal
+from .variables import FINGERTIPS, ROTATION_DISTANCE, goal_variables, thing_variables
+
+CAUGHT = 0.03  # [m] between egg and goal
+
+EGG_VARIABLES = (
+    *thing_variables("object", "the egg"),
+    *goal_variables("where the egg should come to rest"),
+    *FINGERTIPS,
+    ROTATION_DISTANCE,
+)
+
+
+class Catch(TwoHands):
+    """An egg that starts at one hand, in any orientation, is wanted at a point over the other."""
+
+    observed_point = "base"
+    position_noise: ClassVar[float] = 0.0
+    """Of the egg's start, per axis [m]."""
+    drop_height: ClassVar[float]
+    """Height of the egg that ends the episode [m]."""
+    distance_weight: ClassVar[float] = 50.0
+    """[1/m] of the human reward, which weighs angles with 1."""
+
+    def observe(self, s: State) -> Tensor:
+        return torch.cat((super().observe(s), towards_goal(s)), dim=-1)
+
+    def terminated(self, s: State) -> Tensor:
+        return s["object_pos"][:, 2] <= self.drop_height
+
+    def reset(self, worlds: Tensor) -> None:
+        super().reset(worlds)
+        egg = self.qpos[worlds, self.thing_columns("object")]
+        egg[:, :3] += self.noise.uniform(worlds, 3, -self.position_noise, self.position_noise)
+        egg[:, 3:] = wxyz(tumble(self.noise.uniform(worlds, 2, -1.0, 1.0)))
+        self.qpos[worlds, self.thing_columns("object")] = egg
+        self.goal_pose[worlds, 3:] = tumble(self.noise.uniform(worlds, 2, -1.0, 1.0))
+
+    def success(self, s: State) -> Tensor:
+        return distance(s["object_pos"], s["goal_pos"]) < CAUGHT
+
+    def human_reward(self, s: State) -> Tensor:
+        distances = self.distance_weight * distance(s["object_pos"], s["goal_pos"]) + s["rotation_distance"]
+        return torch.exp(-0.2 * distances)

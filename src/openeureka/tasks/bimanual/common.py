@@ -1,0 +1,209 @@
+"""What the two-handed tasks share: two Shadow Hands, an object, and a flag that stays up once the task is done."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any, ClassVar
+
+import mujoco
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..hands.shadow import FINGERS
+from ..joints import scaled, unscaled
+from ..rotations import conjugate, euler_xyz, multiply, rotation_distance, xyzw
+from ..sensors import contact_wrenches
+from ..task import Recipe, Score, State, Task, mean_over_episodes
+from .frames import Frames
+from .scene import SIDES, TIPS, Pose, Scene
+from .shapes import quaternion
+
+JOINTS = 24  # of one hand
+DRIVES = 20
+CONTROL_DT = 1 / 60
+
+# PhysX damps a link by v <- (v + F h / m)(1 - c h), h = 1/120 s and c = 100 1/s, so that a force has a sixth of the
+# effect it has against a drag in continuous time.
+_RESPONSE = 1 - 100 / 120
+_FORCE = 1e5 * CONTROL_DT * _RESPONSE  # [N] at full action and transition_scale 1
+_TORQUE = 1e3 * CONTROL_DT * _RESPONSE  # [N m] at full action and orientation_scale 1
+
+
+class TwoHands(Task):
+    """Two Shadow Hands whose fingers follow position targets, and whose bases are fixed or driven by forces.
+
+    A task gives the scene, adds what it observes beside the hands and the object, and says when an episode fails and
+    when it succeeds. Success is latched: F is the share of episodes in which it was reached at any time.
+    """
+
+    suite = "dexterity"
+    control_dt = CONTROL_DT
+    substeps = 2
+    scene: ClassVar[Scene]
+    goal: ClassVar[Pose | None] = None
+    """Start value of the goal variables; None in tasks that have none."""
+    transition_scale: ClassVar[float] = 0.0
+    orientation_scale: ClassVar[float] = 0.0
+    """The original's scales of the bases' force and torque."""
+    observed_point: ClassVar[str] = "hand"
+    """Whose position is observed beside the base's orientation: the palm (`hand`) or the mount (`base`)."""
+    joint_noise: ClassVar[float] = 0.0
+    """Share of the joint ranges that start angles are spread by."""
+
+    @classmethod  # every other task has but one model
+    def model(cls) -> mujoco.MjSpec:  # pyright: ignore[reportIncompatibleMethodOverride]
+        return cls.scene.build()
+
+    def __init__(self, *args) -> None:
+        super().__init__(*args)
+        model, device = self.sim.model, self.device
+        self.qpos, self.qvel, self.ctrl = (self.sim.bind(field) for field in ("qpos", "qvel", "ctrl"))
+        self.drive_forces, self.pushes = (self.sim.bind(field) for field in ("qfrc_actuator", "xfrc_applied"))
+        self.sensors, self.frames = self.sim.bind("sensordata"), Frames(self.sim)
+
+        joints = [model.joint(index) for index in range(model.njnt)]
+        fingers = [joint for joint in joints if joint.name.startswith(SIDES) and "base" not in joint.name]
+        self.angle_columns = torch.tensor([int(joint.qposadr[0]) for joint in fingers], device=device)
+        self.rate_columns = torch.tensor([int(joint.dofadr[0]) for joint in fingers], device=device)
+        self.dof_lower, self.dof_upper = _float32([joint.range for joint in fingers], device).unbind(-1)
+        order = [joint.id for joint in fingers]
+        self.driven = torch.tensor([order.index(joint) for joint in model.actuator_trnid[:, 0]], device=device)
+        self.forearms = [int(model.body(f"{side}_forearm").id) for side in SIDES]
+        force, torque = _FORCE * self.transition_scale, _TORQUE * self.orientation_scale
+        self.full_push = _float32([force] * 3 + [torque] * 3, device)
+
+        self.start = _float32(model.qpos0, device)
+        for name, value in self.scene.angles.items():
+            self.start[int(model.joint(name).qposadr[0])] = value
+        if self.goal:
+            goal_rot = xyzw(_float32(quaternion(*self.goal.euler), device))
+            self.goal_pose = torch.cat((_float32(self.goal.pos, device), goal_rot)).repeat(self.num_envs, 1)
+        self.successes = torch.zeros(self.num_envs, device=device)
+        self.outcome = self.successes
+
+    def apply_action(self, actions: Tensor) -> None:
+        """Of each hand, right then left: force and torque on the base where it moves, then the joints' target angles,
+        from -1 at the lower limit to 1 at the upper."""
+        hands = actions.view(self.num_envs, 2, -1)
+        targets = hands[..., -DRIVES:].flatten(1)
+        self.ctrl[:] = unscaled(targets, self.dof_lower[self.driven], self.dof_upper[self.driven])
+        if self.scene.hands_move:
+            self.pushes[:, self.forearms] = hands[..., :6] * self.full_push
+
+    def compute_state(self) -> dict[str, Any]:
+        frames = self.frames.read()
+        fingertips = torch.stack([frames[f"{tip}_state"] for tip in TIPS], dim=1)
+        values = {
+            **frames,
+            "fingertip_state": fingertips[:, :5],
+            "fingertip_pos": fingertips[:, :5, :3],
+            "fingertip_another_state": fingertips[:, 5:],
+            "fingertip_another_pos": fingertips[:, 5:, :3],
+            "dof_pos": self.qpos[:, self.angle_columns],
+            "dof_vel": self.qvel[:, self.rate_columns],
+            "dof_lower_limits": self.dof_lower,
+            "dof_upper_limits": self.dof_upper,
+            "dof_force_tensor": self.drive_forces[:, self.rate_columns],
+            "vec_sensor_tensor": contact_wrenches(self.sensors, len(TIPS)).flatten(1),
+            "actions": self.actions.clone(),
+            "num_envs": self.num_envs,
+        }
+        if self.goal:
+            goal_pose = self.goal_pose.clone()
+            values |= {
+                "goal_pose": goal_pose,
+                "goal_pos": goal_pose[:, :3],
+                "goal_rot": goal_pose[:, 3:],
+                "rotation_distance": rotation_distance(frames["object_rot"], goal_pose[:, 3:]),
+            }
+        return {name: values[name] for name in self.spec.names if name in values}  # the original exposes no more
+
+    def observe(self, s: State) -> Tensor:
+        """The hands and the object; what else is observed, the task appends."""
+        per_hand = [
+            scaled(s["dof_pos"], s["dof_lower_limits"], s["dof_upper_limits"]),
+            s["dof_vel"] * 0.2,
+            s["dof_force_tensor"] * 10.0,
+            torch.cat((s["fingertip_state"], s["fingertip_another_state"]), dim=1),
+            s["vec_sensor_tensor"] * 10.0,
+            s["actions"],
+        ]
+        if self.scene.hands_move:
+            bases = [
+                torch.stack((*s[f"{side}_{self.observed_point}_pos"].unbind(-1), *euler_xyz(s[f"{side}_base_rot"])), -1)
+                for side in SIDES
+            ]
+            per_hand.insert(-1, torch.cat(bases, dim=-1))
+        hands = torch.cat([part.reshape(len(part), 2, -1) for part in per_hand], dim=-1).flatten(1)
+        return torch.cat((hands, s["object_pose"], s["object_linvel"], s["object_angvel"] * 0.2), dim=-1)
+
+    def terminated(self, s: State) -> Tensor:
+        """Never; tasks with a way to fail say so."""
+        return torch.zeros(self.num_envs, dtype=torch.bool, device=self.device)
+
+    def reset(self, worlds: Tensor) -> None:
+        """Everything at rest at its start; drive targets are the joints' own angles."""
+        self.qpos[worlds] = self.start
+        angles = self.start[self.angle_columns].repeat(len(worlds), 1)
+        if self.joint_noise:
+            turns = self.noise.uniform(worlds, JOINTS, -1.0, 1.0).repeat(1, 2)  # the hands share a draw
+            spread = self.dof_lower + (self.dof_upper - self.dof_lower) * turns
+            angles = (angles + self.joint_noise * spread).clamp(self.dof_lower, self.dof_upper)
+            self.qpos[worlds[:, None], self.angle_columns] = angles
+        self.ctrl[worlds] = angles[:, self.driven]
+        self.successes = self.successes.index_fill(0, worlds, 0.0)
+
+    @abstractmethod
+    def success(self, s: State) -> Tensor:
+        """(N,) what the task is worth as of now: 1 (or True) when it is done, 0 when not."""
+
+    def fitness(self, s: State, ended: Tensor) -> Score:
+        """The first success of an episode stands until its end."""
+        self.successes = torch.where(self.successes > 0.0, self.successes, self.success(s).to(torch.float32))
+        self.outcome = self.successes
+        return mean_over_episodes(self.outcome, ended)
+
+    def sparse_reward(self, s: State) -> Tensor:
+        """The latched success, as `fitness` last saw it: a reset that followed has not lowered it."""
+        return self.outcome
+
+    def thing_columns(self, name: str) -> slice:
+        """Columns of `qpos` that hold a free thing's position and orientation (w, x, y, z)."""
+        start = int(self.sim.model.joint(name).qposadr[0])
+        return slice(start, start + 7)
+
+
+def dexterity_recipe(env_steps: int) -> Recipe:
+    """The original's settings on fewer worlds (2048 there, 98 M steps) and with a smaller network (512, 256, 128)."""
+    return Recipe(
+        hidden=(256, 128, 64),
+        env_steps=env_steps,
+        epochs=5,
+        minibatches=2,
+        kl_threshold=0.016,
+        gamma=0.96,
+        critic_coef=1.0,
+        bounds_coef=1e-3,
+        reward_scale=0.01,
+    )
+
+
+def finger_distances(s: State, side: str, point: Tensor) -> Tensor:
+    """Sum over the five fingers of one hand of the distances to a point (N, 3)."""
+    fingers = torch.stack([s[f"{side}_hand_{finger}_pos"] for finger in FINGERS], dim=1)
+    return distance(fingers, point[:, None]).sum(dim=-1)
+
+
+def distance(a: Tensor, b: Tensor) -> Tensor:
+    """Between points (..., 3) [m]."""
+    return torch.linalg.vector_norm(a - b, dim=-1)
+
+
+def towards_goal(s: State, thing: str = "object", goal: str = "goal") -> Tensor:
+    """What is observed of a goal (N, 11): its pose and the turn that is left."""
+    return torch.cat((s[f"{goal}_pose"], multiply(s[f"{thing}_rot"], conjugate(s[f"{goal}_rot"]))), dim=-1)
+
+
+def _float32(values: Any, device: torch.device) -> Tensor:
+    return torch.tensor(np.asarray(values), dtype=torch.float32, device=device)

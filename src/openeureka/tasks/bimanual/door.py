@@ -1,0 +1,83 @@
+"""What the four door tasks share: two leaves, one for each hand."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from ..task import State
+from .common import TwoHands, finger_distances
+from .objects import DoubleDoor
+from .scene import Placed, Pose, Scene
+from .variables import FINGERTIPS, LEFT_FINGERS, PALMS, RIGHT_FINGERS, goal_variables, point_variables, thing_variables
+
+GAP = 0.5  # [m] between the handles, above which the doors count as open
+SIDEWAYS = 1.57  # [rad], as the original has it
+
+DOOR_VARIABLES = (
+    *thing_variables("object", "the door's frame"),
+    *goal_variables("unused, a point far above the doors"),
+    *FINGERTIPS,
+    *PALMS,
+    *RIGHT_FINGERS,
+    *LEFT_FINGERS,
+    *point_variables("door_right_handle", "handle of the right door"),
+    *point_variables("door_left_handle", "handle of the left door"),
+)
+
+
+def door_scene(*, towards_hands: bool, angle: float = 0.0, hand_x: float = 0.55, hand_y: float = 0.2) -> Scene:
+    """Doors across the x axis and hands at its positive side, thumbs pointing up (right) and down (left).
+
+    Args:
+        towards_hands: which way the doors open; for this the original turns them upside down.
+        angle: of both doors, at the start and where their springs rest [rad].
+        hand_x: distance between hands and doors [m].
+        hand_y: of each hand from the middle [m].
+    """
+    door = DoubleDoor(hands_at=-1 if towards_hands else 1, spring_angle=angle)
+    return Scene(
+        right=Pose(pos=(hand_x, hand_y, 0.6), euler=(math.pi, SIDEWAYS, SIDEWAYS)),
+        left=Pose(pos=(hand_x, -hand_y, 0.6), euler=(math.pi, -SIDEWAYS, SIDEWAYS)),
+        hands_touch=True,
+        things={
+            "object": Placed(thing=door, pos=(0, 0, 0.7), euler=(0, math.pi if towards_hands else 0, 0), fixed=True)
+        },
+        angles={"door_right_hinge": angle, "door_left_hinge": angle},
+    )
+
+
+class Doors(TwoHands):
+    """Each hand opens or closes one leaf of a double door."""
+
+    episode_length = 250
+    num_observations = 417
+    num_actions = 52
+    goal = Pose(pos=(0, 0, 5.7))
+    transition_scale = 0.5
+    orientation_scale = 0.5
+    reach = 1.5
+    """Summed distance of a hand's fingers from its handle that ends the episode [m]."""
+
+    def observe(self, s: State) -> Tensor:
+        return torch.cat((super().observe(s), s["door_left_handle_pos"], s["door_right_handle_pos"]), dim=-1)
+
+    def terminated(self, s: State) -> Tensor:
+        return torch.maximum(*self._reaches(s)) >= self.reach
+
+    def handle_gap(self, s: State) -> Tensor:
+        """(N,) [m] along y between the handles."""
+        return (s["door_right_handle_pos"] - s["door_left_handle_pos"])[:, 1].abs()
+
+    def handling_reward(self, s: State, bonus: Tensor) -> Tensor:
+        """Reach for the handles; the bonus counts once both are within reach."""
+        right, left = self._reaches(s)
+        return -right - left + torch.where(torch.maximum(right, left) < 0.5, bonus, 0.0)
+
+    def _reaches(self, s: State) -> tuple[Tensor, Tensor]:
+        return (
+            finger_distances(s, "right", s["door_right_handle_pos"]),
+            finger_distances(s, "left", s["door_left_handle_pos"]),
+        )

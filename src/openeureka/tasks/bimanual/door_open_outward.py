@@ -1,0 +1,24 @@
+"""Door open outward: each hand pushes its leaf of a double door away."""
+
+from __future__ import annotations
+
+from torch import Tensor
+
+from ..task import State
+from .common import dexterity_recipe
+from .door import DOOR_VARIABLES, GAP, Doors, door_scene
+from .variables import two_handed
+
+
+class ShadowHandDoorOpenOutward(Doors):
+    env = "shadow_hand_door_open_outward"
+    description = "to make the two hands open the closed double door by pushing its handles away from them"
+    scene = door_scene(towards_hands=False)
+    spec = two_handed(Doors.num_observations, *DOOR_VARIABLES)
+    recipe = dexterity_recipe(env_steps=5_000_000)
+
+    def success(self, s: State) -> Tensor:
+        return self.handle_gap(s) > GAP
+
+    def human_reward(self, s: State) -> Tensor:
+        return 2.0 + self.handling_reward(s, bonus=2.0 * self.handle_gap(s))

@@ -1,0 +1,80 @@
+"""Swing cup: the hands take a cup by its two handles and turn it by half a turn."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from ..task import State
+from .common import TwoHands, dexterity_recipe, finger_distances
+from .objects import Cup
+from .scene import Placed, Pose, Scene, Table
+from .variables import (
+    FINGERTIPS,
+    LEFT_FINGERS,
+    PALMS,
+    RIGHT_FINGERS,
+    ROTATION_DISTANCE,
+    goal_variables,
+    point_variables,
+    thing_variables,
+    two_handed,
+)
+
+TURNED = 0.785  # [rad] between cup and goal
+REACH = 0.4  # [m] summed over the fingers of a hand
+
+
+class ShadowHandSwingCup(TwoHands):
+    env = "shadow_hand_swing_cup"
+    description = "to make the two hands grasp the cup by its two handles and turn it by 180 degrees"
+    episode_length = 150
+    num_observations = 417
+    num_actions = 52
+    transition_scale = 0.5
+    orientation_scale = 0.1
+    scene = Scene(
+        right=Pose(pos=(0.35, 0.2, 0.8), euler=(math.pi, 1.57, 1.57)),
+        left=Pose(pos=(0.35, -0.2, 0.8), euler=(math.pi, -1.57, 1.57)),
+        hands_touch=True,
+        table=Table(size=(0.3, 0.3, 0.6)),
+        things={
+            "object": Placed(
+                thing=Cup(),
+                pos=(0, 0, 0.685),
+                euler=(0, 0, math.pi / 2),
+                points={"cup_right_handle": (0.062, 0, 0), "cup_left_handle": (-0.06, 0, 0)},
+            )
+        },
+    )
+    goal = Pose(pos=(0, 0, 5.6), euler=(0, 0, -math.pi / 2))
+    spec = two_handed(
+        num_observations,
+        *thing_variables("object", "the cup"),
+        *goal_variables("pose the cup should be turned to; its position means nothing"),
+        ROTATION_DISTANCE,
+        *FINGERTIPS,
+        *PALMS,
+        *RIGHT_FINGERS,
+        *LEFT_FINGERS,
+        *point_variables("cup_right_handle", "right handle of the cup"),
+        *point_variables("cup_left_handle", "left handle of the cup"),
+    )
+    recipe = dexterity_recipe(env_steps=5_000_000)
+
+    def observe(self, s: State) -> Tensor:
+        return torch.cat((super().observe(s), s["cup_right_handle_pos"], s["cup_left_handle_pos"]), dim=-1)
+
+    def terminated(self, s: State) -> Tensor:
+        return s["object_pos"][:, 2] <= 0.3
+
+    def success(self, s: State) -> Tensor:
+        return s["rotation_distance"] < TURNED
+
+    def human_reward(self, s: State) -> Tensor:
+        right = finger_distances(s, "right", s["cup_right_handle_pos"])
+        left = finger_distances(s, "left", s["cup_left_handle_pos"])
+        turned = 1.0 / (s["rotation_distance"] + 0.1) - 1.0
+        return -right - left + torch.where(torch.maximum(right, left) < REACH, turned, 0.0)

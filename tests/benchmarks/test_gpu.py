@@ -1,0 +1,125 @@
+"""The GPU benchmark, on the CPU: what it measures, and that a broken-off run goes on where it was."""
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from openeureka.types import Evaluation
+
+ENV = "cartpole"
+
+
+@pytest.fixture
+def gpu(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+    import gpu
+
+    return gpu
+
+
+@pytest.fixture
+def sizes(gpu: ModuleType) -> Any:
+    return gpu.Sizes(worlds=4, lanes=(1, 2, 3), measure=0.05, train=0.1, parity_steps=2)
+
+
+@pytest.fixture
+def fake(gpu: ModuleType, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Parts that answer at once, recorded by name; one that trains three lanes in three processes fails."""
+    called: list[str] = []
+
+    def part(name: str, rate: int = 0):
+        def run(env: str, device: str, sizes: Any, *extra: Any) -> dict[str, Any]:
+            called.append(" ".join([name, env, *map(str, extra)]))
+            if extra == (3, 3):
+                raise RuntimeError("out of memory")
+            return {"steps_per_second": rate} if rate else {"differences": [{"variable": "x", "worst": 0.0}]}
+
+        return run
+
+    rates = {"parity": 0, "raw": 1000, "environment": 800, "training": 500, "human": 7}
+    for name, rate in rates.items():
+        monkeypatch.setattr(gpu, name, part(name, rate))
+    monkeypatch.setattr(gpu, "_isolated", lambda part, *arguments: part(*arguments))
+    return called
+
+
+def test_every_kind_of_part_is_run_for_every_task(gpu, sizes, fake, tmp_path):
+    gpu.run("cpu", ["ant", ENV], gpu.KINDS, sizes, tmp_path / "gpu.json", again=False)
+    assert fake[:4] == ["parity ant", "parity cartpole", "raw ant", "raw cartpole"]
+    of_ant = [call for call in fake if " ant" in call]
+    assert of_ant == [
+        "parity ant",
+        "raw ant",
+        "environment ant",
+        *(f"training ant {lanes} 1" for lanes in (1, 2, 3)),
+        "training ant 3 3",
+        "human ant 500",
+    ]
+    found = json.loads((tmp_path / "gpu.json").read_text())
+    assert found["parts"]["processes/ant/3"]["error"] == "RuntimeError: out of memory"
+    assert found["ratios"]["ant"] == {"training over raw stepping": 0.5, "training over environment": 0.625}
+    assert found["machine"]["device"] == "cpu" and found["date"]
+
+
+def test_a_run_goes_on_with_what_is_missing_or_failed(gpu, sizes, fake, tmp_path):
+    out = tmp_path / "gpu.json"
+    gpu.run("cpu", ["ant"], ["raw", "processes"], sizes, out, again=False)
+    fake.clear()
+    gpu.run("cpu", ["ant"], ["raw", "env", "processes"], sizes, out, again=False)
+    assert fake == ["environment ant", "training ant 3 3"]
+    fake.clear()
+    gpu.run("cpu", ["ant"], ["raw"], sizes, out, again=True)
+    assert fake == ["raw ant"]
+    assert set(json.loads(out.read_text())["parts"]) == {"raw/ant", "env/ant", "processes/ant/3"}
+
+
+def test_the_human_part_measures_the_rate_it_needs(gpu, sizes, fake, tmp_path):
+    gpu.run("cpu", ["ant"], ["human"], sizes, tmp_path / "gpu.json", again=False)
+    assert fake == ["training ant 2 1", "human ant 500"]
+
+
+def test_rates_of_different_sizes_are_not_mixed(gpu, sizes, fake, tmp_path):
+    gpu.run("cpu", ["ant"], ["raw"], sizes, tmp_path / "gpu.json", again=False)
+    bigger = gpu.Sizes(worlds=8, lanes=(1, 2, 3), measure=0.05, train=0.1, parity_steps=2)
+    with pytest.raises(SystemExit, match="name another file"):
+        gpu.run("cpu", ["ant"], ["env"], bigger, tmp_path / "gpu.json", again=False)
+
+
+def test_a_part_that_takes_its_process_down_is_an_error_of_that_part(gpu):
+    found = gpu.attempt(os._exit, 1)
+    assert found["error"].startswith("BrokenProcessPool")
+    assert found["seconds"] > 0.0
+
+
+def test_simulation_is_measured(gpu, sizes):
+    parity = gpu.parity(ENV, "cpu", sizes)
+    assert max(found["worst"] for found in parity["differences"]) < 1e-4  # the CPU beside itself
+    raw, environment = gpu.raw(ENV, "cpu", sizes), gpu.environment(ENV, "cpu", sizes)
+    assert raw["worlds"] == environment["worlds"] == 12  # three lanes of four
+    assert raw["steps_per_second"] > environment["steps_per_second"] > 0
+    assert environment["broken_worlds"] == 0
+
+
+def test_trainings_are_measured(gpu, sizes):
+    programs = gpu.rewards(ENV, 3)
+    assert len({str(program) for program in programs}) == 3
+    found = gpu.training(ENV, "cpu", sizes, lanes=3, processes=3)
+    assert found["worlds"] == 12 and found["steps_per_second"] > 0
+    assert found["nodes_per_reward"] == sum(len(program.nodes) for program in programs) / 3
+
+
+def test_the_human_reward_is_trained_for_a_time_and_scored(gpu, sizes, monkeypatch):
+    def evaluate(self: Any, env: str, policies: dict[str, bytes], *, seed: int) -> Iterator[Evaluation]:
+        return (Evaluation(job=job, fitness=8.5, episode_length=9.0, episodes=1) for job in policies)
+
+    monkeypatch.setattr(gpu.PopulationTrainer, "evaluate", evaluate)  # which would play 256 worlds for 500 steps
+    found = gpu.human(ENV, "cpu", sizes, rate=2 * 4 * 16 * 3 / 0.1)  # three epochs of two lanes
+    assert set(found["lanes"]) == {"human-s0", "human-s1"}
+    assert found["lanes"]["human-s0"]["env_steps"] == 3 * 4 * 16
+    assert found["lanes"]["human-s1"]["held_out_at_peak_of_reward"]["fitness"] == 8.5
+    assert "of training" in gpu.line("human/cartpole", found)

@@ -1,0 +1,97 @@
+import pytest
+import torch
+
+from openeureka.tasks.bimanual.common import distance, finger_distances
+from openeureka.tasks.rotations import rotation_distance
+
+from .worlds import fresh, press, scored, state_with
+
+CUP, DOOR, OVER = "shadow_hand_swing_cup", "shadow_hand_door_open_outward", "shadow_hand_over"
+
+
+def test_both_hands_are_right_hands_of_24_joints() -> None:
+    state = fresh(CUP).current_state()
+    lower, upper = state["dof_lower_limits"], state["dof_upper_limits"]
+    assert torch.equal(lower[:24], lower[24:]) and torch.equal(upper[:24], upper[24:])
+    assert (float(lower[0]), float(upper[0])) == pytest.approx((-0.489, 0.140))  # WRJ1
+    assert (float(lower[23]), float(upper[23])) == pytest.approx((-1.571, 0.0))  # THJ0
+
+
+@pytest.mark.parametrize(("first_drive", "wrist"), [(6, 0), (32, 24)])
+def test_drives_pull_a_hands_joints_to_their_targets(first_drive: int, wrist: int) -> None:
+    simulation = fresh(CUP)
+    state = press(simulation, {first_drive: 1.0, first_drive + 1: -1.0}, steps=60)
+    assert float(state["dof_pos"][0, wrist]) == pytest.approx(0.140, abs=0.01)
+    assert float(state["dof_pos"][0, wrist + 1]) == pytest.approx(-0.698, abs=0.01)
+
+
+@pytest.mark.parametrize(("column", "base"), [(2, "right_base"), (28, "left_base")])
+def test_a_push_moves_the_base_without_turning_it(column: int, base: str) -> None:
+    simulation = fresh(DOOR)
+    settled = press(simulation, {}, steps=30)
+    before = press(simulation, {column: 1.0}, steps=6)
+    after = press(simulation, {column: 1.0}, steps=15)
+    # 0.5 * 1e5 / 60 / 6 = 138.9 N against 501 N s/m is 0.277 m/s, for a quarter of a second.
+    moved = after[f"{base}_pos"][0] - before[f"{base}_pos"][0]
+    assert moved.tolist() == pytest.approx([0.0, 0.0, 0.0693], abs=0.003)
+    assert float(rotation_distance(settled[f"{base}_rot"], after[f"{base}_rot"])) < 0.01
+
+
+def test_a_torque_turns_the_base() -> None:
+    simulation = fresh(DOOR)
+    before = press(simulation, {}, steps=30)
+    after = press(simulation, {5: 1.0}, steps=30)
+    # 0.5 * 1e3 / 60 / 6 = 1.39 N m against 2.65 N m s is 0.52 rad/s, for half a second.
+    turned = float(rotation_distance(before["right_base_rot"], after["right_base_rot"]))
+    assert turned == pytest.approx(0.26, abs=0.02)
+    assert torch.allclose(before["left_base_rot"], after["left_base_rot"], atol=1e-3)
+
+
+def test_fixed_bases_have_neither_joints_nor_actions() -> None:
+    simulation = fresh(OVER)
+    assert simulation.sim.model.nv == 24 + 24 + 6  # fingers and the egg
+    assert simulation.task.num_actions == 20 + 20
+
+
+def test_success_stands_until_the_episode_ends_and_pays_on_its_last_step() -> None:
+    simulation = fresh(DOOR, worlds=2)
+    task = simulation.task
+    closed = simulation.current_state()
+    assert scored(simulation, closed) == [0.0, 0.0]
+    opened = state_with(simulation, {"door_right_hinge": [1.4], "door_left_hinge": [1.4]})
+    assert scored(simulation, opened) == [1.0, 1.0]
+    assert scored(simulation, closed) == [1.0, 1.0]
+    task.reset(torch.tensor([1]))
+    assert task.sparse_reward(closed).tolist() == [1.0, 1.0]
+    assert scored(simulation, closed) == [1.0, 0.0]
+    assert task.sparse_reward(closed).tolist() == [1.0, 0.0]
+
+
+def test_only_episodes_that_end_count() -> None:
+    simulation = fresh(DOOR, worlds=2)
+    score = simulation.task.fitness(simulation.current_state(), torch.tensor([True, False]))
+    assert score.weight.tolist() == [1.0, 0.0]
+
+
+def test_finger_distances_are_summed_over_the_five_fingers() -> None:
+    fingers = {f"right_hand_{finger}_pos": torch.tensor([[0.0, 3.0, 0.0]]) for finger in ("ff", "mf", "rf", "lf")}
+    state = {**fingers, "right_hand_th_pos": torch.tensor([[0.0, 0.0, 2.0]])}
+    assert float(finger_distances(state, "right", torch.tensor([[4.0, 0.0, 2.0]]))) == pytest.approx(
+        4 * 29**0.5 + 4.0  # (4, 3, 2) is sqrt(29) long
+    )
+
+
+def test_fingertips_are_two_centimetres_beyond_the_last_joints() -> None:
+    state = fresh(CUP).current_state()
+    for side, joints in (("right", "fingertip_pos"), ("left", "fingertip_another_pos")):
+        ends = torch.stack([state[f"{side}_hand_{finger}_pos"] for finger in ("ff", "mf", "rf", "lf", "th")], dim=1)
+        assert torch.allclose(distance(ends, state[joints]), torch.tensor(0.02), atol=1e-5)
+
+
+def test_hands_start_with_equal_noise_inside_their_joint_ranges() -> None:
+    state = fresh(OVER, worlds=16).current_state()
+    angles = state["dof_pos"]
+    assert torch.equal(angles[:, :24], angles[:, 24:])
+    assert bool((angles >= state["dof_lower_limits"] - 1e-6).all())
+    assert bool((angles <= state["dof_upper_limits"] + 1e-6).all())
+    assert float(angles.std(dim=0).min()) > 0.01

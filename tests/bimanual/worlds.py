@@ -1,0 +1,43 @@
+"""Puts worlds of a two-handed task into states of a test's choice."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import torch
+
+from openeureka.tasks.env import BatchedEnv
+from openeureka.tasks.registry import make
+from openeureka.tasks.task import State
+
+
+def fresh(env: str, worlds: int = 1) -> BatchedEnv:
+    simulation = make(env, worlds=worlds, threads=1)
+    simulation.reset()
+    return simulation
+
+
+def state_with(simulation: BatchedEnv, joints: Mapping[str, Sequence[float]]) -> State:
+    """The state after joint positions (of a free joint: position, quaternion w x y z) are written into every world."""
+    qpos = simulation.sim.bind("qpos")
+    for name, value in joints.items():
+        start = int(simulation.sim.model.joint(name).qposadr[0])
+        qpos[:, start : start + len(value)] = torch.tensor(value)
+    simulation.sim.forward(torch.arange(simulation.num_worlds))
+    return simulation.current_state()
+
+
+def scored(simulation: BatchedEnv, state: State) -> list[float]:
+    """F of each world's episode if it ends in this state."""
+    ended = torch.ones(simulation.num_worlds, dtype=torch.bool)
+    value, weight = simulation.task.fitness(state, ended)
+    assert weight.tolist() == [1.0] * simulation.num_worlds
+    return value.tolist()
+
+
+def press(simulation: BatchedEnv, action: Mapping[int, float], steps: int) -> State:
+    """The state after some steps of a constant action, 0 in all but the columns given."""
+    actions = torch.zeros(simulation.num_worlds, simulation.task.num_actions)
+    for column, value in action.items():
+        actions[:, column] = value
+    return [simulation.step(actions).state for _ in range(steps)][-1]

@@ -1,0 +1,13 @@
+"""A training worker whose evaluation takes longer than the parent would wait for a silent one."""
+
+import time
+
+from openeureka.worker import Channel
+
+channel = Channel()
+channel.receive()
+for _ in range(8):
+    time.sleep(0.5)
+    channel.send({})
+channel.send({"score": {"job": "a", "fitness": 1.0, "episode_length": 2.0, "episodes": 3}})
+channel.send({"done": True})
