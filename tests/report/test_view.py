@@ -1,7 +1,10 @@
 import pytest
 
+from openeureka import baselines
 from openeureka.errors import StoreError
+from openeureka.report import tables
 from openeureka.report.view import CandidateState, RunView
+from openeureka.score import Arm, Baselines
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, program, reply
 
 from .scripted import search_in
@@ -97,3 +100,13 @@ def test_videos_are_found_where_they_lie(tmp_path):
 def test_a_folder_that_is_no_run_says_so(tmp_path):
     with pytest.raises(StoreError, match="is not a run"):
         RunView.read(tmp_path)
+
+
+def test_baselines_measured_beforehand_are_compared_with(tmp_path, monkeypatch):
+    measured = Baselines(human=Arm(held_out=(10.0,)), sparse=Arm(held_out=(5.0,)), env_steps=1, worlds=1,
+                         device="cpu", date="2026-01-31")  # fmt: skip
+    monkeypatch.setattr(baselines, "chosen", lambda config: measured)
+    view = RunView.read(search_in(tmp_path / "run", [reply(7), reply(8)], baselines="known"))
+    assert view.outcome is not None
+    assert view.outcome.normalised == pytest.approx((7.01 - 5) / (10 - 5))  # seed 1, held out one less
+    assert measured.sentence() in tables.final(view.outcome, view.known).note
