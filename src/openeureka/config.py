@@ -15,6 +15,7 @@ from omegaconf.errors import OmegaConfBaseException
 from .errors import ConfigError, nearest
 
 BONUSES = ("none", "original")
+VIDEOS = ("all", "best", "none")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +59,7 @@ class RunConfig:
     baselines: str = "train"
     """`train` the human and the sparse reward along, or take what openeureka has `known` of them beforehand."""
     video: str = "best"
-    """`best` or `none`."""
+    """`all` trained policies, the `best` or `none`."""
     dir: str = ""
     """Run directory; empty means `outputs/<time>_<env>`."""
     unsafe_no_sandbox: bool = False
@@ -74,7 +75,7 @@ class RunConfig:
             "search": ("best", "eureka"),
             "bonus": BONUSES,
             "baselines": ("train", "known"),
-            "video": ("best", "none"),
+            "video": VIDEOS,
         }
         for key, allowed in choices.items():
             if getattr(self, key) not in allowed:

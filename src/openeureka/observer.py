@@ -38,6 +38,41 @@ class Observer(Protocol):
     def outcome(self, outcome: Outcome) -> None: ...
 
 
+class Observers:
+    """Tells several, in order."""
+
+    def __init__(self, *observers: Observer) -> None:
+        self._observers = observers
+
+    def phase(self, generation: int, name: Phase) -> None:
+        for observer in self._observers:
+            observer.phase(generation, name)
+
+    def reply(self, generation: int, slot: int, reply: Reply) -> None:
+        for observer in self._observers:
+            observer.reply(generation, slot, reply)
+
+    def verdict(self, sample: Sample) -> None:
+        for observer in self._observers:
+            observer.verdict(sample)
+
+    def progress(self, progress: TrainingProgress) -> None:
+        for observer in self._observers:
+            observer.progress(progress)
+
+    def result(self, result: TrainingResult) -> None:
+        for observer in self._observers:
+            observer.result(result)
+
+    def generation(self, generation: Generation) -> None:
+        for observer in self._observers:
+            observer.generation(generation)
+
+    def outcome(self, outcome: Outcome) -> None:
+        for observer in self._observers:
+            observer.outcome(outcome)
+
+
 class NullObserver:
     """Looks away."""
 

@@ -92,6 +92,7 @@ class Worker:
     Args:
         module: import path whose `__main__` opens a `Channel`.
         env: the child's whole environment; None inherits this process's.
+        nice: by how much the child yields to others, 0 to 19, from its first instruction on.
         max_header, max_blobs: caps on what the child may send, in bytes.
     """
 
@@ -101,13 +102,17 @@ class Worker:
         *,
         args: tuple[str, ...] = (),
         env: Mapping[str, str] | None = None,
+        nice: int = 0,
         max_header: int = MAX_HEADER,
         max_blobs: int = MAX_BLOBS,
     ) -> None:
         self._stderr: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
         # The package directory travels as an argument of -c, so that an emptied environment still finds it.
         root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-        code = f"import sys, runpy; sys.path.insert(0, {root!r}); runpy.run_module({module!r}, run_name='__main__')"
+        code = (
+            f"import os, sys, runpy; os.nice({nice}); sys.path.insert(0, {root!r}); "
+            f"runpy.run_module({module!r}, run_name='__main__')"
+        )
         self.process = subprocess.Popen(
             [sys.executable, "-c", code, *args],
             stdin=subprocess.PIPE,

@@ -3,6 +3,7 @@ import torch
 
 from openeureka.cli import play
 from openeureka.errors import ConfigError, RewardFileError
+from openeureka.report import page
 from openeureka.training.policy import Policy
 
 
@@ -16,6 +17,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[object, ...]]:
         return b"mp4"
 
     monkeypatch.setattr(play, "render", render)
+    monkeypatch.setattr(play.viewer, "has_display", lambda: False)
     return calls
 
 
@@ -58,3 +60,30 @@ def test_a_task_whose_file_has_moved_is_found_where_env_says(asked, tmp_path):
 def test_a_run_without_a_policy_says_so(asked, tmp_path):
     with pytest.raises(ConfigError, match=r"Cannot read the policy .*best/policy\.safetensors: No such file"):
         play.play([str(tmp_path)])
+
+
+@pytest.fixture
+def shown(asked, monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
+    """What would have been shown on a machine with a display."""
+    calls: list[tuple[str, str]] = []
+    monkeypatch.setattr(play.viewer, "has_display", lambda: True)
+    monkeypatch.setattr(play, "Stage", lambda env, policy, seed: f"{env} {policy} {seed}")
+    monkeypatch.setattr(play.viewer, "window", lambda stage: calls.append(("window", stage)))
+    monkeypatch.setattr(page, "page", lambda stage, port: calls.append((f"page at {port}", stage)))
+    return calls
+
+
+def test_where_there_is_a_display_a_window_opens(asked, shown):
+    play.play(["env=ant", "policy=random", "seed=3"])
+    assert (shown, asked) == ([("window", "ant random 3")], [])
+
+
+def test_out_wants_a_video_whatever_there_is(asked, shown, tmp_path):
+    play.play(["env=ant", "policy=zero", f"out={tmp_path}/a.mp4"])
+    assert (shown, asked) == ([], [("ant", "zero", 10.0)])
+
+
+def test_web_serves_a_page_with_or_without_a_display(asked, shown, monkeypatch):
+    monkeypatch.setattr(play.viewer, "has_display", lambda: False)
+    play.play(["env=ant", "policy=zero", "port=9000"], web=True)
+    assert (shown, asked) == ([("page at 9000", "ant zero 0")], [])

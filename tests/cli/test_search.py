@@ -3,6 +3,7 @@ import pytest
 from openeureka.cli import main as command
 from openeureka.cli import search
 from openeureka.errors import ModelError
+from openeureka.report import video
 from openeureka.store import read_replies
 from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, reply
 
@@ -134,3 +135,21 @@ def test_show_prints_every_slot_and_the_final_scores(parts, tmp_path, capsys):
 def test_a_directory_that_is_no_run_is_said(name, tmp_path, capsys):
     assert run(name, str(tmp_path)) == 5
     assert "is not a run" in capsys.readouterr().err
+
+
+def test_video_all_films_every_lane_of_the_search_and_the_report_shows_them(parts, tmp_path, capsys):
+    parts.setattr(video, "render", lambda *_, **__: b"mp4")
+    settings = [word for word in SETTINGS if not word.startswith("video=")]
+    assert run("run", *settings, "video=all", f"dir={tmp_path}/run") == 0
+    assert len(list((tmp_path / "run").glob("lanes/*-s0/video.mp4"))) == 4 + 2  # four candidates, human, sparse
+    assert (tmp_path / "run" / "report.html").read_text().count('src="lanes/') == 4 + 2
+
+
+def test_a_report_made_later_may_ask_for_all_videos(parts, tmp_path, capsys):
+    parts.setattr(video, "render", lambda *_, **__: b"mp4")
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 0
+    assert not list((tmp_path / "run").glob("lanes/*/video.mp4"))
+    assert run("report", f"{tmp_path}/run", "video=all") == 0
+    assert len(list((tmp_path / "run").glob("lanes/*/video.mp4"))) == 4 + 2
+    assert f"Wrote {tmp_path}/run/report.html" in capsys.readouterr().out
+    assert run("report", f"{tmp_path}/run", "video=some") == 2

@@ -33,6 +33,14 @@ def test_an_emptied_environment_stays_empty(worker: Worker):
     assert set(seen) - {"LC_CTYPE"} == {"PYTHONPATH"}
 
 
+def test_a_polite_worker_yields_to_this_process():
+    with Worker("echo_worker", env={"PYTHONPATH": HERE}, nice=3) as child:
+        child.send({"do": "echo"})
+        child.receive(timeout=20)
+        mine, its = (os.getpriority(os.PRIO_PROCESS, process) for process in (0, child.process.pid))
+    assert its == min(19, mine + 3)
+
+
 def test_death_is_reported_with_the_last_words(worker: Worker):
     worker.send({"do": "die"})
     with pytest.raises(WorkerDied):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from openeureka.config import RunConfig
-from openeureka.report.run import Run
+from openeureka.report.view import CandidateView, GenerationView, RunView
 from openeureka.types import (
     Candidate,
     Evaluation,
@@ -66,18 +66,35 @@ BEST = "def compute_reward(x):\n    return x, {}"
 BASELINES = [result("human-s0", 60.0), result("sparse-s0", 20.0)]
 
 
-def run(history: History, results: Sequence[TrainingResult] = (), evaluations: Sequence[Evaluation] = ()) -> Run:
+def run(history: History, results: Sequence[TrainingResult] = (), evaluations: Sequence[Evaluation] = ()) -> RunView:
     """A run of three generations and two final seeds."""
-    return Run(
+    return RunView(
         config=RunConfig(env="cartpole", iteration=3, seeds=2),
         history=history,
+        generations=tuple(
+            GenerationView(index=generation.index, candidates=tuple(map(view, generation.entries)))
+            for generation in history.generations
+        ),
         results={r.job: r for r in results},
         evaluations={e.job: e for e in evaluations},
         usage=Usage(prompt_tokens=1200, completion_tokens=340, cost_usd=0.0125),
+        videos={},
     )
 
 
-def finished() -> Run:
+def view(entry: Scored) -> CandidateView:
+    """The slot without its replies."""
+    sample = entry.sample
+    return CandidateView(
+        generation=sample.generation,
+        slot=sample.slot,
+        candidate=sample.candidate,
+        verdict=sample.verdict,
+        result=entry.result,
+    )
+
+
+def finished() -> RunView:
     """HISTORY with its final trainings: two seeds of the best, the human and the sparse reward."""
     best = Candidate.of(BEST).id
     final = {f"{best}-s1": 46.0, f"{best}-s2": 50.0, "human-s1": 60.0, "human-s2": 62.0, "sparse-s1": 20.0}

@@ -1,6 +1,9 @@
 from openeureka.report.markdown import report
+from openeureka.report.view import RunView
+from openeureka.testing.scripted import reply
 from openeureka.types import Generation, History
 
+from .scripted import search_in
 from .search import BASELINES, HISTORY, finished, refused, run, trained
 
 
@@ -39,3 +42,20 @@ def test_what_a_model_wrote_cannot_leave_its_cell_or_its_fence():
     text = report(run(History((Generation(0, (program, finding)),))))
     assert "````python\n" in text and "\x1b" not in text and "\u202e" not in text
     assert "a \\| b \\<img src=x> \\[link](http://x) # heading" in text
+
+
+def test_the_report_holds_every_candidate_with_its_diff_prompts_and_replies(tmp_path):
+    replies = [reply(7), "```python\ndef compute_reward(x):\n    return x\n```", reply(8), reply(9)]
+    text = report(RunView.read(search_in(tmp_path / "run", replies, iteration=2)))
+    assert "### Generation 0, slot 0: trained, F 7" in text
+    assert "### Generation 0, slot 1: refused, F -" in text
+    assert "- line 1: nothing is returned \\[no-number]; return a number" in text
+    assert "-    return 7\n+    return 8\n" in text
+    assert "Here is the reward." in text and "Do the thing." in text
+    assert "| worth | 0 | 9 | 9 |" in text  # component: first, last, highest
+
+
+def test_a_megabyte_of_a_reply_is_cut(tmp_path):
+    text = report(RunView.read(search_in(tmp_path / "run", ["x" * 1_000_000, "`" * 1_000_000])))
+    assert len(text) < 200_000
+    assert "[...] 970000 more characters" in text

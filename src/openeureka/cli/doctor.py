@@ -41,7 +41,9 @@ def python() -> list[Finding]:
 
 def packages() -> list[Finding]:
     """Versions of the packages that do the work."""
-    return [_package(name) for name in ("torch", "mujoco", "openai", "imageio-ffmpeg", "matplotlib", "tensorboard")]
+    return [
+        _package(name) for name in ("torch", "mujoco", "openai", "imageio-ffmpeg", "matplotlib", "tensorboard", "onnx")
+    ]
 
 
 def _package(name: str) -> Finding:

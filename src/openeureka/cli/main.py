@@ -14,7 +14,7 @@ import typer
 from ..config import RunConfig
 from ..errors import EurekaError, StoreError
 from ..report.text import plain
-from .settings import CheckConfig, ContextConfig, PlayConfig, TrainConfig, describe
+from .settings import CheckConfig, ContextConfig, PlayConfig, ReportConfig, TrainConfig, describe
 
 app = typer.Typer(
     name="eureka",
@@ -63,15 +63,15 @@ def show(directory: RunDirectory) -> None:
     show(directory)
 
 
-@app.command()
-def report(directory: RunDirectory) -> None:
-    """Write report.md, summary.png, TensorBoard events and the video of a run again.
+@app.command(epilog=describe(ReportConfig))
+def report(words: Words = None) -> None:
+    """Write report.html, report.md, summary.png, policy.onnx, TensorBoard events and missing videos of a run.
 
-    Example: eureka report outputs/2026-01-31_12-00-00_cartpole
+    Example: eureka report outputs/2026-01-31_12-00-00_cartpole video=all
     """
     from .show import report
 
-    report(directory)
+    report(words or [])
 
 
 @app.command(epilog=describe(TrainConfig))
@@ -97,14 +97,16 @@ def check(words: Words = None) -> None:
 
 
 @app.command(epilog=describe(PlayConfig))
-def play(words: Words = None) -> None:
-    """Write a video of a policy; needs no display.
+def play(
+    words: Words = None, web: Annotated[bool, typer.Option("--web", help="In a browser, in 3-D.")] = False
+) -> None:
+    """Show a policy in a window; without a display, or with out=FILE.mp4, write a video.
 
     Example: eureka play env=cartpole policy=random
     """
     from .play import play
 
-    play(words or [])
+    play(words or [], web=web)
 
 
 @app.command(epilog=describe(ContextConfig))

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from ..config import parse, short_name
 from ..errors import ConfigError
+from ..report import viewer
+from ..report.stage import Stage
 from ..report.video import render
 from ..store import artifacts
 from ..training.policy import Policy
@@ -16,10 +18,11 @@ from .settings import PlayConfig, only_path, split
 AGENTS = ("random", "zero")
 
 
-def play(words: Sequence[str]) -> None:
-    """Render a policy and say where the video is."""
+def play(words: Sequence[str], *, web: bool = False) -> None:
+    """Show a policy in a window or a browser; without a display, or with `out=`, write a video and say where it is."""
     settings, paths = split(words)
     config = parse(PlayConfig, settings)
+    in_window = not web and not config.out and viewer.has_display()
     if paths:
         directory = only_path(paths, "eureka play DIR")
         video = str(directory / "best" / "video.mp4")
@@ -31,6 +34,14 @@ def play(words: Sequence[str]) -> None:
     else:
         policy = _read(Path(config.policy))
         env = _env_of(policy, config.env)
+    if web:
+        from ..report.page import page  # loads a user interface
+
+        page(Stage(env, policy, config.seed), config.port)
+        return
+    if in_window:
+        viewer.window(Stage(env, policy, config.seed))
+        return
     target = Path(config.out or f"{short_name(env)}.mp4")
     artifacts.write(target, render(env, policy, seconds=config.seconds, seed=config.seed))
     print(f"Wrote {target}")

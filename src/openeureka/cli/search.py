@@ -10,9 +10,11 @@ from .. import loop, search
 from ..config import RunConfig, as_dict, parse, short_name
 from ..errors import EurekaError
 from ..llm import open_model
+from ..observer import Observers
 from ..report.build import build
-from ..report.run import Run
+from ..report.filming import Filming
 from ..report.text import plain
+from ..report.view import RunView
 from ..sandbox.client import Sandbox
 from ..store import Store, is_run, read_config, read_replies
 from ..tasks.context import context
@@ -57,9 +59,10 @@ def _search(config: RunConfig, directory: Path) -> None:
             Sandbox(known.state, record_states(config.env), unsafe=config.unsafe_no_sandbox) as checker,
             Store.open(directory, config) as store,
             _telling_how_to_continue(directory),
-            view(config, store.usage()) as observer,
+            _filming(directory, config) as films,
+            view(config, store.usage()) as table,
         ):
-            loop.run(config, store, model, checker, trainer, known, strategy, observer)
+            loop.run(config, store, model, checker, trainer, known, strategy, Observers(table, *films))
     finally:
         model.close()
     _conclude(config, directory)
@@ -76,15 +79,26 @@ def _telling_how_to_continue(directory: Path) -> Iterator[None]:
         raise
 
 
+@contextmanager
+def _filming(directory: Path, config: RunConfig) -> Iterator[list[Filming]]:
+    """The one who films all policies while the search goes on, if they are wanted."""
+    if config.video != "all":
+        yield []
+        return
+    with Filming(directory, config) as films:
+        yield [films]
+        if films.waiting:
+            print(f"Filming the last {films.waiting} policies")
+
+
 def _conclude(config: RunConfig, directory: Path) -> None:
     """Reports come last: the search is complete without them."""
-    problem = build(directory, with_video=config.video == "best")
-    with Store.view(directory) as store:
-        result = Run.read(store)
+    problems = build(directory, config.video)
+    result = RunView.read(directory)
     best = result.history.best
     if best is not None and best.sample.candidate is not None:
         print(f"\nBest reward:\n\n{plain(best.sample.candidate.source)}")
     print("\n".join(summary(result)))
-    if problem:
-        print(problem)
-    print(f"\nEverything is in {directory}; begin with report.md")
+    for problem in problems:
+        print(plain(problem))
+    print(f"\nEverything is in {directory}; begin with report.html")

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..config import BONUSES
+from ..config import BONUSES, VIDEOS
 from ..errors import ConfigError
 
 
@@ -59,20 +59,36 @@ class CheckConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ReportConfig:
+    """Report of a run."""
+
+    video: str = ""
+    """`all` trained policies, the `best` or `none`; empty means what the run began with."""
+
+    def __post_init__(self) -> None:
+        if self.video not in ("", *VIDEOS):
+            raise ConfigError(f"`video` must be one of {', '.join(VIDEOS)}, not `{self.video}`.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PlayConfig:
-    """Video of one policy."""
+    """One policy, shown or filmed."""
 
     env: str = ""
     """Empty means the task of the run directory."""
     policy: str = ""
     """`random`, `zero` or a policy.safetensors file; empty means the best policy of the run directory."""
     out: str = ""
-    """File to write; empty means `<env>.mp4`, or `best/video.mp4` of the run directory."""
+    """Video to write, also where there is a display; empty means `<env>.mp4`, or `best/video.mp4` of the run."""
     seconds: float = 10.0
     """Length of the video in simulated time."""
     seed: int = 0
+    port: int = 0
+    """Port of the page of --web, on this machine only; 0 means the first free one from 8080 on."""
 
     def __post_init__(self) -> None:
+        if not 0 <= self.port < 65536:
+            raise ConfigError(f"`port` must be between 0 and 65535, not {self.port}.")
         if not 0.0 < self.seconds <= 600.0:
             raise ConfigError(f"`seconds` must be above 0 and at most 600, not {self.seconds}.")
 

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
+from ..config import parse
 from ..report.build import build
-from ..report.run import Run
 from ..report.stats import by_generation
 from ..report.text import columns, number, plain, spread
+from ..report.view import RunView
 from ..score import Outcome
-from ..store import Store
 from ..types import Scored
 from .live import verdict_line
+from .settings import ReportConfig, only_path, split
 
 
 def show(directory: Path) -> None:
     """Print every slot of every generation, the final scores and the best reward."""
-    with Store.view(directory) as store:
-        run = Run.read(store)
+    run = RunView.read(directory)
     slots = [_slot(entry) for generation in run.history.generations for entry in generation.entries]
     print(columns([("generation", "slot", "candidate", "try", "F", "verdict"), *slots]))
     print()
@@ -34,7 +35,7 @@ def _slot(entry: Scored) -> tuple[str, ...]:
     return (*place, number(entry.fitness), verdict_line(sample))
 
 
-def summary(run: Run) -> list[str]:
+def summary(run: RunView) -> list[str]:
     """The result in a few lines."""
     lines = [f"Generation {g.index}: best F {number(g.best)}, {g.trained} of {g.slots} trained"
              for g in by_generation(run.history)]  # fmt: skip
@@ -56,9 +57,11 @@ def final(outcome: Outcome) -> list[str]:
     return [*table.splitlines(), f"Human-normalised score, held out: {number(outcome.normalised)}"]
 
 
-def report(directory: Path) -> None:
+def report(words: Sequence[str]) -> None:
     """Write the files of the report again and say where they are."""
-    problem = build(directory)
-    print(f"Wrote {directory / 'report.md'}")
-    if problem:
-        print(problem)
+    settings, paths = split(words)
+    directory = only_path(paths, "eureka report outputs/<time>_cartpole")
+    problems = build(directory, parse(ReportConfig, settings).video)
+    print(f"Wrote {directory / 'report.html'} and {directory / 'report.md'}")
+    for problem in problems:
+        print(plain(problem))

@@ -4,37 +4,58 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..store import Store, artifacts
-from . import events, plots, video
-from .markdown import report
-from .run import Run
+from ..errors import RewardFileError
+from ..store import artifacts
+from ..training.policy import Policy
+from . import events, export, filming, html, markdown, plots, video
+from .view import VIDEO, RunView
 
 
-def build(directory: Path, *, with_video: bool = True) -> str:
-    """Write report.md, summary.png, TensorBoard events and best/video.mp4.
+def build(directory: Path, wanted: str = "") -> list[str]:
+    """Write best/policy.onnx, the videos that are missing, TensorBoard events, summary.png, report.md and report.html.
+
+    Args:
+        wanted: videos of `all` policies, the `best` or `none`; empty means what the run began with.
 
     Returns:
-        Why there is no video, as a sentence; empty when there is one or none was wanted.
+        Sentences that say what could not be made, and why.
 
     Raises:
         StoreError: when the directory holds no run or cannot be written.
     """
-    with Store.view(directory) as store:
-        run = Run.read(store)
+    run = RunView.read(directory)
+    problems = [_best(directory, wanted or run.config.video), _candidates(directory, run, wanted or run.config.video)]
+    run = RunView.read(directory)  # now with videos
     for job, result in run.results.items():
         artifacts.write(directory / "lanes" / job / events.FILE_NAME, events.encode(result.curves))
     artifacts.write(directory / "summary.png", plots.summary(run))
-    artifacts.write(directory / "report.md", report(run))
-    return _video(directory, run.config.env) if with_video else ""
+    artifacts.write(directory / "report.md", markdown.report(run))
+    artifacts.write(directory / "report.html", html.report(run, directory))
+    return list(dict.fromkeys(problem for problem in problems if problem))
 
 
-def _video(directory: Path, env: str) -> str:
-    """A policy is there once the final trainings are done."""
-    policy = directory / "best" / "policy.safetensors"
-    if not policy.exists():
+def _best(directory: Path, wanted: str) -> str:
+    """The files made from the best policy, which is there as soon as anything has trained."""
+    source = directory / "best" / "policy.safetensors"
+    if not source.exists():
         return ""
     try:
-        artifacts.write(directory / "best" / "video.mp4", video.render(env, policy.read_bytes()))
-    except video.VideoUnavailable as error:
+        policy = Policy.from_bytes(source.read_bytes())
+        artifacts.write(directory / "best" / "policy.onnx", export.to_onnx(policy))
+        picture = directory / "best" / VIDEO
+        if wanted != "none" and not _newer(picture, source):
+            artifacts.write(picture, video.render(policy.env, source.read_bytes()))
+    except (RewardFileError, video.VideoUnavailable) as error:
         return str(error)
     return ""
+
+
+def _newer(made: Path, source: Path) -> bool:
+    """Whether the file was made from its source as it is now."""
+    return made.exists() and made.stat().st_mtime_ns >= source.stat().st_mtime_ns
+
+
+def _candidates(directory: Path, run: RunView, wanted: str) -> str:
+    if wanted != "all":
+        return ""
+    return filming.film(directory, run.config.env, filming.missing(directory, run.config).items())

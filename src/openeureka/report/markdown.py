@@ -1,109 +1,108 @@
-"""`report.md`: what a search did and found, for a person."""
+"""`report.md`: what a search did and found, for a person; the page `report.html` says the same with pictures."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
-from ..config import RunConfig, as_dict, short_name
-from ..score import Baselines, Outcome
-from ..types import History, Scored, Usage
-from .run import Run
-from .stats import by_generation, trained_share
-from .text import number, one_line, plain, spread
+from ..config import short_name
+from ..types import Message, Verdict
+from . import diff, tables
+from .tables import Table
+from .text import number, one_line, plain
+from .view import AttemptView, CandidateView, GenerationView, RunView
+
+MAX_TEXT = 30_000
+"""Characters shown of one program, prompt or reply."""
 
 
-def report(run: Run) -> str:
+def report(run: RunView) -> str:
     """The whole file."""
     sections = (
         f"# {short_name(run.config.env)}: search for a reward",
-        _verdict(run),
+        _table(tables.search(run)),
         "![Summary](summary.png)",
-        _final(run.outcome, run.known),
-        _generations(run.history),
-        _best(run.history.best),
-        _failures(run.history),
-        _spent(run.usage),
-        _settings(run.config),
+        _final(run),
+        "## Generations",
+        _table(tables.generations(run)),
+        _best(run.best),
+        f"## Spent\n\n{tables.spent(run)}",
+        *(section for generation in run.generations for section in _generation(generation)),
+        "## Settings",
+        _table(tables.settings(run.config)),
     )
     return "\n\n".join(section for section in sections if section) + "\n"
 
 
-def _verdict(run: Run) -> str:
-    best = run.history.best
-    rows = [("best generated reward", number(best.fitness if best else None))]
-    rows += [(f"{name} reward", number(result.fitness)) for name, result in run.baselines.items()]
-    note = "F is the task's own score, its maximum over training. The best of many flatters: see the final scores."
-    return f"{note}\n\n{_table(('search', 'F'), rows)}"
-
-
-def _final(outcome: Outcome | None, known: Baselines | None) -> str:
-    if outcome is None:
+def _final(run: RunView) -> str:
+    if run.outcome is None:
         return "## Final scores\n\nThe final trainings are not done yet."
-    arms = {"best generated reward": outcome.method, "human reward": outcome.human, "sparse reward": outcome.sparse}
-    seeds = len(outcome.method.training)
-    note = f"Mean ± standard deviation, fresh seeds: {seeds}. Held out: deterministic actions, fresh episodes."
-    if known is not None:
-        note += f" {known.sentence()}"
-    rows = [(name, spread(arm.training), spread(arm.held_out)) for name, arm in arms.items()]
-    scores = [
-        ("human-normalised score, (F - sparse) / abs(human - sparse), held out", number(outcome.normalised)),
-        ("the same on maxima over training, as published", number(outcome.normalised_training)),
-        ("correlation with the human reward over transitions", number(outcome.correlation, 2)),
-        ("the same over epochs, as the published code computes it", number(outcome.curve_correlation, 2)),
-    ]
-    titles = ("", "F, maximum over training", "F, held out")
-    return f"## Final scores\n\n{note}\n\n{_table(titles, rows)}\n\n{_table(('score', 'value'), scores)}"
+    return (
+        f"## Final scores\n\n{_table(tables.final(run.outcome, run.known))}\n\n{_table(tables.measures(run.outcome))}"
+    )
 
 
-def _generations(history: History) -> str:
-    rows = [
-        (
-            str(g.index),
-            str(g.slots),
-            ", ".join(f"{count} {code}" for code, count in g.verdicts.items()),
-            str(g.replies),
-            str(g.trained),
-            number(g.best),
-            number(g.mean),
-        )
-        for g in by_generation(history)
-    ]
-    titles = ("generation", "slots", "verdicts", "replies", "trained", "best F", "mean F")
-    share = trained_share(history)
-    total = f"\n\nOf all slots, {share:.0%} trained." if share is not None else ""
-    return "## Generations\n\n" + _table(titles, rows) + total
-
-
-def _best(best: Scored | None) -> str:
-    if best is None or best.sample.candidate is None:
+def _best(best: CandidateView | None) -> str:
+    if best is None or best.candidate is None:
         return "## Best reward\n\nNo reward has been trained yet."
-    place = f"Generation {best.sample.generation}, slot {best.sample.slot}, candidate {best.sample.candidate.id}."
-    return f"## Best reward\n\n{place}\n\n{_code(best.sample.candidate.source)}"
+    place = f"Generation {best.generation}, slot {best.slot}, candidate {best.candidate.id}."
+    return f"## Best reward\n\n{place}\n\n{_code(best.candidate.source)}"
 
 
-def _failures(history: History) -> str:
-    lines = [
-        f"- generation {entry.sample.generation}, slot {entry.sample.slot}: {entry.sample.verdict.code}: "
-        + _cell("; ".join(finding.sentence() for finding in entry.sample.verdict.findings))
-        for generation in history.generations
-        for entry in generation.entries
-        if not entry.sample.verdict.accepted
-    ]
-    return "## Refused programs\n\n" + "\n".join(lines) if lines else ""
+def _generation(generation: GenerationView) -> Iterable[str]:
+    yield f"## Generation {generation.index}" + ("" if generation.finished else ", under way")
+    for prompt in generation.prompts:
+        yield f"What the model was asked for the slots from {prompt.slot} on:"
+        yield from _messages(prompt.messages)
+    for candidate in generation.candidates:
+        yield from _candidate(candidate)
 
 
-def _spent(usage: Usage) -> str:
-    tokens = f"{usage.prompt_tokens} prompt tokens and {usage.completion_tokens} completion tokens"
-    return f"## Spent\n\n{tokens}, US$ {usage.cost_usd:.4f}."
+def _candidate(candidate: CandidateView) -> Iterable[str]:
+    place = tables.name(candidate.generation, candidate.slot).capitalize()
+    yield f"### {place}: {candidate.state}, F {number(candidate.fitness)}"
+    yield _table(tables.facts(candidate))
+    yield _findings(candidate.verdict)
+    if candidate.video:
+        yield f"[Its policy at work]({candidate.video})"
+    if change := diff.to_parent(candidate):
+        yield "What it changed of its parent:"
+        yield _code("\n".join(line.text for line in change), "diff")
+    if candidate.candidate is not None:
+        yield "Reward code:"
+        yield _code(candidate.candidate.source)
+    components = tables.components(candidate)
+    yield _table(components) if components.rows else ""
+    if candidate.feedback:
+        yield "What the model is told about it when it is improved:"
+        yield _code(candidate.feedback, "")
+    for number_, attempt in enumerate(candidate.attempts, start=1):
+        yield from _attempt(f"Reply {number_} of {len(candidate.attempts)}", attempt)
 
 
-def _settings(config: RunConfig) -> str:
-    return "## Settings\n\n" + _code("\n".join(f"{key}={value}" for key, value in as_dict(config).items()), "")
+def _attempt(title: str, attempt: AttemptView) -> Iterable[str]:
+    yield f"#### {title}: {attempt.verdict.code if attempt.verdict else 'not judged yet'}"
+    yield _findings(attempt.verdict)
+    if attempt.repair:
+        yield "After the prompt of the generation it was also shown:"
+        yield from _messages(attempt.repair)
+        yield "Its answer:"
+    yield _code(attempt.reply.text, "")
 
 
-def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [titles, ["---"] * len(titles), *([_cell(cell) for cell in row] for row in rows)]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+def _messages(messages: Iterable[Message]) -> Iterable[str]:
+    for message in messages:
+        yield f"{message.role}:"
+        yield _code(message.content, "")
+
+
+def _findings(verdict: Verdict | None) -> str:
+    return "\n".join(f"- {_cell(finding.sentence())}" for finding in verdict.findings) if verdict else ""
+
+
+def _table(table: Table) -> str:
+    lines = [table.titles, ["---"] * len(table.titles), *([_cell(cell) for cell in row] for row in table.rows)]
+    note = f"{table.note}\n\n" if table.note else ""
+    return note + "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def _cell(text: str) -> str:
@@ -116,7 +115,8 @@ def _cell(text: str) -> str:
 
 def _code(text: str, language: str = "python") -> str:
     """A fenced block, its fence longer than any in the text."""
-    shown = plain(text).rstrip()
+    more = len(text) - MAX_TEXT
+    shown = plain(text[:MAX_TEXT]).rstrip() + (f"\n[...] {more} more characters" if more > 0 else "")
     fence = "```"
     while fence in shown:
         fence += "`"

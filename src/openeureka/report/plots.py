@@ -11,13 +11,13 @@ from matplotlib.figure import Figure
 
 from ..config import short_name
 from ..types import History, TrainingResult
-from .run import Run
 from .stats import best_so_far
+from .view import RunView
 
 _BASELINE_STYLE = {"human": ("tab:green", "--"), "sparse": ("tab:gray", ":")}
 
 
-def summary(run: Run) -> bytes:
+def summary(run: RunView) -> bytes:
     """A PNG of three panels: the search, how the best reward's policy learnt, and the components of that reward."""
     figure = Figure(figsize=(15, 4.5), layout="constrained")
     search, learning, components = figure.subplots(1, 3)

@@ -12,23 +12,36 @@ INSTALL = "install a software renderer (Debian, Ubuntu: apt-get install libegl1 
 
 
 class VideoUnavailable(EurekaError):
-    """This machine cannot render, or the policy cannot be shown."""
+    """The policy cannot be shown."""
 
 
-def render(env: str, policy: bytes | str, *, seconds: float = 10.0, seed: int = 0, timeout: float = 600.0) -> bytes:
+class NoRenderer(VideoUnavailable):
+    """This machine cannot render at all."""
+
+
+def render(
+    env: str,
+    policy: bytes | str,
+    *,
+    seconds: float = 10.0,
+    seed: int = 0,
+    timeout: float = 600.0,
+    background: bool = False,
+) -> bytes:
     """An mp4 of one world.
 
     Args:
         policy: safetensors bytes of a trained policy, or `random` or `zero`.
         seconds: length in simulated time.
         timeout: [s] for each way of rendering that is tried.
+        background: use one thread of the lowest priority, and take the time that others leave.
 
     Raises:
         VideoUnavailable: with one sentence that says what to install.
     """
     request = {"env": env, "agent": policy if isinstance(policy, str) else "policy", "seconds": seconds, "seed": seed}
     blobs = {"policy": policy} if isinstance(policy, bytes) else {}
-    return _first_that_works(request, blobs, timeout)["video"]
+    return _first_that_works(request, blobs, timeout, background)["video"]
 
 
 def renderer() -> str:
@@ -36,10 +49,14 @@ def renderer() -> str:
     return _first_that_works({"agent": "none"}, {}, 60.0)["backend"].decode()
 
 
-def _first_that_works(request: dict[str, object], blobs: dict[str, bytes], timeout: float) -> dict[str, bytes]:
+def _first_that_works(
+    request: dict[str, object], blobs: dict[str, bytes], timeout: float, background: bool = False
+) -> dict[str, bytes]:
     reasons = []
+    manners = {"OMP_NUM_THREADS": "1", "LP_NUM_THREADS": "1"} if background else {}  # LP: Mesa's software renderer
     for backend in _backends():
-        with Worker("openeureka.report.render", env={**os.environ, "MUJOCO_GL": backend}) as worker:
+        environment = {**os.environ, **manners, "MUJOCO_GL": backend}
+        with Worker("openeureka.report.render", env=environment, nice=19 if background else 0) as worker:
             try:
                 worker.send(request, blobs)
                 answer = worker.receive(timeout)
@@ -49,7 +66,7 @@ def _first_that_works(request: dict[str, object], blobs: dict[str, bytes], timeo
         if "refused" in answer.header:
             raise VideoUnavailable(answer.header["refused"])
         return {**answer.blobs, "backend": backend.encode()}
-    raise VideoUnavailable(f"No video: this machine has no OpenGL to render with; {INSTALL}. ({'; '.join(reasons)})")
+    raise NoRenderer(f"No video: this machine has no OpenGL to render with; {INSTALL}. ({'; '.join(reasons)})")
 
 
 def _backends() -> Iterator[str]:

@@ -20,6 +20,7 @@ from ..types import (
     Evaluation,
     Generation,
     History,
+    Message,
     Prompt,
     Reply,
     Sample,
@@ -147,8 +148,20 @@ class Store:
 
     def replies(self) -> tuple[Reply, ...]:
         """Every reply in the order in which a run asks for them."""
-        order = ("generation", "attempt", "slot")
-        return tuple(_reply(row) for row in self._database.rows("replies", order=order))
+        return tuple(self.placed_replies().values())
+
+    def placed_replies(self) -> dict[tuple[int, int, int], Reply]:
+        """Every reply by generation, attempt and slot, in that order."""
+        rows = self._database.rows("replies", order=("generation", "attempt", "slot"))
+        return {(row["generation"], row["attempt"], row["slot"]): _reply(row) for row in rows}
+
+    def prompts(self) -> dict[tuple[int, int], tuple[Message, ...]]:
+        """What was asked, by generation and the first slot that it fills."""
+        rows = self._database.rows("prompts", order=("generation", "slot"))
+        return {
+            (row["generation"], row["slot"]): tuple(Message(**message) for message in json.loads(row["messages"]))
+            for row in rows
+        }
 
     def usage(self) -> Usage:
         """Tokens and money spent so far, over all resumptions."""

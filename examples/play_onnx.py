@@ -1,0 +1,24 @@
+"""The best policy of a cartpole run on plain MuJoCo, without PyTorch or openeureka's simulator.
+
+pip install onnxruntime
+python examples/play_onnx.py outputs/<time>_cartpole
+"""
+
+import sys
+
+import mujoco
+import numpy as np
+import onnxruntime
+
+from openeureka.tasks.classic.cartpole import Cartpole
+
+model = Cartpole.compile_model()  # an mjModel; save it with mujoco.mj_saveModel to need openeureka no more
+data = mujoco.MjData(model)
+data.qpos[1] = 0.1  # [rad]
+policy = onnxruntime.InferenceSession(f"{sys.argv[1]}/best/policy.onnx")
+while data.time < 10.0 and abs(data.qpos[1]) < np.pi / 2:
+    observation = np.array([[data.qpos[0], data.qvel[0], data.qpos[1], data.qvel[1]]], dtype=np.float32)
+    (action,) = policy.run(["action"], {"observation": observation.clip(-5, 5)})
+    data.ctrl[:] = action[0]
+    mujoco.mj_step(model, data, nstep=Cartpole.substeps)
+print(f"The pole stood for {data.time:.1f} s, its angle is now {data.qpos[1]:.3f} rad")

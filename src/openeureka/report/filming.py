@@ -1,0 +1,107 @@
+"""Videos of every trained policy, made while the search goes on.
+
+A thread hands one policy after the other to a child process of the lowest priority, so that no training waits for a
+picture. What is not filmed when the search ends is waited for; what is not when it is stopped, is filmed by `eureka
+resume` or `eureka report`: a video is missing exactly when its file is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from queue import SimpleQueue
+from threading import Thread
+from types import TracebackType
+
+from ..config import RunConfig
+from ..errors import EurekaError
+from ..observer import NullObserver
+from ..store import Store, artifacts, is_run
+from ..types import TrainingResult
+from . import video
+from .view import VIDEO
+
+SECONDS = 6.0
+"""Length of a candidate's video in simulated time: enough to see what it does."""
+TIMEOUT = 3600.0
+"""[s] for one video: in the background it may get a hundredth of a core."""
+
+
+def missing(directory: Path, config: RunConfig) -> dict[str, bytes]:
+    """Policies by job id, of the lanes of the search that are trained and not filmed."""
+    with Store.view(directory) as store:
+        jobs = [job for job in store.results() if _of_the_search(job, config)]
+        policies = {job: store.policy(job, "fitness") for job in jobs if not _place(directory, job).is_file()}
+    return {job: policy for job, policy in policies.items() if policy is not None}
+
+
+def film(directory: Path, env: str, policies: Iterable[tuple[str, bytes]], *, background: bool = False) -> str:
+    """Write the video of each job. Returns why there is one less, as a sentence, or an empty string.
+
+    A policy that cannot be shown is skipped; a machine that cannot render is asked once.
+    """
+    problem = ""
+    for job, policy in policies:
+        try:
+            picture = video.render(env, policy, seconds=SECONDS, timeout=TIMEOUT, background=background)
+        except video.NoRenderer as error:
+            return str(error)
+        except video.VideoUnavailable as error:
+            problem = f"No video of {job}: {error}"
+            continue
+        artifacts.write(_place(directory, job), picture)
+    return problem
+
+
+def _place(directory: Path, job: str) -> Path:
+    return directory / "lanes" / job / VIDEO
+
+
+def _of_the_search(job: str, config: RunConfig) -> bool:
+    """Final trainings have other seeds; of those only the best is filmed, in `best/`."""
+    return job.endswith(f"-s{config.seed}")
+
+
+class Filming(NullObserver):
+    """Films what a search tells of as it ends a training; a context that ends with the search."""
+
+    def __init__(self, directory: Path, config: RunConfig) -> None:
+        self._directory, self._config = directory, config
+        self._policies: SimpleQueue[tuple[str, bytes] | None] = SimpleQueue()
+        self._stopped = False
+        self._thread = Thread(target=self._work, name="filming", daemon=True)
+
+    def _work(self) -> None:
+        try:
+            film(self._directory, self._config.env, self._next(), background=True)
+        except EurekaError:
+            pass  # a full disk: the report that follows meets it again, and says so
+
+    def _next(self) -> Iterator[tuple[str, bytes]]:
+        while not self._stopped and (policy := self._policies.get()) is not None:
+            yield policy
+
+    @property
+    def waiting(self) -> int:
+        """Policies that nobody has begun to film."""
+        return self._policies.qsize()
+
+    def result(self, result: TrainingResult) -> None:
+        if result.best_fitness is not None and _of_the_search(result.job, self._config):
+            self._policies.put((result.job, result.best_fitness.policy))
+
+    def __enter__(self) -> Filming:
+        self._thread.start()
+        left = missing(self._directory, self._config) if is_run(self._directory) else {}
+        for job, policy in left.items():
+            self._policies.put((job, policy))
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """Wait for what is left, unless the search was stopped: then the thread and its child end with this process."""
+        self._stopped = error is not None
+        self._policies.put(None)
+        if not self._stopped:
+            self._thread.join()

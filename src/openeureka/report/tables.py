@@ -1,0 +1,120 @@
+"""The numbers of a run as tables, for every format alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ..config import RunConfig, as_dict
+from ..score import Baselines, Outcome
+from .stats import by_generation, trained_share
+from .text import duration, number, spread
+from .view import CandidateView, RunView
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Text by rows. Cells may quote what a model wrote: a renderer makes them inert."""
+
+    titles: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    note: str = ""
+    """A sentence that says how to read it."""
+
+
+def search(run: RunView) -> Table:
+    """The best of the search against the rewards that came with the task."""
+    best = run.history.best
+    rows = [("best generated reward", number(best.fitness if best else None))]
+    rows += [(f"{name} reward", number(result.fitness)) for name, result in run.baselines.items()]
+    note = "F is the task's own score, its maximum over training. The best of many flatters: see the final scores."
+    return Table(("search", "F"), rows, note)
+
+
+def final(outcome: Outcome, known: Baselines | None) -> Table:
+    """The best reward against the others with fresh seeds."""
+    arms = {"best generated reward": outcome.method, "human reward": outcome.human, "sparse reward": outcome.sparse}
+    rows = [(name, spread(arm.training), spread(arm.held_out)) for name, arm in arms.items()]
+    seeds = len(outcome.method.training)
+    note = f"Mean ± standard deviation, fresh seeds: {seeds}. Held out: deterministic actions, fresh episodes."
+    if known is not None:
+        note += f" {known.sentence()}"
+    return Table(("", "F, maximum over training", "F, held out"), rows, note)
+
+
+def measures(outcome: Outcome) -> Table:
+    """Scores on a scale that tasks share."""
+    rows = [
+        ("human-normalised score, (F - sparse) / abs(human - sparse), held out", number(outcome.normalised)),
+        ("the same on maxima over training, as published", number(outcome.normalised_training)),
+        ("correlation with the human reward over transitions", number(outcome.correlation, 2)),
+        ("the same over epochs, as the published code computes it", number(outcome.curve_correlation, 2)),
+    ]
+    return Table(("score", "value"), rows)
+
+
+def generations(run: RunView) -> Table:
+    """A row per finished generation."""
+    rows = [
+        (
+            str(g.index),
+            str(g.slots),
+            ", ".join(f"{count} {code}" for code, count in g.verdicts.items()),
+            str(g.replies),
+            str(g.trained),
+            number(g.best),
+            number(g.mean),
+        )
+        for g in by_generation(run.history)
+    ]
+    titles = ("generation", "slots", "verdicts", "replies", "trained", "best F", "mean F")
+    share = trained_share(run.history)
+    return Table(titles, rows, f"Of all slots, {share:.0%} trained." if share is not None else "")
+
+
+def facts(candidate: CandidateView) -> Table:
+    """One candidate in numbers."""
+    usage, result = candidate.usage, candidate.result
+    rows = [
+        ("program", candidate.candidate.id if candidate.candidate else "none"),
+        ("parent", name(candidate.parent.generation, candidate.parent.slot) if candidate.parent else "none"),
+        ("state", candidate.state),
+        ("F, maximum over training", number(candidate.fitness)),
+        ("replies", str(len(candidate.attempts))),
+        ("tokens", f"{usage.prompt_tokens:,} read, {usage.completion_tokens:,} written"),
+        ("cost", f"US$ {usage.cost_usd:.4f}"),
+    ]
+    if result is not None:
+        rows += [
+            ("correlation with the human reward", number(result.correlation, 2)),
+            ("training", f"{result.env_steps:,} steps, {duration(result.seconds)}"),
+            *([("why it ended", result.message)] if result.message else []),
+        ]
+    return Table(("", ""), rows)
+
+
+def components(candidate: CandidateView) -> Table:
+    """How the terms of a reward went over training, in three numbers each."""
+    prefix = "component/"
+    curves = candidate.result.curves if candidate.result else {}
+    rows = []
+    for key, curve in curves.items():
+        values = [value for value in curve if value is not None]
+        if key.startswith(prefix) and values:
+            rows.append((key.removeprefix(prefix), number(values[0]), number(values[-1]), number(max(values))))
+    return Table(("component, mean per step", "first epoch", "last epoch", "highest"), rows)
+
+
+def settings(config: RunConfig) -> Table:
+    return Table(("setting", "value"), [(key, str(value)) for key, value in as_dict(config).items()])
+
+
+def name(generation: int, slot: int) -> str:
+    """What a candidate is called."""
+    return f"generation {generation}, slot {slot}"
+
+
+def spent(run: RunView) -> str:
+    usage = run.usage
+    tokens = f"{usage.prompt_tokens} prompt tokens and {usage.completion_tokens} completion tokens"
+    return f"{tokens}, US$ {usage.cost_usd:.4f}."

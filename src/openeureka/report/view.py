@@ -1,0 +1,265 @@
+"""Everything that reports, tables and pages show of a run, read once from its store."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from random import Random
+
+from .. import baselines, prompts, search
+from ..config import RunConfig
+from ..lanes import BASELINES, final_lanes, lane
+from ..llm import extract
+from ..sampling import NO_PROGRAM
+from ..score import Baselines, Outcome, compare
+from ..store import Store
+from ..types import (
+    Candidate,
+    Evaluation,
+    History,
+    Message,
+    Prompt,
+    Reply,
+    Sample,
+    Scored,
+    TrainingResult,
+    TrainingState,
+    Usage,
+    Verdict,
+)
+
+VIDEO = "video.mp4"
+
+
+class CandidateState(StrEnum):
+    """How far a slot has come."""
+
+    DRAWN = "drawn"  # a reply is there, its program is not judged yet
+    REFUSED = "refused"
+    ACCEPTED = "accepted"  # not trained yet
+    TRAINED = "trained"
+    DIVERGED = "diverged"
+    FAILED = "failed"
+
+
+_TRAINED = {
+    TrainingState.FINISHED: CandidateState.TRAINED,
+    TrainingState.DIVERGED: CandidateState.DIVERGED,
+    TrainingState.FAILED: CandidateState.FAILED,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AttemptView:
+    """One reply for a slot, and what was found in it."""
+
+    repair: tuple[Message, ...]
+    """The messages that a repair turn added to the generation's prompt; empty for a fresh sample."""
+    reply: Reply
+    candidate: Candidate | None
+    verdict: Verdict | None
+    """None: not judged yet."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CandidateView:
+    """A slot of a generation: the program it holds, where it came from and what became of it."""
+
+    generation: int
+    slot: int
+    candidate: Candidate | None
+    """The program of the last reply; None when that held none."""
+    verdict: Verdict | None
+    result: TrainingResult | None = None
+    feedback: str = ""
+    """What the model is told about it when it becomes a parent."""
+    parent: Sample | None = None
+    """The program that the prompt asked to improve."""
+    attempts: tuple[AttemptView, ...] = ()
+    video: str = ""
+    """Path in the run directory; empty when there is none."""
+
+    @property
+    def state(self) -> CandidateState:
+        if self.result is not None:
+            return _TRAINED[self.result.state]
+        if self.verdict is None:
+            return CandidateState.DRAWN
+        return CandidateState.ACCEPTED if self.verdict.accepted else CandidateState.REFUSED
+
+    @property
+    def fitness(self) -> float | None:
+        return self.result.fitness if self.result is not None else None
+
+    @property
+    def usage(self) -> Usage:
+        """Tokens and money for all replies of the slot."""
+        return sum((attempt.reply.usage for attempt in self.attempts), Usage())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PromptView:
+    """What the model was asked for the slots from `slot` on."""
+
+    slot: int
+    messages: tuple[Message, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GenerationView:
+    """One generation, finished or under way."""
+
+    index: int
+    candidates: tuple[CandidateView, ...]
+    prompts: tuple[PromptView, ...] = ()
+    finished: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunView:
+    """A run as far as it has come."""
+
+    config: RunConfig
+    history: History
+    """The finished generations, as the search knows them."""
+    generations: tuple[GenerationView, ...]
+    """The same for people, and the one under way."""
+    results: Mapping[str, TrainingResult]
+    """By job id; checkpoints without their policies."""
+    evaluations: Mapping[str, Evaluation]
+    usage: Usage
+    videos: Mapping[str, str]
+    """Path in the run directory by job id, and of the best policy by `best`."""
+
+    @staticmethod
+    def read(directory: Path) -> RunView:
+        """Read a run, also while it is going on. Raises StoreError when there is none."""
+        with Store.view(directory) as store:
+            config, history, results = store.config, store.history(), store.results()
+            videos = _videos(directory, results)
+            return RunView(
+                config=config,
+                history=history,
+                generations=_Reader(config, history, results, videos, store).generations(),
+                results=results,
+                evaluations=store.evaluations(),
+                usage=store.usage(),
+                videos=videos,
+            )
+
+    @property
+    def candidates(self) -> tuple[CandidateView, ...]:
+        return tuple(candidate for generation in self.generations for candidate in generation.candidates)
+
+    @property
+    def best(self) -> CandidateView | None:
+        """The candidate of highest F among the finished generations."""
+        best = self.history.best
+        place = (best.sample.generation, best.sample.slot) if best is not None else None
+        return next((c for c in self.candidates if (c.generation, c.slot) == place), None)
+
+    @property
+    def baselines(self) -> dict[str, TrainingResult]:
+        """The trainings of `human` and `sparse` that the candidates were compared with, as far as they are done."""
+        jobs = {name: lane(name, self.config.seed) for name, _ in BASELINES}
+        return {name: self.results[job] for name, job in jobs.items() if job in self.results}
+
+    @property
+    def known(self) -> Baselines | None:
+        """Baselines that were measured beforehand, where the run does not train them."""
+        return baselines.chosen(self.config)
+
+    @property
+    def outcome(self) -> Outcome | None:
+        """The final comparison; None before all its trainings are done."""
+        best = self.history.best
+        if best is None:
+            return None
+        arms = final_lanes(self.config, best)
+        if any(job not in self.results for jobs in arms.values() for job in jobs):
+            return None
+        return compare(best, arms, self.results, self.evaluations, self.known)
+
+
+def _videos(directory: Path, results: Mapping[str, TrainingResult]) -> dict[str, str]:
+    places = {job: f"lanes/{job}/{VIDEO}" for job in results} | {"best": f"best/{VIDEO}"}
+    return {name: place for name, place in places.items() if (directory / place).is_file()}
+
+
+@dataclass(frozen=True, slots=True)
+class _Reader:
+    """Puts together what the store keeps in separate tables."""
+
+    config: RunConfig
+    history: History
+    results: Mapping[str, TrainingResult]
+    videos: Mapping[str, str]
+    store: Store
+
+    def generations(self) -> tuple[GenerationView, ...]:
+        asked, replies = self.store.prompts(), self.store.placed_replies()
+        done = len(self.history.generations)
+        views = []
+        for index in range(max((generation + 1 for generation, _ in asked), default=0)):
+            requests = [
+                PromptView(slot=slot, messages=messages)
+                for (generation, slot), messages in asked.items()
+                if generation == index
+            ]
+            drawn: dict[int, list[Reply]] = {}
+            for (generation, _, slot), reply in replies.items():
+                if generation == index:
+                    drawn.setdefault(slot, []).append(reply)
+            parents = self._parents(index)
+            candidates = [self._candidate(index, slot, drawn[slot], parents.get(slot)) for slot in sorted(drawn)]
+            views.append(
+                GenerationView(
+                    index=index, candidates=tuple(candidates), prompts=tuple(requests), finished=index < done
+                )
+            )
+        return tuple(views)
+
+    def _parents(self, index: int) -> dict[int, Sample]:
+        """Parent by slot: a strategy is a pure function of the history, so it is asked again."""
+        before = History(self.history.generations[:index])
+        plans = search.make(self.config).ask(before, Random(f"{self.config.seed}/{index}"))
+        parents = [plan.turns[-1].sample if plan.turns else None for plan in plans for _ in range(plan.count)]
+        return {slot: parent for slot, parent in enumerate(parents) if parent is not None}
+
+    def _candidate(self, index: int, slot: int, replies: Sequence[Reply], parent: Sample | None) -> CandidateView:
+        attempts = self._attempts(replies)
+        entry = self._entry(index, slot)
+        candidate = entry.sample.candidate if entry is not None else attempts[-1].candidate
+        verdict = entry.sample.verdict if entry is not None else attempts[-1].verdict
+        job = lane(candidate.id, self.config.seed) if candidate is not None else ""
+        return CandidateView(
+            generation=index,
+            slot=slot,
+            candidate=candidate,
+            verdict=verdict,
+            result=entry.result if entry is not None else self.results.get(job),
+            feedback=entry.feedback if entry is not None else "",
+            parent=parent,
+            attempts=attempts,
+            video=self.videos.get(job, ""),
+        )
+
+    def _entry(self, index: int, slot: int) -> Scored | None:
+        if index >= len(self.history.generations):
+            return None
+        return next((e for e in self.history.generations[index].entries if e.sample.slot == slot), None)
+
+    def _attempts(self, replies: Sequence[Reply]) -> tuple[AttemptView, ...]:
+        """In order; which of them were repairs follows from their number, as in `sampling`."""
+        attempts: list[AttemptView] = []
+        for number, reply in enumerate(replies):
+            repair: tuple[Message, ...] = ()
+            if number % (1 + self.config.repair) and (refusal := attempts[-1].verdict) is not None:
+                repair = prompts.repair(Prompt(messages=()), attempts[-1].reply.text, refusal).messages
+            source = extract.program(reply.text)
+            candidate = Candidate.of(source) if source is not None else None
+            verdict = self.store.verdict(candidate.id) if candidate is not None else NO_PROGRAM
+            attempts.append(AttemptView(repair=repair, reply=reply, candidate=candidate, verdict=verdict))
+        return tuple(attempts)

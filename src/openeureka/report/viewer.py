@@ -1,0 +1,43 @@
+"""A policy at work in MuJoCo's window."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+import warnings
+
+import glfw
+import mujoco.viewer
+
+from ..errors import EurekaError
+from .stage import Stage, camera
+
+
+class ViewerUnavailable(EurekaError):
+    """No window can be opened, or no page served."""
+
+
+def has_display() -> bool:
+    """Whether a window can be opened: a variable may still name a display that is gone."""
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return False
+    with warnings.catch_warnings(action="ignore"):
+        return bool(glfw.init())
+
+
+def window(stage: Stage) -> None:
+    """Show the stage until its window is closed. Raises ViewerUnavailable."""
+    try:
+        with mujoco.viewer.launch_passive(stage.model, stage.data, show_left_ui=False, show_right_ui=False) as viewer:
+            view = camera(stage.model)
+            for name in ("type", "trackbodyid", "distance", "azimuth", "elevation", "lookat"):
+                setattr(viewer.cam, name, getattr(view, name))
+            while viewer.is_running():
+                begun = time.monotonic()
+                with viewer.lock():
+                    stage.step()
+                viewer.sync()
+                time.sleep(max(0.0, begun + stage.dt - time.monotonic()))
+    except RuntimeError as error:
+        raise ViewerUnavailable(f"No window can be opened ({error}); add --web, or out=FILE.mp4.") from None

@@ -1,0 +1,60 @@
+import os
+
+import pytest
+
+from openeureka.report import build, video
+from openeureka.testing.scripted import reply
+
+from .policies import policy
+from .scripted import search_in
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """A finished toy run whose best policy is a real one; rendering gives text."""
+    filmed = []
+
+    def render(env: str, *_: object, **__: object) -> bytes:
+        filmed.append(env)
+        return b"mp4"
+
+    monkeypatch.setattr(video, "render", render)
+    directory = search_in(tmp_path / "run", [reply(7), reply(8)])
+    (directory / "best" / "policy.safetensors").write_bytes(policy(4, 1, (8,)).to_bytes())
+    return directory, filmed
+
+
+def test_everything_a_person_opens_is_made(run):
+    directory, _ = run
+    assert build.build(directory) == []
+    made = {path.relative_to(directory).as_posix() for path in directory.rglob("*")}
+    assert {"report.html", "report.md", "summary.png", "best/policy.onnx", "best/video.mp4"} <= made
+
+
+def test_the_best_video_is_made_again_only_for_another_policy(run):
+    directory, filmed = run
+    build.build(directory)
+    build.build(directory)
+    assert filmed == ["toy"]
+    later = (directory / "best" / "video.mp4").stat().st_mtime + 10
+    os.utime(directory / "best" / "policy.safetensors", (later, later))
+    build.build(directory)
+    assert filmed == ["toy", "toy"]
+
+
+def test_no_video_is_made_where_none_is_wanted(run):
+    directory, filmed = run
+    assert build.build(directory, "none") == []
+    assert filmed == []
+
+
+def test_a_machine_that_cannot_render_gets_everything_else(run, monkeypatch):
+    directory, _ = run
+
+    def refuse(*_: object, **__: object) -> bytes:
+        raise video.NoRenderer("No video: install one.")
+
+    monkeypatch.setattr(video, "render", refuse)
+    assert build.build(directory, "all") == ["No video: install one."]
+    assert "Generation 0, slot 1: trained" in (directory / "report.html").read_text()
+    assert (directory / "best" / "policy.onnx").exists()

@@ -1,0 +1,46 @@
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from openeureka.report import export
+from openeureka.training.policy import Player, Policy
+
+from .policies import policy
+
+onnxruntime = pytest.importorskip("onnxruntime", reason="checks policy.onnx; comes with the extra dev")
+
+
+@pytest.mark.parametrize("shape", [(4, 1, (32, 32)), (60, 8, (64, 32, 16)), (3, 2, (8,))])
+def test_the_file_acts_as_the_policy_does(shape):
+    wanted = policy(*shape)
+    session = onnxruntime.InferenceSession(export.to_onnx(wanted), providers=["CPUExecutionProvider"])
+    observation = 10 * torch.randn(500, shape[0], generator=torch.Generator().manual_seed(1))
+    (action,) = session.run(["action"], {"observation": observation.numpy()})
+    expected = Player([wanted])(observation).numpy()
+    assert action.shape == (500, shape[1])
+    np.testing.assert_allclose(action, expected, atol=1e-5)
+    assert (np.abs(action) == 1).any() and (np.abs(action) < 0.9).any()
+
+
+def test_the_file_names_its_task_and_its_sizes():
+    session = onnxruntime.InferenceSession(export.to_onnx(policy(4, 1, (8,))))
+    assert session.get_modelmeta().custom_metadata_map == {"env": "toy"}
+    assert [(i.name, i.shape) for i in session.get_inputs()] == [("observation", ["N", 4])]
+    assert [(o.name, o.shape) for o in session.get_outputs()] == [("action", ["N", 1])]
+
+
+def test_the_example_plays_the_file_on_plain_mujoco(tmp_path, monkeypatch, capsys):
+    """A hand-made linear policy that balances: the force follows the pole's angle and rate."""
+    # ELU is the identity above 0: ten more before it, ten less after it.
+    tensors = {"w0": torch.tensor([[-0.1, -0.2, 2.0, 0.5]]).T, "b0": torch.tensor([[10.0]])}
+    tensors |= {"head_w": torch.tensor([[-1.0, 0.0]]), "head_b": torch.tensor([[10.0, 0.0]])}
+    tensors |= {"log_std": torch.zeros(1, 1)}
+    tensors |= {"observation_mean": torch.zeros(1, 4), "observation_var": torch.ones(1, 4)}
+    (tmp_path / "best").mkdir()
+    (tmp_path / "best" / "policy.onnx").write_bytes(export.to_onnx(Policy("cartpole", tensors)))
+    monkeypatch.setattr("sys.argv", ["play_onnx.py", str(tmp_path)])
+    runpy.run_path(str(Path(__file__).parents[2] / "examples" / "play_onnx.py"))
+    assert "The pole stood for 10.0 s" in capsys.readouterr().out

@@ -1,0 +1,139 @@
+"""The page is parsed as a browser would, and everything hostile in it must have come out as text."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections import Counter
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from openeureka.report import html
+from openeureka.report.view import RunView
+from openeureka.testing.scripted import ToyTrainer, reply
+from openeureka.types import Generation, History
+
+from .scripted import search_in
+from .search import BASELINES, finished, refused, run
+
+HOSTILE = (
+    "</pre><script>alert(1)</script><img src=x onerror=alert(1)>\x1b[31mred\x1b]0;title\x07\u202egpj.\u200bexe&lt;"
+)
+ELEMENTS = """html head meta title style body h1 h2 h3 h5 p b div table tr th td figure figcaption svg line text circle
+polyline span video section details summary pre ul li code a"""
+
+
+class Page(HTMLParser):
+    """Elements, attributes and text of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.source = text
+        self.elements: Counter[str] = Counter()
+        self.attributes: list[tuple[str, str]] = []
+        self.text = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements[tag] += 1
+        self.attributes += [(name, value or "") for name, value in attrs]
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+    def links(self) -> list[str]:
+        return [value for name, value in self.attributes if name in ("href", "src")]
+
+
+class NamesComponents(ToyTrainer):
+    """Trainings whose components and messages have hostile names."""
+
+    def _result(self, job):
+        result = super()._result(job)
+        curves = {**result.curves, f"component/{HOSTILE}": (0.0, 1.0, 2.0)}
+        return dataclasses.replace(result, curves=curves, message=HOSTILE)
+
+
+def page(directory: Path) -> Page:
+    return Page(html.report(RunView.read(directory), directory))
+
+
+def assert_inert(shown: Page) -> None:
+    assert set(shown.elements) <= set(ELEMENTS.split())
+    assert not [name for name, _ in shown.attributes if name.startswith("on")]
+    assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u202a-\u202e\u2066-\u2069]", shown.source)
+    assert all(link.startswith(("#", "lanes/", "best/", "data:video/mp4;base64,")) for link in shown.links())
+
+
+def test_the_page_holds_every_candidate_with_its_code_diff_replies_and_prompts(tmp_path):
+    replies = [reply(7), "```python\ndef compute_reward(x):\n    return x\n```", reply(8), reply(9)]
+    shown = page(search_in(tmp_path / "run", replies, iteration=2))
+    assert "Generation 0, slot 0: trained, F 7" in shown.text
+    assert "Generation 0, slot 1: refused" in shown.text
+    assert "line 1: nothing is returned [no-number]; return a number" in shown.text
+    assert "-    return 7\n" in shown.text and "+    return 8\n" in shown.text
+    assert "Improves on generation 0, slot 0." in shown.text
+    assert "Here is the reward." in shown.text and "Do the thing." in shown.text
+    assert "US$ 0.0100" in shown.text and "100 read, 10 written" in shown.text
+    assert shown.elements["section"] == 4
+    assert_inert(shown)
+
+
+def test_every_link_within_the_page_has_its_place(tmp_path):
+    shown = page(search_in(tmp_path / "run", [reply(n) for n in (7, 8, 9, 10)], iteration=2))
+    places = {f"#{value}" for name, value in shown.attributes if name == "id"}
+    assert {link for link in shown.links()} <= places
+    assert "#g0s1" in shown.links()
+
+
+def test_hostile_replies_programs_names_and_messages_are_text(tmp_path):
+    text = f"{HOSTILE}\n```python\ndef compute_reward(x):\n    # {HOSTILE}\n    return 7\n```"
+    shown = page(search_in(tmp_path / "run", [text, f"{HOSTILE} no code"], trainer=NamesComponents()))
+    assert_inert(shown)
+    assert shown.text.count("<script>alert(1)</script>") >= 4  # reply, code, component, message
+    assert "red" in shown.text and "gpj.exe&lt;" in shown.text
+
+
+def test_hostile_findings_and_model_names_are_text(tmp_path):
+    view = run(History((Generation(0, (refused(0, 0, HOSTILE),)),)), BASELINES)
+    config = dataclasses.replace(view.config, model=HOSTILE, env=f"/x.py:{HOSTILE}")
+    shown = Page(html.report(dataclasses.replace(view, config=config), tmp_path))
+    assert_inert(shown)
+    assert "<img src=x onerror=alert(1)>" in shown.text
+
+
+def test_a_megabyte_of_text_is_cut_and_says_so(tmp_path):
+    directory = search_in(tmp_path / "run", ["x" * 1_000_000, "\x1b]" * 500_000])
+    shown = page(directory)
+    assert len(shown.source) < 200_000
+    assert "[…] (970,000 more characters are in the files of the run)" in shown.text
+
+
+def test_nothing_is_fetched_and_nothing_runs(tmp_path):
+    shown = Page(html.report(finished(), tmp_path))
+    policies = [value for _, value in shown.attributes if value.startswith("default-src 'none'")]
+    assert policies and "script" not in policies[0]
+    assert "script" not in shown.elements
+    assert not re.search(r"https?://", shown.source)
+
+
+def test_the_best_video_is_in_the_page_and_others_are_beside_it(tmp_path):
+    directory = search_in(tmp_path / "run", [reply(7), reply(8)])
+    result = RunView.read(directory).candidates[0].result
+    assert result is not None
+    (directory / "best" / "video.mp4").write_bytes(b"mp4")
+    (directory / "lanes" / result.job / "video.mp4").write_bytes(b"mp4")
+    assert page(directory).links()[:1] == ["data:video/mp4;base64,bXA0"]
+    assert f"lanes/{result.job}/video.mp4" in page(directory).links()
+    with (directory / "best" / "video.mp4").open("wb") as file:
+        file.truncate(html.MAX_EMBEDDED + 1)
+    assert "best/video.mp4" in page(directory).links()
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"), [("abc", "abc"), ("abcd", "abc […] (1 more characters are in the files of the run)")]
+)
+def test_a_text_is_cut_at_its_limit(text, shown):
+    assert html.cut(text, 3) == shown
