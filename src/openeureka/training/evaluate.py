@@ -36,7 +36,7 @@ def evaluate(
     simulation = registry.make(
         env, worlds=worlds, lane_seeds=[seed + HELD_OUT_SEED] * lanes, device=device, threads=threads
     )
-    play = Player([Policy.from_bytes(data) for data in policies.values()], device)
+    play = Player([Policy.from_bytes(data) for data in policies.values()], simulation.sim.device)
     observation = simulation.reset()
     running = torch.ones(simulation.num_worlds, dtype=torch.bool, device=observation.device)
     total = torch.zeros(3, lanes, dtype=torch.float64, device=observation.device)
