@@ -67,7 +67,7 @@ class TwoHands(Task):
         self.dof_lower, self.dof_upper = _float32([joint.range for joint in fingers], device).unbind(-1)
         order = [joint.id for joint in fingers]
         self.driven = torch.tensor([order.index(joint) for joint in model.actuator_trnid[:, 0]], device=device)
-        self.forearms = [int(model.body(f"{side}_forearm").id) for side in SIDES]
+        self.forearms = torch.tensor([int(model.body(f"{side}_forearm").id) for side in SIDES], device=device)
         force, torque = _FORCE * self.transition_scale, _TORQUE * self.orientation_scale
         self.full_push = _float32([force] * 3 + [torque] * 3, device)
 
@@ -172,6 +172,9 @@ class TwoHands(Task):
     def sparse_reward(self, s: State) -> Tensor:
         """The latched success, as `fitness` last saw it: a reset that followed has not lowered it."""
         return self.outcome
+
+    def memory(self) -> dict[str, Tensor]:
+        return {**super().memory(), **self.goal_poses}
 
     def thing_columns(self, name: str) -> slice:
         """Columns of `qpos` that hold a free thing's position and orientation (w, x, y, z)."""
