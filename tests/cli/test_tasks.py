@@ -16,8 +16,8 @@ def test_envs_shows_measured_baselines(capsys, monkeypatch):
     monkeypatch.setattr(baselines, "_shipped", lambda: {"ant": ant})
     envs()
     rows = {line.split()[0]: line.split() for line in capsys.readouterr().out.split("\n\n")[0].splitlines()}
-    assert rows["ant"][4:6] == ["8.25", "3"]
-    assert rows["cartpole"][4:6] == ["-", "-"]
+    assert rows["ant"][5:7] == ["8.25", "3"]
+    assert rows["cartpole"][5:7] == ["-", "-"]
 
 
 def test_context_shows_the_state_and_hides_the_fitness(capsys):

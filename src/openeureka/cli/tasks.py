@@ -23,9 +23,7 @@ def envs() -> None:
         for name in registry.names()
     ]
     print(columns([header, *rows]))
-    print(
-        "\nEpisode: steps. Human and sparse F: held out, mean over seeds, where benchmarks/baselines.py has measured them."
-    )
+    print("\nEpisode: in steps. F: held out, mean over seeds, where benchmarks/baselines.py has measured it.")
 
 
 def _row(task: type[Task]) -> tuple[str, ...]:
