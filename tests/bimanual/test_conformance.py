@@ -44,3 +44,48 @@ class TestShadowHandDoorOpenOutward(TwoHandsConformance):
 class TestShadowHandSwingCup(TwoHandsConformance):
     env = "shadow_hand_swing_cup"
     random_start = False
+
+
+class TestShadowHandBottleCap(TwoHandsConformance):
+    env = "shadow_hand_bottle_cap"
+    random_start = False
+
+
+class TestShadowHandPushBlock(TwoHandsConformance):
+    env = "shadow_hand_push_block"
+    random_start = False
+
+
+class TestShadowHandGraspAndPlace(TwoHandsConformance):
+    env = "shadow_hand_grasp_and_place"
+    random_start = False
+
+
+class TestShadowHandBlockStack(TwoHandsConformance):
+    env = "shadow_hand_block_stack"
+    random_start = False
+
+
+class TestShadowHandScissors(TwoHandsConformance):
+    env = "shadow_hand_scissors"
+    random_start = False
+
+
+class TestShadowHandSwitch(TwoHandsConformance):
+    env = "shadow_hand_switch"
+    random_start = False
+
+
+class TestShadowHandPen(TwoHandsConformance):
+    env = "shadow_hand_pen"
+    random_start = False
+
+
+class TestShadowHandKettle(TwoHandsConformance):
+    env = "shadow_hand_kettle"
+    random_start = False
+
+
+class TestShadowHandReOrientation(TwoHandsConformance):
+    env = "shadow_hand_re_orientation"
+    start_overlap = 0.02  # as with ShadowHandOver

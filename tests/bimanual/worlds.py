@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import torch
 
 from openeureka.tasks.env import BatchedEnv
+from openeureka.tasks.hands.shadow import FINGERS
 from openeureka.tasks.registry import make
 from openeureka.tasks.task import State
 
@@ -41,3 +43,19 @@ def press(simulation: BatchedEnv, action: Mapping[int, float], steps: int) -> St
     for column, value in action.items():
         actions[:, column] = value
     return [simulation.step(actions).state for _ in range(steps)][-1]
+
+
+def let_go(simulation: BatchedEnv, steps: int) -> State:
+    """The state after the physics of some steps; drives keep their targets, and no episode ends."""
+    simulation.sim.step(steps * simulation.task.substeps)
+    return simulation.current_state()
+
+
+def with_fingers_at(state: State, offset: float = 0.0, **points: torch.Tensor) -> dict[str, Any]:
+    """The state with all five fingers of a hand (`right=`, `left=`) at an offset [m] in x from a point (N, 3)."""
+    fingers = {
+        f"{side}_hand_{finger}_pos": point + torch.tensor([offset, 0.0, 0.0])
+        for side, point in points.items()
+        for finger in FINGERS
+    }
+    return {**state, **fingers}

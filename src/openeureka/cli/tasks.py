@@ -10,19 +10,26 @@ from ..report.text import columns, number
 from ..score import mean
 from ..tasks import registry
 from ..tasks.context import context as context_of
+from ..tasks.task import Task
 from ..types import StateVar
 from .settings import ContextConfig
 
 
 def envs() -> None:
     """Print one line per task."""
-    tasks = [(name, registry.get(name)) for name in registry.names()]
+    header = ("env", "suite", "observations", "actions", "episode", "human F", "sparse F", "description")
     rows = [
-        (name, task.suite, str(task.num_observations), str(task.num_actions), *_baselines(name), task.description)
-        for name, task in tasks
+        (name, *_row(registry.get(name)), *_baselines(name), registry.get(name).description)
+        for name in registry.names()
     ]
-    print(columns([("env", "suite", "observations", "actions", "human F", "sparse F", "description"), *rows]))
-    print("\nHuman and sparse F: held out, mean over seeds, where benchmarks/baselines.py has measured them.")
+    print(columns([header, *rows]))
+    print(
+        "\nEpisode: steps. Human and sparse F: held out, mean over seeds, where benchmarks/baselines.py has measured them."
+    )
+
+
+def _row(task: type[Task]) -> tuple[str, ...]:
+    return (task.suite, *map(str, (task.num_observations, task.num_actions, task.episode_length)))
 
 
 def _baselines(env: str) -> tuple[str, str]:

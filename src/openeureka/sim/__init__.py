@@ -10,7 +10,7 @@ import torch
 
 from ..errors import ConfigError
 from .base import Simulator
-from .capacity import Capacity, capacity
+from .capacity import GUESS, Capacity, capacity
 from .cpu import CpuSimulator
 
 __all__ = ["CpuSimulator", "Simulator", "check_device", "open_simulator"]
@@ -36,7 +36,7 @@ def check_device(device: str) -> None:
 
 
 def open_simulator(
-    model: mujoco.MjModel, num_worlds: int, *, device: str = "cpu", threads: int = 0, room: Capacity = Capacity()
+    model: mujoco.MjModel, num_worlds: int, *, device: str = "cpu", threads: int = 0, room: Capacity = GUESS
 ) -> Simulator:
     """The simulator of a device.
 

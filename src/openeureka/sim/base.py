@@ -37,8 +37,9 @@ class Simulator(ABC):
         """A live (N, ...) tensor of an MjData field.
 
         Inputs (`ctrl`, `xfrc_applied`, ...) are read at the next `step`; state (`qpos`, `qvel`) is read at the next
-        `forward`, for the worlds named there; in others it must not be written. Every bound field is current after `step`, `reset` and `forward`, except
-        that forces and acceleration sensors after `step` are those of its last substep.
+        `forward`, for the worlds named there; in others it must not be written. Every bound field is current after
+        `step`, `reset` and `forward`, except that forces and acceleration sensors after `step` are those of its last
+        substep.
         """
 
     @abstractmethod
@@ -61,6 +62,7 @@ class Simulator(ABC):
     def snapshot(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """One world as plain MuJoCo objects, for rendering."""
 
+    @abstractmethod
     def check(self, task: str) -> None:
         """Ask, between rollouts, whether all contacts and constraints found room.
 

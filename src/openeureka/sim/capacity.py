@@ -20,6 +20,9 @@ class Capacity(NamedTuple):
     """Rows; every world has its own."""
 
 
+GUESS = Capacity()
+
+
 def capacity(model: mujoco.MjModel, wanted: Capacity) -> Capacity:
     """`wanted`, its zeros filled in generously from the model.
 

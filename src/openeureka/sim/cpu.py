@@ -84,6 +84,9 @@ class CpuSimulator(Simulator):
         self._batch.forward(ids)
         self._pull(ids)
 
+    def check(self, task: str) -> None:
+        """MuJoCo makes room as it goes."""
+
     def snapshot(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         model = self._batch.get_model(world)
         data = self._batch.get_data(world)

@@ -1,6 +1,6 @@
 """The GPU simulator: `mujoco_warp`, MuJoCo in single precision with one thread block a world.
 
-It also runs on the CPU (`device=warp-cpu`), far slower than `cpu.py`: that is how the two are compared where there is no GPU.
+It also runs on the CPU (`device=warp-cpu`), far slower than `cpu.py`: so the two can be compared where there is no GPU.
 """
 
 from __future__ import annotations
@@ -8,27 +8,32 @@ from __future__ import annotations
 import copy
 
 import mujoco
-import mujoco_warp as mjw
+import mujoco_warp as mjw  # pyright: ignore[reportMissingImports]
 import numpy as np
 import torch
-import warp as wp
+import warp as wp  # pyright: ignore[reportMissingImports]
 from torch import Tensor
 
 from ..errors import TaskError
-from .base import Simulator
+from .base import INPUT_FIELDS, Simulator
 from .capacity import Capacity
 
 wp.config.log_level = wp.LOG_WARNING  # else a line for every kernel loaded
 
 LIMIT = 1e10
 """Magnitude of a position or velocity above which MuJoCo calls a state bad."""
-_RESET = (
-    "time qpos qvel act act_dot qacc qacc_warmstart ctrl qfrc_applied xfrc_applied mocap_pos mocap_quat eq_active "
-    "userdata sensordata"
-).split()
 _STATE = ("time", "qpos", "qvel", "act")
+_MEMORY = (*_STATE, "act_dot", "qacc", "qacc_warmstart", "userdata", "sensordata", *INPUT_FIELDS)
+"""What `reset` writes: all that a step reads from the step before."""
 # What mj_setConst derives from the fields that a task may vary between worlds.
-_DERIVED = "body_subtreemass body_invweight0 dof_invweight0 tendon_invweight0 tendon_length0 actuator_acc0".split()
+_DERIVED = (
+    "body_subtreemass",
+    "body_invweight0",
+    "dof_invweight0",
+    "tendon_invweight0",
+    "tendon_length0",
+    "actuator_acc0",
+)
 _OVERFLOWS = {
     "max_constraints": mjw.OverflowType.NEFC | mjw.OverflowType.NJMAX_NNZ,
     "max_contacts": mjw.OverflowType.BROADPHASE | mjw.OverflowType.NARROWPHASE | mjw.OverflowType.CONTACT_MATCH,
@@ -56,9 +61,7 @@ class WarpSimulator(Simulator):
         self._moving_anchors = bool(np.isin(model.eq_type, (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)).any())
         with wp.ScopedDevice(self._device):
             self._model = mjw.put_model(model)
-            self._data = mjw.make_data(
-                model, nworld=num_worlds, nconmax=capacity.contacts, njmax=capacity.constraints
-            )
+            self._data = mjw.make_data(model, nworld=num_worlds, nconmax=capacity.contacts, njmax=capacity.constraints)
             self._model.opt.warn_overflow = 0  # `check` says it once, instead of every world on every step
             late = np.repeat(model.sensor_needstage == mujoco.mjtStage.mjSTAGE_ACC, model.sensor_dim)
             self._late = wp.array(late, dtype=bool)
@@ -67,7 +70,7 @@ class WarpSimulator(Simulator):
         self._bound: dict[str, Tensor] = {}
         self._flags: dict[str, Tensor] = {}
         self._expanded: dict[str, tuple[Tensor, int]] = {}
-        self._defaults = {name: (self._tensor(name), self._default(name)) for name in _RESET}
+        self._defaults = {name: (self._tensor(name), self._default(name)) for name in _MEMORY}
         self._graphs: dict[int, wp.Graph] = {}
         # Kernels are compiled and loaded here: while a graph is recorded they cannot be.
         self._run(1)
@@ -129,8 +132,8 @@ class WarpSimulator(Simulator):
             if overflow & flags:
                 room = self.capacity.contacts if setting == "max_contacts" else self.capacity.constraints
                 raise TaskError(
-                    f"The GPU simulation of {task} has room for {room} {setting.removeprefix('max_')} a world, which was "
-                    f"not enough: raise `{setting}` of the task's class."
+                    f"The GPU simulation of {task} has room for {room} {setting.removeprefix('max_')} a world, which "
+                    f"was not enough: raise `{setting}` of the task's class."
                 )
 
     def snapshot(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -139,7 +142,7 @@ class WarpSimulator(Simulator):
             getattr(model, field)[:] = values[world].cpu().numpy()
         if self._expanded:
             mujoco.mj_setConst(model, data)
-        for name in _RESET:
+        for name in _MEMORY:
             value = self._defaults[name][0][world].cpu().numpy()
             if name == "time":
                 data.time = float(value)
@@ -182,6 +185,7 @@ class WarpSimulator(Simulator):
         if substeps not in self._graphs:
             with wp.ScopedCapture(self._device) as capture:
                 self._run(substeps)
+            assert capture.graph is not None
             self._graphs[substeps] = capture.graph
         wp.capture_launch(self._graphs[substeps])
 
@@ -233,9 +237,9 @@ class WarpSimulator(Simulator):
 @wp.kernel
 def _keep(columns: wp.array[bool], kept: wp.array2d[float], sensordata: wp.array2d[float]):
     """Sensors of forces and accelerations keep the values of the last substep."""
-    world, column = wp.tid()
+    world, column = wp.tid()  # pyright: ignore
     if columns[column]:
-        sensordata[world, column] = kept[world, column]
+        sensordata[world, column] = kept[world, column]  # pyright: ignore
 
 
 def _put(tensor: Tensor, chosen: Tensor, values: Tensor) -> None:

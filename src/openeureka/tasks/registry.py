@@ -29,6 +29,15 @@ _BUILT_IN = {
     "shadow_hand_over": "openeureka.tasks.bimanual.over:ShadowHandOver",
     "shadow_hand_door_open_outward": "openeureka.tasks.bimanual.door_open_outward:ShadowHandDoorOpenOutward",
     "shadow_hand_swing_cup": "openeureka.tasks.bimanual.swing_cup:ShadowHandSwingCup",
+    "shadow_hand_bottle_cap": "openeureka.tasks.bimanual.bottle_cap:ShadowHandBottleCap",
+    "shadow_hand_push_block": "openeureka.tasks.bimanual.push_block:ShadowHandPushBlock",
+    "shadow_hand_grasp_and_place": "openeureka.tasks.bimanual.grasp_and_place:ShadowHandGraspAndPlace",
+    "shadow_hand_block_stack": "openeureka.tasks.bimanual.block_stack:ShadowHandBlockStack",
+    "shadow_hand_scissors": "openeureka.tasks.bimanual.scissors:ShadowHandScissors",
+    "shadow_hand_switch": "openeureka.tasks.bimanual.switch:ShadowHandSwitch",
+    "shadow_hand_pen": "openeureka.tasks.bimanual.pen:ShadowHandPen",
+    "shadow_hand_re_orientation": "openeureka.tasks.bimanual.re_orientation:ShadowHandReOrientation",
+    "shadow_hand_kettle": "openeureka.tasks.bimanual.kettle:ShadowHandKettle",
 }
 
 

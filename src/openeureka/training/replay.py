@@ -56,7 +56,8 @@ class Replay:
 def waits(function: Callable[[], object], *, uploads: bool = False) -> list[str]:
     """Operations of one call whose result's size or value the host must know before it can go on.
 
-    On a GPU each is a stall and none can be recorded; what they are does not depend on the device that `function` runs on.
+    On a GPU each is a stall and none can be recorded. Which they are does not depend on the device that `function`
+    runs on.
 
     Args:
         uploads: name tensors made from several Python numbers too, which a GPU must be sent.

@@ -16,8 +16,8 @@ from .replay import Replay, waits
 class LaneRewards:
     """Runs the reward programs of L lanes on their slices of the worlds.
 
-    On a GPU all generated programs together are one launch, but for those that pick worlds by a mask: sixteen programs of
-    thirty small operations would otherwise cost more than the physics.
+    On a GPU all generated programs together are one launch, but for those that pick worlds by a mask: sixteen programs
+    of thirty small operations would otherwise cost more than the physics.
 
     Args:
         task: the task whose human and sparse reward may be among the programs.
@@ -100,11 +100,11 @@ class _Part:
     def _evaluate(self, tensors: Sequence[Tensor]) -> tuple[Tensor, ...]:
         n = self._worlds
         named = iter(tensors)
-        state = {name: self._numbers[name] if name in self._numbers else next(named) for name in self._names}
+        values = {name: next(named) for name in self._names if name not in self._numbers}
         rewards, means = [], []
         for lane, program in self.programs.items():
-            own = {name: value[lane * n : (lane + 1) * n] for name, value in state.items() if name in self._per_world}
-            reward, components = program({**state, **own, "num_envs": n}, n)
+            own = {name: value[lane * n : (lane + 1) * n] for name, value in values.items() if name in self._per_world}
+            reward, components = program({**self._numbers, **values, **own, "num_envs": n}, n)
             rewards.append(reward)
             means += [component.mean() for component in components.values()]
         return (*rewards, torch.stack(means) if means else rewards[0].new_zeros(0))

@@ -132,6 +132,7 @@ def add_hinge(
     stiffness: float = 0.0,
     springref: float = 0.0,
     armature: float = 0.0,
+    friction: float = 0.0,
 ) -> None:
     body.add_joint(
         name=name,
@@ -144,4 +145,5 @@ def add_hinge(
         damping=[damping, 0, 0],
         springref=springref,
         armature=armature,
+        frictionloss=friction,
     )

@@ -35,9 +35,9 @@ def compare(
     thousandfold within ten steps.
 
     Args:
-        round_friction: simulate with elliptic friction cones. The pyramids that tasks use depend on the two tangents of a
-            contact, which are arbitrary; for a capsule that stands steeply on a plane, mujoco_warp 4.0 takes others
-            than MuJoCo.
+        round_friction: simulate with elliptic friction cones. The pyramids that tasks use depend on the two tangents
+            of a contact, which are arbitrary; for a capsule that stands steeply on a plane, mujoco_warp 4.0 takes
+            others than MuJoCo.
     """
     task = _with_round_friction(get(env)) if round_friction else get(env)
     first, second = (BatchedEnv(task, worlds=worlds, device=name, threads=1) for name in (reference, device))

@@ -1,0 +1,89 @@
+"""Each hand pushes a cube forward on a table, to the cube's own target."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ..task import State
+from .common import dexterity_recipe, distance
+from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
+from .objects import Cube
+from .scene import SIDES, Placed, Scene, Table
+from .variables import point_variables, thing_variables, two_handed
+
+RIGHT_GOAL, LEFT_GOAL = (-0.2, 0.2, 0.625), (-0.2, -0.2, 0.625)  # [m]
+ARRIVED = 0.1  # [m] between a cube and its target
+UPRIGHT = (math.pi / 2, math.pi / 2, 0)  # a cube looks the same as if unturned
+
+
+class ShadowHandPushBlock(Handles):
+    env = "shadow_hand_push_block"
+    description = "to make each hand push the block in front of it forward to the block's goal position"
+    episode_length = 125
+    num_observations = 428
+    handles = ("block_right_handle_pos", "block_left_handle_pos")
+    reach = 1.2
+    scene = Scene(
+        right=PALM_DOWN_RIGHT,
+        left=PALM_DOWN_LEFT,
+        table=Table(size=(1, 1, 0.6), friction=0.75),
+        things={
+            "object": Placed(
+                thing=Cube(), pos=(0, 0.2, 0.625), euler=UPRIGHT, points={"block_right_handle": (0, 0, 0)}
+            ),
+            "block_left": Placed(
+                thing=Cube(), pos=(0, -0.2, 0.625), euler=UPRIGHT, points={"block_left_handle": (0, 0, 0)}
+            ),
+        },
+    )
+    spec = two_handed(
+        num_observations,
+        *thing_variables("object", "right block"),
+        *HAND_VARIABLES,
+        *point_variables("block_right_handle", "right block"),
+        *point_variables("block_left_handle", "left block"),
+        *point_variables("left_goal", "where the left block should go"),
+        *point_variables("right_goal", "where the right block should go"),
+    )
+    recipe = dexterity_recipe(env_steps=5_000_000)
+
+    def __init__(self, *args) -> None:
+        super().__init__(*args)
+        poses = torch.tensor([[*goal, 0.0, 0.0, 0.0, 1.0] for goal in (RIGHT_GOAL, LEFT_GOAL)], device=self.device)
+        self.goals = poses.repeat(self.num_envs, 1, 1)
+
+    def compute_state(self) -> dict[str, Any]:
+        goals = {f"{side}_goal": self.goals[:, row].clone() for row, side in enumerate(SIDES)}
+        positions = {f"{name}_pos": pose[:, :3] for name, pose in goals.items()}
+        rotations = {f"{name}_rot": pose[:, 3:] for name, pose in goals.items()}
+        return {**super().compute_state(), **positions, **rotations}
+
+    def observe(self, s: State) -> Tensor:
+        seen = (
+            super().observe(s),
+            s["block_right_handle_pos"],
+            s["block_left_handle_pos"],
+            s["left_goal_pos"],
+            s["right_goal_pos"],
+        )
+        return torch.nn.functional.pad(torch.cat(seen, dim=-1), (0, 5))  # the original leaves the last five at 0
+
+    def success(self, s: State) -> Tensor:
+        """Set once the left block arrives: 1 if the right one is there already, else one half for good."""
+        right, left = (away < ARRIVED for away in self._distances(s))
+        return torch.where(left, torch.where(right, 1.0, 0.5), 0.0)
+
+    def human_reward(self, s: State) -> Tensor:
+        (right, left), (right_away, left_away) = self.reaches(s), self._distances(s)
+        return (1.2 - right) + (1.2 - left) + 5.0 - 5.0 * (right_away + left_away)
+
+    def _distances(self, s: State) -> tuple[Tensor, Tensor]:
+        """From the right and from the left block to its target [m]."""
+        return (
+            distance(s["block_right_handle_pos"], s["right_goal_pos"]),
+            distance(s["block_left_handle_pos"], s["left_goal_pos"]),
+        )

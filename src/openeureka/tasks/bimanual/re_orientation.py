@@ -1,0 +1,80 @@
+"""Each hand turns a cube on its palm to one common orientation after the other."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from ..rotations import tumble
+from ..task import Score, State, mean_over_episodes
+from .common import dexterity_recipe
+from .objects import Cube
+from .pair import Pair, pair_variables
+from .scene import Placed, Pose, Scene
+from .variables import two_handed
+
+TOLERANCE = 0.1  # [rad] between a cube and its goal
+GOAL_BONUS = 500.0
+
+
+class ShadowHandReOrientation(Pair):
+    """F counts the goals reached in an episode; once either cube has reached its goal, both get new ones."""
+
+    env = "shadow_hand_re_orientation"
+    description = "to make each of the two hands turn the cube on its palm to its target orientation"
+    episode_length = 600
+    num_observations = 422
+    num_actions = 40
+    scene = Scene(
+        right=Pose(pos=(0, 0, 0.5)),
+        left=Pose(pos=(0, -1.15, 0.5), euler=(0, 0, math.pi)),
+        hands_move=False,
+        things={
+            "object": Placed(thing=Cube(), pos=(0, -0.39, 0.60)),
+            "object_another": Placed(thing=Cube(), pos=(0, -0.76, 0.60)),
+        },
+    )
+    goal = Pose(pos=(0, -0.39, 0.56))
+    goal_another = (0, -0.76, 0.56)
+    joint_noise = 0.2
+    position_noise = 0.01
+    drop_height = 0.2
+    spec = two_handed(num_observations, *pair_variables("cube", "pose to hold"), bases_move=False)
+    recipe = dexterity_recipe(env_steps=5_000_000)
+
+    def __init__(self, *args) -> None:
+        super().__init__(*args)
+        self.reached = torch.zeros(self.num_envs, dtype=torch.bool, device=self.device)
+        self.everywhere = torch.arange(self.num_envs, device=self.device)
+
+    def apply_action(self, actions: Tensor) -> None:
+        self.change_goals()
+        super().apply_action(actions)
+
+    def change_goals(self) -> None:
+        """Draw a new orientation where the last step reached a goal."""
+        # Drawn everywhere, taken over where reached: to ask which worlds these are would stall a GPU.
+        fresh = tumble(self.noise.uniform(self.everywhere, 2, -1.0, 1.0))
+        self.goal_pose[:, 3:] = torch.where(self.reached[:, None], fresh, self.goal_pose[:, 3:])
+
+    def reset(self, worlds: Tensor) -> None:
+        super().reset(worlds)
+        self.reached = self.reached.index_fill(0, worlds, False)
+
+    def success(self, s: State) -> Tensor:
+        return torch.minimum(s["rotation_distance"], s["rotation_distance_another"]) < TOLERANCE
+
+    def fitness(self, s: State, ended: Tensor) -> Score:
+        """A count, and `sparse_reward` its increments."""
+        self.reached = self.success(s)
+        self.outcome = self.reached.to(torch.float32)
+        self.successes = self.successes + self.outcome
+        return mean_over_episodes(self.successes, ended)
+
+    def human_reward(self, s: State) -> Tensor:
+        first, second = self.distances(s)
+        turned = 1.0 / (s["rotation_distance"] + 0.1) + 1.0 / (s["rotation_distance_another"] + 0.1)
+        effort = s["actions"].square().sum(dim=-1)
+        return -10.0 * (first + second) + turned - 0.0002 * effort + GOAL_BONUS * self.success(s)

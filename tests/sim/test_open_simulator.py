@@ -1,0 +1,30 @@
+import pytest
+import torch
+
+from openeureka import sim
+from openeureka.errors import ConfigError
+from openeureka.sim import check_device
+from openeureka.sim.capacity import Capacity, capacity
+from openeureka.tasks.registry import get, make
+
+
+def test_room_is_guessed_from_the_model():
+    # 13 geoms may touch the floor: 16 + 4 * 13 contacts of 4 rows, and 8 joint limits.
+    assert capacity(get("ant").compile_model(), Capacity()) == Capacity(68, 8 + 4 * 68)
+    assert capacity(get("ant").compile_model(), Capacity(constraints=50)) == Capacity(68, 50)
+
+
+def test_a_device_that_does_not_exist_is_one_sentence(monkeypatch: pytest.MonkeyPatch):
+    with pytest.raises(ConfigError, match=r"no device `gpu`; `device` is cpu, cuda"):
+        check_device("gpu")
+    monkeypatch.setattr(sim, "find_spec", lambda _: object())
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 0)
+    with pytest.raises(ConfigError, match="device=cuda needs an NVIDIA GPU"):
+        make("cartpole", worlds=1, device="cuda")
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    check_device("cuda:1")
+    with pytest.raises(ConfigError, match="no device cuda:2: torch sees 2 GPUs"):
+        check_device("cuda:2")
+    monkeypatch.setattr(sim, "find_spec", lambda _: None)
+    with pytest.raises(ConfigError, match="device=warp-cpu needs MuJoCo Warp"):
+        check_device("warp-cpu")
