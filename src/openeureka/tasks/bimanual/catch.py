@@ -47,8 +47,7 @@ class Catch(TwoHands):
         for egg in self.scene.things:
             columns = self.thing_columns(egg)
             self.qpos[worlds, columns] = torch.cat((self.start[columns][:3] + shift, wxyz(egg_rot)), dim=-1)
-        for pose in self.goal_poses.values():
-            pose[worlds, 3:] = goal_rot
+        self.goal_poses[worlds, :, 3:] = goal_rot[:, None]
 
     def success(self, s: State) -> Tensor:
         return distance(s["object_pos"], s["goal_pos"]) < CAUGHT

@@ -16,7 +16,7 @@ from ..rotations import conjugate, multiply, rotation_distance, xyzw
 from ..sensors import contact_wrenches
 from ..task import Recipe, Score, State, Task, mean_over_episodes
 from .frames import Frames
-from .scene import SIDES, TIPS, Pose, Scene
+from .scene import SIDES, TIPS, Scene
 from .shapes import quaternion
 
 JOINTS = 24  # of one hand
@@ -75,13 +75,10 @@ class TwoHands(Task):
         self.start = _float32(model.qpos0, device)
         for name, value in self.scene.angles.items():
             self.start[int(model.joint(name).qposadr[0])] = value
-        self.goal_poses = {name: self._everywhere(goal) for name, goal in self.scene.goals.items()}
+        goals = [(*goal.pos, *quaternion(*goal.euler)) for goal in self.scene.goals.values()]  # w, x, y, z
+        self.goal_poses = _float32(goals, device).view(-1, 7)[:, [0, 1, 2, 4, 5, 6, 3]].repeat(self.num_envs, 1, 1)
         self.successes = torch.zeros(self.num_envs, device=device)
         self.outcome = self.successes
-
-    def _everywhere(self, pose: Pose) -> Tensor:
-        rot = xyzw(_float32(quaternion(*pose.euler), self.device))
-        return torch.cat((_float32(pose.pos, self.device), rot)).repeat(self.num_envs, 1)
 
     def apply_action(self, actions: Tensor) -> None:
         """Of each hand, right then left: force and torque on the base where it moves, then the joints' target angles,
@@ -110,12 +107,8 @@ class TwoHands(Task):
             "actions": self.actions.clone(),
             "num_envs": self.num_envs,
         }
-        for name, pose in self.goal_poses.items():
-            values |= {
-                f"{name}_pose": pose.clone(),
-                f"{name}_pos": pose[:, :3].clone(),
-                f"{name}_rot": pose[:, 3:].clone(),
-            }
+        for name, pose in zip(self.scene.goals, self.goal_poses.clone().unbind(dim=1), strict=True):
+            values |= {f"{name}_pose": pose, f"{name}_pos": pose[:, :3], f"{name}_rot": pose[:, 3:]}
             if (thing_rot := frames.get(f"{name.replace('goal', 'object')}_rot")) is not None:
                 values[name.replace("goal", "rotation_distance")] = rotation_distance(thing_rot, pose[:, 3:])
         return {name: values[name] for name in self.spec.names if name in values}  # the original exposes no more
