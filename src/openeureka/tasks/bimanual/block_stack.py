@@ -37,8 +37,8 @@ class ShadowHandBlockStack(Handles):
             "object": Placed(thing=Cube(friction=0.375), pos=(0, 0.1, 0.625), points={"block_right_handle": (0, 0, 0)}),
             "block": Placed(thing=Cube(friction=0.375), pos=(0, -0.1, 0.625), points={"block_left_handle": (0, 0, 0)}),
         },
+        goals={"goal": Pose(pos=(0, 0.1, 0.625))},
     )
-    goal = Pose(pos=(0, 0.1, 0.625))
     spec = two_handed(
         num_observations,
         *thing_variables("object", "right block"),

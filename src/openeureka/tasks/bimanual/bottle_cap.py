@@ -40,13 +40,13 @@ class ShadowHandBottleCap(TwoHands):
                 points={"bottle": (0, 0, 0), "bottle_cap": (0, 0, 0.15)},
             )
         },
+        goals={"goal": Pose(pos=(0, -0.6, 5.5))},
         angles={
             f"{side}_{joint}": angle
             for side in SIDES
             for joint, angle in (("THJ4", -1.04), ("THJ3", 1.2), ("THJ0", -1.57))
         },
     )
-    goal = Pose(pos=(0, -0.6, 5.5))
     spec = two_handed(
         num_observations,
         *thing_variables("object", "bottle"),

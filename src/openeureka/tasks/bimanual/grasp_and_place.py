@@ -30,8 +30,8 @@ class ShadowHandGraspAndPlace(Handles):
             "object": Placed(thing=Bucket(), pos=(0, 0.2, 0.653), points={"block_right_handle": (0, 0, 0)}),
             "block": Placed(thing=Cube(), pos=(0, -0.2, 0.625), points={"block_left_handle": (0, 0, 0)}),
         },
+        goals={"goal": Pose(pos=(-0.3, 0, 0.6))},
     )
-    goal = Pose(pos=(-0.3, 0, 0.6))
     spec = two_handed(
         num_observations,
         *thing_variables("object", "bucket"),

@@ -39,8 +39,8 @@ class ShadowHandKettle(Handles):
             ),
             "bucket": Placed(thing=Bucket(), pos=(0, -0.3, 0.453), points={"bucket_handle": (0, 0, -0.1)}),
         },
+        goals={"goal": Pose(pos=(0, 0, 5.4))},
     )
-    goal = Pose(pos=(0, 0, 5.4))
     spec = two_handed(
         num_observations,
         *thing_variables("object", "kettle"),

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
-
 import torch
 from torch import Tensor
 
 from ...types import StateVar
-from ..rotations import rotation_distance
 from ..task import State
 from .catch import Catch
 from .common import distance, towards_goal
-from .shapes import Vector
 from .variables import FINGERTIPS, ROTATION_DISTANCE, goal_variables, thing_variables
 
 
@@ -34,25 +30,7 @@ def pair_variables(thing: str, goal: str) -> tuple[StateVar, ...]:
 
 
 class Pair(Catch):
-    """Two things that start in the same orientation, and two goals that have the same orientation."""
-
-    goal_another: ClassVar[Vector]
-    """Place of the second goal [m]."""
-
-    def __init__(self, *args) -> None:
-        super().__init__(*args)
-        self.goal_another_place = torch.tensor([self.goal_another], device=self.device)
-
-    def compute_state(self) -> dict[str, Any]:
-        state, orientation = super().compute_state(), self.goal_pose[:, 3:]
-        goal = torch.cat((self.goal_another_place.expand(self.num_envs, 3), orientation), dim=-1)
-        return {
-            **state,
-            "goal_another_pose": goal,
-            "goal_another_pos": goal[:, :3],
-            "goal_another_rot": goal[:, 3:],
-            "rotation_distance_another": rotation_distance(state["object_another_rot"], orientation),
-        }
+    """`object` and `object_another`, with the goals `goal` and `goal_another`."""
 
     def observe(self, s: State) -> Tensor:
         another = (s["object_another_pose"], s["object_another_linvel"], s["object_another_angvel"] * 0.2)
@@ -60,14 +38,6 @@ class Pair(Catch):
 
     def terminated(self, s: State) -> Tensor:
         return super().terminated(s) | (s["object_another_pos"][:, 2] <= self.drop_height)
-
-    def reset(self, worlds: Tensor) -> None:
-        """The second thing starts like the first, beside it."""
-        super().reset(worlds)
-        first, second = self.thing_columns("object"), self.thing_columns("object_another")
-        start = self.qpos[worlds, first]
-        start[:, :3] += self.start[second][:3] - self.start[first][:3]
-        self.qpos[worlds, second] = start
 
     def distances(self, s: State) -> tuple[Tensor, Tensor]:
         """Of both things from their goals (N,) [m]."""

@@ -37,8 +37,8 @@ class ShadowHandPen(Handles):
                 points={"pen_left_handle": (0, 0, 0.07)},
             )
         },
+        goals={"goal": Pose(pos=(0, 0, 5.6))},
     )
-    goal = Pose(pos=(0, 0, 5.6))
     spec = two_handed(
         num_observations,
         *thing_variables("object", "pen"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -12,10 +11,9 @@ from ..task import State
 from .common import dexterity_recipe, distance
 from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
 from .objects import Cube
-from .scene import SIDES, Placed, Scene, Table
+from .scene import Placed, Pose, Scene, Table
 from .variables import point_variables, thing_variables, two_handed
 
-RIGHT_GOAL, LEFT_GOAL = (-0.2, 0.2, 0.625), (-0.2, -0.2, 0.625)  # [m]
 ARRIVED = 0.1  # [m] between a cube and its target
 UPRIGHT = (math.pi / 2, math.pi / 2, 0)  # a cube looks the same as if unturned
 
@@ -39,6 +37,7 @@ class ShadowHandPushBlock(Handles):
                 thing=Cube(), pos=(0, -0.2, 0.625), euler=UPRIGHT, points={"block_left_handle": (0, 0, 0)}
             ),
         },
+        goals={"right_goal": Pose(pos=(-0.2, 0.2, 0.625)), "left_goal": Pose(pos=(-0.2, -0.2, 0.625))},
     )
     spec = two_handed(
         num_observations,
@@ -50,17 +49,6 @@ class ShadowHandPushBlock(Handles):
         *point_variables("right_goal", "where the right block should go"),
     )
     recipe = dexterity_recipe(env_steps=5_000_000)
-
-    def __init__(self, *args) -> None:
-        super().__init__(*args)
-        poses = torch.tensor([[*goal, 0.0, 0.0, 0.0, 1.0] for goal in (RIGHT_GOAL, LEFT_GOAL)], device=self.device)
-        self.goals = poses.repeat(self.num_envs, 1, 1)
-
-    def compute_state(self) -> dict[str, Any]:
-        goals = {f"{side}_goal": self.goals[:, row].clone() for row, side in enumerate(SIDES)}
-        positions = {f"{name}_pos": pose[:, :3] for name, pose in goals.items()}
-        rotations = {f"{name}_rot": pose[:, 3:] for name, pose in goals.items()}
-        return {**super().compute_state(), **positions, **rotations}
 
     def observe(self, s: State) -> Tensor:
         seen = (

@@ -35,9 +35,8 @@ class ShadowHandReOrientation(Pair):
             "object": Placed(thing=Cube(), pos=(0, -0.39, 0.60)),
             "object_another": Placed(thing=Cube(), pos=(0, -0.76, 0.60)),
         },
+        goals={"goal": Pose(pos=(0, -0.39, 0.56)), "goal_another": Pose(pos=(0, -0.76, 0.56))},
     )
-    goal = Pose(pos=(0, -0.39, 0.56))
-    goal_another = (0, -0.76, 0.56)
     joint_noise = 0.2
     position_noise = 0.01
     drop_height = 0.2
@@ -57,7 +56,8 @@ class ShadowHandReOrientation(Pair):
         """Draw a new orientation where the last step reached a goal."""
         # Drawn everywhere, taken over where reached: to ask which worlds these are would stall a GPU.
         fresh = tumble(self.noise.uniform(self.everywhere, 2, -1.0, 1.0))
-        self.goal_pose[:, 3:] = torch.where(self.reached[:, None], fresh, self.goal_pose[:, 3:])
+        for pose in self.goal_poses.values():
+            pose[:, 3:] = torch.where(self.reached[:, None], fresh, pose[:, 3:])
 
     def reset(self, worlds: Tensor) -> None:
         super().reset(worlds)

@@ -31,9 +31,9 @@ class ShadowHandScissors(Handles):
         hands_touch=True,
         table=Table(size=(0.5, 1, 0.6)),
         things={"object": Placed(thing=Scissors(), pos=(0, 0, 0.608), euler=(0, 0, math.pi / 2))},
+        goals={"goal": Pose(pos=(0, 0, 5.6))},
         angles={"scissors_hinge": CLOSED},
     )
-    goal = Pose(pos=(0, 0, 5.6))
     spec = two_handed(
         num_observations,
         *thing_variables("object", "left half of the scissors"),

@@ -39,9 +39,9 @@ class ShadowHandSwitch(Handles):
             "object": Placed(thing=RockerSwitch(side="right"), pos=(0, 0.2, 0.65), euler=FACE_UP, fixed=True),
             "switch_left": Placed(thing=RockerSwitch(side="left"), pos=(0, -0.2, 0.65), euler=FACE_UP, fixed=True),
         },
+        goals={"goal": Pose(pos=(0, 0, 5.65))},
         angles={"switch_right_rocker": RAISED, "switch_left_rocker": RAISED},
     )
-    goal = Pose(pos=(0, 0, 5.65))
     spec = two_handed(
         num_observations,
         *thing_variables("object", "housing of the right switch, which is fixed"),
