@@ -27,7 +27,15 @@ _BUILT_IN = {
     "allegro_hand": "openeureka.tasks.hands.allegro_hand:AllegroHand",
     "shadow_hand": "openeureka.tasks.hands.shadow_hand:ShadowHand",
     "shadow_hand_over": "openeureka.tasks.bimanual.over:ShadowHandOver",
+    "shadow_hand_catch_underarm": "openeureka.tasks.bimanual.catch_underarm:ShadowHandCatchUnderarm",
+    "shadow_hand_catch_over2underarm": "openeureka.tasks.bimanual.catch_over2underarm:ShadowHandCatchOver2Underarm",
+    "shadow_hand_catch_abreast": "openeureka.tasks.bimanual.catch_abreast:ShadowHandCatchAbreast",
+    "shadow_hand_two_catch_underarm": "openeureka.tasks.bimanual.two_catch_underarm:ShadowHandTwoCatchUnderarm",
+    "shadow_hand_lift_underarm": "openeureka.tasks.bimanual.lift_underarm:ShadowHandLiftUnderarm",
+    "shadow_hand_door_open_inward": "openeureka.tasks.bimanual.door_open_inward:ShadowHandDoorOpenInward",
     "shadow_hand_door_open_outward": "openeureka.tasks.bimanual.door_open_outward:ShadowHandDoorOpenOutward",
+    "shadow_hand_door_close_inward": "openeureka.tasks.bimanual.door_close_inward:ShadowHandDoorCloseInward",
+    "shadow_hand_door_close_outward": "openeureka.tasks.bimanual.door_close_outward:ShadowHandDoorCloseOutward",
     "shadow_hand_swing_cup": "openeureka.tasks.bimanual.swing_cup:ShadowHandSwingCup",
 }
 
