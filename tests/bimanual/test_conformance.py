@@ -89,3 +89,41 @@ class TestShadowHandKettle(TwoHandsConformance):
 class TestShadowHandReOrientation(TwoHandsConformance):
     env = "shadow_hand_re_orientation"
     start_overlap = 0.02  # as with ShadowHandOver
+
+
+class TestShadowHandCatchUnderarm(TwoHandsConformance):
+    env = "shadow_hand_catch_underarm"
+    start_overlap = 0.02  # as above
+
+
+class TestShadowHandCatchOver2Underarm(TwoHandsConformance):
+    env = "shadow_hand_catch_over2underarm"
+
+
+class TestShadowHandCatchAbreast(TwoHandsConformance):
+    env = "shadow_hand_catch_abreast"
+
+
+class TestShadowHandTwoCatchUnderarm(TwoHandsConformance):
+    env = "shadow_hand_two_catch_underarm"
+    start_overlap = 0.02  # as above
+
+
+class TestShadowHandLiftUnderarm(TwoHandsConformance):
+    env = "shadow_hand_lift_underarm"
+    random_start = False
+
+
+class TestShadowHandDoorOpenInward(TwoHandsConformance):
+    env = "shadow_hand_door_open_inward"
+    random_start = False
+
+
+class TestShadowHandDoorCloseInward(TwoHandsConformance):
+    env = "shadow_hand_door_close_inward"
+    random_start = False
+
+
+class TestShadowHandDoorCloseOutward(TwoHandsConformance):
+    env = "shadow_hand_door_close_outward"
+    random_start = False

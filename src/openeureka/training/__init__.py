@@ -1,0 +1,1 @@
+"""Lane-batched PPO: one process trains all candidates of a generation."""

@@ -13,6 +13,7 @@ from .common import TwoHands, distance, towards_goal
 from .variables import FINGERTIPS, ROTATION_DISTANCE, goal_variables, thing_variables
 
 CAUGHT = 0.03  # [m] between egg and goal
+LEASH = 0.1  # [m] that hands may stray in the tasks that keep them in place
 
 EGG_VARIABLES = (
     *thing_variables("object", "egg"),
@@ -53,5 +54,13 @@ class Catch(TwoHands):
         return distance(s["object_pos"], s["goal_pos"]) < CAUGHT
 
     def human_reward(self, s: State) -> Tensor:
-        distances = self.distance_weight * distance(s["object_pos"], s["goal_pos"]) + s["rotation_distance"]
-        return torch.exp(-0.2 * distances)
+        return self.closeness(distance(s["object_pos"], s["goal_pos"]), s["rotation_distance"])
+
+    def closeness(self, gap: Tensor, angle: Tensor) -> Tensor:
+        """(N,) from 1 at the goal down to 0; gap [m] and angle [rad] that are left."""
+        return torch.exp(-0.2 * (self.distance_weight * gap + angle))
+
+
+def strayed(right: Tensor, left: Tensor, homes: Tensor) -> Tensor:
+    """(N,) whether the right or the left hand's point (N, 3) is too far from its home, of homes (2, 3) [m]."""
+    return (distance(torch.stack((right, left), dim=1), homes) > LEASH).any(dim=-1)

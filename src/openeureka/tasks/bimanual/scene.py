@@ -17,6 +17,9 @@ SIDES = ("right", "left")
 TIPS = tuple(f"{side}_{tip}" for side in SIDES for tip in FINGERTIPS)
 """Bodies of the fingertips, in the order of every array."""
 
+PALM_POINT: Vector = (0, -0.02, 0.08)
+"""Where a hand's position is measured, in the palm's frame [m]."""
+
 _MASS = 5.01  # [kg] of a hand
 _INERTIA = 0.0265  # [kg m2] about a transverse axis
 _CENTRE = (0.001, 0.008, 0.29)  # [m] centre of mass of the forearm in the mount's frame; the hand's is 2 mm from it
@@ -108,7 +111,7 @@ class Scene:
             for geom in (geom for geom in mount.find_all("geom") if geom.contype):
                 geom.contype |= _OTHER_HAND if side == "left" else 0
                 geom.conaffinity |= _OTHER_HAND if side == "right" else 0
-        spec.body(f"{side}_palm").add_site(name=f"{side}_hand", pos=[0, -0.02, 0.08])
+        spec.body(f"{side}_palm").add_site(name=f"{side}_hand", pos=PALM_POINT)
         for finger, tip in zip(FINGERS, FINGERTIPS, strict=True):
             spec.body(f"{side}_{tip}").add_site(name=f"{side}_hand_{finger}", pos=[0, 0, 0.02])
 

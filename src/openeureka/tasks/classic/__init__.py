@@ -1,0 +1,1 @@
+"""Cartpole, BallBalance and Quadcopter."""

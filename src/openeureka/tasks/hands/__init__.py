@@ -1,0 +1,1 @@
+"""A cube turned in one hand: AllegroHand and ShadowHand."""
