@@ -166,9 +166,6 @@ class TwoHands(Task):
         """The latched success, as `fitness` last saw it: a reset that followed has not lowered it."""
         return self.outcome
 
-    def memory(self) -> dict[str, Tensor]:
-        return {**super().memory(), **self.goal_poses}
-
     def thing_columns(self, name: str) -> slice:
         """Columns of `qpos` that hold a free thing's position and orientation (w, x, y, z)."""
         start = int(self.sim.model.joint(name).qposadr[0])

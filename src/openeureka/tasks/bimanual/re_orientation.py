@@ -56,8 +56,8 @@ class ShadowHandReOrientation(Pair):
         """Draw a new orientation where the last step reached a goal."""
         # Drawn everywhere, taken over where reached: to ask which worlds these are would stall a GPU.
         fresh = tumble(self.noise.uniform(self.everywhere, 2, -1.0, 1.0))
-        for pose in self.goal_poses.values():
-            pose[:, 3:] = torch.where(self.reached[:, None], fresh, pose[:, 3:])
+        turns = self.goal_poses[..., 3:]
+        turns[:] = torch.where(self.reached[:, None, None], fresh[:, None], turns)
 
     def reset(self, worlds: Tensor) -> None:
         super().reset(worlds)
