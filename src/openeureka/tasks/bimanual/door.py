@@ -8,10 +8,10 @@ import torch
 from torch import Tensor
 
 from ..task import State
-from .common import TwoHands, finger_distances
+from .handles import HAND_VARIABLES, Handles
 from .objects import DoubleDoor
 from .scene import Placed, Pose, Scene
-from .variables import FINGERTIPS, LEFT_FINGERS, PALMS, RIGHT_FINGERS, goal_variables, point_variables, thing_variables
+from .variables import goal_variables, point_variables, thing_variables
 
 GAP = 0.5  # [m] between the handles, above which the doors count as open
 SIDEWAYS = 1.57  # [rad], as the original has it
@@ -19,10 +19,7 @@ SIDEWAYS = 1.57  # [rad], as the original has it
 DOOR_VARIABLES = (
     *thing_variables("object", "frame of the doors, which is fixed"),
     *goal_variables("unused, far above the doors", use="raw"),
-    *FINGERTIPS,
-    *PALMS,
-    *RIGHT_FINGERS,
-    *LEFT_FINGERS,
+    *HAND_VARIABLES,
     *point_variables("door_right_handle", "handle of the right door"),
     *point_variables("door_left_handle", "handle of the left door"),
 )
@@ -50,22 +47,17 @@ def door_scene(*, towards_hands: bool, angle: float = 0.0, hand_x: float = 0.55,
     )
 
 
-class Doors(TwoHands):
+class Doors(Handles):
     """Each hand opens or closes one leaf of a double door."""
 
     episode_length = 250
     num_observations = 417
-    num_actions = 52
-    transition_scale = 0.5
     orientation_scale = 0.5
+    handles = ("door_right_handle_pos", "door_left_handle_pos")
     reach = 1.5
-    """Summed distance of a hand's fingers from its handle that ends the episode [m]."""
 
     def observe(self, s: State) -> Tensor:
         return torch.cat((super().observe(s), s["door_left_handle_pos"], s["door_right_handle_pos"]), dim=-1)
-
-    def terminated(self, s: State) -> Tensor:
-        return torch.maximum(*self._reaches(s)) >= self.reach
 
     def handle_gap(self, s: State) -> Tensor:
         """(N,) [m] along y between the handles."""
@@ -73,11 +65,5 @@ class Doors(TwoHands):
 
     def handling_reward(self, s: State, bonus: Tensor) -> Tensor:
         """Reach for the handles; the bonus counts once both are within reach."""
-        right, left = self._reaches(s)
-        return -right - left + torch.where(torch.maximum(right, left) < 0.5, bonus, 0.0)
-
-    def _reaches(self, s: State) -> tuple[Tensor, Tensor]:
-        return (
-            finger_distances(s, "right", s["door_right_handle_pos"]),
-            finger_distances(s, "left", s["door_left_handle_pos"]),
-        )
+        right, left = self.reaches(s)
+        return -right - left + self.when_near(s, 0.5, bonus)

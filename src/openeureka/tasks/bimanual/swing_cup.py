@@ -8,14 +8,11 @@ import torch
 from torch import Tensor
 
 from ..task import State
-from .common import TwoHands, dexterity_recipe, finger_distances
+from .common import dexterity_recipe
+from .handles import HAND_VARIABLES, Handles
 from .objects import Cup
 from .scene import Placed, Pose, Scene, Table
 from .variables import (
-    FINGERTIPS,
-    LEFT_FINGERS,
-    PALMS,
-    RIGHT_FINGERS,
     ROTATION_DISTANCE,
     goal_variables,
     point_variables,
@@ -27,14 +24,12 @@ TURNED = 0.785  # [rad] between cup and goal
 REACH = 0.4  # [m] summed over the fingers of a hand
 
 
-class ShadowHandSwingCup(TwoHands):
+class ShadowHandSwingCup(Handles):
     env = "shadow_hand_swing_cup"
     description = "to make the two hands grasp the cup by its two handles and turn it by 180 degrees"
     episode_length = 150
     num_observations = 417
-    num_actions = 52
-    transition_scale = 0.5
-    orientation_scale = 0.1
+    handles = ("cup_right_handle_pos", "cup_left_handle_pos")
     scene = Scene(
         right=Pose(pos=(0.35, 0.2, 0.8), euler=(math.pi, 1.57, 1.57)),
         left=Pose(pos=(0.35, -0.2, 0.8), euler=(math.pi, -1.57, 1.57)),
@@ -55,10 +50,7 @@ class ShadowHandSwingCup(TwoHands):
         *thing_variables("object", "cup"),
         *goal_variables("orientation the cup should be turned to, far above it", use="raw"),
         ROTATION_DISTANCE,
-        *FINGERTIPS,
-        *PALMS,
-        *RIGHT_FINGERS,
-        *LEFT_FINGERS,
+        *HAND_VARIABLES,
         *point_variables("cup_right_handle", "right handle of the cup"),
         *point_variables("cup_left_handle", "left handle of the cup"),
     )
@@ -74,7 +66,6 @@ class ShadowHandSwingCup(TwoHands):
         return s["rotation_distance"] < TURNED
 
     def human_reward(self, s: State) -> Tensor:
-        right = finger_distances(s, "right", s["cup_right_handle_pos"])
-        left = finger_distances(s, "left", s["cup_left_handle_pos"])
+        right, left = self.reaches(s)
         turned = 1.0 / (s["rotation_distance"] + 0.1) - 1.0
-        return -right - left + torch.where(torch.maximum(right, left) < REACH, turned, 0.0)
+        return -right - left + self.when_near(s, REACH, turned)

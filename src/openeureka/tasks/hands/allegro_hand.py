@@ -9,8 +9,7 @@ from typing import NamedTuple
 import mujoco
 
 from ...types import StateSpec
-from ..task import Recipe
-from .common import Reorientation, Vector, add_cube, hand_variables
+from .common import Reorientation, Vector, add_cube, hand_variables, reorientation_recipe
 
 STIFFNESS = 3.0  # [N m/rad]
 DAMPING = 0.1  # [N m s/rad]
@@ -106,18 +105,7 @@ class AllegroHand(Reorientation):
             observations=88,
         )
     )
-    recipe = Recipe(
-        hidden=(256, 128),
-        env_steps=30_000_000,
-        worlds=512,
-        horizon=16,
-        epochs=4,
-        minibatches=4,
-        learning_rate=5e-4,
-        kl_threshold=0.016,
-        critic_coef=4.0,
-        reward_scale=0.01,
-    )
+    recipe = reorientation_recipe(hidden=(256, 128))
 
     @staticmethod
     def model() -> mujoco.MjSpec:

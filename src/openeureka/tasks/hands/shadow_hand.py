@@ -10,8 +10,8 @@ from torch import Tensor
 
 from ...types import StateSpec, StateVar
 from ..sensors import add_wrench_sensors, body_states, contact_wrenches
-from ..task import Recipe, State
-from .common import Reorientation, add_cube, hand_variables
+from ..task import State
+from .common import Reorientation, add_cube, hand_variables, reorientation_recipe
 from .shadow import FINGERTIPS, add_shadow_hand
 
 PREFIX = "hand_"
@@ -63,18 +63,7 @@ class ShadowHand(Reorientation):
             StateVar(name="num_fingertips", kind="int", meaning="number of fingers, 5"),
         )
     )
-    recipe = Recipe(
-        hidden=(128, 128),
-        env_steps=30_000_000,
-        worlds=512,
-        horizon=16,
-        epochs=4,
-        minibatches=4,
-        learning_rate=5e-4,
-        kl_threshold=0.016,
-        critic_coef=4.0,
-        reward_scale=0.01,
-    )
+    recipe = reorientation_recipe(hidden=(128, 128))
 
     @staticmethod
     def model() -> mujoco.MjSpec:

@@ -11,7 +11,8 @@ from torch import Tensor
 
 from ...types import StateSpec, StateVar
 from ..joints import scaled
-from ..rotations import rotate, xyzw
+from ..rotations import rotate
+from ..sensors import body_states
 from ..task import Recipe, Score, State, Task
 from .franka import MAX_LEAD, franka_spec
 
@@ -241,7 +242,7 @@ class FrankaCabinet(Task):
         self.ctrl[:] = joints + (self.franka_dof_targets - joints).clamp(-self.max_lead, self.max_lead)
 
     def compute_state(self) -> dict[str, Any]:
-        bodies = self._rigid_body_states()
+        bodies = body_states(self.xpos[:, 1:], self.xquat[:, 1:], self.cvel[:, 1:], self.subtree_com[:, self.roots])
         hand, drawer = bodies[:, self.hand_handle], bodies[:, self.drawer_handle]
         left, right = bodies[:, self.lfinger_handle], bodies[:, self.rfinger_handle]
         hand_grasp = hand[:, :3] + rotate(hand[:, 3:7], self.franka_local_grasp_pos)
@@ -285,14 +286,6 @@ class FrankaCabinet(Task):
             "left_finger_above_handle": left[:, 2] - drawer_grasp[:, 2],
             "right_finger_below_handle": drawer_grasp[:, 2] - right[:, 2],
         }
-
-    def _rigid_body_states(self) -> Tensor:
-        """State (N, 31, 13) of every body but the world: position, quaternion x y z w, velocity of the body's origin,
-        angular velocity, in the world frame."""
-        position = self.xpos[:, 1:]
-        angular, linear = self.cvel[:, 1:].split(3, dim=-1)  # of the point that is at the centre of mass of the tree
-        linear = linear + torch.linalg.cross(angular, position - self.subtree_com[:, self.roots])
-        return torch.cat((position, xyzw(self.xquat[:, 1:]), linear, angular), dim=-1)
 
     def observe(self, s: State) -> Tensor:
         return torch.cat(
