@@ -312,7 +312,7 @@ def attempt(part: Callable[..., Found], *arguments: Any) -> Found:
         found = part(*arguments) if part in (training, human) else _isolated(part, *arguments)
     except Exception as error:
         found = {"error": f"{type(error).__name__}: {error}"}
-    return {**found, "seconds": round(time.perf_counter() - began, 1)}
+    return {**found, "seconds": round(time.perf_counter() - began, 3)}
 
 
 def _isolated(part: Callable[..., Found], *arguments: Any) -> Found:
