@@ -10,7 +10,7 @@ import time
 
 from mujoco.studio import app, endpoints, launch_thread, messages, sim, step_control, viewer_protocol, web_viewer
 
-from .stage import Stage, camera
+from .stage import Stage
 from .viewer import ViewerUnavailable
 
 LOOPBACK = "127.0.0.1"
@@ -55,7 +55,7 @@ def page(stage: Stage, port: int) -> None:
 
     def serve(endpoint: endpoints.ViewerEndpoint) -> None:
         config = viewer_protocol.ViewerConfig(title="openeureka", http_port=port)
-        viewer = LoopbackViewer(config, endpoint, plugins=[app.App()], camera=camera(stage.model))
+        viewer = LoopbackViewer(config, endpoint, plugins=[app.App()], camera=stage.camera)
         if viewer.address != LOOPBACK:
             viewer.close()
             raise RuntimeError(

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import EurekaError
 from ..worker import Channel
-from .stage import Stage, camera
+from .stage import Stage
 
 WIDTH, HEIGHT = 640, 480
 FPS = 30
@@ -23,7 +23,7 @@ FPS = 30
 
 def frames(stage: Stage, seconds: float) -> Iterator[np.ndarray]:
     """(HEIGHT, WIDTH, 3) uint8 images, FPS a second of simulated time."""
-    view = camera(stage.model)
+    view = stage.camera
     with mujoco.Renderer(stage.model, HEIGHT, WIDTH) as renderer:
         count = 0
         for step in range(max(1, round(seconds / stage.dt))):

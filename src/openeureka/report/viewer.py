@@ -11,7 +11,7 @@ import glfw
 import mujoco.viewer
 
 from ..errors import EurekaError
-from .stage import Stage, camera
+from .stage import Stage
 
 
 class ViewerUnavailable(EurekaError):
@@ -30,7 +30,7 @@ def window(stage: Stage) -> None:
     """Show the stage until its window is closed. Raises ViewerUnavailable."""
     try:
         with mujoco.viewer.launch_passive(stage.model, stage.data, show_left_ui=False, show_right_ui=False) as viewer:
-            view = camera(stage.model)
+            view = stage.camera
             for name in ("type", "trackbodyid", "distance", "azimuth", "elevation", "lookat"):
                 setattr(viewer.cam, name, getattr(view, name))
             while viewer.is_running():

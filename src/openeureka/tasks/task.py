@@ -46,6 +46,16 @@ class Recipe:
     bootstrap_timeouts: bool = True
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """How pictures show a task; all that moves at its start fits into them."""
+
+    azimuth: float = 120.0
+    """Direction of sight about z, from x [degrees]."""
+    elevation: float = -15.0
+    """[degrees]"""
+
+
 class Score(NamedTuple):
     """Contribution of each world to the fitness F, which over any window is sum(value * weight) / sum(weight)."""
 
@@ -81,6 +91,7 @@ class Task(ABC):
     """Constraint rows that the GPU simulator has room for in any world; 0 means a guess from the model."""
     spec: ClassVar[StateSpec]
     recipe: ClassVar[Recipe]
+    view: ClassVar[View] = View()
 
     def __init__(self, sim: Simulator, noise: WorldNoise) -> None:
         self.sim = sim
@@ -138,6 +149,10 @@ class Task(ABC):
     def success_bonus(self, s: State) -> Tensor | None:
         """(N,) what the original adds to every generated reward on success, unknown to its author; None for nothing."""
         return None
+
+    def ghosts(self) -> Mapping[str, Tensor]:
+        """Where bodies of the model are wanted now, for pictures: position and quaternion (N, 7) by the body's name."""
+        return {}
 
     @classmethod
     def compile_model(cls) -> mujoco.MjModel:

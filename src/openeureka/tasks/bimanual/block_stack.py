@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import torch
 from torch import Tensor
 
-from ..task import State
+from ..task import State, View
 from .common import dexterity_recipe, distance
 from .handles import HAND_VARIABLES, Handles
 from .objects import Cube
@@ -24,6 +25,7 @@ class ShadowHandBlockStack(Handles):
     description = "to make the two hands stack the left block on the right block in the middle of the table"
     episode_length = 250
     num_observations = 428
+    view = View(azimuth=160.0, elevation=-30.0)
     transition_scale = 0.2
     orientation_scale = 0.02
     handles = ("block_right_handle_pos", "block_left_handle_pos")
@@ -58,6 +60,11 @@ class ShadowHandBlockStack(Handles):
         block = s["block_pose"], s["block_linvel"], s["block_angvel"] * 0.2
         seen = torch.cat((super().observe(s), *block), dim=-1)
         return torch.nn.functional.pad(seen, (0, 4))  # the original leaves the last four at 0
+
+    def ghosts(self) -> Mapping[str, Tensor]:
+        pose = self.goal_poses[:, 0]
+        lower, upper = (torch.cat((pose[:, :3] + offset, pose[:, 3:]), dim=-1) for offset in self.offsets)
+        return {"object": lower, "block": upper}
 
     def success(self, s: State) -> Tensor:
         return self._in_place(s) & (self._height_error(s) < LEVEL)

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from ..rotations import rotate
-from ..task import State
+from ..task import State, View
 from .catch import EGG_VARIABLES, Catch, strayed
 from .common import dexterity_recipe
 from .objects import Egg
@@ -22,6 +22,7 @@ class ShadowHandCatchAbreast(Catch):
     episode_length = 150
     num_observations = 422
     num_actions = 52
+    view = View(azimuth=20.0, elevation=-35.0)
     transition_scale = 0.5
     orientation_scale = 1.0
     scene = Scene(

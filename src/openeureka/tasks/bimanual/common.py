@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import mujoco
@@ -14,7 +15,7 @@ from ..hands.shadow import FINGERS
 from ..joints import scaled, unscaled
 from ..rotations import conjugate, multiply, rotation_distance, xyzw
 from ..sensors import contact_wrenches
-from ..task import Recipe, Score, State, Task, mean_over_episodes
+from ..task import Recipe, Score, State, Task, View, mean_over_episodes
 from .frames import Frames
 from .scene import SIDES, TIPS, Scene
 from .shapes import quaternion
@@ -40,6 +41,7 @@ class TwoHands(Task):
     suite = "dexterity"
     control_dt = CONTROL_DT
     substeps = 2
+    view = View(azimuth=160.0, elevation=-25.0)
     scene: ClassVar[Scene]
     transition_scale: ClassVar[float] = 0.0
     orientation_scale: ClassVar[float] = 0.0
@@ -165,6 +167,11 @@ class TwoHands(Task):
     def sparse_reward(self, s: State) -> Tensor:
         """The latched success, as `fitness` last saw it: a reset that followed has not lowered it."""
         return self.outcome
+
+    def ghosts(self) -> Mapping[str, Tensor]:
+        """Each thing at its own goal, where the goal's position means something."""
+        pairs = zip(self.scene.things, self.scene.goals, self.goal_poses.unbind(dim=1), strict=False)
+        return {thing: pose for thing, goal, pose in pairs if self.spec[f"{goal}_pos"].use == "point"}
 
     def thing_columns(self, name: str) -> slice:
         """Columns of `qpos` that hold a free thing's position and orientation (w, x, y, z)."""

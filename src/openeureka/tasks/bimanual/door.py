@@ -7,7 +7,7 @@ import math
 import torch
 from torch import Tensor
 
-from ..task import State
+from ..task import State, View
 from .handles import HAND_VARIABLES, Handles
 from .objects import DoubleDoor
 from .scene import Placed, Pose, Scene
@@ -53,6 +53,7 @@ class Doors(Handles):
     episode_length = 250
     num_observations = 417
     orientation_scale = 0.5
+    view = View(azimuth=150.0, elevation=-20.0)
     handles = ("door_right_handle_pos", "door_left_handle_pos")
     reach = 1.5
 

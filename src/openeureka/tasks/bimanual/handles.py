@@ -8,7 +8,7 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from ..task import State
+from ..task import State, View
 from .common import TwoHands, finger_distances
 from .scene import Pose
 from .variables import FINGERTIPS, LEFT_FINGERS, PALMS, RIGHT_FINGERS
@@ -24,6 +24,7 @@ class Handles(TwoHands):
     """A handle for each hand; an episode ends when a hand strays from its own."""
 
     num_actions = 52
+    view = View(azimuth=35.0, elevation=-35.0)
     transition_scale = 0.5
     orientation_scale = 0.1
     handles: ClassVar[tuple[str, str]]

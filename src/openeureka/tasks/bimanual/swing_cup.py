@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import torch
 from torch import Tensor
@@ -21,6 +22,7 @@ from .variables import (
 )
 
 TURNED = 0.785  # [rad] between cup and goal
+SHOWN_AT = 1.0  # [m] height of the goal in pictures
 REACH = 0.4  # [m] summed over the fingers of a hand
 
 
@@ -58,6 +60,12 @@ class ShadowHandSwingCup(Handles):
 
     def observe(self, s: State) -> Tensor:
         return torch.cat((super().observe(s), s["cup_right_handle_pos"], s["cup_left_handle_pos"]), dim=-1)
+
+    def ghosts(self) -> Mapping[str, Tensor]:
+        """The turned cup, above the cup."""
+        pose = self.goal_poses[:, 0].clone()
+        pose[:, 2] = SHOWN_AT
+        return {"object": pose}
 
     def terminated(self, s: State) -> Tensor:
         return s["object_pos"][:, 2] <= 0.3

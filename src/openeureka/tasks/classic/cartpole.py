@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from ...types import StateSpec, StateVar
-from ..task import Recipe, Score, State, Task, mean_over_episodes
+from ..task import Recipe, Score, State, Task, View, mean_over_episodes
 
 MAX_FORCE = 400.0  # [N] at full action
 MAX_POSITION = 3.0  # [m]
@@ -40,6 +40,7 @@ class Cartpole(Task):
             StateVar(name="num_envs", kind="num_envs", meaning="number of environments"),
         )
     )
+    view = View(azimuth=180.0, elevation=-10.0)
     recipe = Recipe(hidden=(32, 32), env_steps=600_000, epochs=8, minibatches=1, critic_coef=4.0, reward_scale=0.1)
 
     @staticmethod

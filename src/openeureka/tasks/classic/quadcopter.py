@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import mujoco
@@ -182,6 +183,10 @@ class Quadcopter(Task):
 
     def sparse_reward(self, s: State) -> Tensor:
         return -self._distance(s)
+
+    def ghosts(self) -> Mapping[str, Tensor]:
+        level = torch.tensor([0.0, 0.0, 0.0, 1.0], device=self.device)
+        return {"chassis": torch.cat((self.target_position, level)).repeat(self.num_envs, 1)}
 
     def _distance(self, s: State) -> Tensor:
         return (s["target_position"] - s["root_positions"]).norm(dim=-1)

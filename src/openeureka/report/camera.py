@@ -1,0 +1,80 @@
+"""Where a task is looked at from."""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+
+from ..tasks.task import View
+
+ASPECT = 4 / 3  # of the pictures that everything fits into
+_ROOM = 1.5  # around what is followed, so that it is seen to move
+_TRAVELS = (int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+
+
+def camera(model: mujoco.MjModel, data: mujoco.MjData, view: View) -> mujoco.MjvCamera:
+    """The model's own camera; else one that has all in sight that moves, and follows a robot that can go away.
+
+    Args:
+        data: the scene as it is at the start.
+        view: direction of sight.
+    """
+    eye = mujoco.MjvCamera()
+    if model.ncam:
+        eye.type, eye.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, 0
+        return eye
+    mujoco.mjv_defaultFreeCamera(model, eye)
+    corners = _corners(model, data)
+    eye.lookat[:] = (corners.min(axis=0) + corners.max(axis=0)) / 2
+    eye.azimuth, eye.elevation = view.azimuth, view.elevation
+    eye.distance = _fitting(corners - eye.lookat, eye, float(model.vis.global_.fovy))
+    traveller = _traveller(model)
+    if traveller is not None:
+        eye.type, eye.trackbodyid = mujoco.mjtCamera.mjCAMERA_TRACKING, traveller
+        eye.distance *= _ROOM
+    return eye
+
+
+def _corners(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """(8 k, 3) corners [m] of the boxes around every geom that moves or is moved by us; of all if none does."""
+    moving = (model.body_weldid != 0) | (model.body_mocapid >= 0)
+    shown = moving[model.geom_bodyid]
+    if not shown.any():
+        shown = model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE
+    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
+    boxes = model.geom_aabb[shown]  # centre, half size
+    local = boxes[:, None, :3] + signs * boxes[:, None, 3:]
+    turned = local @ data.geom_xmat[shown].reshape(-1, 3, 3).transpose(0, 2, 1)
+    return (data.geom_xpos[shown, None] + turned).reshape(-1, 3)
+
+
+def _fitting(points: np.ndarray, eye: mujoco.MjvCamera, fovy: float) -> float:
+    """Distance [m] at which a camera that looks at the origin has all points (k, 3) in sight; fovy [degrees]."""
+    azimuth, elevation = math.radians(eye.azimuth), math.radians(eye.elevation)
+    forward = np.array(
+        [math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation)]
+    )
+    right = np.array([math.sin(azimuth), -math.cos(azimuth), 0.0])
+    half = math.tan(math.radians(fovy) / 2)
+    across = np.abs(points @ right) / (half * ASPECT)
+    upright = np.abs(points @ np.cross(right, forward)) / half
+    return float((np.maximum(across, upright) - points @ forward).max())
+
+
+def _traveller(model: mujoco.MjModel) -> int | None:
+    """The body that carries all driven joints, if there is one and it can leave its place."""
+    by_joint = model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)
+    roots = {_root(model, int(model.jnt_bodyid[joint])) for joint in model.actuator_trnid[by_joint, 0]}
+    if len(roots) != 1:
+        return None
+    root = roots.pop()
+    return root if model.jnt_type[model.body_jntadr[root]] in _TRAVELS else None
+
+
+def _root(model: mujoco.MjModel, body: int) -> int:
+    """The outermost body that moves, of those that a moving body hangs on."""
+    while model.body_weldid[parent := int(model.body_parentid[body])]:
+        body = parent
+    return body
