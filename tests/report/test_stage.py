@@ -5,6 +5,7 @@ import torch
 from openeureka.report.ghosts import PREFIX
 from openeureka.report.stage import Stage
 from openeureka.tasks import registry
+from openeureka.tasks.bimanual.re_orientation import ShadowHandReOrientation
 
 
 def test_a_stage_shows_the_world_as_it_is():
@@ -27,6 +28,7 @@ def test_ghosts_follow_the_goals():
     stage = Stage("shadow_hand_re_orientation", "zero", seed=0)
     before = stage.data.body(PREFIX + "object_another").xquat.copy()
     task = stage._simulation.task
+    assert isinstance(task, ShadowHandReOrientation)
     task.reached[:] = True
     stage.step()
     after = stage.data.body(PREFIX + "object_another").xquat
