@@ -48,7 +48,7 @@ class Frames:
 
     def read(self) -> dict[str, Tensor]:
         """Every sensor's value (N, .), fresh; also `{name}_pose` and, of a body, `{name}_state` (N, 13)."""
-        readings = self._readings[:, self._order]
+        readings = self._readings.index_select(1, self._order)
         values = {name: readings[:, columns] for name, columns in self._columns.items()}
         for name, columns in self._columns.items():
             frame, _, quantity = name.rpartition("_")
