@@ -10,7 +10,6 @@ import torch
 from torch import Tensor
 
 from ..tasks import registry
-from ..tasks.env import Step
 from ..types import (
     Checkpoint,
     TrainBudget,
@@ -84,8 +83,10 @@ class Population:
                 if (bonus := self.rewards.bonus(step.state)) is not None:
                     own = own + bonus
                 reward = own * self.recipe.reward_scale
-                if self.recipe.bootstrap_timeouts:
-                    reward = reward + self.recipe.gamma * self._value_beyond(step)
+                # On a GPU, asking whether there is a time-out costs more than a value that nobody needs.
+                if self.recipe.bootstrap_timeouts and (self.env.masked or bool(step.timed_out.any())):
+                    beyond = self.ppo.value(self._split(step.final_observation))
+                    reward = reward + self.recipe.gamma * beyond * self._split(step.timed_out)
                 self.rollout.store(t, observation, action, reward, self._split(step.done))
                 observation = self._split(step.observation)
             self.env.check()
@@ -137,17 +138,6 @@ class Population:
     def _split(self, x: Tensor) -> Tensor:
         """(N, ...) to (L, n, ...)."""
         return x.view(self.lanes, self.worlds, *x.shape[1:])
-
-    def _value_beyond(self, step: Step) -> Tensor:
-        """(L, n) value of the observation at which the time-out cut an episode, 0 elsewhere."""
-        observation, timed_out = self._split(step.final_observation), self._split(step.timed_out)
-        if self.env.masked:  # to ask a GPU which worlds these are costs more than values that nobody needs
-            return self.ppo.value(observation) * timed_out
-        cut = timed_out.any(0).nonzero().squeeze(-1)  # of any lane: lanes of one seed start, and time out, together
-        beyond = torch.zeros(timed_out.shape)
-        if len(cut):
-            beyond[:, cut] = self.ppo.value(observation[:, cut]) * timed_out[:, cut]
-        return beyond
 
     def _mask_diverged(self, epoch: int) -> None:
         """Freeze lanes whose reward or policy is no longer a usable number; the others do not notice."""

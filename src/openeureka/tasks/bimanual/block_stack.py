@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ..task import State, View
 from .common import dexterity_recipe, distance
-from .handles import HAND_VARIABLES, Handles
+from .handles import HAND_VARIABLES, Handles, when_near
 from .objects import Cube
 from .scene import Placed, Pose, Scene, Table
 from .variables import goal_variables, point_variables, thing_variables, two_handed
@@ -71,7 +71,7 @@ class ShadowHandBlockStack(Handles):
 
     def human_reward(self, s: State) -> Tensor:
         (right, left), (lower, upper) = self.reaches(s), self._errors(s)
-        gathered = self.when_near(s, 0.5, 2.0 * (0.24 - lower - upper))
+        gathered = when_near((right, left), 0.5, 2.0 * (0.24 - lower - upper))
         stacked = torch.where(self._in_place(s), 50.0 * (0.05 - self._height_error(s)), 0.0)
         return 1.5 - right - left + gathered + stacked
 

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ..task import State, View
-from .handles import HAND_VARIABLES, Handles
+from .handles import HAND_VARIABLES, Handles, when_near
 from .objects import DoubleDoor
 from .scene import Placed, Pose, Scene
 from .variables import goal_variables, point_variables, thing_variables
@@ -67,4 +67,4 @@ class Doors(Handles):
     def handling_reward(self, s: State, bonus: Tensor) -> Tensor:
         """Reach for the handles; the bonus counts once both are within reach."""
         right, left = self.reaches(s)
-        return -right - left + self.when_near(s, 0.5, bonus)
+        return -right - left + when_near((right, left), 0.5, bonus)

@@ -40,6 +40,7 @@ class Handles(TwoHands):
         right, left = self.handles
         return finger_distances(s, "right", s[right]), finger_distances(s, "left", s[left])
 
-    def when_near(self, s: State, limit: float, bonus: Tensor) -> Tensor:
-        """The bonus (N,) where both hands are nearer to their handles than a limit [m], else 0."""
-        return torch.where(torch.maximum(*self.reaches(s)) < limit, bonus, 0.0)
+
+def when_near(reaches: tuple[Tensor, Tensor], limit: float, bonus: Tensor) -> Tensor:
+    """The bonus (N,) where both hands are nearer to their handles than a limit [m], else 0."""
+    return torch.where(torch.maximum(*reaches) < limit, bonus, 0.0)

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ..task import State
 from .common import dexterity_recipe, distance
-from .handles import HAND_VARIABLES, Handles
+from .handles import HAND_VARIABLES, Handles, when_near
 from .objects import Bucket, Kettle
 from .scene import Placed, Pose, Scene, Table
 from .variables import goal_variables, point_variables, thing_variables, two_handed
@@ -63,7 +63,7 @@ class ShadowHandKettle(Handles):
 
     def human_reward(self, s: State) -> Tensor:
         right, left = self.reaches(s)
-        return 1.0 - right - left + self.when_near(s, 0.7, 0.5 - 2.0 * self._apart(s))
+        return 1.0 - right - left + when_near((right, left), 0.7, 0.5 - 2.0 * self._apart(s))
 
     def _apart(self, s: State) -> Tensor:
         """(N,) [m] between bucket and spout."""

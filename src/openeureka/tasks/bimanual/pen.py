@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ..task import State
 from .common import dexterity_recipe, distance
-from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
+from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles, when_near
 from .objects import CappedPen
 from .scene import Placed, Pose, Scene, Table
 from .variables import goal_variables, point_variables, thing_variables, two_handed
@@ -57,7 +57,7 @@ class ShadowHandPen(Handles):
 
     def human_reward(self, s: State) -> Tensor:
         right, left = self.reaches(s)
-        pulled = self.when_near(s, 0.75, 5.0 * self._apart(s) - 0.8)
+        pulled = when_near((right, left), 0.75, 5.0 * self._apart(s) - 0.8)
         return torch.exp(-10.0 * right) + torch.exp(-10.0 * left) + pulled
 
     def _apart(self, s: State) -> Tensor:

@@ -10,7 +10,7 @@ from torch import Tensor
 from ..rotations import conjugate, multiply
 from ..task import State
 from .common import dexterity_recipe
-from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
+from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles, when_near
 from .objects import Scissors
 from .scene import Placed, Pose, Scene, Table
 from .variables import goal_variables, point_variables, thing_variables, two_handed
@@ -52,7 +52,7 @@ class ShadowHandScissors(Handles):
 
     def human_reward(self, s: State) -> Tensor:
         right, left = self.reaches(s)
-        return 2.0 - right - left + self.when_near(s, 0.7, 5.0 * (self._angle(s) - CLOSED))
+        return 2.0 - right - left + when_near((right, left), 0.7, 5.0 * (self._angle(s) - CLOSED))
 
     def _angle(self, s: State) -> Tensor:
         """(N,) [rad] of the hinge, which turns the right half about the y axis of the left handle."""

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ..task import State
 from .common import dexterity_recipe
-from .handles import HAND_VARIABLES, Handles
+from .handles import HAND_VARIABLES, Handles, when_near
 from .objects import Cup
 from .scene import Placed, Pose, Scene, Table
 from .variables import (
@@ -76,4 +76,4 @@ class ShadowHandSwingCup(Handles):
     def human_reward(self, s: State) -> Tensor:
         right, left = self.reaches(s)
         turned = 1.0 / (s["rotation_distance"] + 0.1) - 1.0
-        return -right - left + self.when_near(s, REACH, turned)
+        return -right - left + when_near((right, left), REACH, turned)
