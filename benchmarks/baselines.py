@@ -5,9 +5,9 @@
     python benchmarks/baselines.py --env ant --device cuda       # on all GPUs
 
 The rewards and seeds of a task are lanes of one training. `benchmarks/results/baselines.json` is written after each
-task, and what it holds is not repeated; a training that is broken off leaves its state: the same command goes on. The package
-ships its summary (`src/openeureka/baselines.json`): `eureka envs` shows it, and scores read it where the human and the
-sparse reward were not trained along.
+task, and what it holds is not repeated; a training that is broken off leaves its state: the same command goes on. The
+package ships its summary (`src/openeureka/baselines.json`): `eureka envs` shows it, and scores read it where the human
+and the sparse reward were not trained along.
 """
 
 from __future__ import annotations
@@ -79,7 +79,10 @@ def learn(env: str, jobs: Sequence[TrainJob], budget: TrainBudget, device: str, 
 
 
 def scored(env: str, results: Sequence[TrainingResult], trainer: Trainer) -> Record:
-    """Each lane's result as JSON, with the held-out scores of both its policies."""
+    """Each lane's result as JSON, with the held-out scores of both its policies.
+
+    F at first is that of the first episodes that end: of a policy that has hardly trained, exploring.
+    """
     at_fitness = {result.job: result.best_fitness.policy for result in results if result.best_fitness}
     at_reward = {result.job: result.best_reward.policy for result in results if result.best_reward}
     by_fitness, by_reward = (
@@ -90,6 +93,7 @@ def scored(env: str, results: Sequence[TrainingResult], trainer: Trainer) -> Rec
             "state": str(result.state),
             "message": result.message,
             "env_steps": result.env_steps,
+            "fitness_at_first": next((f for f in result.curves.get("fitness", ()) if f is not None), None),
             "fitness_max_over_epochs": result.fitness,
             "held_out_at_peak_of_fitness": _score(by_fitness.get(result.job)),
             "held_out_at_peak_of_reward": _score(by_reward.get(result.job)),
@@ -201,7 +205,10 @@ def main(words: Sequence[str] | None = None) -> None:
         write(options.shipped, summary(read(options.out)))
         for job, lane in learned.items():
             held_out = lane["held_out_at_peak_of_fitness"]["fitness"]
-            print(f"{env} {job}: F {lane['fitness_max_over_epochs']}, held out {held_out} {lane['message']}".rstrip())
+            at_first, at_best = lane["fitness_at_first"], lane["fitness_max_over_epochs"]
+            print(
+                f"{env} {job}: F at first {at_first}, at best {at_best}, held out {held_out} {lane['message']}".rstrip()
+            )
 
 
 if __name__ == "__main__":

@@ -42,6 +42,7 @@ def test_every_reward_and_seed_is_a_lane_of_one_training(go, tmp_path):
     ant = json.loads((tmp_path / "all.json").read_text())["ant"]
     assert (ant["env_steps"], ant["worlds"]) == (6_000_000, 512)
     lane = ant["lanes"]["human-s1"]
+    assert lane["fitness_at_first"] == pytest.approx(10.01 / 2)
     assert lane["fitness_max_over_epochs"] == 10.01
     assert lane["held_out_at_peak_of_fitness"] == lane["held_out_at_peak_of_reward"]
     assert lane["held_out_at_peak_of_reward"]["fitness"] == pytest.approx(9.01)

@@ -3,10 +3,16 @@ from openeureka.cli.tasks import context, envs
 from openeureka.tasks import registry
 
 
-def test_envs_lists_every_task(capsys):
+def test_envs_lists_every_task_suite_by_suite(capsys, monkeypatch):
+    monkeypatch.setattr(registry, "names", lambda: ["cartpole", "shadow_hand_over", "ant", "shadow_hand_pen"])
     envs()
-    table = capsys.readouterr().out.split("\n\n")[0]
-    assert [line.split()[0] for line in table.splitlines()[1:]] == registry.names()
+    rows = [line.split()[:5] for line in capsys.readouterr().out.split("\n\n")[0].splitlines()[1:]]
+    assert rows == [
+        ["cartpole", "isaac", "4", "1", "500"],
+        ["ant", "isaac", "60", "8", "1000"],
+        ["shadow_hand_over", "dexterity", "398", "40", "75"],
+        ["shadow_hand_pen", "dexterity", "417", "52", "125"],
+    ]
 
 
 def test_envs_shows_measured_baselines(capsys, monkeypatch):

@@ -16,12 +16,12 @@ from .settings import ContextConfig
 
 
 def envs() -> None:
-    """Print one line per task."""
+    """Print one line per task, suite by suite."""
     header = ("env", "suite", "observations", "actions", "episode", "human F", "sparse F", "description")
-    rows = [
-        (name, *_row(registry.get(name)), *_baselines(name), registry.get(name).description)
-        for name in registry.names()
-    ]
+    tasks = {name: registry.get(name) for name in registry.names()}
+    suites = list(dict.fromkeys(task.suite for task in tasks.values()))
+    by_suite = sorted(tasks.items(), key=lambda item: suites.index(item[1].suite))
+    rows = [(name, *_row(task), *_baselines(name), task.description) for name, task in by_suite]
     print(columns([header, *rows]))
     print("\nEpisode: in steps. F: held out, mean over seeds, where benchmarks/baselines.py has measured it.")
 

@@ -1,0 +1,134 @@
+"""What a training step costs beside bare physics, part by part, in CPU time: a busy machine matters less.
+
+    python benchmarks/cost.py                                   # the two-handed tasks below; some minutes
+    python benchmarks/cost.py --env ant --worlds 512 --repeats 5
+
+Bare physics and training take turns in one process; the ratio is that of the median costs of one environment step, all
+threads together. `benchmarks/throughput.py` has the like in steps a second of wall time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import statistics
+import time
+from collections import Counter
+from collections.abc import Callable
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from mujoco.batch import Batch
+
+from openeureka.tasks import registry
+from openeureka.training.population import Population
+from openeureka.types import TrainBudget, TrainJob
+
+RESULTS = Path(__file__).parent / "results" / "cost.json"
+TASKS = ("shadow_hand_over", "shadow_hand_door_open_outward", "shadow_hand_push_block", "shadow_hand_kettle")
+LANES = 2
+EPOCHS = 2
+RAW_STEPS = 32  # control steps of bare physics
+
+clock = time.process_time
+
+
+def raw(env: str, worlds: int) -> float:
+    """CPU seconds per environment step of bare `mujoco.batch` under random controls."""
+    task = registry.get(env)
+    model = task.compile_model()
+    batch = Batch(model, worlds, nthread=0, persistent=True)
+    ctrl = batch.bind("ctrl")
+    low, high = np.where(model.actuator_ctrllimited, model.actuator_ctrlrange.T, [[-1.0], [1.0]])
+    random = np.random.default_rng(0)
+    batch.step(nstep=task.substeps)
+    started = clock()
+    for _ in range(RAW_STEPS):
+        ctrl[:] = random.uniform(low, high, ctrl.shape)
+        batch.step(nstep=task.substeps)
+    return (clock() - started) / (RAW_STEPS * worlds)
+
+
+def training(env: str, worlds: int) -> tuple[float, dict[str, float]]:
+    """CPU seconds per environment step of LANES lanes under the human reward, and those of its parts."""
+    horizon = registry.get(env).recipe.horizon
+    jobs = [TrainJob(id=str(seed), program="human", seed=seed) for seed in range(LANES)]
+    population = Population(env, jobs, TrainBudget(worlds=worlds, env_steps=EPOCHS * horizon * worlds))
+    task, simulator, ppo = population.env.task, population.env.sim, population.ppo
+    spent: Counter[str] = Counter()
+    parts = {
+        "physics": [(simulator, "step")],
+        "resets": [(simulator, "reset"), (simulator, "forward"), (task, "reset")],
+        "state and observation": [(task, "compute_state"), (task, "observe")],
+        "rewards and fitness": [(task, "human_reward"), (task, "fitness"), (task, "terminated")],
+        "policy": [(ppo, "act"), (ppo, "value")],
+        "update": [(ppo, "update")],
+    }
+    for part, methods in parts.items():
+        for owner, name in methods:
+            setattr(owner, name, _timed(getattr(owner, name), part, spent))
+    started = clock()
+    list(population.train())
+    total = clock() - started
+    steps = LANES * EPOCHS * horizon * worlds
+    return total / steps, {part: spent[part] / steps for part in parts}
+
+
+def _timed(function: Callable[..., Any], part: str, spent: Counter[str]) -> Callable[..., Any]:
+    def call(*args: Any, **options: Any) -> Any:
+        started = clock()
+        try:
+            return function(*args, **options)
+        finally:
+            spent[part] += clock() - started
+
+    return call
+
+
+def measure(env: str, worlds: int, repeats: int) -> dict[str, object]:
+    """Microseconds of CPU time per environment step."""
+    worlds = worlds or registry.get(env).recipe.worlds
+    pairs = [(raw(env, LANES * worlds), training(env, worlds)) for _ in range(repeats)]
+    bare, whole = [pair[0] for pair in pairs], [pair[1][0] for pair in pairs]
+    parts = {part: round(1e6 * statistics.median(found[part] for _, (_, found) in pairs), 1) for part in pairs[0][1][1]}
+    return {
+        "worlds_per_lane": worlds,
+        "lanes": LANES,
+        "raw_us": [round(1e6 * seconds, 1) for seconds in bare],
+        "training_us": [round(1e6 * seconds, 1) for seconds in whole],
+        "training_over_raw_speed": round(statistics.median(bare) / statistics.median(whole), 3),
+        "raw_physics_steps_per_cpu_second": round(registry.get(env).substeps / statistics.median(bare)),
+        "parts_us": parts,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--env", action="append", choices=registry.names(), help="a task; may be repeated")
+    parser.add_argument("--worlds", type=int, default=0, help="worlds of a lane, 0 for the recipe's")
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    options = parser.parse_args()
+    torch.set_num_threads(1)  # threads that wait by spinning would count as work
+    found: dict[str, object] = {}
+    for env in options.env or TASKS:
+        found[env] = measure(env, options.worlds, options.repeats)
+        print(env, json.dumps(found[env]), flush=True)
+    record = {
+        "date": datetime.now(UTC).date().isoformat(),
+        "machine": {"cores": os.cpu_count(), "python": platform.python_version(), "load_at_end": os.getloadavg()[0]},
+        "versions": {name: version(name) for name in ("mujoco", "torch")},
+        "tasks": found,
+    }
+    options.out.parent.mkdir(exist_ok=True)
+    options.out.write_text(json.dumps(record, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
