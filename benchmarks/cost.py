@@ -15,7 +15,7 @@ import os
 import platform
 import statistics
 import time
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -61,7 +61,7 @@ def training(env: str, worlds: int) -> tuple[float, dict[str, float]]:
     jobs = [TrainJob(id=str(seed), program="human", seed=seed) for seed in range(LANES)]
     population = Population(env, jobs, TrainBudget(worlds=worlds, env_steps=EPOCHS * horizon * worlds))
     task, simulator, ppo = population.env.task, population.env.sim, population.ppo
-    spent: Counter[str] = Counter()
+    spent: defaultdict[str, float] = defaultdict(float)
     parts = {
         "physics": [(simulator, "step")],
         "resets": [(simulator, "reset"), (simulator, "forward"), (task, "reset")],
@@ -80,7 +80,7 @@ def training(env: str, worlds: int) -> tuple[float, dict[str, float]]:
     return total / steps, {part: spent[part] / steps for part in parts}
 
 
-def _timed(function: Callable[..., Any], part: str, spent: Counter[str]) -> Callable[..., Any]:
+def _timed(function: Callable[..., Any], part: str, spent: dict[str, float]) -> Callable[..., Any]:
     def call(*args: Any, **options: Any) -> Any:
         started = clock()
         try:

@@ -146,7 +146,9 @@ class SimulatorConformance:
     def test_another_simulator_goes_on_from_a_saved_state(self) -> None:
         first, second = (self.open(slider(-9.81), 3) for _ in range(2))
         for sim in (first, second):
-            sim.bind("qpos"), sim.bind("ctrl"), sim.expand("body_mass")
+            sim.bind("qpos")
+            sim.bind("ctrl")
+            sim.expand("body_mass")
         first.expand("body_mass")[:, 1] = torch.tensor([1.0, 2.0, 4.0])
         first.bind("ctrl")[:, 0] = 3.0
         first.step(5)
