@@ -25,7 +25,6 @@ COLUMNS = 5
 WIDTH, HEIGHT, CAPTION = 360, 270, 28  # [pixels] of a tile's picture and of the line below it
 OVERSAMPLING = 2
 SECONDS = 0.15  # of random control
-COLOURS = 256
 
 
 def tile(env: str) -> Image.Image:
@@ -49,13 +48,13 @@ def photograph(stage: Stage) -> np.ndarray:
 
 
 def sheet(tiles: Sequence[Image.Image]) -> Image.Image:
-    """Tiles in rows of COLUMNS, in few colours so that the file is small."""
+    """Tiles in rows of COLUMNS."""
     columns = min(COLUMNS, len(tiles))
     width, height = tiles[0].size
     whole = Image.new("RGB", (columns * width, -(-len(tiles) // columns) * height), "white")
     for index, picture in enumerate(tiles):
         whole.paste(picture, (index % columns * width, index // columns * height))
-    return whole.quantize(COLOURS)
+    return whole
 
 
 def main() -> None:
