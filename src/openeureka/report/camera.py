@@ -38,11 +38,9 @@ def camera(model: mujoco.MjModel, data: mujoco.MjData, view: View) -> mujoco.Mjv
 
 
 def _corners(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """(8 k, 3) corners [m] of the boxes around every geom that moves or is moved by us; of all if none does."""
+    """(8 k, 3) corners [m] of the boxes around every geom that moves, or that is moved by hand."""
     moving = (model.body_weldid != 0) | (model.body_mocapid >= 0)
     shown = moving[model.geom_bodyid]
-    if not shown.any():
-        shown = model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE
     signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
     boxes = model.geom_aabb[shown]  # centre, half size
     local = boxes[:, None, :3] + signs * boxes[:, None, 3:]
@@ -74,7 +72,7 @@ def _traveller(model: mujoco.MjModel) -> int | None:
 
 
 def _root(model: mujoco.MjModel, body: int) -> int:
-    """The outermost body that moves, of those that a moving body hangs on."""
+    """The outermost moving body of those that a moving body hangs on, itself included."""
     while model.body_weldid[parent := int(model.body_parentid[body])]:
         body = parent
     return body

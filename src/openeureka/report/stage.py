@@ -62,11 +62,11 @@ def _agent(env: str, kind: str | bytes, seed: int) -> Agent:
     return lambda observation: torch.zeros(len(observation), actions)
 
 
-def decorated(task: type[Task], goals: Collection[str]) -> mujoco.MjModel:
-    """The task's model with a sky, light, a chequered floor to see speed by, and the goals of these bodies; training
-    needs none of them."""
+def decorated(task: type[Task], ghosts: Collection[str]) -> mujoco.MjModel:
+    """The task's model with a sky, light, a chequered floor to see speed by, and ghosts of these bodies; training needs
+    none of them."""
     spec = task.model()
-    add_ghosts(spec, task, goals)
+    add_ghosts(spec, task, ghosts)
     sky = {"builtin": mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, "width": 256, "height": 256}
     spec.add_texture(type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, rgb1=[0.75, 0.85, 0.95], rgb2=[0.3, 0.45, 0.65], **sky)
     squares = {"builtin": mujoco.mjtBuiltin.mjBUILTIN_CHECKER, "width": 256, "height": 256}

@@ -71,7 +71,7 @@ class Scene:
     things: Mapping[str, Placed]
     """By the name of their state variables; `object` is the main one."""
     goals: Mapping[str, Pose] = field(default_factory=dict)
-    """Start values of the goals' state variables, by their name: `goal` is that of `object`. They are not drawn."""
+    """Start values of the goals' state variables, by name: `goal` is that of `object`; only pictures show them."""
     table: Table | None = None
     hands_move: bool = True
     """Whether forces drive the hands' bases; else they are fixed."""
