@@ -1,0 +1,19 @@
+"""The parts of the cost of training add up to no more than the whole."""
+
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_the_parts_of_a_training_step_are_within_its_cost(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    import cost  # pyright: ignore[reportMissingImports]
+
+    found = cost.measure("cartpole", worlds=8, repeats=1)
+    assert found["worlds_per_lane"] == 8 and found["lanes"] == cost.LANES
+    (whole,) = found["training_us"]
+    assert min(found["parts_us"].values()) > 0.0
+    assert sum(found["parts_us"].values()) <= 1.01 * whole  # each is rounded to 0.1 of hundreds
+    assert found["training_over_raw_speed"] == pytest.approx(found["raw_us"][0] / whole, rel=0.05)
