@@ -141,10 +141,10 @@ class RunView:
     """By job id; checkpoints without their policies."""
     evaluations: Mapping[str, Evaluation]
     usage: Usage
-    unheard: tuple[Remark, ...]
-    """What a person said that no prompt has taken up yet."""
     videos: Mapping[str, str]
     """Path in the run directory by job id, and of the best policy by `best`."""
+    unheard: tuple[Remark, ...] = ()
+    """What a person said that no prompt has taken up yet."""
 
     @staticmethod
     def read(directory: Path) -> RunView:
