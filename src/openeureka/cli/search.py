@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from .. import loop, search
@@ -20,6 +21,7 @@ from ..store import Store, is_run, read_config, read_replies
 from ..tasks.context import context
 from ..tasks.record import record_states
 from ..training.executor import PopulationTrainer
+from .desk import TerminalDesk
 from .live import view
 from .paths import output_directory
 from .settings import only_path, split
@@ -35,6 +37,8 @@ class Interrupted(EurekaError):
 def run(words: Sequence[str]) -> None:
     """Start a search, or continue the one that `dir=` holds."""
     config = parse(RunConfig, words)
+    if config.feedback == "human" and not any(word.startswith("video=") for word in words):
+        config = replace(config, video="all")  # who is to judge needs to see
     _search(config, output_directory(config.dir, config.env))
 
 
@@ -62,7 +66,8 @@ def _search(config: RunConfig, directory: Path) -> None:
             _filming(directory, config) as films,
             view(config, store.usage()) as table,
         ):
-            loop.run(config, store, model, checker, trainer, known, strategy, Observers(table, *films))
+            desk = TerminalDesk(directory, config, films)
+            loop.run(config, store, model, checker, trainer, known, strategy, Observers(table, *films), desk)
     finally:
         model.close()
     _conclude(config, directory)
@@ -95,7 +100,7 @@ def _conclude(config: RunConfig, directory: Path) -> None:
     """Reports come last: the search is complete without them."""
     problems = build(directory, config.video)
     result = RunView.read(directory)
-    best = result.history.best
+    best = result.ranking.best
     if best is not None and best.sample.candidate is not None:
         print(f"\nBest reward:\n\n{plain(best.sample.candidate.source)}")
     print("\n".join(summary(result)))

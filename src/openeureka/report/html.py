@@ -71,7 +71,7 @@ def cut(text: str, limit: int) -> str:
 
 
 def _anchor(place: CandidateView | Sample) -> str:
-    return f"g{place.generation}s{place.slot}"
+    return str(place.place)
 
 
 def _intent(env: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from random import Random
@@ -20,7 +20,9 @@ from ..types import (
     Evaluation,
     History,
     Message,
+    Place,
     Prompt,
+    Remark,
     Reply,
     Sample,
     Scored,
@@ -80,6 +82,13 @@ class CandidateView:
     attempts: tuple[AttemptView, ...] = ()
     video: str = ""
     """Path in the run directory; empty when there is none."""
+    strength: float | None = None
+    """Bradley-Terry strength by a person's votes; None where it took part in none."""
+    vetoed: bool = False
+
+    @property
+    def place(self) -> Place:
+        return Place(self.generation, self.slot)
 
     @property
     def state(self) -> CandidateState:
@@ -115,6 +124,8 @@ class GenerationView:
     candidates: tuple[CandidateView, ...]
     prompts: tuple[PromptView, ...] = ()
     finished: bool = True
+    remarks: tuple[Remark, ...] = ()
+    """What a person said after it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,6 +143,8 @@ class RunView:
     usage: Usage
     videos: Mapping[str, str]
     """Path in the run directory by job id, and of the best policy by `best`."""
+    unheard: tuple[Remark, ...] = ()
+    """What a person said that no prompt has taken up yet."""
 
     @staticmethod
     def read(directory: Path) -> RunView:
@@ -142,10 +155,11 @@ class RunView:
             return RunView(
                 config=config,
                 history=history,
-                generations=_Reader(config, history, results, videos, store).generations(),
+                generations=_Reader(config, history, search.Ranking(history), results, videos, store).generations(),
                 results=results,
                 evaluations=store.evaluations(),
                 usage=store.usage(),
+                unheard=store.unheard(),
                 videos=videos,
             )
 
@@ -154,11 +168,14 @@ class RunView:
         return tuple(candidate for generation in self.generations for candidate in generation.candidates)
 
     @property
+    def ranking(self) -> search.Ranking:
+        return search.Ranking(self.history)
+
+    @property
     def best(self) -> CandidateView | None:
-        """The candidate of highest F among the finished generations."""
-        best = self.history.best
-        place = (best.sample.generation, best.sample.slot) if best is not None else None
-        return next((c for c in self.candidates if (c.generation, c.slot) == place), None)
+        """The first in the ranking of the finished generations."""
+        best = self.ranking.best
+        return next((c for c in self.candidates if best is not None and c.place == best.sample.place), None)
 
     @property
     def baselines(self) -> dict[str, TrainingResult]:
@@ -174,7 +191,7 @@ class RunView:
     @property
     def outcome(self) -> Outcome | None:
         """The final comparison; None before all its trainings are done."""
-        best = self.history.best
+        best = self.ranking.best
         if best is None:
             return None
         arms = final_lanes(self.config, best)
@@ -194,6 +211,7 @@ class _Reader:
 
     config: RunConfig
     history: History
+    ranking: search.Ranking
     results: Mapping[str, TrainingResult]
     videos: Mapping[str, str]
     store: Store
@@ -202,7 +220,7 @@ class _Reader:
         asked, replies = self.store.prompts(), self.store.placed_replies()
         done = len(self.history.generations)
         views = []
-        for index in range(max((generation + 1 for generation, _ in asked), default=0)):
+        for index in range(max((generation + 1 for generation, *_ in (*asked, *replies)), default=0)):
             requests = [
                 PromptView(slot=slot, messages=messages)
                 for (generation, slot), messages in asked.items()
@@ -216,14 +234,18 @@ class _Reader:
             candidates = [self._candidate(index, slot, drawn[slot], parents.get(slot)) for slot in sorted(drawn)]
             views.append(
                 GenerationView(
-                    index=index, candidates=tuple(candidates), prompts=tuple(requests), finished=index < done
+                    index=index,
+                    candidates=tuple(candidates),
+                    prompts=tuple(requests),
+                    finished=index < done,
+                    remarks=self.history.generations[index].remarks if index < done else (),
                 )
             )
         return tuple(views)
 
     def _parents(self, index: int) -> dict[int, Sample]:
         """Parent by slot: a strategy is a pure function of the history, so it is asked again."""
-        before = History(self.history.generations[:index])
+        before = replace(self.history, generations=self.history.generations[:index])
         plans = search.make(self.config).ask(before, Random(f"{self.config.seed}/{index}"))
         parents = [plan.turns[-1].sample if plan.turns else None for plan in plans for _ in range(plan.count)]
         return {slot: parent for slot, parent in enumerate(parents) if parent is not None}
@@ -244,6 +266,8 @@ class _Reader:
             parent=parent,
             attempts=attempts,
             video=self.videos.get(job, ""),
+            strength=self.ranking.strengths.get(candidate.id) if candidate is not None else None,
+            vetoed=candidate is not None and candidate.id in self.ranking.rejected,
         )
 
     def _entry(self, index: int, slot: int) -> Scored | None:
