@@ -357,3 +357,16 @@ class PromptPlan:
     """Each becomes the model's own earlier answer followed by its feedback; empty for the first generation."""
     failures: tuple[Scored, ...] = ()
     """Refused programs of a generation in which nothing trained: the model is told why."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Glance:
+    """How far a run has come, in numbers that cost nothing to read."""
+
+    generations: int
+    """Finished ones."""
+    fitness: float | None
+    """The best F among them."""
+    evaluations: int
+    """Held-out scores: they come last."""
+    usage: Usage

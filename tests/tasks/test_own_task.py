@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from openeureka.cli.main import main
-from openeureka.cli.paths import output_directory
+from openeureka.store.paths import output_directory
 from openeureka.config import RunConfig, parse, short_name
 from openeureka.errors import TaskError
 from openeureka.tasks.context import context

@@ -13,10 +13,10 @@ from ..report import events
 from ..report.text import columns, duration, number, spread
 from ..score import human_normalised, mean
 from ..store import artifacts
+from ..store.paths import output_directory
 from ..tasks.registry import get
 from ..training.executor import PopulationTrainer
 from ..types import Evaluation, RewardProgram, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainJob
-from .paths import output_directory
 from .progress import ProgressLine
 from .rewards import explain, judge, read
 from .settings import TrainConfig

@@ -1,6 +1,7 @@
 """The run directory: one SQLite file of finished work and the files a person wants to open."""
 
-from .recover import is_run, read_config, read_replies
+from .db import FILENAME, LOG
+from .recover import is_held, is_run, read_config, read_replies
 from .store import Peak, Store
 
-__all__ = ["Peak", "Store", "is_run", "read_config", "read_replies"]
+__all__ = ["FILENAME", "LOG", "Peak", "Store", "is_held", "is_run", "read_config", "read_replies"]

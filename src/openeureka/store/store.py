@@ -19,6 +19,7 @@ from ..types import (
     Candidate,
     Evaluation,
     Generation,
+    Glance,
     History,
     Message,
     Prompt,
@@ -31,10 +32,13 @@ from ..types import (
 )
 from . import artifacts
 from .codec import decode_result, decode_verdict, encode_result, encode_verdict, finite, safe_text
-from .db import AGAIN, FILENAME, Database, explained
+from .db import AGAIN, FILENAME, LOCK, LOG, Database, explained
 
 Peak = Literal["fitness", "reward"]
 """Which of a lane's two checkpoints: where F, or where its own reward, was highest."""
+
+LOOK_TIME = 0.5
+"""[s] to wait for the lock: who only asks whether the run is at work (`is_held`) has it for microseconds."""
 
 _FREE_TO_CHANGE = {"dir", "device", "threads", "base_url", "max_cost", "price", "video", "unsafe_no_sandbox"}
 """Settings that say how and where to run, not what is searched: a resumed run may have others."""
@@ -64,7 +68,7 @@ class Store:
             raise StoreError(f"{directory} is not empty and not a run; choose another dir=.")
         with explained(directory):
             directory.mkdir(parents=True, exist_ok=True)
-            lock = FileLock(directory / "run.lock", timeout=0)
+            lock = FileLock(directory / LOCK, timeout=LOOK_TIME)
             try:
                 lock.acquire()
             except Timeout:
@@ -253,6 +257,16 @@ class Store:
         row = self._database.row("verdicts", candidate=identity) if identity is not None else None
         return Candidate(id=row["candidate"], source=row["source"]) if row is not None else None
 
+    def glance(self) -> Glance:
+        """How far the run has come."""
+        row = self._database.glance()
+        return Glance(
+            generations=row["generations"],
+            fitness=row["fitness"],
+            evaluations=row["evaluations"],
+            usage=_usage(row),
+        )
+
     def save_best(self, best: Scored, job: str, peak: Peak) -> None:
         """Fill `best/` with the program and a lane's policy: the one place that changes, as better rewards come."""
         assert best.sample.candidate is not None
@@ -265,11 +279,14 @@ class Store:
 def _foreign(directory: Path) -> bool:
     """Whether the directory holds anything besides what a run killed at its very start leaves."""
     with explained(directory):
-        return any(path.name != "run.lock" for path in directory.iterdir())
+        return any(path.name not in (LOCK, LOG) for path in directory.iterdir())
 
 
 def _reply(row: sqlite3.Row) -> Reply:
-    usage = Usage(
+    return Reply(text=row["text"], model=row["model"], usage=_usage(row), seconds=row["seconds"])
+
+
+def _usage(row: sqlite3.Row) -> Usage:
+    return Usage(
         prompt_tokens=row["prompt_tokens"], completion_tokens=row["completion_tokens"], cost_usd=row["cost_usd"]
     )
-    return Reply(text=row["text"], model=row["model"], usage=usage, seconds=row["seconds"])
