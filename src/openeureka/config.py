@@ -16,6 +16,7 @@ from .errors import ConfigError, nearest
 
 BONUSES = ("none", "original")
 VIDEOS = ("all", "best", "none")
+_COUNTS = ("sample", "iteration", "feedback_timeout", "repair", "refill", "steps", "worlds", "threads", "max_cost")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +35,14 @@ class RunConfig:
     """Generations, N."""
     search: str = "best"
     """`best` (global best is the parent, four-turn history) or `eureka` (as published)."""
+    init: str = ""
+    """Begin with a given reward: `human`, or the path of a reward file; empty means with the model's own."""
+    feedback: str = "none"
+    """`none`, or `human`: after each generation wait for what a person says of it."""
+    feedback_timeout: float = 0.0
+    """Seconds to wait for a person; 0 means for ever."""
+    judge: str = "fitness"
+    """Candidates are ranked by `fitness`, or by the `votes` of a person."""
     repair: int = 0
     """Repair turns a refused candidate may take before its slot is sampled anew."""
     refill: int = 2
@@ -66,13 +75,15 @@ class RunConfig:
     """Run generated code in an unconfined child process where the kernel cannot confine it."""
 
     def __post_init__(self) -> None:
-        for key in ("sample", "iteration", "repair", "refill", "steps", "worlds", "threads", "max_cost"):
+        for key in _COUNTS:
             if getattr(self, key) < 0:
                 raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
         if self.seeds < 1:
             raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")
         choices = {
             "search": ("best", "eureka"),
+            "feedback": ("none", "human"),
+            "judge": ("fitness", "votes"),
             "bonus": BONUSES,
             "baselines": ("train", "known"),
             "video": VIDEOS,
@@ -80,6 +91,20 @@ class RunConfig:
         for key, allowed in choices.items():
             if getattr(self, key) not in allowed:
                 raise ConfigError(f"`{key}` must be one of {', '.join(allowed)}, not `{getattr(self, key)}`.")
+        if self.judge == "votes" and self.feedback != "human":
+            raise ConfigError("`judge=votes` needs someone who votes; add feedback=human.")
+
+    @property
+    def generations(self) -> int:
+        """All generations: those of the model, after that of a given reward."""
+        return self.iteration + bool(self.init)
+
+    @property
+    def hearings(self) -> int:
+        """Generations after which a person is heard. What follows the last one can only change who wins by votes."""
+        if self.feedback != "human":
+            return 0
+        return self.generations if self.judge == "votes" else self.generations - 1
 
 
 def short_name(env: str) -> str:
@@ -87,10 +112,10 @@ def short_name(env: str) -> str:
     return re.sub(r"\W+", "_", env.rpartition(":")[2]).lower()
 
 
-def _absolute(env: str) -> str:
-    """`FILE.py:Class` with the whole path, so that `eureka resume` and `eureka play` find it from any directory."""
-    file, _, name = env.rpartition(":")
-    return f"{Path(file).expanduser().resolve()}:{name}" if file.endswith(".py") else env
+def _absolute(name: str) -> str:
+    """`FILE.py` or `FILE.py:Class` with the whole path, so that any command finds it from any directory."""
+    match = re.fullmatch(r"(.+\.py)(:.*)?", name)
+    return f"{Path(match[1]).expanduser().resolve()}{match[2] or ''}" if match else name
 
 
 Config = TypeVar("Config")
@@ -110,7 +135,7 @@ def parse(kind: type[Config], words: Sequence[str]) -> Config:
             raise ConfigError(f"`{word}` is not of the form key=value, for example env=cartpole.")
         if key not in fields:
             raise ConfigError(f"Unknown setting `{key}`.{nearest(key, fields)} Settings: {', '.join(fields)}.")
-        values[key] = _absolute(value) if key == "env" else value
+        values[key] = _absolute(value) if key in ("env", "init") else value
     try:
         merged = OmegaConf.merge(OmegaConf.structured(kind), values)
         built = {key: merged[key] for key in values}  # pyright: ignore[reportArgumentType]

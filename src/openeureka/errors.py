@@ -42,6 +42,10 @@ class StoreError(EurekaError):
     exit_code = 5
 
 
+class FeedbackError(EurekaError):
+    """Something said to a run that does not listen, or about a candidate that is not there."""
+
+
 class SandboxUnavailable(EurekaError):
     """The kernel lacks what confinement needs."""
 

@@ -9,7 +9,7 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 # --- state: the only names a reward may read -------------------------------------------------------------------------
 
@@ -299,6 +299,16 @@ class Trainer(Protocol):
 # --- search ----------------------------------------------------------------------------------------------------------
 
 
+class Place(NamedTuple):
+    """A slot of a generation: what people call a candidate by, as in `g0s3`."""
+
+    generation: int
+    slot: int
+
+    def __str__(self) -> str:
+        return f"g{self.generation}s{self.slot}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
     """What became of one slot of a generation."""
@@ -309,6 +319,10 @@ class Sample:
     verdict: Verdict
     attempts: int = 1
     """Replies spent on the slot, repairs included."""
+
+    @property
+    def place(self) -> Place:
+        return Place(self.generation, self.slot)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -324,10 +338,35 @@ class Scored:
         return self.result.fitness if self.result is not None else None
 
 
+class RemarkKind(StrEnum):
+    """What a person can say of a search."""
+
+    WORDS = "words"
+    FAVOURITE = "favourite"  # the parent of the next generation
+    VETO = "veto"  # never a parent and never the best, for good
+    VOTE = "vote"  # of two policies, the one that does the task better
+    GO = "go"  # the search need not wait longer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Remark:
+    """One thing that a person said."""
+
+    kind: RemarkKind
+    text: str = ""
+    """The words."""
+    candidate: Place | None = None
+    """The favourite, the vetoed one, or the one preferred in a vote."""
+    over: Place | None = None
+    """The other one of a vote."""
+
+
 @dataclass(frozen=True, slots=True)
 class Generation:
     index: int
     entries: tuple[Scored, ...]
+    remarks: tuple[Remark, ...] = ()
+    """What a person said before the next generation was asked for."""
 
     @property
     def best(self) -> Scored | None:

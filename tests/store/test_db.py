@@ -8,7 +8,7 @@ from openeureka.errors import StoreError
 from openeureka.store import artifacts, db
 from openeureka.store.db import MIGRATIONS, Database
 
-TABLES = ("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations")
+TABLES = ("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations", "remarks", "heard")
 REPLY = {
     "generation": 0,
     "attempt": 0,
@@ -52,6 +52,19 @@ def test_an_older_file_is_migrated_and_keeps_its_rows(
     newer.close()
 
 
+def test_an_older_file_can_be_viewed_and_stays_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as then:
+        then.setattr(db, "MIGRATIONS", MIGRATIONS[:1])
+        older = Database(tmp_path, writable=True)
+        older.put("replies", REPLY)
+        older.close()
+    viewed = Database(tmp_path, writable=False)
+    assert dict(viewed.rows("replies")[0]) == REPLY
+    assert viewed.rows("remarks") == []
+    viewed.close()
+    assert schema(tmp_path)[0] == 1
+
+
 def test_a_migration_that_fails_leaves_the_old_schema(
     tmp_path: Path, database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -81,6 +94,8 @@ def test_a_finished_row_never_changes(tmp_path: Path, database: Database, table:
         "results": {"job": "a-s0", "fitness": 1.0, "result": "{}"},
         "entries": {"generation": 0, "slot": 0, "verdict": "{}", "attempts": 1, "feedback": ""},
         "evaluations": {"job": "a-s0", "fitness": 1.0, "episode_length": 1.0, "episodes": 1},
+        "remarks": {"kind": "words", "text": "too jerky"},
+        "heard": {"generation": 0, "remarks": 1},
     }
     database.put("results", rows["results"])
     if table != "results":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from ..types import (
@@ -12,6 +13,9 @@ from ..types import (
     Checkpoint,
     Finding,
     Node,
+    Place,
+    Remark,
+    RemarkKind,
     RewardGraph,
     TrainingResult,
     TrainingState,
@@ -116,3 +120,33 @@ def decode_result(job: str, text: str) -> TrainingResult:
         message=data["message"],
         **peaks,
     )
+
+
+# --- remarks ---------------------------------------------------------------------------------------------------------
+
+
+def encode_remark(remark: Remark) -> dict[str, str | int | None]:
+    """The columns of a row."""
+    generation, slot = remark.candidate or (None, None)
+    over_generation, over_slot = remark.over or (None, None)
+    return {
+        "kind": remark.kind,
+        "text": safe_text(remark.text),
+        "generation": generation,
+        "slot": slot,
+        "over_generation": over_generation,
+        "over_slot": over_slot,
+    }
+
+
+def decode_remark(row: Mapping[str, Any]) -> Remark:
+    return Remark(
+        kind=RemarkKind(row["kind"]),
+        text=row["text"],
+        candidate=_place(row["generation"], row["slot"]),
+        over=_place(row["over_generation"], row["over_slot"]),
+    )
+
+
+def _place(generation: int | None, slot: int | None) -> Place | None:
+    return Place(generation, slot) if generation is not None and slot is not None else None

@@ -72,6 +72,20 @@ CREATE TABLE evaluations (
 );
 """
 
+_REMARKS = """
+CREATE TABLE remarks (
+    id INTEGER PRIMARY KEY,
+    kind TEXT NOT NULL,
+    text TEXT NOT NULL,
+    generation INTEGER, slot INTEGER,             -- the candidate it is about
+    over_generation INTEGER, over_slot INTEGER    -- the other one of a vote
+);
+CREATE TABLE heard (
+    generation INTEGER PRIMARY KEY,
+    remarks INTEGER NOT NULL         -- all up to this id, less those of earlier generations, came after this one
+);
+"""
+
 
 def _immutable(*tables: str) -> str:
     return "".join(
@@ -84,6 +98,7 @@ def _immutable(*tables: str) -> str:
 
 MIGRATIONS: list[str] = [
     _TABLES + _immutable("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations"),
+    _REMARKS + _immutable("remarks", "heard"),
 ]
 """Script n brings a file from schema n to n + 1. Published scripts are never edited, only followed by new ones."""
 
@@ -132,7 +147,8 @@ class Database:
         self.directory = directory
         with explained(directory):
             # Transactions are written out below, so that each one is visible where it matters.
-            self._connection = sqlite3.connect(directory / FILENAME, isolation_level=None)
+            # People's remarks come from other processes: a writer waits until the other one has committed.
+            self._connection = sqlite3.connect(directory / FILENAME, isolation_level=None, timeout=30.0)
             self._connection.row_factory = sqlite3.Row
             try:
                 self._prepare(writable)
@@ -147,12 +163,26 @@ class Database:
         if not writable:
             if schema == 0:
                 raise StoreError(f"{self.directory} holds a run that never began; {AGAIN}")
+            if schema < len(MIGRATIONS):
+                self._view_a_copy()
+                self._migrate(schema)
             self._connection.execute("PRAGMA query_only = ON")
             return
         self._connection.execute("PRAGMA journal_mode = WAL")
         # FULL syncs at every commit: a few hundred a run, and a reply that was paid for survives a power cut.
         self._connection.execute("PRAGMA synchronous = FULL")
         self._connection.execute("PRAGMA foreign_keys = ON")
+        self._migrate(schema)
+
+    def _view_a_copy(self) -> None:
+        """Go on with a copy in memory: an older file that is only looked at stays as it is."""
+        copy = sqlite3.connect(":memory:", isolation_level=None)
+        copy.row_factory = sqlite3.Row
+        self._connection.backup(copy)
+        self._connection.close()
+        self._connection = copy
+
+    def _migrate(self, schema: int) -> None:
         for number, script in enumerate(MIGRATIONS[schema:], start=schema + 1):
             self._connection.executescript(f"BEGIN IMMEDIATE; {script} PRAGMA user_version = {number}; COMMIT;")
 

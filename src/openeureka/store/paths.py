@@ -7,7 +7,6 @@ from pathlib import Path
 
 from ..config import short_name
 
-
 OUTPUTS = Path("outputs")
 
 

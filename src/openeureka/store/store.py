@@ -23,6 +23,7 @@ from ..types import (
     History,
     Message,
     Prompt,
+    Remark,
     Reply,
     Sample,
     Scored,
@@ -31,7 +32,16 @@ from ..types import (
     Verdict,
 )
 from . import artifacts
-from .codec import decode_result, decode_verdict, encode_result, encode_verdict, finite, safe_text
+from .codec import (
+    decode_remark,
+    decode_result,
+    decode_verdict,
+    encode_remark,
+    encode_result,
+    encode_verdict,
+    finite,
+    safe_text,
+)
 from .db import AGAIN, FILENAME, LOCK, LOG, Database, explained
 
 Peak = Literal["fitness", "reward"]
@@ -40,7 +50,9 @@ Peak = Literal["fitness", "reward"]
 LOOK_TIME = 0.5
 """[s] to wait for the lock: who only asks whether the run is at work (`is_held`) has it for microseconds."""
 
-_FREE_TO_CHANGE = {"dir", "device", "threads", "base_url", "max_cost", "price", "video", "unsafe_no_sandbox"}
+_FREE_TO_CHANGE = {
+    *("dir", "device", "threads", "base_url", "max_cost", "price", "video", "feedback_timeout", "unsafe_no_sandbox"),
+}
 """Settings that say how and where to run, not what is searched: a resumed run may have others."""
 
 
@@ -89,6 +101,11 @@ class Store:
         if not (directory / FILENAME).is_file():
             raise StoreError(f"{directory} is not a run: it has no {FILENAME}.")
         return cls(directory, Database(directory, writable=False), None)
+
+    @classmethod
+    def visit(cls, directory: Path | str) -> Store:
+        """Say something to a run that another process has: the one thing that may be written without its lock."""
+        return cls(Path(directory), Database(Path(directory), writable=True), None)
 
     def close(self) -> None:
         self._database.close()
@@ -240,7 +257,9 @@ class Store:
         generations: dict[int, list[Scored]] = {}
         for row in self._database.rows("entries", order=("generation", "slot")):
             generations.setdefault(row["generation"], []).append(self._scored(row))
-        return History(tuple(Generation(index, tuple(entries)) for index, entries in generations.items()))
+        return History(
+            tuple(Generation(index, tuple(entries), self.heard(index) or ()) for index, entries in generations.items())
+        )
 
     def _scored(self, row: sqlite3.Row) -> Scored:
         sample = Sample(
@@ -266,6 +285,42 @@ class Store:
             evaluations=row["evaluations"],
             usage=_usage(row),
         )
+
+    # --- remarks of a person -----------------------------------------------------------------------------------------
+
+    def say(self, *remarks: Remark) -> None:
+        """Commit what a person said; it counts for the generation that is asked for next."""
+        self._database.put("remarks", *map(encode_remark, remarks))
+
+    def unheard(self) -> tuple[Remark, ...]:
+        """What was said and entered no history yet."""
+        return self._remarks(self._last_heard())
+
+    def hear(self, generation: int) -> tuple[Remark, ...]:
+        """Close the remarks on a generation: what is unheard is part of its history from now on, later ones are not."""
+        rows = self._database.rows("remarks", order=("id",))
+        self._database.put("heard", {"generation": generation, "remarks": rows[-1]["id"] if rows else 0})
+        remarks = self.heard(generation)
+        assert remarks is not None
+        return remarks
+
+    def heard(self, generation: int) -> tuple[Remark, ...] | None:
+        """What a person said after a generation; None when it may still be added to."""
+        row = self._database.row("heard", generation=generation)
+        return self._remarks(self._last_heard(before=generation), row["remarks"]) if row is not None else None
+
+    def _last_heard(self, before: int | None = None) -> int:
+        """Id of the last remark that a generation (earlier than `before`) has heard; ids begin with 1."""
+        closed = self._database.rows("heard")
+        return max((r["remarks"] for r in closed if before is None or r["generation"] < before), default=0)
+
+    def _remarks(self, after: int, last: int | None = None) -> tuple[Remark, ...]:
+        rows = self._database.rows("remarks", order=("id",))
+        return tuple(
+            decode_remark(dict(row)) for row in rows if row["id"] > after and (last is None or row["id"] <= last)
+        )
+
+    # --- the best ----------------------------------------------------------------------------------------------------
 
     def save_best(self, best: Scored, job: str, peak: Peak) -> None:
         """Fill `best/` with the program and a lane's policy: the one place that changes, as better rewards come."""

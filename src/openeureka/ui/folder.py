@@ -58,7 +58,8 @@ def fingerprint(directory: Path) -> Fingerprint:
     Files are replaced by renaming, which changes their folder.
     """
     lanes = directory / "lanes"
-    files = [*(directory / name for name in _CHANGING), directory / "best", *(lanes.iterdir() if lanes.is_dir() else ())]
+    files = [directory / name for name in (*_CHANGING, "best")]
+    files += lanes.iterdir() if lanes.is_dir() else ()
     return (is_held(directory), *sorted((path.name, *_stat(path)) for path in files))
 
 
@@ -86,7 +87,7 @@ def entry(name: str, directory: Path) -> Entry:
 def standing(directory: Path, config: RunConfig, glance: Glance) -> Standing:
     if is_held(directory):
         return Standing.RUNNING
-    searched = glance.generations >= config.iteration
+    searched = glance.generations >= config.generations
     done = searched and (glance.evaluations > 0 or glance.fitness is None)  # without a reward nothing is scored
     return Standing.FINISHED if done else Standing.STOPPED
 

@@ -1,7 +1,7 @@
 """Who may talk to the page: somebody who was given its address, through a page of its own.
 
-A browser sends requests for any web page that is open in it. A name that suddenly resolves to this machine is refused by
-its `Host`, a form of another site by its `Origin`, and anybody else, other users of this machine too, by the token.
+A browser sends requests for any web page that is open in it. A name that suddenly resolves to this machine is refused
+by its `Host`, a form of another site by its `Origin`, and anybody else, other users of this machine too, by the token.
 """
 
 from __future__ import annotations
