@@ -11,6 +11,7 @@ from ..config import RunConfig
 from ..errors import StoreError
 from ..store import FILENAME, LOG, Store, is_held, is_run
 from ..types import Glance
+from .follow import Fingerprint
 
 
 class Standing(StrEnum):
@@ -34,7 +35,6 @@ class Entry:
     problem: str = ""
 
 
-Fingerprint = tuple[object, ...]
 _CHANGING = (FILENAME, f"{FILENAME}-wal", LOG)
 
 

@@ -4,76 +4,70 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
-
-from .folder import Fingerprint
+from typing import Generic, TypeVar
 
 PAUSE = 2.0
 """[s] between two looks of a page."""
 SHARE = 0.03
 """Of one core, which following may take while a run changes all the time."""
-REMEMBERED = 64
-"""Versions of pages. Who shows an older one is sent all parts."""
-
+Fingerprint = tuple[object, ...]
+"""Differs when what it stands for has changed."""
 Parts = Mapping[str, str]
 """HTML of a page's parts by name, in the page's order."""
+Value = TypeVar("Value")
+
+
+class Fresh(Generic[Value]):
+    """Keeps what was made, at most `size` of it, until its fingerprint differs."""
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self._kept: dict[str, tuple[Fingerprint, Value]] = {}
+
+    def get(self, key: str, fingerprint: Fingerprint, make: Callable[[], Value]) -> Value:
+        kept = self._kept.pop(key, None)
+        value = kept[1] if kept is not None and kept[0] == fingerprint else make()
+        self._kept[key] = fingerprint, value
+        while len(self._kept) > self._size:
+            del self._kept[next(iter(self._kept))]  # the one that was not asked for longest
+        return value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """A piece of a page."""
+
+    name: str
+    mark: str
+    """Differs when the HTML does."""
+    html: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Version:
-    """A page as it was at one time."""
+    """A page as it is now."""
 
-    tag: str
-    parts: Parts
+    parts: tuple[Part, ...]
     pause: float
     """[s] that a page should wait before it looks again: the longer, the more this version cost to make."""
 
-    def since(self, earlier: Version | None) -> dict[str, object]:
-        """What leads from an earlier version to this one, as JSON."""
-        known = earlier.parts if earlier is not None else {}
-        changed = {name: html for name, html in self.parts.items() if known.get(name) != html}
-        return {"tag": self.tag, "order": list(self.parts), "changed": changed}
-
-
-class Versions:
-    """The newest version of each page that somebody looks at, and some earlier ones."""
-
-    def __init__(self) -> None:
-        self._newest: OrderedDict[str, tuple[Fingerprint, Version]] = OrderedDict()
-        self._earlier: OrderedDict[str, Version] = OrderedDict()
-
-    def newest(self, page: str, fingerprint: Fingerprint, render: Callable[[], Parts]) -> Version:
-        """The page, rendered only where what it shows has changed."""
-        held = self._newest.get(page)
-        if held is not None and held[0] == fingerprint:
-            return held[1]
+    @staticmethod
+    def make(render: Callable[[], Parts]) -> Version:
         begun = time.process_time()
-        parts = render()
-        cost = time.process_time() - begun
-        version = Version(tag=_tag(parts), parts=parts, pause=max(PAUSE, cost / SHARE))
-        _keep(self._newest, page, (fingerprint, version))
-        _keep(self._earlier, version.tag, version)
-        return version
+        parts = tuple(Part(name=name, mark=_mark(html), html=html) for name, html in render().items())
+        return Version(parts=parts, pause=max(PAUSE, (time.process_time() - begun) / SHARE))
 
-    def earlier(self, tag: str) -> Version | None:
-        return self._earlier.get(tag)
-
-
-def _tag(parts: Parts) -> str:
-    digest = hashlib.sha256()
-    for name, html in parts.items():
-        digest.update(f"{name}\0{html}\0".encode())
-    return digest.hexdigest()[:16]
+    def beyond(self, marks: Sequence[str]) -> dict[str, object] | None:
+        """What leads to this version from one whose parts have these marks, as JSON; None from this very one."""
+        if list(marks) == [part.mark for part in self.parts]:
+            return None
+        return {
+            "order": [(part.name, part.mark) for part in self.parts],
+            "changed": {part.mark: part.html for part in self.parts if part.mark not in marks},
+        }
 
 
-Value = TypeVar("Value")
-
-
-def _keep(kept: OrderedDict[str, Value], key: str, value: Value) -> None:
-    kept[key] = value
-    kept.move_to_end(key)
-    while len(kept) > REMEMBERED:
-        kept.popitem(last=False)
+def _mark(html: str) -> str:
+    return hashlib.sha256(html.encode()).hexdigest()[:12]
