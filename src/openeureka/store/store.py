@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import json
 import sqlite3
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Literal
 
 from filelock import FileLock, Timeout
@@ -219,8 +220,16 @@ class Store:
         row = self._database.row("results", job=job)
         return decode_result(job, row["result"]) if row is not None else None
 
-    def results(self) -> dict[str, TrainingResult]:
-        return {row["job"]: decode_result(row["job"], row["result"]) for row in self._database.rows("results")}
+    def results(self, known: Mapping[str, TrainingResult] = MappingProxyType({})) -> dict[str, TrainingResult]:
+        """By job. Those that are known from before are not decoded again."""
+
+        def result(row: sqlite3.Row) -> TrainingResult:
+            earlier = known.get(row["job"])
+            # Results never change, but a directory may hold another run by now.
+            same = earlier is not None and earlier.fitness == row["fitness"]
+            return earlier if same else decode_result(row["job"], row["result"])
+
+        return {row["job"]: result(row) for row in self._database.rows("results")}
 
     def policy(self, job: str, peak: Peak) -> bytes | None:
         """The lane's policy at its peak (safetensors); None when it never had one."""
@@ -252,16 +261,17 @@ class Store:
         ]
         self._database.put("entries", *rows)
 
-    def history(self) -> History:
-        """Every finished generation."""
+    def history(self, results: Mapping[str, TrainingResult] | None = None) -> History:
+        """Every finished generation; `results` are those of the run, where the caller has them."""
+        results = self.results() if results is None else results
         generations: dict[int, list[Scored]] = {}
         for row in self._database.rows("entries", order=("generation", "slot")):
-            generations.setdefault(row["generation"], []).append(self._scored(row))
+            generations.setdefault(row["generation"], []).append(self._scored(row, results))
         return History(
             tuple(Generation(index, tuple(entries), self.heard(index) or ()) for index, entries in generations.items())
         )
 
-    def _scored(self, row: sqlite3.Row) -> Scored:
+    def _scored(self, row: sqlite3.Row, results: Mapping[str, TrainingResult]) -> Scored:
         sample = Sample(
             generation=row["generation"],
             slot=row["slot"],
@@ -269,7 +279,7 @@ class Store:
             verdict=decode_verdict(row["verdict"]),
             attempts=row["attempts"],
         )
-        result = self.result(row["job"]) if row["job"] is not None else None
+        result = results[row["job"]] if row["job"] is not None else None
         return Scored(sample=sample, result=result, feedback=row["feedback"])
 
     def _candidate(self, identity: str | None) -> Candidate | None:

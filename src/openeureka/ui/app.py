@@ -61,7 +61,7 @@ class Pages:
         def parts() -> Parts:
             return pages.listing([folder.entry(*run) for run in found.items()])
 
-        version = self._versions.get("/", fingerprint, lambda: Version.make(parts))
+        version = self._versions.get("/", fingerprint, lambda _: Version.make(parts))
         return self._answer(request, version, "runs.html", problem=problem, **pages.start_form())
 
     async def start(self, request: Request) -> Response:
@@ -96,7 +96,7 @@ class Pages:
             except EurekaError as error:
                 return pages.unreadable(directory, str(error))
 
-        version = self._versions.get(str(request.url), fingerprint, lambda: Version.make(parts))
+        version = self._versions.get(str(request.url), fingerprint, lambda _: Version.make(parts))
         return self._answer(request, version, template, title=name)
 
     def _named(self, request: Request) -> tuple[str, Path]:
@@ -108,9 +108,11 @@ class Pages:
         return name, directory
 
     def _view(self, name: str, directory: Path, fingerprint: Fingerprint) -> RunView:
-        return self._views.get(name, fingerprint, lambda: RunView.read(directory))
+        return self._views.get(name, fingerprint, lambda earlier: RunView.read(directory, earlier))
 
-    def _answer(self, request: Request, version: Version, template: str, *, problem: str = "", **values: object) -> Response:
+    def _answer(
+        self, request: Request, version: Version, template: str, *, problem: str = "", **values: object
+    ) -> Response:
         """The page; to one that is open already, what has changed of the parts that it shows."""
         shown = request.headers.get("X-Shown")
         if shown is None:

@@ -26,9 +26,11 @@ class Fresh(Generic[Value]):
         self._size = size
         self._kept: dict[str, tuple[Fingerprint, Value]] = {}
 
-    def get(self, key: str, fingerprint: Fingerprint, make: Callable[[], Value]) -> Value:
-        kept = self._kept.pop(key, None)
-        value = kept[1] if kept is not None and kept[0] == fingerprint else make()
+    def get(self, key: str, fingerprint: Fingerprint, make: Callable[[Value | None], Value]) -> Value:
+        """The value of the key; `make` is given the one before."""
+        before, value = self._kept.pop(key, ((), None))
+        if value is None or before != fingerprint:
+            value = make(value)
         self._kept[key] = fingerprint, value
         while len(self._kept) > self._size:
             del self._kept[next(iter(self._kept))]  # the one that was not asked for longest
