@@ -226,8 +226,9 @@ class Store:
         def result(row: sqlite3.Row) -> TrainingResult:
             earlier = known.get(row["job"])
             # Results never change, but a directory may hold another run by now.
-            same = earlier is not None and earlier.fitness == row["fitness"]
-            return earlier if same else decode_result(row["job"], row["result"])
+            if earlier is not None and earlier.fitness == row["fitness"]:
+                return earlier
+            return decode_result(row["job"], row["result"])
 
         return {row["job"]: result(row) for row in self._database.rows("results")}
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 from ..config import RunConfig, parse
 from ..errors import ConfigError
@@ -15,18 +16,16 @@ from ..store.db import explained
 from ..store.paths import output_directory
 from ..tasks import registry
 
-SETTINGS = ("env", "model", "sample", "iteration", "steps", "seed", "device", "video")
+SETTINGS = ("env", "model", "sample", "iteration", "steps", "seed", "device", "feedback", "video")
 """What the form asks for. Addresses and paths stay on the command line: a page must not send keys somewhere."""
-
-_EUREKA = (sys.executable, "-c", "from openeureka.cli.main import main; main()")
 
 
 class Launcher:
-    """Keeps the processes it started only to see how those end that never begin a run."""
+    """Starts them, and buries those that have ended."""
 
     def __init__(self, root: Path) -> None:
         self._root = root
-        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._processes: list[subprocess.Popen[bytes]] = []
 
     def start(self, form: Mapping[str, str]) -> str:
         """Begin a search with the settings of a form, those left empty at their defaults; the name of the run.
@@ -40,20 +39,21 @@ class Launcher:
         if config.env not in registry.names():
             raise ConfigError(f"`{config.env}` is not a task that can be started from here; use `eureka run`.")
         directory = output_directory("", config.env, root=self._root)
+        self._processes = [process for process in self._processes if process.poll() is None]
         with explained(directory):
             directory.mkdir(parents=True)  # takes the name
             with (directory / LOG).open("xb") as log:
-                self._processes[directory.name] = subprocess.Popen(
-                    [*_EUREKA, "run", *words, f"dir={directory}"],
-                    stdin=subprocess.DEVNULL,
-                    stdout=log,
-                    stderr=subprocess.STDOUT,
-                    env=os.environ | {"PYTHONUNBUFFERED": "1"},
-                    start_new_session=True,  # Ctrl-C and a closed terminal end the page, not the run
-                )
+                self._processes.append(_detached(["run", *words, f"dir={directory}"], log))
         return directory.name
 
-    def starting(self, name: str) -> bool:
-        """Whether a run that has no store yet is on its way."""
-        process = self._processes.get(name)
-        return process is not None and process.poll() is None
+
+def _detached(words: Sequence[str], log: BinaryIO) -> subprocess.Popen[bytes]:
+    """`eureka` in a session of its own: Ctrl-C and a closed terminal end the page, not the run."""
+    return subprocess.Popen(
+        [sys.executable, "-c", "from openeureka.cli.main import main; main()", *words],
+        stdin=subprocess.DEVNULL,
+        stdout=log,
+        stderr=subprocess.STDOUT,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+        start_new_session=True,
+    )

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..config import VIDEOS, RunConfig
+from ..config import FEEDBACKS, VIDEOS, RunConfig
 from ..report import html, inert
 from ..report.view import CandidateView, PromptView, RunView
 from ..tasks import registry
-from . import folder
+from . import folder, remarks
 from .folder import Entry
 from .follow import Parts, Version
 
@@ -23,7 +23,7 @@ def layout(template: str, version: Version, **values: object) -> str:
 
 def start_form() -> dict[str, object]:
     """What the form that starts a run offers."""
-    return {"envs": registry.names(), "videos": VIDEOS, "defaults": RunConfig()}
+    return {"envs": registry.names(), "feedbacks": FEEDBACKS, "videos": VIDEOS, "defaults": RunConfig()}
 
 
 def listing(entries: Sequence[Entry]) -> Parts:
@@ -32,11 +32,12 @@ def listing(entries: Sequence[Entry]) -> Parts:
     return {"titles": piece.titles(bool(entries)), **{f"run/{entry.name}": piece.entry(entry) for entry in entries}}
 
 
-def overview(run: RunView, directory: Path) -> Parts:
+def overview(directory: Path, run: RunView) -> Parts:
     """A whole run: how it stands, and a card for each candidate."""
     piece = _pieces(run=run)
     parts = {
         "head": piece.head(folder.entry("", directory), html.intent(run.config.env)),
+        "said": piece.said(remarks.ear(directory)),
         "log": piece.log(folder.log(directory)),
         "result": piece.result(),
     }
@@ -46,12 +47,16 @@ def overview(run: RunView, directory: Path) -> Parts:
     return parts
 
 
-def side_by_side(run: RunView, directory: Path, names: Sequence[str]) -> Parts:
+def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
     """Everything about some candidates, `g0s1` and the like; unknown ones are left out."""
     known = {inert.anchor(candidate): candidate for candidate in run.candidates}
     shown = [known[name] for name in dict.fromkeys(names) if name in known]
     piece = _pieces(run=run)
-    return {inert.anchor(candidate): piece.whole(candidate, _prompt(run, candidate)) for candidate in shown}
+    listens = remarks.ear(directory).listens
+    return {
+        inert.anchor(c): piece.whole(c, _prompt(run, c), [other for other in shown if other is not c], listens)
+        for c in shown
+    }
 
 
 def unreadable(directory: Path, problem: str) -> Parts:
