@@ -20,7 +20,7 @@ from starlette.routing import Route
 from ..errors import EurekaError
 from ..report import inert
 from ..report.view import RunView
-from ..store import say
+from ..store import is_run, say
 from . import folder, guard, pages, remarks
 from .follow import Fingerprint, Fresh, Parts, Version
 from .launch import Launcher
@@ -71,6 +71,8 @@ class Pages:
         ]
 
     async def runs(self, request: Request) -> Response:
+        if is_run(self._root):
+            return RedirectResponse(_address(*folder.runs(self._root)), 303)
         return self._answer(request, self._list())
 
     async def start(self, request: Request) -> Response:

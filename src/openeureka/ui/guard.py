@@ -16,7 +16,8 @@ from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
+LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
+"""Names that only this machine has for itself, as an address holds them."""
 MAX_BODY = 2 << 20
 """Bytes of a form."""
 _COOKIE = "openeureka"

@@ -11,13 +11,15 @@ from typing import BinaryIO
 
 from ..config import RunConfig, parse
 from ..errors import ConfigError
-from ..store import LOG
+from ..store import LOG, is_run
 from ..store.db import explained
 from ..store.paths import output_directory
 from ..tasks import registry
 
 SETTINGS = ("env", "model", "sample", "iteration", "steps", "seed", "device", "feedback", "video")
 """What the form asks for. Addresses and paths stay on the command line: a page must not send keys somewhere."""
+
+_EUREKA = (sys.executable, "-c", "from openeureka.cli.main import main; main()")
 
 
 class Launcher:
@@ -34,6 +36,8 @@ class Launcher:
             ConfigError: for a setting that does not fit, or an environment that `eureka envs` does not list.
             StoreError: where the folder cannot be written.
         """
+        if is_run(self._root):
+            raise ConfigError("This page is about one run; call `eureka ui` with the folder that holds it.")
         words = [f"{key}={form[key].strip()}" for key in SETTINGS if form.get(key, "").strip()]
         config = parse(RunConfig, words)
         if config.env not in registry.names():
@@ -50,7 +54,7 @@ class Launcher:
 def _detached(words: Sequence[str], log: BinaryIO) -> subprocess.Popen[bytes]:
     """`eureka` in a session of its own: Ctrl-C and a closed terminal end the page, not the run."""
     return subprocess.Popen(
-        [sys.executable, "-c", "from openeureka.cli.main import main; main()", *words],
+        [*_EUREKA, *words],
         stdin=subprocess.DEVNULL,
         stdout=log,
         stderr=subprocess.STDOUT,

@@ -13,21 +13,31 @@ from . import app, guard
 
 
 def serve(root: Path, host: str, port: int) -> None:
-    """Print the address, with its token, and serve.
-
-    Raises:
-        ConfigError: when the address cannot be had.
-    """
+    """Print the address, with its token, and serve. Raises ConfigError when the address cannot be had."""
     token = secrets.token_urlsafe(24)
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with listen(host, port) as listener:
+        print(f"Open http://{_in_address(host)}:{listener.getsockname()[1]}/?token={token}")
+        print("Ctrl-C ends the page; runs go on.", flush=True)
+        page = app.build(root, token, names(host))
+        config = uvicorn.Config(page, log_level="warning", ws="none", lifespan="off", timeout_graceful_shutdown=1)
+        try:
+            uvicorn.Server(config).run(sockets=[listener])
+        except KeyboardInterrupt:
+            pass  # the way to end it
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket for connections; port 0 takes a free one. Raises ConfigError when the address cannot be had."""
     try:
-        listener = socket.create_server((host, port), family=family)
+        return socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
     except OSError as error:
         raise ConfigError(f"No page at {host}:{port}: {error.strerror}; choose another host= or port=.") from None
-    hosts = guard.LOOPBACK if host in guard.LOOPBACK else ("*",)  # elsewhere it has names that are not known here
-    name = f"[{host}]" if ":" in host else host
-    print(
-        f"Open http://{name}:{listener.getsockname()[1]}/?token={token}\nCtrl-C ends the page; runs go on.", flush=True
-    )
-    config = uvicorn.Config(app.build(root, token, hosts), log_level="warning", ws="none", lifespan="off")
-    uvicorn.Server(config).run(sockets=[listener])
+
+
+def names(host: str) -> tuple[str, ...]:
+    """Under which the page may be called: those of this machine, or any where others can connect."""
+    return guard.LOOPBACK if _in_address(host) in guard.LOOPBACK else ("*",)
+
+
+def _in_address(host: str) -> str:
+    return f"[{host}]" if ":" in host else host
