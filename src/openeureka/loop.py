@@ -12,10 +12,11 @@ from .config import RunConfig
 from .lanes import Lanes, beside, final_lanes, final_seeds, lane, programs
 from .llm.client import LanguageModel
 from .observer import NullObserver, Observer
+from .person import Desk, EmptyDesk, Hearing
 from .reflection import reflect
 from .sampling import Checker, Sampler
 from .score import Outcome, compare, rank
-from .search import SearchStrategy
+from .search import Ranking, SearchStrategy
 from .store import Store
 from .types import History, Scored, TaskContext, Trainer
 
@@ -29,8 +30,9 @@ def run(
     context: TaskContext,
     strategy: SearchStrategy,
     observer: Observer | None = None,
+    desk: Desk | None = None,
 ) -> Outcome:
-    """Search for `config.iteration` generations, less those in the store, then score the best reward.
+    """Search for `config.generations` generations, less those in the store, then score the best reward.
 
     Raises:
         EurekaError: what stopped the run; all that was finished is stored, and running again continues.
@@ -39,13 +41,17 @@ def run(
     baselines.chosen(config)  # refuses before anything is paid for
     sampler = Sampler(config, store, model, checker, context, observer)
     lanes = Lanes(config, store, trainer, observer)
+    hearing = Hearing(config, store, desk or EmptyDesk(), observer)
     history = store.history()
     for generation in history.generations:
         observer.generation(generation)
 
-    for index in range(len(history.generations), config.iteration):
-        plans = strategy.ask(history, Random(f"{config.seed}/{index}"))
-        samples = sampler.fill(index, plans)
+    for index in range(len(history.generations), config.generations):
+        history = hearing.hear(history)
+        if config.init and index == 0:
+            samples = sampler.given()
+        else:
+            samples = sampler.fill(index, strategy.ask(history, Random(f"{config.seed}/{index}")))
         model.close()  # an embedded model must not run while training does: they fight for the same cores
 
         observer.phase(index, "train")
@@ -57,13 +63,16 @@ def run(
             result = results.get(lane(sample.verdict.candidate, config.seed))
             entries.append(Scored(sample=sample, result=result, feedback=reflect(sample, result, model.style)))
         history = strategy.tell(history, entries)
-        if history.best is not None:
-            store.save_best(history.best, lane(history.best.sample.verdict.candidate, config.seed), strategy.checkpoint)
+        best = Ranking(history).best
+        if best is not None:
+            store.save_best(best, lane(best.sample.verdict.candidate, config.seed), strategy.checkpoint)
         store.save_generation(history.generations[-1])
         observer.generation(history.generations[-1])
 
-    if history.best is not None:
-        conclude(config, store, lanes, strategy, history.best, observer)
+    history = hearing.hear(history)  # where votes decide, the last generation needs some too
+    best = Ranking(history).best
+    if best is not None:
+        conclude(config, store, lanes, strategy, best, observer)
     outcome = summarise(config, store, history)
     observer.outcome(outcome)
     return outcome
@@ -76,9 +85,9 @@ def conclude(
 
     The search's own F is the maximum of many tries; only fresh seeds and fresh episodes say what the reward is worth.
     """
-    observer.phase(config.iteration, "final")
+    observer.phase(config.generations, "final")
     results = lanes.train([*programs([best.sample]), *beside(config)], final_seeds(config))
-    observer.phase(config.iteration, "evaluate")
+    observer.phase(config.generations, "evaluate")
     scores = lanes.evaluate(results, strategy.checkpoint)
     own = {job: scores[job].fitness for job in final_lanes(config, best)["method"] if job in scores}
     winner = max(own, key=lambda job: rank(own[job]), default=lane(best.sample.verdict.candidate, config.seed))
@@ -87,7 +96,7 @@ def conclude(
 
 def summarise(config: RunConfig, store: Store, history: History) -> Outcome:
     """The outcome as far as the store holds it."""
-    best = history.best
+    best = Ranking(history).best
     if best is None:
         return Outcome(best=None)
     return compare(best, final_lanes(config, best), store.results(), store.evaluations(), baselines.chosen(config))

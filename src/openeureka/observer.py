@@ -7,14 +7,14 @@ from typing import Literal, Protocol
 from .score import Outcome
 from .types import Generation, Reply, Sample, TrainingProgress, TrainingResult
 
-Phase = Literal["sample", "check", "train", "final", "evaluate"]
+Phase = Literal["sample", "check", "train", "feedback", "final", "evaluate"]
 
 
 class Observer(Protocol):
     """Called from the thread of the run, in the order of events; must return soon and must not raise."""
 
     def phase(self, generation: int, name: Phase) -> None:
-        """A phase begins; `final` and `evaluate` come with the number of generations."""
+        """A phase begins; `final` and `evaluate` come with the number of generations, `feedback` waits for a person."""
         ...
 
     def reply(self, generation: int, slot: int, reply: Reply) -> None:

@@ -17,7 +17,7 @@ from typing import Literal
 
 from .llm import grammar
 from .reward import surface
-from .types import Message, Prompt, PromptPlan, Scored, StateVar, TaskContext, Verdict
+from .types import Message, Opinion, Prompt, PromptPlan, Scored, StateVar, TaskContext, Verdict
 
 MAX_PROGRAM = 12_000
 """Characters of an earlier program that a prompt shows."""
@@ -25,6 +25,10 @@ MAX_FEEDBACK = 8_000
 MAX_BRIEF_FEEDBACK = 2_000
 """Characters of feedback for the embedded model, whose context is small."""
 MAX_REASONS = 8
+MAX_WORDS = 4_000
+"""Characters of what a person said; the embedded model is shown half of it."""
+MAX_REJECTED = 2
+"""Rejected programs that a prompt shows, the newest ones."""
 
 _CUT = "\n[...]\n"
 _USES = {
@@ -75,7 +79,8 @@ def _free(context: TaskContext, plan: PromptPlan) -> Prompt:
         variables="\n".join(f"- `{v.name}`: {_annotation(v)}{_shape(v)}. {v.meaning}" for v in context.state.variables),
     )
     turns = [message for turn in plan.turns for message in _turn(turn, "free_feedback", MAX_FEEDBACK)]
-    return Prompt(messages=_with_failures((Message("system", system), Message("user", task), *turns), plan))
+    messages = _with_failures((Message("system", system), Message("user", task), *turns), plan)
+    return Prompt(messages=_with_opinion(messages, plan.opinion, MAX_WORDS, MAX_REJECTED))
 
 
 def _grammar(context: TaskContext, plan: PromptPlan) -> Prompt:
@@ -88,8 +93,9 @@ def _grammar(context: TaskContext, plan: PromptPlan) -> Prompt:
     system = f"{_template('grammar_system')}\n{_template('grammar_examples')}"
     # One turn only: the newest is the best reward, and a longer prompt costs each of the parallel samples its memory.
     turns = [message for turn in plan.turns[-1:] for message in _turn(turn, "grammar_feedback", MAX_BRIEF_FEEDBACK)]
+    messages = _with_failures((Message("system", system), Message("user", task), *turns), plan)
     return Prompt(
-        messages=_with_failures((Message("system", system), Message("user", task), *turns), plan),
+        messages=_with_opinion(messages, plan.opinion, MAX_WORDS // 2, rejected=0),
         grammar=grammar.grammar(context.state),
         prefill=grammar.prefill(context.state),
     )
@@ -109,8 +115,28 @@ def _with_failures(messages: tuple[Message, ...], plan: PromptPlan) -> tuple[Mes
     if not reasons:
         return messages
     shown = clean("\n".join(list(reasons)[:MAX_REASONS]), MAX_BRIEF_FEEDBACK)
+    return _with_postscript(messages, _template("failures").format(reasons=shown))
+
+
+def _with_opinion(messages: tuple[Message, ...], opinion: Opinion, limit: int, rejected: int) -> tuple[Message, ...]:
+    """What a person said, at the end of the last request; the newest words survive the limit."""
+    lines = []
+    if opinion.chosen:
+        lines.append("They chose the last reward function above as the one to improve.")
+    if opinion.won or opinion.lost:
+        lines.append(f"They preferred its policy in {opinion.won} of {opinion.won + opinion.lost} comparisons.")
+    if opinion.words:
+        said = "\n".join(f"> {line}" for words in opinion.words for line in clean(words, limit).splitlines())
+        lines += ["They said, the newest last:", said[-limit:]]
+    for entry in opinion.vetoed[-rejected:] if rejected else ():
+        program = clean(entry.sample.candidate.source, MAX_BRIEF_FEEDBACK) if entry.sample.candidate else ""
+        lines.append(f"They rejected the policy of this reward function:\n```python\n{program.strip()}\n```")
+    return _with_postscript(messages, _template("person").format(opinion="\n".join(lines))) if lines else messages
+
+
+def _with_postscript(messages: tuple[Message, ...], text: str) -> tuple[Message, ...]:
     last = messages[-1]
-    return (*messages[:-1], Message(last.role, f"{last.content}\n{_template('failures').format(reasons=shown)}"))
+    return (*messages[:-1], Message(last.role, f"{last.content}\n{text}"))
 
 
 def _annotation(variable: StateVar) -> str:

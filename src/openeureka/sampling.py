@@ -5,16 +5,19 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 from . import prompts
 from .config import RunConfig
-from .errors import BudgetError
+from .errors import BudgetError, RewardFileError
 from .llm import extract
 from .llm.client import LanguageModel
 from .observer import Observer
+from .reward import files
 from .store import Store
-from .types import Candidate, Finding, Prompt, PromptPlan, Reply, Sample, TaskContext, Verdict, VerdictCode
+from .tasks import human
+from .types import GIVEN, Candidate, Finding, Prompt, PromptPlan, Reply, Sample, TaskContext, Verdict, VerdictCode
 
 
 class Checker(Protocol):
@@ -63,6 +66,25 @@ class Sampler:
             samples += self._fill(generation, prompt, slots)
         return tuple(samples)
 
+    def given(self) -> tuple[Sample, ...]:
+        """Generation 0 of a run that begins with a given reward: that alone, kept as if it were a reply.
+
+        Raises:
+            RewardFileError: when it cannot be read or was refused; nothing is kept of it then.
+        """
+        if self.store.reply(0, 0, 0) is None:
+            reply = Reply(text=f"```python\n{self._initial()}\n```", model=GIVEN)
+            _, verdict = self._judged(reply)
+            if not verdict.accepted:
+                reasons = "; ".join(finding.sentence() for finding in verdict.findings)
+                raise RewardFileError(f"init={self.config.init} was refused: {reasons}")
+            self.store.save_reply(0, 0, 0, reply)
+        return (self._check(0, 0, 0),)
+
+    def _initial(self) -> str:
+        init = self.config.init
+        return human.program(self.config.env) if init == "human" else files.read(Path(init)).source
+
     def _fill(self, generation: int, prompt: Prompt, slots: Sequence[int]) -> list[Sample]:
         filled: dict[int, Sample] = {}
         turns = 1 + self.config.repair
@@ -109,21 +131,22 @@ class Sampler:
             )
 
     def _check(self, generation: int, attempt: int, slot: int) -> Sample:
-        reply = self._reply(generation, attempt, slot)
-        source = extract.program(reply.text)
-        candidate = Candidate.of(source) if source is not None else None
-        verdict = self._verdict(candidate, reply) if candidate is not None else NO_PROGRAM
+        candidate, verdict = self._judged(self._reply(generation, attempt, slot))
         sample = Sample(generation=generation, slot=slot, candidate=candidate, verdict=verdict, attempts=attempt + 1)
         self.observer.verdict(sample)
         return sample
 
-    def _verdict(self, candidate: Candidate, reply: Reply) -> Verdict:
-        """Equal programs are judged once."""
+    def _judged(self, reply: Reply) -> tuple[Candidate | None, Verdict]:
+        """The program of a reply, and the verdict on it; equal programs are judged once."""
+        source = extract.program(reply.text)
+        if source is None:
+            return None, NO_PROGRAM
+        candidate = Candidate.of(source)
         if self.store.verdict(candidate.id) is None:
             self.store.save_verdict(candidate, self.checker.check(candidate), reply)
         verdict = self.store.verdict(candidate.id)
         assert verdict is not None
-        return verdict
+        return candidate, verdict
 
     def _reply(self, generation: int, attempt: int, slot: int) -> Reply:
         """As stored, not as received: so that a resumed run reads the same."""

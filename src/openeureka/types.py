@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Literal, NamedTuple, Protocol
 
@@ -199,6 +199,9 @@ class Reply:
     seconds: float = 0.0
 
 
+GIVEN = "given"
+"""`Reply.model` of a reward that the run began with: nobody was asked for it."""
+
 # --- training --------------------------------------------------------------------------------------------------------
 
 RewardProgram = RewardGraph | Literal["human", "sparse"]
@@ -337,6 +340,11 @@ class Scored:
     def fitness(self) -> float | None:
         return self.result.fitness if self.result is not None else None
 
+    @property
+    def trained(self) -> bool:
+        """Whether its training came to the end, with or without a defined F."""
+        return self.result is not None and self.result.state is TrainingState.FINISHED
+
 
 class RemarkKind(StrEnum):
     """What a person can say of a search."""
@@ -377,14 +385,35 @@ class Generation:
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """Everything a search strategy may look at."""
+    """Everything a search strategy may look at; `search.Ranking` says who is ahead."""
 
     generations: tuple[Generation, ...] = ()
+    judge: Literal["fitness", "votes"] = "fitness"
 
-    @property
-    def best(self) -> Scored | None:
-        winners = [g.best for g in self.generations if g.best is not None]
-        return max(winners, key=lambda entry: entry.fitness or 0.0, default=None)
+    def grown(self, entries: Sequence[Scored]) -> History:
+        """With one more generation."""
+        generation = Generation(len(self.generations), tuple(entries))
+        return replace(self, generations=(*self.generations, generation))
+
+    def heard(self, remarks: Sequence[Remark]) -> History:
+        """With what a person said of the last generation."""
+        last = replace(self.generations[-1], remarks=tuple(remarks))
+        return replace(self, generations=(*self.generations[:-1], last))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Opinion:
+    """What a person thinks of the search so far, as a prompt shows it."""
+
+    words: tuple[str, ...] = ()
+    """All that was said, the newest last."""
+    chosen: bool = False
+    """The parent is the person's choice."""
+    won: int = 0
+    lost: int = 0
+    """Comparisons of the parent's policy with others."""
+    vetoed: tuple[Scored, ...] = ()
+    """Rejected programs, the newest veto last."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -396,6 +425,7 @@ class PromptPlan:
     """Each becomes the model's own earlier answer followed by its feedback; empty for the first generation."""
     failures: tuple[Scored, ...] = ()
     """Refused programs of a generation in which nothing trained: the model is told why."""
+    opinion: Opinion = Opinion()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

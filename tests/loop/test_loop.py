@@ -238,7 +238,7 @@ def test_spending_stops_before_the_limit_and_goes_on_with_a_higher_one(begin) ->
     with pytest.raises(BudgetError, match=r"max_cost=0\.035"):
         one.go()
     assert one.model.said == 2
-    assert one.history().best.fitness == 8
+    assert search.Ranking(one.history()).best.fitness == 8
     one.config = replace(one.config, max_cost=0.05)
     assert one.go().best.fitness == 10
 

@@ -7,6 +7,7 @@ import pytest
 from report.scripted import search_in
 from report.test_html import ELEMENTS, HOSTILE, NamesComponents, Page
 
+from openeureka.observer import NullObserver
 from openeureka.report.view import RunView
 from openeureka.store import Store
 from openeureka.testing.scripted import ScriptedModel, reply
@@ -139,17 +140,13 @@ def test_a_run_that_cannot_be_read_is_explained(tmp_path):
 
 
 def test_words_are_stored_and_shown_and_refused_ones_explained(tmp_path):
-    class Interrupted(ScriptedModel):
-        """Stops before the second generation, when a person may speak."""
-
-        def sample(self, prompt, *, n, seed):
-            if self.said == 2:
+    class Leaves(NullObserver):
+        def phase(self, generation, name):
+            if name == "feedback":
                 raise KeyboardInterrupt
-            yield from super().sample(prompt, n=n, seed=seed)
 
-    directory = tmp_path / "run"
     with pytest.raises(KeyboardInterrupt):
-        search_in(directory, [], model=Interrupted([reply(7), reply(8)]), iteration=2, feedback="human")
+        search_in(tmp_path / "run", [reply(7), reply(8)], observer=Leaves(), iteration=2, feedback="human")
     client = visitor(tmp_path)
     for form in ({"words": f"too jerky {HOSTILE}"}, {"favourite": "g0s0"}, {"vote": "g0s1>g0s0"}):
         answer = client.post("/runs/run/remarks", data=form)
@@ -159,7 +156,7 @@ def test_words_are_stored_and_shown_and_refused_ones_explained(tmp_path):
     assert_inert(page)
     refused = client.post("/runs/run/remarks", data={"veto": "g7s7"})
     assert refused.status_code == 400 and "g7s7 is no trained candidate" in refused.text
-    with Store.view(directory) as store:
+    with Store.view(tmp_path / "run") as store:
         assert [remark.kind for remark in store.unheard()] == ["words", "favourite", "vote"]
 
 

@@ -6,7 +6,8 @@ import pytest
 from report.scripted import search_in
 
 from openeureka.config import RunConfig
-from openeureka.store import LOG, Store
+from openeureka.store import Store
+from openeureka.store.db import LOG
 from openeureka.testing.scripted import ScriptedModel, reply
 from openeureka.ui import folder
 from openeureka.ui.folder import Standing

@@ -12,7 +12,7 @@ import httpx2
 import pytest
 
 from openeureka.errors import ConfigError
-from openeureka.store import LOG
+from openeureka.store.db import LOG
 from openeureka.ui import launch, server
 
 from .serving import visitor

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..config import parse
-from .rewards import explain, judge, read
+from ..reward.files import read
+from .rewards import explain, judge
 from .settings import CheckConfig, only_path, split
 
 

@@ -61,13 +61,13 @@ class Tally:
         if not self.durations:
             return None
         mean = sum(self.durations) / len(self.durations)
-        total = mean * (self.config.iteration - self.index)
+        total = mean * (self.config.generations - self.index)
         return max(0.0, total - (time.monotonic() - self._generation_started))
 
     def headline(self) -> str:
         left = self.remaining()
         spent = self.usage.prompt_tokens + self.usage.completion_tokens
-        last = self.config.iteration - 1
+        last = self.config.generations - 1
         parts = (
             short_name(self.config.env),
             f"generation {self.index} (0 to {last})" if self.index <= last else "final",
@@ -179,7 +179,7 @@ class TerminalView:
 
     def render(self) -> Group:
         lines = [Text(line) for line in (*self._done, self._tally.headline(), self._epochs) if line]
-        return Group(*lines, self._slots() if self._tally.index < self._tally.config.iteration else self._lanes())
+        return Group(*lines, self._slots() if self._tally.index < self._tally.config.generations else self._lanes())
 
     def _slots(self) -> Table:
         table = Table("slot", "candidate", "try", "verdict", "F", box=None, pad_edge=False)

@@ -1,26 +1,14 @@
-"""Reward files named on a command line: reading and checking them."""
+"""Reward files named on a command line: checking them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
-from ..errors import RewardFileError
 from ..report.text import plain
 from ..sandbox.client import Sandbox
 from ..tasks.record import record_states
 from ..tasks.registry import get
 from ..types import Candidate, Verdict
-
-
-def read(path: Path) -> Candidate:
-    """The program in a file. Raises RewardFileError."""
-    try:
-        return Candidate.of(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RewardFileError(f"Cannot read the reward file {path}: {error.strerror}.") from None
-    except UnicodeDecodeError:
-        raise RewardFileError(f"{path} is not a text file; a reward file is Python source in UTF-8.") from None
 
 
 def judge(env: str, candidates: Sequence[Candidate], *, unsafe: bool) -> list[Verdict]:

@@ -95,7 +95,7 @@ def _conclude(config: RunConfig, directory: Path) -> None:
     """Reports come last: the search is complete without them."""
     problems = build(directory, config.video)
     result = RunView.read(directory)
-    best = result.history.best
+    best = result.ranking.best
     if best is not None and best.sample.candidate is not None:
         print(f"\nBest reward:\n\n{plain(best.sample.candidate.source)}")
     print("\n".join(summary(result)))

@@ -23,7 +23,7 @@ def show(directory: Path) -> None:
     print(columns([("generation", "slot", "candidate", "try", "F", "verdict"), *slots]))
     print()
     print("\n".join(summary(run)))
-    best = run.history.best
+    best = run.ranking.best
     if best is not None and best.sample.candidate is not None:
         print(f"\nBest reward ({best.sample.candidate.id}):\n\n{plain(best.sample.candidate.source)}")
 
@@ -43,8 +43,8 @@ def summary(run: RunView) -> list[str]:
     if run.outcome is not None:
         lines += final(run.outcome)
         lines += [run.known.sentence()] if run.known is not None else []
-    elif len(run.history.generations) < run.config.iteration:
-        lines.append(f"{len(run.history.generations)} of {run.config.iteration} generations are done.")
+    elif len(run.history.generations) < run.config.generations:
+        lines.append(f"{len(run.history.generations)} of {run.config.generations} generations are done.")
     tokens = run.usage.prompt_tokens + run.usage.completion_tokens
     return [*lines, f"Spent: {tokens:,} tokens, US$ {run.usage.cost_usd:.4f}"]
 

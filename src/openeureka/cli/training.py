@@ -11,6 +11,7 @@ from ..config import as_dict, parse
 from ..errors import ConfigError, RewardFileError
 from ..report import events
 from ..report.text import columns, duration, number, spread
+from ..reward.files import read
 from ..score import human_normalised, mean
 from ..store import artifacts
 from ..store.paths import output_directory
@@ -18,7 +19,7 @@ from ..tasks.registry import get
 from ..training.executor import PopulationTrainer
 from ..types import Evaluation, RewardProgram, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainJob
 from .progress import ProgressLine
-from .rewards import explain, judge, read
+from .rewards import explain, judge
 from .settings import TrainConfig
 
 BUILT_IN = ("human", "sparse")

@@ -22,7 +22,7 @@ def summary(run: RunView) -> bytes:
     figure = Figure(figsize=(15, 4.5), layout="constrained")
     search, learning, components = figure.subplots(1, 3)
     _search(search, run.history, run.baselines)
-    best = run.history.best
+    best = run.ranking.best
     result = best.result if best else None
     _learning(learning, result, run.baselines)
     _components(components, result)

@@ -24,7 +24,7 @@ class Table:
 
 def search(run: RunView) -> Table:
     """The best of the search against the rewards that came with the task."""
-    best = run.history.best
+    best = run.ranking.best
     rows = [("best generated reward", number(best.fitness if best else None))]
     rows += [(f"{name} reward", number(result.fitness)) for name, result in run.baselines.items()]
     note = "F is the task's own score, its maximum over training. The best of many flatters: see the final scores."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from random import Random
@@ -20,6 +20,7 @@ from ..types import (
     Evaluation,
     History,
     Message,
+    Place,
     Prompt,
     Reply,
     Sample,
@@ -80,6 +81,10 @@ class CandidateView:
     attempts: tuple[AttemptView, ...] = ()
     video: str = ""
     """Path in the run directory; empty when there is none."""
+
+    @property
+    def place(self) -> Place:
+        return Place(self.generation, self.slot)
 
     @property
     def state(self) -> CandidateState:
@@ -164,11 +169,14 @@ class RunView:
         return {a.reply.text: a.candidate for candidate in self.candidates for a in candidate.attempts}
 
     @property
+    def ranking(self) -> search.Ranking:
+        return search.Ranking(self.history)
+
+    @property
     def best(self) -> CandidateView | None:
-        """The candidate of highest F among the finished generations."""
-        best = self.history.best
-        place = (best.sample.generation, best.sample.slot) if best is not None else None
-        return next((c for c in self.candidates if (c.generation, c.slot) == place), None)
+        """The first in the ranking of the finished generations."""
+        best = self.ranking.best
+        return next((c for c in self.candidates if best is not None and c.place == best.sample.place), None)
 
     @property
     def baselines(self) -> dict[str, TrainingResult]:
@@ -184,7 +192,7 @@ class RunView:
     @property
     def outcome(self) -> Outcome | None:
         """The final comparison; None before all its trainings are done."""
-        best = self.history.best
+        best = self.ranking.best
         if best is None:
             return None
         arms = final_lanes(self.config, best)
@@ -214,7 +222,7 @@ class _Reader:
         asked, replies = self.store.prompts(), self.store.placed_replies()
         done = len(self.history.generations)
         views = []
-        for index in range(max((generation + 1 for generation, _ in asked), default=0)):
+        for index in range(max((generation + 1 for generation, *_ in (*asked, *replies)), default=0)):
             requests = [
                 PromptView(slot=slot, messages=messages)
                 for (generation, slot), messages in asked.items()
@@ -235,7 +243,7 @@ class _Reader:
 
     def _parents(self, index: int) -> dict[int, Sample]:
         """Parent by slot: a strategy is a pure function of the history, so it is asked again."""
-        before = History(self.history.generations[:index])
+        before = replace(self.history, generations=self.history.generations[:index])
         plans = search.make(self.config).ask(before, Random(f"{self.config.seed}/{index}"))
         parents = [plan.turns[-1].sample if plan.turns else None for plan in plans for _ in range(plan.count)]
         return {slot: parent for slot, parent in enumerate(parents) if parent is not None}

@@ -9,7 +9,8 @@ from random import Random
 from typing import Literal, Protocol
 
 from ..config import RunConfig
-from ..types import Generation, History, PromptPlan, Scored
+from ..types import History, Opinion, PromptPlan, RemarkKind, Scored
+from .ranking import Ranking
 
 
 class SearchStrategy(Protocol):
@@ -41,11 +42,12 @@ class Eureka:
     checkpoint: Literal["fitness", "reward"] = "fitness"
 
     def ask(self, history: History, rng: Random) -> Sequence[PromptPlan]:
-        winners = _winners(history)
-        return [PromptPlan(count=self.samples, turns=tuple(winners[-1:]), failures=_failures(history))]
+        ranking = Ranking(history)
+        parents = [*ranking.winners[-1:]] if ranking.favourite is None else [ranking.favourite]
+        return [_plan(self.samples, parents, history, ranking)]
 
     def tell(self, history: History, entries: Sequence[Scored]) -> History:
-        return _grown(history, entries)
+        return history.grown(entries)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,16 +61,16 @@ class Best:
     checkpoint: Literal["fitness", "reward"] = "reward"
 
     def ask(self, history: History, rng: Random) -> Sequence[PromptPlan]:
-        parent = history.best
+        ranking = Ranking(history)
+        parent = ranking.favourite or ranking.best
         if parent is None:
-            return [PromptPlan(count=self.samples, failures=_failures(history))]
-        others = {winner.sample.candidate: winner for winner in _winners(history)}
-        others.pop(parent.sample.candidate)
-        turns = (*list(others.values())[-_EARLIER_TURNS:], parent)
-        return [PromptPlan(count=self.samples, turns=turns, failures=_failures(history))]
+            return [_plan(self.samples, [], history, ranking)]
+        others = {winner.sample.candidate: winner for winner in ranking.winners}
+        others.pop(parent.sample.candidate, None)  # a favourite need not have won its generation
+        return [_plan(self.samples, [*list(others.values())[-_EARLIER_TURNS:], parent], history, ranking)]
 
     def tell(self, history: History, entries: Sequence[Scored]) -> History:
-        return _grown(history, entries)
+        return history.grown(entries)
 
 
 def make(config: RunConfig) -> SearchStrategy:
@@ -86,17 +88,27 @@ def sized(config: RunConfig, style: Literal["free", "grammar"]) -> RunConfig:
     return dataclasses.replace(config, sample=config.sample or sample, iteration=config.iteration or iteration)
 
 
-def _winners(history: History) -> list[Scored]:
-    """The best entry of each generation in which anything trained, oldest first."""
-    return [generation.best for generation in history.generations if generation.best is not None]
+def _plan(samples: int, turns: Sequence[Scored], history: History, ranking: Ranking) -> PromptPlan:
+    """A prompt that ends with the parent, why its generation failed or what a person thinks of it."""
+    return PromptPlan(
+        count=samples, turns=tuple(turns), failures=_failures(history), opinion=_opinion(turns[-1:], history, ranking)
+    )
 
 
 def _failures(history: History) -> tuple[Scored, ...]:
     """The entries of the last generation when nothing in it trained: the next prompt says why."""
-    if not history.generations or history.generations[-1].best is not None:
+    if not history.generations or any(entry.trained for entry in history.generations[-1].entries):
         return ()
     return history.generations[-1].entries
 
 
-def _grown(history: History, entries: Sequence[Scored]) -> History:
-    return History((*history.generations, Generation(len(history.generations), tuple(entries))))
+def _opinion(parents: Sequence[Scored], history: History, ranking: Ranking) -> Opinion:
+    remarks = [remark for generation in history.generations for remark in generation.remarks]
+    won, lost = ranking.record(parents[0].sample.verdict.candidate) if parents else (0, 0)
+    return Opinion(
+        words=tuple(remark.text for remark in remarks if remark.kind is RemarkKind.WORDS),
+        chosen=ranking.favourite is not None,
+        won=won,
+        lost=lost,
+        vetoed=ranking.vetoed,
+    )

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 from ..config import RunConfig
-from ..types import Reply
+from ..types import Remark, Reply
 from .db import FILENAME, LOCK
 from .store import Store
 
@@ -25,6 +25,12 @@ def read_replies(directory: Path | str) -> tuple[Reply, ...]:
     """
     with Store.view(directory) as store:
         return store.replies()
+
+
+def read_remarks(directory: Path | str) -> dict[int, tuple[Remark, ...]]:
+    """What a person said of a run, by the generation after which it was heard, for `model=replay:DIR`."""
+    with Store.view(directory) as store:
+        return {generation.index: generation.remarks for generation in store.history().generations}
 
 
 def is_run(directory: Path | str) -> bool:

@@ -17,6 +17,7 @@ from .. import __version__
 from ..config import RunConfig, as_dict
 from ..errors import StoreError
 from ..types import (
+    GIVEN,
     Candidate,
     Evaluation,
     Generation,
@@ -169,8 +170,8 @@ class Store:
         return _reply(row) if row is not None else None
 
     def replies(self) -> tuple[Reply, ...]:
-        """Every reply in the order in which a run asks for them."""
-        return tuple(self.placed_replies().values())
+        """Every reply in the order in which a run asks for them; a given reward was not asked for."""
+        return tuple(reply for reply in self.placed_replies().values() if reply.model != GIVEN)
 
     def placed_replies(self) -> dict[tuple[int, int, int], Reply]:
         """Every reply by generation, attempt and slot, in that order."""
@@ -268,9 +269,8 @@ class Store:
         generations: dict[int, list[Scored]] = {}
         for row in self._database.rows("entries", order=("generation", "slot")):
             generations.setdefault(row["generation"], []).append(self._scored(row, results))
-        return History(
-            tuple(Generation(index, tuple(entries), self.heard(index) or ()) for index, entries in generations.items())
-        )
+        finished = [Generation(index, tuple(own), self.heard(index) or ()) for index, own in generations.items()]
+        return History(tuple(finished), "votes" if self.config.judge == "votes" else "fitness")
 
     def _scored(self, row: sqlite3.Row, results: Mapping[str, TrainingResult]) -> Scored:
         sample = Sample(

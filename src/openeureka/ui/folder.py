@@ -9,7 +9,8 @@ from pathlib import Path
 
 from ..config import RunConfig
 from ..errors import StoreError
-from ..store import FILENAME, LOG, Store, is_held, is_run
+from ..store import Store, is_held, is_run
+from ..store.db import FILENAME, LOG
 from ..types import Glance
 from .follow import Fingerprint
 

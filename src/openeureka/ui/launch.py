@@ -11,8 +11,8 @@ from typing import BinaryIO
 
 from ..config import RunConfig, parse
 from ..errors import ConfigError
-from ..store import LOG, is_run
-from ..store.db import explained
+from ..store import is_run
+from ..store.db import LOG, explained
 from ..store.paths import output_directory
 from ..tasks import registry
 

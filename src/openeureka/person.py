@@ -1,0 +1,78 @@
+"""The wait for a person between two generations."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from .config import RunConfig
+from .observer import Observer
+from .store import Store, read_remarks
+from .types import Generation, History, Remark, RemarkKind
+
+POLL = 0.5
+"""[s] between two looks at what was said elsewhere."""
+
+
+class Desk(Protocol):
+    """Where the person who started the run may sit. Others come through the store, by `store.say`."""
+
+    def invite(self, generation: Generation) -> None:
+        """Show what there is to judge, and return when it can be watched."""
+        ...
+
+    def listen(self, seconds: float) -> Sequence[Remark]:
+        """What was said here within so long."""
+        ...
+
+
+class EmptyDesk:
+    """Nobody sits there."""
+
+    def invite(self, generation: Generation) -> None: ...
+
+    def listen(self, seconds: float) -> Sequence[Remark]:
+        time.sleep(seconds)
+        return ()
+
+
+@dataclass(frozen=True, slots=True)
+class Hearing:
+    """Adds to a history what a person says of its last generation.
+
+    Every remark is committed when it is said; what counts for the next prompt is closed by one row. A run that is
+    killed while it waits, waits again, and has lost nothing.
+    """
+
+    config: RunConfig
+    store: Store
+    desk: Desk
+    observer: Observer
+
+    def hear(self, history: History) -> History:
+        """The history with the remarks on its last generation, where a person is to be heard and was not yet."""
+        index = len(history.generations) - 1
+        if not 0 <= index < self.config.hearings or self.store.heard(index) is not None:
+            return history
+        if self.config.model.startswith("replay:"):
+            self._repeat(index)
+        else:
+            self._wait(history.generations[index])
+        return history.heard(self.store.hear(index))
+
+    def _repeat(self, index: int) -> None:
+        """Say what was said in the run that is replayed."""
+        recorded = read_remarks(self.config.model.removeprefix("replay:")).get(index, ())
+        if not self.store.unheard():  # they are committed all or none: a replay that was killed here may have them
+            self.store.say(*recorded)
+
+    def _wait(self, generation: Generation) -> None:
+        """Until somebody says `go`, or nobody did for too long."""
+        self.observer.phase(generation.index, "feedback")
+        self.desk.invite(generation)
+        end = time.monotonic() + (self.config.feedback_timeout or math.inf)
+        while all(remark.kind is not RemarkKind.GO for remark in self.store.unheard()) and time.monotonic() < end:
+            self.store.say(*self.desk.listen(min(POLL, self.config.feedback_timeout or POLL)))

@@ -1,0 +1,97 @@
+"""Who is better than whom: by F, or by the votes of a person; and whom that person rejected or chose."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from ..types import CandidateId, Generation, History, Place, RemarkKind, Scored
+from .votes import strengths
+
+
+class Record(NamedTuple):
+    """A candidate's comparisons with others."""
+
+    won: int
+    lost: int
+
+
+class Ranking:
+    """The order of a history's entries. Equal programs share all that a person said of any of them."""
+
+    def __init__(self, history: History) -> None:
+        self._generations = history.generations
+        self._entries = {e.sample.place: e for generation in history.generations for e in generation.entries}
+        self._votes = [vote for generation in history.generations for vote in self._compared(generation)]
+        self.strengths = strengths(self._votes)
+        """Bradley-Terry strength by candidate id, of those that took part in a vote."""
+        # A task that never defines F leaves nothing else to judge by.
+        scored = any(entry.fitness is not None for entry in self._entries.values())
+        self.by_votes = history.judge == "votes" or (bool(self._votes) and not scored)
+        self.vetoed = tuple(
+            self._entries[place]
+            for place in dict.fromkeys(
+                remark.candidate
+                for generation in history.generations
+                for remark in generation.remarks
+                if remark.kind is RemarkKind.VETO and remark.candidate is not None
+            )
+        )
+        """Rejected for good, in the order of the vetoes."""
+        self._rejected = {entry.sample.verdict.candidate for entry in self.vetoed}
+
+    @property
+    def best(self) -> Scored | None:
+        """The first of all; of equals the earlier one. None when nothing trained or all of it was rejected."""
+        return self._best(self._entries.values())
+
+    @property
+    def winners(self) -> tuple[Scored, ...]:
+        """The best of each generation that has one, oldest first."""
+        found = (self._best(generation.entries) for generation in self._generations)
+        return tuple(entry for entry in found if entry is not None)
+
+    @property
+    def favourite(self) -> Scored | None:
+        """Whom a person, after the last generation, chose as the next parent."""
+        remarks = self._generations[-1].remarks if self._generations else ()
+        chosen = [self._entry(remark.candidate) for remark in remarks if remark.kind is RemarkKind.FAVOURITE]
+        return next((e for e in reversed(chosen) if e.sample.verdict.candidate not in self._rejected), None)
+
+    def record(self, candidate: CandidateId) -> Record:
+        return Record(
+            won=sum(winner == candidate for winner, _ in self._votes),
+            lost=sum(loser == candidate for _, loser in self._votes),
+        )
+
+    def _best(self, entries: Iterable[Scored]) -> Scored | None:
+        return max(filter(self._may_win, entries), key=self._worth, default=None)
+
+    def _may_win(self, entry: Scored) -> bool:
+        trained = entry.trained if self.by_votes else entry.fitness is not None
+        return trained and entry.sample.verdict.candidate not in self._rejected
+
+    def _worth(self, entry: Scored) -> tuple[float, float]:
+        """Votes before F, where votes count; whom nobody compared is below all whom somebody did."""
+        undecided = -math.inf
+        strength = self.strengths.get(entry.sample.verdict.candidate, undecided) if self.by_votes else undecided
+        return strength, entry.fitness if entry.fitness is not None else -math.inf
+
+    def _compared(self, generation: Generation) -> Iterable[tuple[CandidateId, CandidateId]]:
+        """Winner and loser of the votes after a generation; a favourite wins against its whole generation."""
+        for remark in generation.remarks:
+            if remark.candidate is None:
+                continue
+            winner = self._id(remark.candidate)
+            others = [remark.over] if remark.over is not None else []
+            if remark.kind is RemarkKind.FAVOURITE:
+                others = [e.sample.place for e in self._generations[remark.candidate.generation].entries if e.trained]
+            yield from ((winner, self._id(other)) for other in others if self._id(other) != winner)
+
+    def _entry(self, place: Place | None) -> Scored:
+        assert place is not None
+        return self._entries[place]
+
+    def _id(self, place: Place) -> CandidateId:
+        return self._entries[place].sample.verdict.candidate
