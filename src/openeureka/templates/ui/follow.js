@@ -3,6 +3,12 @@
 
 const main = document.querySelector("main");
 
+// A browser that fetches the first picture of eighty films at once takes seconds: each waits until it can be seen.
+const films = new IntersectionObserver((entries) => {
+  for (const { isIntersecting, target } of entries) if (isIntersecting) target.preload = "metadata";
+});
+const awaitFilms = () => main.querySelectorAll("video[preload=none]").forEach((film) => films.observe(film));
+
 /** What a person has unfolded or chosen in a part stays so when the part is renewed. */
 function keep(old, renewed) {
   const unfolded = [...old.querySelectorAll("details")];
@@ -26,6 +32,7 @@ function renew({ order, changed }) {
     if (main.children[index] !== part) main.insertBefore(part, main.children[index] ?? null);
   });
   while (main.children.length > order.length) main.lastElementChild.remove();
+  awaitFilms();
 }
 
 async function look() {
@@ -50,4 +57,5 @@ async function follow(pause) {
   }
 }
 
+awaitFilms();
 follow(Number(main.dataset.pause));
