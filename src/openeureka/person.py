@@ -4,28 +4,27 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 from .config import RunConfig
 from .observer import Observer
 from .store import Store, read_remarks
-from .types import Generation, History, Remark, RemarkKind
+from .types import Generation, History, RemarkKind
 
 POLL = 0.5
 """[s] between two looks at what was said elsewhere."""
 
 
 class Desk(Protocol):
-    """Where the person who started the run may sit. Others come through the store, by `store.say`."""
+    """Where the person who started the run may sit. What is said there reaches the store as all else: by `say`."""
 
     def invite(self, generation: Generation) -> None:
         """Show what there is to judge, and return when it can be watched."""
         ...
 
-    def listen(self, seconds: float) -> Sequence[Remark]:
-        """What was said here within so long."""
+    def listen(self, seconds: float) -> None:
+        """Let so long pass, less when something is said here."""
         ...
 
 
@@ -34,9 +33,8 @@ class EmptyDesk:
 
     def invite(self, generation: Generation) -> None: ...
 
-    def listen(self, seconds: float) -> Sequence[Remark]:
+    def listen(self, seconds: float) -> None:
         time.sleep(seconds)
-        return ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,4 +73,4 @@ class Hearing:
         self.desk.invite(generation)
         end = time.monotonic() + (self.config.feedback_timeout or math.inf)
         while all(remark.kind is not RemarkKind.GO for remark in self.store.unheard()) and time.monotonic() < end:
-            self.store.say(*self.desk.listen(min(POLL, self.config.feedback_timeout or POLL)))
+            self.desk.listen(min(POLL, self.config.feedback_timeout or POLL))

@@ -22,6 +22,7 @@ _PHASES: dict[Phase, str] = {
     "sample": "asking the model",
     "check": "checking programs",
     "train": "training",
+    "feedback": "waiting for a person",
     "final": "retraining the best",
     "evaluate": "scoring on held-out episodes",
 }
@@ -157,6 +158,10 @@ class TerminalView:
             self._fitness.clear()
         self._epochs = ""
         self._tally.phase(generation, name)
+        if name == "feedback":
+            self._live.stop()  # the terminal is the person's
+        else:
+            self._live.start()
 
     def reply(self, generation: int, slot: int, reply: Reply) -> None:
         self._tally.usage += reply.usage

@@ -27,6 +27,7 @@ app = typer.Typer(
 
 Settings = Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE", hidden=True)]
 Words = Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE|PATH", hidden=True)]
+Remarks = Annotated[list[str] | None, typer.Argument(metavar="WORDS|MARK|go", hidden=True)]
 RunDirectory = Annotated[Path, typer.Argument(metavar="DIR", hidden=True)]
 
 
@@ -50,6 +51,17 @@ def resume(words: Words = None) -> None:
     from .search import resume
 
     resume(words or [])
+
+
+@app.command()
+def feedback(directory: RunDirectory, words: Remarks = None) -> None:
+    """Say something to a run with feedback=human: words for the model, favourite=, veto=, vote=, go.
+
+    Example: eureka feedback outputs/2026-01-31_12-00-00_ant "too jerky" favourite=g0s3 vote=g0s3:g0s1 go
+    """
+    from .feedback import feedback
+
+    feedback(directory, words or [])
 
 
 @app.command()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from .. import loop, search
@@ -21,6 +22,7 @@ from ..store.paths import output_directory
 from ..tasks.context import context
 from ..tasks.record import record_states
 from ..training.executor import PopulationTrainer
+from .desk import TerminalDesk
 from .live import view
 from .settings import only_path, split
 from .show import summary
@@ -35,6 +37,8 @@ class Interrupted(EurekaError):
 def run(words: Sequence[str]) -> None:
     """Start a search, or continue the one that `dir=` holds."""
     config = parse(RunConfig, words)
+    if config.feedback == "human" and not any(word.startswith("video=") for word in words):
+        config = replace(config, video="all")  # who is to judge needs to see
     _search(config, output_directory(config.dir, config.env))
 
 
@@ -62,7 +66,8 @@ def _search(config: RunConfig, directory: Path) -> None:
             _filming(directory, config) as films,
             view(config, store.usage()) as table,
         ):
-            loop.run(config, store, model, checker, trainer, known, strategy, Observers(table, *films))
+            desk = TerminalDesk(directory, config, films)
+            loop.run(config, store, model, checker, trainer, known, strategy, Observers(table, *films), desk)
     finally:
         model.close()
     _conclude(config, directory)

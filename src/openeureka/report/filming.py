@@ -7,9 +7,10 @@ resume` or `eureka report`: a video is missing exactly when its file is.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from queue import SimpleQueue
+from queue import Queue
 from threading import Thread
 from types import TracebackType
 
@@ -67,7 +68,7 @@ class Filming(NullObserver):
 
     def __init__(self, directory: Path, config: RunConfig) -> None:
         self._directory, self._config = directory, config
-        self._policies: SimpleQueue[tuple[str, bytes] | None] = SimpleQueue()
+        self._policies: Queue[tuple[str, bytes] | None] = Queue()
         self._stopped = False
         self._thread = Thread(target=self._work, name="filming", daemon=True)
 
@@ -80,6 +81,12 @@ class Filming(NullObserver):
     def _next(self) -> Iterator[tuple[str, bytes]]:
         while not self._stopped and (policy := self._policies.get()) is not None:
             yield policy
+            self._policies.task_done()
+
+    def wait(self) -> None:
+        """Return when all that is trained so far is filmed, as far as this machine can."""
+        while self._thread.is_alive() and self._policies.unfinished_tasks:
+            time.sleep(0.1)
 
     @property
     def waiting(self) -> int:

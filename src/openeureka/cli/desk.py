@@ -1,0 +1,64 @@
+"""The terminal while a run waits for a person: where the videos are, and a line at a time of what they say."""
+
+from __future__ import annotations
+
+import select
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from ..config import RunConfig
+from ..errors import FeedbackError
+from ..lanes import lane
+from ..report.filming import Filming
+from ..report.text import columns, duration, number, plain
+from ..report.view import VIDEO
+from ..store import say
+from ..types import Generation
+from .feedback import typed
+
+
+class TerminalDesk:
+    """Speaks on stdout, and listens on stdin where that is a terminal."""
+
+    def __init__(self, directory: Path, config: RunConfig, films: Sequence[Filming]) -> None:
+        self._directory, self._config, self._films = directory, config, films
+        self._listening = sys.stdin.isatty()
+
+    def invite(self, generation: Generation) -> None:
+        for films in self._films:
+            films.wait()
+        print("\n".join(self._invitation(generation)), flush=True)
+
+    def _invitation(self, generation: Generation) -> Iterator[str]:
+        yield f"\nGeneration {generation.index} is trained. Watch its policies:"
+        yield columns([("candidate", "F", "video"), *self._videos(generation)])
+        yield "Say what you see, in words for the model, or favourite=, veto= and vote=, from any shell:"
+        yield f'  eureka feedback {self._directory} "too jerky" favourite=g0s1 veto=g0s2 vote=g0s1:g0s0 go'
+        if self._listening:
+            yield "or here, a line at a time; an empty line goes on."
+        if self._config.feedback_timeout:
+            yield f"Without a word it goes on after {duration(self._config.feedback_timeout)}."
+
+    def _videos(self, generation: Generation) -> Iterator[tuple[str, str, str]]:
+        for entry in generation.entries:
+            if entry.result is not None:
+                video = self._directory / "lanes" / lane(entry.sample.verdict.candidate, self._config.seed) / VIDEO
+                shown = str(video) if video.is_file() else "none"
+                yield str(entry.sample.place), number(entry.fitness), shown
+
+    def listen(self, seconds: float) -> None:
+        if not self._listening:
+            time.sleep(seconds)
+        elif select.select([sys.stdin], [], [], seconds)[0]:
+            self._hear(sys.stdin.readline())
+
+    def _hear(self, line: str) -> None:
+        if not line:  # Ctrl-D: the keyboard is silent from now on, other shells are not
+            self._listening = False
+            return
+        try:
+            say(self._directory, *typed(line))
+        except FeedbackError as error:
+            print(plain(str(error)))
