@@ -148,7 +148,7 @@ def test_words_are_stored_and_shown_and_refused_ones_explained(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         search_in(tmp_path / "run", [reply(7), reply(8)], observer=Leaves(), iteration=2, feedback="human")
     client = visitor(tmp_path)
-    for form in ({"words": f"too jerky {HOSTILE}"}, {"favourite": "g0s0"}, {"vote": "g0s1>g0s0"}):
+    for form in ({"words": f"too jerky {HOSTILE}"}, {"favourite": "g0s0"}, {"vote": "g0s1:g0s0"}):
         answer = client.post("/runs/run/remarks", data=form)
         assert (answer.status_code, answer.headers["location"]) == (303, "/runs/run/")
     page = shown(client, "/runs/run/")

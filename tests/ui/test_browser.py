@@ -41,9 +41,10 @@ class Paced(ScriptedModel):
 
 @contextmanager
 def running(directory: Path, script: Sequence[str], **settings: object) -> Iterator[Paced]:
-    """A search in a thread, which is over when the context is left."""
+    """A search that listens to a person, in a thread that is over soon after the context is left."""
     model = Paced(script)
-    thread = threading.Thread(target=search_in, args=(directory, []), kwargs={"model": model, **settings})
+    settings |= {"model": model, "iteration": 2, "feedback": "human", "feedback_timeout": PATIENCE / 1000}
+    thread = threading.Thread(target=search_in, args=(directory, []), kwargs=settings)
     thread.start()
     try:
         yield model
@@ -66,7 +67,7 @@ def film(directory: Path, slot: int) -> None:
 
 
 def test_a_person_follows_a_run_and_their_words_are_in_the_next_prompt(page: Page, tmp_path: Path):
-    with running(tmp_path / "run", [reply(n) for n in (7, 8, 9, 5)], iteration=2, feedback="human") as model:
+    with running(tmp_path / "run", [reply(n) for n in (7, 8, 9, 5)]) as model:
         page.goto("/")
         page.get_by_text("running").click()
         expect(page.locator(".state")).to_have_text("running")
@@ -101,7 +102,7 @@ def test_a_person_follows_a_run_and_their_words_are_in_the_next_prompt(page: Pag
 
 
 def test_two_candidates_are_compared_and_the_better_one_gets_the_vote(page: Page, tmp_path: Path):
-    with running(tmp_path / "run", [reply(n) for n in (7, 8, 9, 5)], iteration=2, feedback="human") as model:
+    with running(tmp_path / "run", [reply(n) for n in (7, 8, 9, 5)]) as model:
         model.allowed.release(2)
         page.goto("/runs/run/")
         expect(page.get_by_text("The run waits for a person.")).to_be_visible()
@@ -116,7 +117,7 @@ def test_two_candidates_are_compared_and_the_better_one_gets_the_vote(page: Page
 
 
 def test_what_a_person_types_opens_and_chooses_survives_the_news(page: Page, tmp_path: Path):
-    with running(tmp_path / "run", [reply(n) for n in (7, 8, 9, 5)], iteration=2, feedback="human") as model:
+    with running(tmp_path / "run", [reply(n) for n in (7, 8, 9, 5)]) as model:
         model.allowed.release()
         page.goto("/runs/run/")
         page.get_by_label("What should be different?").fill("half a sen")
@@ -132,11 +133,11 @@ def test_what_a_person_types_opens_and_chooses_survives_the_news(page: Page, tmp
 
 def test_nothing_that_others_wrote_runs(page: Page, tmp_path: Path):
     text = f"{ATTACK}\n```python\ndef compute_reward(x):\n    # {ATTACK}\n    return 7\n```"
-    settings = {"feedback": "human", "iteration": 2, "trainer": NamesComponents()}
-    with running(tmp_path / "<img src=x onerror=alert(1)>", [text, ATTACK, reply(1), reply(2)], **settings) as model:
+    with running(
+        tmp_path / "<img src=x onerror=alert(1)>", [text, ATTACK, reply(1), reply(2)], trainer=NamesComponents()
+    ) as model:
         model.allowed.release(2)
-        expect(page.get_by_text("<img src=x onerror=alert(1)>")).to_be_visible()
-        page.get_by_text("<img src=x onerror=alert(1)>").click()
+        page.get_by_text("<img src=x onerror=alert(1)>", exact=True).click()
         page.get_by_label("What should be different?").fill(ATTACK)
         expect(page.get_by_text("The run waits for a person.")).to_be_visible()
         page.get_by_role("button", name="Say", exact=True).click()
@@ -169,7 +170,6 @@ def test_a_run_is_started_from_the_form(page: Page, monkeypatch: pytest.MonkeyPa
     assert page.url.endswith("/")  # the browser itself refuses none
     page.get_by_label("rewards per generation").fill("3")
     page.get_by_role("button", name="Start").click()
-    page.get_by_text("What it printed last").click()
     expect(page.locator("pre")).to_contain_text(
         "run env=quadcopter model=local sample=3 seed=0 device=cpu feedback=none"
     )

@@ -4,15 +4,4 @@ from .recover import is_held, is_run, read_config, read_remarks, read_replies
 from .remarks import say
 from .store import Peak, Store
 
-__all__ = [
-    "FILENAME",
-    "LOG",
-    "Peak",
-    "Store",
-    "is_held",
-    "is_run",
-    "read_config",
-    "read_remarks",
-    "read_replies",
-    "say",
-]
+__all__ = ["Peak", "Store", "is_held", "is_run", "read_config", "read_remarks", "read_replies", "say"]

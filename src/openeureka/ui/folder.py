@@ -77,17 +77,18 @@ def entry(name: str, directory: Path) -> Entry:
     """How the run stands."""
     if not is_run(directory):
         return Entry(name=name, standing=Standing.UNBEGUN)
+    held = is_held(directory)
     try:
         with Store.view(directory) as store:
             config, glance = store.config, store.glance()
     except StoreError as error:
-        return Entry(name=name, standing=Standing.STOPPED, problem=str(error))
-    return Entry(name=name, standing=standing(directory, config, glance), config=config, glance=glance)
+        return Entry(name=name, standing=Standing.RUNNING if held else Standing.STOPPED, problem=str(error))
+    standing = Standing.RUNNING if held else _left(config, glance)
+    return Entry(name=name, standing=standing, config=config, glance=glance)
 
 
-def standing(directory: Path, config: RunConfig, glance: Glance) -> Standing:
-    if is_held(directory):
-        return Standing.RUNNING
+def _left(config: RunConfig, glance: Glance) -> Standing:
+    """How a run stands on which nobody works."""
     searched = glance.generations >= config.generations
     done = searched and (glance.evaluations > 0 or glance.fitness is None)  # without a reward nothing is scored
     return Standing.FINISHED if done else Standing.STOPPED
