@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..config import RunConfig, as_dict
+from ..config import as_dict
 from ..score import Baselines, Outcome
 from .stats import by_generation, trained_share
 from .text import duration, number, spread
@@ -105,7 +105,8 @@ def components(candidate: CandidateView) -> Table:
     return Table(("component, mean per step", "first epoch", "last epoch", "highest"), rows)
 
 
-def settings(config: RunConfig) -> Table:
+def settings(config: object) -> Table:
+    """Every field of a config."""
     return Table(("setting", "value"), [(key, str(value)) for key, value in as_dict(config).items()])
 
 
