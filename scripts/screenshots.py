@@ -1,6 +1,6 @@
 """Renews docs/images: the page and the report of a small search, as headless Chromium shows them.
 
-python scripts/screenshots.py [RUN]     # without a run it makes one, in about 3 minutes; needs the extra `dev` and Chromium
+    python scripts/screenshots.py [RUN]     # without a run it makes one; needs the extra `dev` and Chromium
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from openeureka.report.view import RunView
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 EUREKA = [sys.executable, "-c", "from openeureka.cli.main import main; main()"]
 SEARCH = ["env=cartpole", "model=random", "sample=6", "iteration=2", "steps=150000", "seeds=1", "video=all"]
-SIZE = {"width": 1100, "height": 800}
+SIZE = {"width": 1100, "height": 1200}
 
 
 @contextmanager
