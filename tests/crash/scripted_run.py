@@ -18,12 +18,13 @@ from typing import Any
 from openeureka import search
 from openeureka.config import RunConfig
 from openeureka.loop import run
-from openeureka.store import Store, artifacts
+from openeureka.person import EmptyDesk
+from openeureka.store import Store, artifacts, say
 from openeureka.store.db import Database
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
-from openeureka.types import Prompt, Reply
+from openeureka.types import Generation, Place, Prompt, Remark, RemarkKind, Reply
 
-CONFIG = RunConfig(sample=3, iteration=3, repair=1, refill=1, seeds=2)
+CONFIG = RunConfig(sample=3, iteration=3, repair=1, refill=1, seeds=2, feedback="human")
 SCRIPT = [
     *(reply(1), "no code at all", reply(2)),  # generation 0; its second slot takes a repair turn and a refill
     *("```python\nstill wrong\n```", reply(3)),
@@ -47,10 +48,25 @@ class MeteredModel(ScriptedModel):
             yield from super().sample(prompt, n=1, seed=seed)
 
 
+@dataclass
+class Person(EmptyDesk):
+    """Says three things of each generation, and none of them twice: who was killed remembers what is kept."""
+
+    store: Store
+
+    def invite(self, generation: Generation) -> None:
+        words = Remark(kind=RemarkKind.WORDS, text=f"of generation {generation.index}")
+        chosen = Remark(kind=RemarkKind.FAVOURITE, candidate=Place(generation.index, 0))
+        self.remarks = [words, chosen, Remark(kind=RemarkKind.GO)]
+
+    def listen(self, seconds: float) -> None:
+        say(self.store.directory, self.remarks[len(self.store.unheard())])
+
+
 def whole_run(directory: Path) -> None:
     with Store.open(directory, CONFIG) as store:
         model = MeteredModel(SCRIPT, store=store)
-        run(CONFIG, store, model, ToyChecker(), ToyTrainer(), TOY, search.make(CONFIG))
+        run(CONFIG, store, model, ToyChecker(), ToyTrainer(), TOY, search.make(CONFIG), None, Person(store))
 
 
 class Countdown:

@@ -12,7 +12,7 @@ import pytest
 
 from openeureka.store.db import FILENAME
 
-TABLES = ("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations")
+TABLES = ("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations", "remarks", "heard")
 REPLIES = 14  # of the uninterrupted run: 3 + 1 + 1, 3, then 3 + 1 + 1 + 1
 
 

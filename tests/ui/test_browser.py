@@ -141,7 +141,7 @@ def test_nothing_that_others_wrote_runs(page: Page, tmp_path: Path):
         page.get_by_label("What should be different?").fill(ATTACK)
         expect(page.get_by_text("The run waits for a person.")).to_be_visible()
         page.get_by_role("button", name="Say", exact=True).click()
-        expect(page.locator(".said")).to_contain_text("<script>window.hacked=1</script>")  # came with the page
+        expect(page.locator(".listens")).to_contain_text("<script>window.hacked=1</script>")  # came with the page
         page.get_by_role("button", name="Say, and go on").click()
         model.allowed.release(2)
         expect(page.locator("#g1s1")).to_contain_text("trained, F 2")  # came by following

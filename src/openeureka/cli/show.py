@@ -2,37 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ..config import parse
+from ..report import tables
 from ..report.build import build
 from ..report.stats import by_generation
 from ..report.text import columns, number, plain, spread
 from ..report.view import RunView
 from ..score import Outcome
-from ..types import Scored
+from ..types import CandidateId, Generation, Scored
 from .live import verdict_line
 from .settings import ReportConfig, only_path, split
+
+MAX_SAID = 4_000
+"""Characters shown of what a person said after a generation."""
 
 
 def show(directory: Path) -> None:
     """Print every slot of every generation, the final scores and the best reward."""
     run = RunView.read(directory)
-    slots = [_slot(entry) for generation in run.history.generations for entry in generation.entries]
-    print(columns([("generation", "slot", "candidate", "try", "F", "verdict"), *slots]))
-    print()
+    strengths = run.ranking.strengths
+    slots = [_slot(entry, strengths) for generation in run.history.generations for entry in generation.entries]
+    votes = ["votes"] if strengths else []
+    print(columns([("generation", "slot", "candidate", "try", "F", *votes, "verdict"), *slots]))
+    print("".join(_heard(generation) for generation in run.history.generations))
     print("\n".join(summary(run)))
     best = run.ranking.best
     if best is not None and best.sample.candidate is not None:
         print(f"\nBest reward ({best.sample.candidate.id}):\n\n{plain(best.sample.candidate.source)}")
 
 
-def _slot(entry: Scored) -> tuple[str, ...]:
+def _heard(generation: Generation) -> str:
+    """What a person said after a generation, an indented line each."""
+    lines = plain(tables.said(generation.remarks)[:MAX_SAID]).splitlines()
+    return "".join([f"\nAfter generation {generation.index}:", *(f"\n  {line}" for line in lines)]) if lines else ""
+
+
+def _slot(entry: Scored, strengths: Mapping[CandidateId, float]) -> tuple[str, ...]:
     sample = entry.sample
     name = sample.candidate.id if sample.candidate else "-"
     place = (str(sample.generation), str(sample.slot), name, str(sample.attempts))
-    return (*place, number(entry.fitness), verdict_line(sample))
+    votes = [number(strengths.get(name), 3)] if strengths else []
+    return (*place, number(entry.fitness), *votes, verdict_line(sample))
 
 
 def summary(run: RunView) -> list[str]:

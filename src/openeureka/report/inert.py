@@ -55,4 +55,4 @@ def cut(text: str, limit: int) -> str:
 
 def anchor(place: CandidateView | Sample) -> str:
     """What a candidate is called in addresses."""
-    return f"g{place.generation}s{place.slot}"
+    return str(place.place)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from ..config import short_name
-from ..types import Message, Verdict
+from ..types import Message, Remark, Verdict
 from . import diff, tables
 from .tables import Table
 from .text import number, one_line, plain
@@ -27,6 +27,7 @@ def report(run: RunView) -> str:
         _best(run.best),
         f"## Spent\n\n{tables.spent(run)}",
         *(section for generation in run.generations for section in _generation(generation)),
+        *_remarks("What a person said since then:", run.unheard),
         "## Settings",
         _table(tables.settings(run.config)),
     )
@@ -55,6 +56,13 @@ def _generation(generation: GenerationView) -> Iterable[str]:
         yield from _messages(prompt.messages)
     for candidate in generation.candidates:
         yield from _candidate(candidate)
+    yield from _remarks("What a person said of it, before the next generation was asked for:", generation.remarks)
+
+
+def _remarks(title: str, remarks: Sequence[Remark]) -> Iterable[str]:
+    if remarks:
+        yield title
+        yield _code(tables.said(remarks), "")
 
 
 def _candidate(candidate: CandidateView) -> Iterable[str]:

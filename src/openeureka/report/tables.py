@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ..config import as_dict
 from ..score import Baselines, Outcome
+from ..types import Remark, RemarkKind
 from .stats import by_generation, trained_share
 from .text import duration, number, spread
 from .view import CandidateView, RunView
@@ -76,6 +77,7 @@ def facts(candidate: CandidateView) -> Table:
     """One candidate in numbers."""
     usage, result = candidate.usage, candidate.result
     rows = [
+        ("name", str(candidate.place)),
         ("program", candidate.candidate.id if candidate.candidate else "none"),
         ("parent", name(candidate.parent.generation, candidate.parent.slot) if candidate.parent else "none"),
         ("state", candidate.state),
@@ -84,6 +86,10 @@ def facts(candidate: CandidateView) -> Table:
         ("tokens", f"{usage.prompt_tokens:,} read, {usage.completion_tokens:,} written"),
         ("cost", f"US$ {usage.cost_usd:.4f}"),
     ]
+    if candidate.strength is not None:
+        rows.append(("strength by votes", number(candidate.strength, 3)))
+    if candidate.vetoed:
+        rows.append(("vetoed by a person", "yes"))
     if result is not None:
         rows += [
             ("correlation with the human reward", number(result.correlation, 2)),
@@ -103,6 +109,22 @@ def components(candidate: CandidateView) -> Table:
         if key.startswith(prefix) and values:
             rows.append((key.removeprefix(prefix), number(values[0]), number(values[-1]), number(max(values))))
     return Table(("component, mean per step", "first epoch", "last epoch", "highest"), rows)
+
+
+def said(remarks: Sequence[Remark]) -> str:
+    """What a person said, a remark after the other; words as they came, for a renderer to make inert."""
+    return "\n".join(_said(remark) for remark in remarks)
+
+
+def _said(remark: Remark) -> str:
+    match remark.kind:
+        case RemarkKind.WORDS:
+            return remark.text
+        case RemarkKind.VOTE:
+            return f"[{remark.candidate} is better than {remark.over}]"
+        case RemarkKind.GO:
+            return "[go on]"
+    return f"[{remark.kind}: {remark.candidate}]"
 
 
 def settings(config: object) -> Table:

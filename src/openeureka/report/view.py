@@ -22,6 +22,7 @@ from ..types import (
     Message,
     Place,
     Prompt,
+    Remark,
     Reply,
     Sample,
     Scored,
@@ -81,6 +82,9 @@ class CandidateView:
     attempts: tuple[AttemptView, ...] = ()
     video: str = ""
     """Path in the run directory; empty when there is none."""
+    strength: float | None = None
+    """Bradley-Terry strength by a person's votes; None where it took part in none."""
+    vetoed: bool = False
 
     @property
     def place(self) -> Place:
@@ -120,6 +124,8 @@ class GenerationView:
     candidates: tuple[CandidateView, ...]
     prompts: tuple[PromptView, ...] = ()
     finished: bool = True
+    remarks: tuple[Remark, ...] = ()
+    """What a person said after it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,6 +143,8 @@ class RunView:
     usage: Usage
     videos: Mapping[str, str]
     """Path in the run directory by job id, and of the best policy by `best`."""
+    unheard: tuple[Remark, ...] = ()
+    """What a person said that no prompt has taken up yet."""
 
     @staticmethod
     def read(directory: Path, earlier: RunView | None = None) -> RunView:
@@ -149,13 +157,15 @@ class RunView:
             config, history = store.config, store.history(results)
             videos = _videos(directory, results)
             programs = earlier.programs if earlier is not None else {}
+            reader = _Reader(config, history, search.Ranking(history), results, videos, programs, store)
             return RunView(
                 config=config,
                 history=history,
-                generations=_Reader(config, history, results, videos, programs, store).generations(),
+                generations=reader.generations(),
                 results=results,
                 evaluations=store.evaluations(),
                 usage=store.usage(),
+                unheard=store.unheard(),
                 videos=videos,
             )
 
@@ -212,6 +222,7 @@ class _Reader:
 
     config: RunConfig
     history: History
+    ranking: search.Ranking
     results: Mapping[str, TrainingResult]
     videos: Mapping[str, str]
     programs: Mapping[str, Candidate | None]
@@ -236,7 +247,11 @@ class _Reader:
             candidates = [self._candidate(index, slot, drawn[slot], parents.get(slot)) for slot in sorted(drawn)]
             views.append(
                 GenerationView(
-                    index=index, candidates=tuple(candidates), prompts=tuple(requests), finished=index < done
+                    index=index,
+                    candidates=tuple(candidates),
+                    prompts=tuple(requests),
+                    finished=index < done,
+                    remarks=self.history.generations[index].remarks if index < done else (),
                 )
             )
         return tuple(views)
@@ -264,6 +279,8 @@ class _Reader:
             parent=parent,
             attempts=attempts,
             video=self.videos.get(job, ""),
+            strength=self.ranking.strengths.get(candidate.id) if candidate is not None else None,
+            vetoed=candidate is not None and candidate.id in self.ranking.rejected,
         )
 
     def _entry(self, index: int, slot: int) -> Scored | None:

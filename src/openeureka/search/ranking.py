@@ -39,7 +39,7 @@ class Ranking:
             )
         )
         """Rejected for good, in the order of the vetoes."""
-        self._rejected = {entry.sample.verdict.candidate for entry in self.vetoed}
+        self.rejected = frozenset(entry.sample.verdict.candidate for entry in self.vetoed)
 
     @property
     def best(self) -> Scored | None:
@@ -57,7 +57,7 @@ class Ranking:
         """Whom a person, after the last generation, chose as the next parent."""
         remarks = self._generations[-1].remarks if self._generations else ()
         chosen = [self._entry(remark.candidate) for remark in remarks if remark.kind is RemarkKind.FAVOURITE]
-        return next((e for e in reversed(chosen) if e.sample.verdict.candidate not in self._rejected), None)
+        return next((e for e in reversed(chosen) if e.sample.verdict.candidate not in self.rejected), None)
 
     def record(self, candidate: CandidateId) -> Record:
         return Record(
@@ -70,7 +70,7 @@ class Ranking:
 
     def _may_win(self, entry: Scored) -> bool:
         trained = entry.trained if self.by_votes else entry.fitness is not None
-        return trained and entry.sample.verdict.candidate not in self._rejected
+        return trained and entry.sample.verdict.candidate not in self.rejected
 
     def _worth(self, entry: Scored) -> tuple[float, float]:
         """Votes before F, where votes count; whom nobody compared is below all whom somebody did."""

@@ -37,7 +37,7 @@ def overview(directory: Path, run: RunView) -> Parts:
     piece = _pieces(run=run)
     parts = {
         "head": piece.head(folder.entry("", directory), html.intent(run.config.env)),
-        "said": piece.said(remarks.ear(directory)),
+        "said": piece.said(*remarks.ear(directory)),
         "log": piece.log(folder.log(directory)),
         "result": piece.result(),
     }

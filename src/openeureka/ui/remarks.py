@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from ..errors import FeedbackError
 from ..store import Store, is_held
@@ -12,15 +12,13 @@ from ..store.remarks import remark
 from ..types import Remark, RemarkKind
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ear:
-    """Whether a run listens, and what it has not taken up yet."""
+class Ear(NamedTuple):
+    """Whether a run listens."""
 
     listens: bool
     """Something said now will reach the model."""
     waits: bool
     """It goes on when a person says so."""
-    unheard: tuple[Remark, ...]
 
 
 def ear(directory: Path) -> Ear:
@@ -29,7 +27,7 @@ def ear(directory: Path) -> Ear:
         hearings, done = store.config.hearings, store.glance().generations
         listens = hearings > 0 and store.heard(hearings - 1) is None
         waits = listens and 0 < done <= hearings and store.heard(done - 1) is None and is_held(directory)
-        return Ear(listens=listens, waits=waits, unheard=store.unheard())
+    return Ear(listens=listens, waits=waits)
 
 
 def read(form: Mapping[str, str]) -> tuple[Remark, ...]:

@@ -1,0 +1,94 @@
+import io
+from pathlib import Path
+
+import pytest
+
+from openeureka.cli import desk as desks
+from openeureka.cli.desk import TerminalDesk
+from openeureka.cli.feedback import feedback, remark, typed
+from openeureka.config import RunConfig
+from openeureka.errors import FeedbackError
+from openeureka.store import Store
+from openeureka.testing.conformance.search import entries
+from openeureka.types import Generation, Place, Remark, RemarkKind
+
+CONFIG = RunConfig(sample=2, iteration=2, feedback="human", feedback_timeout=90)
+GO = Remark(kind=RemarkKind.GO)
+JERKY = Remark(kind=RemarkKind.WORDS, text="too jerky")
+
+
+@pytest.fixture
+def directory(tmp_path: Path) -> Path:
+    Store.open(tmp_path / "run", CONFIG).close()
+    return tmp_path / "run"
+
+
+def said(directory: Path) -> tuple[Remark, ...]:
+    with Store.view(directory) as store:
+        return store.unheard()
+
+
+def test_marks_are_told_from_words() -> None:
+    assert remark("go") == GO
+    assert remark("go slower") == Remark(kind=RemarkKind.WORDS, text="go slower")
+    assert remark("favourite=g0s3") == Remark(kind=RemarkKind.FAVOURITE, candidate=Place(0, 3))
+    assert remark("veto=g12s0") == Remark(kind=RemarkKind.VETO, candidate=Place(12, 0))
+    wanted = Remark(kind=RemarkKind.VOTE, candidate=Place(0, 3), over=Place(0, 1))
+    assert remark("vote=g0s3:g0s1") == remark("vote=g0s3>g0s1") == wanted
+
+
+@pytest.mark.parametrize("word", ["favourite=3", "veto=", "vote=g0s3", "vote=g0s3:", "veto=g0s1:g0s2"])
+def test_a_mark_that_names_no_candidate_is_explained(word: str) -> None:
+    with pytest.raises(FeedbackError, match="write g0s3 for slot 3 of generation 0"):
+        remark(word)
+
+
+def test_a_typed_line_is_words_or_marks_and_an_empty_one_goes_on() -> None:
+    assert typed("\n") == typed("go\n") == [GO]
+    assert typed("too jerky\n") == [JERKY]
+    assert typed("veto=g0s1 favourite=g0s0") == [remark("veto=g0s1"), remark("favourite=g0s0")]
+
+
+def test_the_command_keeps_what_is_said_and_says_when_the_run_goes_on(directory: Path, capsys) -> None:
+    feedback(directory, ["too jerky"])
+    assert "when you say `go`" in capsys.readouterr().out
+    feedback(directory, ["go"])
+    assert capsys.readouterr().out == "The run goes on.\n"
+    assert said(directory) == (JERKY, GO)
+
+
+def test_nothing_said_is_refused_with_an_example(directory: Path) -> None:
+    with pytest.raises(FeedbackError, match="Say something"):
+        feedback(directory, [])
+
+
+class Keyboard(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_the_terminal_shows_each_candidate_and_keeps_lines_typed(directory: Path, monkeypatch, capsys) -> None:
+    monkeypatch.setattr("sys.stdin", Keyboard("too jerky\nveto=g9s9\n\n"))
+    monkeypatch.setattr(desks.select, "select", lambda *lists: (lists[0], [], []))
+    desk = TerminalDesk(directory, CONFIG, [])
+    desk.invite(Generation(0, tuple(entries(0, [1.0, 2.0]))))
+    shown = capsys.readouterr().out
+    assert "g0s0       1" in shown and "g0s1       2" in shown
+    assert f"eureka feedback {directory}" in shown
+    assert "Without a word it goes on after 1 min 30 s." in shown
+    desk.listen(0)
+    desk.listen(0)
+    assert "g9s9 is no trained candidate" in capsys.readouterr().out
+    desk.listen(0)
+    assert said(directory) == (JERKY, GO)
+    desk.listen(0)  # the end of the input: from now on only other shells are heard
+    assert said(directory) == (JERKY, GO)
+
+
+def test_without_a_terminal_nothing_is_read(directory: Path, monkeypatch, capsys) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("not for me\n"))
+    desk = TerminalDesk(directory, CONFIG, [])
+    desk.invite(Generation(0, ()))
+    assert "or here" not in capsys.readouterr().out
+    desk.listen(0)
+    assert said(directory) == ()

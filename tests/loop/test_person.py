@@ -1,0 +1,298 @@
+"""A person in the loop: given rewards, words, favourites, vetoes, votes, waiting, resuming and replaying."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from openeureka import search
+from openeureka.config import RunConfig
+from openeureka.errors import ConfigError, FeedbackError, RewardFileError
+from openeureka.loop import run
+from openeureka.person import EmptyDesk
+from openeureka.score import Outcome
+from openeureka.store import Store, read_replies, say
+from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
+from openeureka.types import Generation, Place, Remark, RemarkKind, TrainingResult
+
+GO = Remark(kind=RemarkKind.GO)
+CONFIG = RunConfig(sample=2, iteration=2, repair=0, refill=0, seeds=1, feedback="human")
+SCRIPT = [reply(7), reply(8), reply(1), reply(2)]
+
+
+def words(text: str) -> Remark:
+    return Remark(kind=RemarkKind.WORDS, text=text)
+
+
+def favourite(generation: int, slot: int) -> Remark:
+    return Remark(kind=RemarkKind.FAVOURITE, candidate=Place(generation, slot))
+
+
+def veto(generation: int, slot: int) -> Remark:
+    return Remark(kind=RemarkKind.VETO, candidate=Place(generation, slot))
+
+
+def vote(better: tuple[int, int], worse: tuple[int, int]) -> Remark:
+    return Remark(kind=RemarkKind.VOTE, candidate=Place(*better), over=Place(*worse))
+
+
+@dataclass
+class Person:
+    """Says the remarks of each generation in turn, then `go`."""
+
+    directory: Path
+    remarks: list[list[Remark]]
+    asked: list[int] = field(default_factory=list)
+
+    def invite(self, generation: Generation) -> None:
+        self.asked.append(generation.index)
+
+    def listen(self, seconds: float) -> None:
+        say(self.directory, *self.remarks[self.asked[-1]], GO)
+
+
+class Silent(EmptyDesk):
+    def invite(self, generation: Generation) -> None:
+        self.left = 3
+
+    def listen(self, seconds: float) -> None:
+        """Time flies; whoever listens a fourth time did not heed the end."""
+        self.left -= 1
+        assert self.left >= 0
+
+
+class Killed(Exception):
+    """Stands for a signal that ends the process."""
+
+
+class Dying(Silent):
+    """Says one thing and is killed before it can go on."""
+
+    def __init__(self, directory: Path, *remarks: Remark) -> None:
+        self.directory, self.remarks = directory, remarks
+
+    def listen(self, seconds: float) -> None:
+        say(self.directory, *self.remarks)
+        raise Killed
+
+
+@dataclass
+class Search:
+    directory: Path
+    config: RunConfig
+    model: ScriptedModel
+    trainer: ToyTrainer = field(default_factory=ToyTrainer)
+
+    def go(self, desk: Any = None) -> Outcome:
+        with Store.open(self.directory, self.config) as store:
+            strategy = search.make(self.config)
+            return run(self.config, store, self.model, ToyChecker(), self.trainer, TOY, strategy, None, desk)
+
+    def heard(self, *remarks: list[Remark]) -> tuple[Outcome, Person]:
+        desk = Person(self.directory, list(remarks))
+        return self.go(desk), desk
+
+    def asked(self, generation: int) -> str:
+        """The end of the request for a generation of the model."""
+        return self.model.prompts[generation].messages[-1].content
+
+    def parent(self, generation: int) -> str:
+        return self.model.prompts[generation].messages[-2].content
+
+    def history(self):
+        with Store.view(self.directory) as store:
+            return store.history()
+
+
+@pytest.fixture
+def begin(tmp_path: Path) -> Callable[..., Search]:
+    def begin(script: list[str] = SCRIPT, name: str = "run", **settings: Any) -> Search:
+        return Search(tmp_path / name, replace(CONFIG, **settings), ScriptedModel(script))
+
+    return begin
+
+
+# --- what is said ---
+
+
+def test_words_are_in_the_next_prompt_and_those_of_all_generations_in_later_ones(begin) -> None:
+    one = begin([*SCRIPT, reply(3), reply(4)], iteration=3)
+    _, person = one.heard([words("too jerky")], [words("keep\nthe torso upright")])
+    assert person.asked == [0, 1]  # nothing follows the last generation
+    assert "too jerky" not in one.asked(0)
+    assert "> too jerky\n" in one.asked(1)
+    assert "> too jerky\n> keep\n> the torso upright\n" in one.asked(2)
+    assert one.history().generations[0].remarks == (words("too jerky"), GO)
+
+
+def test_one_sample_a_generation_and_words_alone_steer_a_search(begin) -> None:
+    one = begin([reply(7), reply(8)], sample=1)
+    outcome, _ = one.heard([words("slower")])
+    assert "> slower\n" in one.asked(1) and program(7) in one.parent(1)
+    assert outcome.best is not None and outcome.best.fitness == 8
+
+
+def test_a_favourite_is_the_next_parent_though_another_has_higher_f(begin) -> None:
+    one = begin()
+    outcome, _ = one.heard([favourite(0, 0)])
+    assert program(7) in one.parent(1)
+    assert "They chose the last reward function above" in one.asked(1)
+    assert outcome.best is not None and outcome.best.fitness == 8  # F still judges the end
+
+
+def test_a_vetoed_candidate_is_neither_parent_nor_best_and_the_model_is_told(begin) -> None:
+    one = begin()
+    outcome, _ = one.heard([veto(0, 1)])
+    assert program(7) in one.parent(1)
+    assert "They rejected the policy of this reward function:\n```python\n" + program(8) in one.asked(1)
+    assert outcome.best is not None and outcome.best.fitness == 7
+
+
+def test_votes_choose_parent_and_best_where_they_judge(begin) -> None:
+    one = begin(judge="votes")
+    outcome, person = one.heard([vote((0, 0), (0, 1))], [vote((1, 0), (0, 0))])
+    assert person.asked == [0, 1]  # the last generation needs votes too
+    assert program(7) in one.parent(1)
+    assert "They preferred its policy in 1 of 1 comparisons." in one.asked(1)
+    assert outcome.best is not None and outcome.best.fitness == 1  # g1s0 beat g0s0, which beat g0s1
+    assert (one.directory / "best" / "reward.py").read_text() == program(1)
+
+
+class WithoutFitness(ToyTrainer):
+    def _result(self, job) -> TrainingResult:
+        return replace(super()._result(job), fitness=None)
+
+
+def test_votes_judge_a_task_that_never_defines_f(begin) -> None:
+    one = begin()
+    one.trainer = WithoutFitness()
+    outcome, _ = one.heard([vote((0, 0), (0, 1))])
+    assert program(7) in one.parent(1)
+    assert outcome.best is not None and outcome.best.sample.place == Place(0, 0)
+
+
+def test_a_megabyte_of_words_and_escapes_are_cut_and_inert_in_a_prompt(begin) -> None:
+    one = begin()
+    one.heard([words("\x1b[31m\u202e" + "x" * 1_000_000 + "the end"), words("newest")])
+    asked = one.asked(1)
+    assert len(asked) < 10_000
+    assert "\x1b" not in asked and "\u202e" not in asked
+    assert "> newest\n" in asked
+
+
+# --- waiting ---
+
+
+def test_after_the_timeout_the_search_goes_on_without_a_word(begin) -> None:
+    one = begin(feedback_timeout=1e-9)
+    assert one.go(Silent()).best is not None
+    assert one.history().generations[0].remarks == ()
+    assert "A person" not in one.asked(1)
+
+
+def test_what_was_said_before_the_process_died_is_heard_by_the_next_one_once(begin) -> None:
+    one = begin()
+    with pytest.raises(Killed):
+        one.go(Dying(one.directory, words("too jerky")))
+    assert one.model.said == 2
+    one.heard([words("and too slow")])
+    assert one.model.said == 4
+    assert one.history().generations[0].remarks == (words("too jerky"), words("and too slow"), GO)
+    assert one.asked(1).count("too jerky") == 1
+
+
+def test_what_is_said_while_a_generation_trains_counts_for_the_next_prompt(begin) -> None:
+    one = begin()
+    train = one.trainer.train
+
+    def training(*args):
+        if one.model.said == 2:
+            say(one.directory, words("early bird"))
+        return train(*args)
+
+    one.trainer.train = training
+    one.heard([])
+    assert "> early bird\n" in one.asked(1)
+
+
+def test_a_run_that_does_not_listen_or_is_over_says_so(begin) -> None:
+    deaf = begin(feedback="none", name="deaf")
+    deaf.go()
+    with pytest.raises(FeedbackError, match="start one with feedback=human"):
+        say(deaf.directory, GO)
+    one = begin()
+    one.heard([])
+    with pytest.raises(FeedbackError, match="nothing more is heard"):
+        say(one.directory, GO)
+
+
+def test_a_remark_on_an_unknown_candidate_is_refused_with_those_there_are(begin) -> None:
+    one = begin()
+    with pytest.raises(FeedbackError, match="g0s7 is no trained candidate .* there are g0s0, g0s1"):
+        one.heard([words("kept together"), veto(0, 7)])
+    with Store.view(one.directory) as store:
+        assert store.unheard() == ()  # all or none
+
+
+def test_votes_need_someone_who_votes() -> None:
+    with pytest.raises(ConfigError, match="add feedback=human"):
+        RunConfig(judge="votes")
+
+
+# --- replaying ---
+
+
+def test_a_replay_repeats_what_was_said_and_asks_nobody(begin) -> None:
+    one = begin(judge="votes")
+    first, _ = one.heard([words("too jerky"), favourite(0, 0)], [vote((1, 1), (0, 0))])
+    said = [answer.text for answer in read_replies(one.directory)]
+    two = begin(said, name="replay", judge="votes", model=f"replay:{one.directory}")
+    assert two.go(Silent()) == first
+    assert two.history() == one.history()
+    assert two.model.prompts == one.model.prompts
+
+
+# --- given rewards ---
+
+
+def test_a_given_reward_is_generation_0_and_the_parent_of_the_first_of_the_model(begin, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(program(3))
+    one = begin(init=str(tmp_path / "mine.py"), feedback="none")
+    outcome = one.go()
+    sizes = [len(generation.entries) for generation in one.history().generations]
+    assert sizes == [1, 2, 2]  # iteration=2 counts those of the model
+    assert program(3) in one.parent(0) and "task_score: [none, 1.50, 3.00]" in one.asked(0)
+    assert outcome.best is not None and outcome.best.fitness == 8
+    with Store.view(one.directory) as store:
+        given = store.reply(0, 0, 0)
+        assert given is not None and (given.model, given.usage.cost_usd) == ("given", 0.0)
+        assert len(store.replies()) == 4  # of which a replay gives the same
+
+
+def test_a_resumed_run_needs_the_given_file_no_more(begin, tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(program(3))
+    one = begin(init=str(path))
+    with pytest.raises(Killed):
+        one.go(Dying(one.directory))
+    path.unlink()
+    one.heard([], [])
+    assert program(3) in one.parent(0)
+
+
+def test_a_given_reward_that_is_refused_stops_the_run_and_can_be_corrected(begin, tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text("def compute_reward(x):\n    return x\n")
+    one = begin(init=str(path), feedback="none")
+    with pytest.raises(RewardFileError, match="refused: line 1: nothing is returned"):
+        one.go()
+    assert one.model.said == 0
+    path.write_text(program(3))
+    assert one.go().best is not None
+
+
+def test_a_given_file_that_is_missing_is_named(begin, tmp_path: Path) -> None:
+    with pytest.raises(RewardFileError, match="Cannot read the reward file"):
+        begin(init=str(tmp_path / "none.py")).go()
