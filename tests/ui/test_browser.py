@@ -93,7 +93,7 @@ def test_a_person_follows_a_run_and_their_words_are_in_the_next_prompt(page: Pag
         model.allowed.release(2)
         expect(page.locator("#g1s1")).to_contain_text("trained, F 5")
         page.get_by_text("What the model was asked").first.click()
-        expect(page.locator("pre", has_text="Too jerky: <b>keep</b> the torso upright")).to_be_visible()
+        expect(page.locator("details pre", has_text="Too jerky: <b>keep</b> the torso upright")).to_be_visible()
 
         page.get_by_role("link", name="g1s0").click()
         expect(page.locator(".diff .removed")).to_have_text("-    return 8")
