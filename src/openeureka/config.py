@@ -16,6 +16,7 @@ from .errors import ConfigError, nearest
 
 BONUSES = ("none", "original")
 VIDEOS = ("all", "best", "none")
+FEEDBACKS = ("none", "human")
 _COUNTS = ("sample", "iteration", "feedback_timeout", "repair", "refill", "steps", "worlds", "threads", "max_cost")
 
 
@@ -82,7 +83,7 @@ class RunConfig:
             raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")
         choices = {
             "search": ("best", "eureka"),
-            "feedback": ("none", "human"),
+            "feedback": FEEDBACKS,
             "judge": ("fitness", "votes"),
             "bonus": BONUSES,
             "baselines": ("train", "known"),

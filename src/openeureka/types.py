@@ -426,3 +426,16 @@ class PromptPlan:
     failures: tuple[Scored, ...] = ()
     """Refused programs of a generation in which nothing trained: the model is told why."""
     opinion: Opinion = Opinion()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Glance:
+    """How far a run has come, in numbers that cost nothing to read."""
+
+    generations: int
+    """Finished ones."""
+    fitness: float | None
+    """The best F among them."""
+    evaluations: int
+    """Held-out scores: they come last."""
+    usage: Usage

@@ -65,6 +65,20 @@ def test_curves_policies_and_scores_are_left(toy, tmp_path):
     assert (tmp_path / "out" / "human-s0" / "policy.safetensors").read_bytes() == b"10.0"
 
 
+def test_a_report_shows_the_table_and_the_curves_of_every_training(toy, tmp_path):
+    train(["env=cartpole", "reward=human,sparse", "seeds=2", f"dir={tmp_path}/out"])
+    text = (tmp_path / "out" / "report.html").read_text()
+    assert "10 ± 0.0071" in text and "sparse-s1: finished, F 5.01" in text
+    assert text.count("<polyline") == 4 + 4  # F of each in one picture, a component in each one's own
+    assert "<script" not in text and "http" not in text.replace("http-equiv", "")
+
+
+def test_the_policy_of_highest_held_out_f_is_the_best(toy, tmp_path, capsys):
+    train(["env=cartpole", "reward=sparse,human", "seeds=2", f"dir={tmp_path}/out"])
+    assert (tmp_path / "out" / "best" / "policy.safetensors").read_bytes() == b"10.01"
+    assert "is not a policy" in capsys.readouterr().out  # a toy's is a number; a real one becomes policy.onnx
+
+
 def test_a_reward_file_is_checked_and_named_by_its_stem(tmp_path):
     (tmp_path / "mine.py").write_text(GOOD)
     programs = training._programs(training.parse(training.TrainConfig, [f"reward=human,{tmp_path}/mine.py"]))

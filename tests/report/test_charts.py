@@ -14,7 +14,7 @@ def components(*curves: tuple[float | None, ...]) -> charts.Chart | None:
     entry = trained(0, 0, 1.0)
     assert entry.result is not None
     named = {f"component/{index}": curve for index, curve in enumerate(curves)}
-    return charts.components(view(dataclasses.replace(entry, result=dataclasses.replace(entry.result, curves=named))))
+    return charts.components(dataclasses.replace(entry.result, curves=named))
 
 
 def test_a_curve_is_scaled_between_round_numbers():

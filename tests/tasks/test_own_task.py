@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from openeureka.cli.main import main
-from openeureka.cli.paths import output_directory
 from openeureka.config import RunConfig, parse, short_name
 from openeureka.errors import TaskError
+from openeureka.store.paths import output_directory
 from openeureka.tasks.context import context
 from openeureka.tasks.registry import get, make
 from openeureka.testing.conformance.task import TaskConformance

@@ -14,7 +14,7 @@ import typer
 from ..config import RunConfig
 from ..errors import EurekaError, StoreError
 from ..report.text import plain
-from .settings import CheckConfig, ContextConfig, PlayConfig, ReportConfig, TrainConfig, describe
+from .settings import CheckConfig, ContextConfig, PageConfig, PlayConfig, ReportConfig, TrainConfig, describe
 
 app = typer.Typer(
     name="eureka",
@@ -119,6 +119,17 @@ def play(
     from .play import play
 
     play(words or [], web=web)
+
+
+@app.command(epilog=describe(PageConfig))
+def ui(words: Words = None) -> None:
+    """Serve a local page that lists the runs below a folder (outputs/), follows one, and starts new ones.
+
+    Example: eureka ui outputs port=8081
+    """
+    from .ui import ui
+
+    ui(words or [])
 
 
 @app.command(epilog=describe(ContextConfig))

@@ -18,12 +18,12 @@ from ..report.text import plain
 from ..report.view import RunView
 from ..sandbox.client import Sandbox
 from ..store import Store, is_run, read_config, read_replies
+from ..store.paths import output_directory
 from ..tasks.context import context
 from ..tasks.record import record_states
 from ..training.executor import PopulationTrainer
 from .desk import TerminalDesk
 from .live import view
-from .paths import output_directory
 from .settings import only_path, split
 from .show import summary
 

@@ -94,6 +94,19 @@ class PlayConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PageConfig:
+    """Where `eureka ui` is served."""
+
+    host: str = "127.0.0.1"
+    """Address to listen at; by default only this machine can connect."""
+    port: int = 8080
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.port < 65536:
+            raise ConfigError(f"`port` must be between 0 and 65535, not {self.port}.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ContextConfig:
     """Which task's context to print."""
 

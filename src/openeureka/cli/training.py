@@ -9,15 +9,16 @@ from pathlib import Path
 from .. import baselines
 from ..config import as_dict, parse
 from ..errors import ConfigError, RewardFileError
-from ..report import events
+from ..report import build, events, tables, trained
+from ..report.tables import Table
 from ..report.text import columns, duration, number, spread
 from ..reward.files import read
-from ..score import human_normalised, mean
+from ..score import human_normalised, mean, rank
 from ..store import artifacts
+from ..store.paths import output_directory
 from ..tasks.registry import get
 from ..training.executor import PopulationTrainer
 from ..types import Evaluation, RewardProgram, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainJob
-from .paths import output_directory
 from .progress import ProgressLine
 from .rewards import explain, judge
 from .settings import TrainConfig
@@ -40,8 +41,12 @@ def train(words: Sequence[str]) -> None:
     held_out = {score.job: score for score in trainer.evaluate(config.env, policies, seed=config.seed)}
     _save(directory, config, results, held_out)
     lanes = {name: [f"{name}-s{seed}" for seed in seeds] for name in programs}
-    print(_table(config.env, lanes, results, held_out))
-    print(f"\nCurves and policies are in {directory}")
+    scores = _scores(config.env, lanes, results, held_out)
+    artifacts.write(directory / "report.html", trained.report(config.env, scores, tables.settings(config), results))
+    print(f"{columns([scores.titles, *scores.rows])}\n\n{scores.note}")
+    if problem := _save_best(directory, policies, held_out):
+        print(problem)
+    print(f"\nCurves and policies are in {directory}; begin with report.html")
 
 
 def _programs(config: TrainConfig) -> dict[str, RewardProgram]:
@@ -105,13 +110,22 @@ def _save(
     artifacts.write(directory / "result.json", json.dumps({"config": as_dict(config), "jobs": jobs}, indent=2))
 
 
-def _table(
+def _save_best(directory: Path, policies: Mapping[str, bytes], held_out: Mapping[str, Evaluation]) -> str:
+    """Fill `best/` with the policy of highest held-out F. Returns why a file of it could not be made, or nothing."""
+    if not held_out:
+        return ""
+    job = max(held_out, key=lambda job: rank(held_out[job].fitness))
+    artifacts.write(directory / "best" / "policy.safetensors", policies[job])
+    return build.best(directory, wanted="none")
+
+
+def _scores(
     env: str,
     lanes: Mapping[str, Sequence[str]],
     results: Mapping[str, TrainingResult],
     held_out: Mapping[str, Evaluation],
-) -> str:
-    """A row for each reward and a note; `lanes` are its jobs."""
+) -> Table:
+    """A row for each reward; `lanes` are its jobs."""
     scores = {name: [held_out[job].fitness for job in jobs if job in held_out] for name, jobs in lanes.items()}
     scale, note = _scale(env, scores)
     rows = [
@@ -119,7 +133,7 @@ def _table(
         for name, jobs in lanes.items()
     ]
     titles = ("reward", "F", "held-out F", "episode length", "correlation", "steps", "time", "score")
-    return f"{columns([titles, *rows])}\n\n{note}"
+    return Table(titles, rows, note)
 
 
 def _scale(env: str, scores: Mapping[str, Sequence[float | None]]) -> tuple[tuple[float | None, float | None], str]:

@@ -6,6 +6,7 @@ import ast
 import re
 import textwrap
 import warnings
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -42,10 +43,16 @@ def program(reply: str) -> str | None:
 @dataclass(frozen=True, slots=True)
 class _Block:
     source: str
+    tree: ast.Module | None
+    """None where it does not parse."""
     defined: frozenset[str]
-    """Functions defined anywhere in it; empty where it does not parse."""
-    named: frozenset[str]
-    """Every name it reads."""
+    """Functions defined anywhere in it."""
+
+    @property
+    def named(self) -> frozenset[str]:
+        """Every name it reads."""
+        nodes = ast.walk(self.tree) if self.tree is not None else ()
+        return frozenset(node.id for node in nodes if isinstance(node, ast.Name))
 
     @property
     def rewards(self) -> bool:
@@ -55,14 +62,18 @@ class _Block:
     def of(code: str) -> _Block:
         source = textwrap.dedent(code.expandtabs(4)).strip() + "\n"
         tree = _parsed(source)
-        if tree is None:
-            return _Block(source, frozenset(), frozenset())
-        nodes = list(ast.walk(tree))
-        return _Block(
-            source,
-            frozenset(node.name for node in nodes if isinstance(node, ast.FunctionDef)),
-            frozenset(node.id for node in nodes if isinstance(node, ast.Name)),
-        )
+        statements = _statements(tree) if tree is not None else ()
+        return _Block(source, tree, frozenset(s.name for s in statements if isinstance(s, ast.FunctionDef)))
+
+
+def _statements(tree: ast.Module) -> Iterator[ast.AST]:
+    """Every statement. Expressions, most of a tree, are left out: they define no function."""
+    todo: deque[ast.AST] = deque([tree])
+    while todo:
+        children = ast.iter_child_nodes(todo.popleft())
+        below = [child for child in children if isinstance(child, (ast.stmt, ast.excepthandler, ast.match_case))]
+        todo.extend(below)
+        yield from below
 
 
 def _choose(blocks: list[_Block]) -> _Block | None:
@@ -81,10 +92,13 @@ def _choose(blocks: list[_Block]) -> _Block | None:
 
 def _helpers(chosen: _Block, blocks: list[_Block]) -> list[_Block]:
     """Other blocks with functions that the chosen one calls, directly or through each other, in their order."""
+    others = [block for block in blocks if block is not chosen and block.defined and not block.rewards]
+    if not others:
+        return []
     found: list[_Block] = []
     missing = chosen.named - chosen.defined
-    for block in reversed(blocks):
-        if block is not chosen and missing & block.defined and not block.rewards:
+    for block in reversed(others):
+        if missing & block.defined:
             found.append(block)
             missing = (missing | block.named) - block.defined
     return found[::-1]

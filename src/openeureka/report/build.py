@@ -24,7 +24,7 @@ def build(directory: Path, wanted: str = "") -> list[str]:
         StoreError: when the directory holds no run or cannot be written.
     """
     run = RunView.read(directory)
-    problems = [_best(directory, wanted or run.config.video), _candidates(directory, run, wanted or run.config.video)]
+    problems = [best(directory, wanted or run.config.video), _candidates(directory, run, wanted or run.config.video)]
     run = RunView.read(directory)  # now with videos
     for job, result in run.results.items():
         artifacts.write(directory / "lanes" / job / events.FILE_NAME, events.encode(result.curves))
@@ -34,8 +34,12 @@ def build(directory: Path, wanted: str = "") -> list[str]:
     return list(dict.fromkeys(problem for problem in problems if problem))
 
 
-def _best(directory: Path, wanted: str) -> str:
-    """The files made from the best policy, which is there as soon as anything has trained."""
+def best(directory: Path, wanted: str) -> str:
+    """Make the files of the best policy, which is there as soon as anything has trained.
+
+    Returns:
+        Why one of them could not be made, as a sentence, or an empty string.
+    """
     source = directory / "best" / "policy.safetensors"
     if not source.exists():
         return ""

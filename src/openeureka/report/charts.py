@@ -94,17 +94,29 @@ def learning(candidate: CandidateView, baselines: Mapping[str, TrainingResult]) 
     return _chart("F in training", "epoch", [own, *others])
 
 
-def components(candidate: CandidateView) -> Chart | None:
+def trainings(results: Mapping[str, TrainingResult]) -> Chart | None:
+    """F during several trainings, by name."""
+    series = [
+        _Series(name=name, points=_points(result.curves.get("fitness", ())), color=color)
+        for color, (name, result) in enumerate(list(results.items())[:MAX_LINES])
+    ]
+    return _chart("F in training", "epoch", series, _undrawn(len(results), "trainings"))
+
+
+def components(result: TrainingResult | None) -> Chart | None:
     """Each component's mean per step."""
     prefix = "component/"
-    curves = candidate.result.curves if candidate.result is not None else {}
+    curves = result.curves if result is not None else {}
     names = [name for name in curves if name.startswith(prefix)]
     series = [
         _Series(name=name.removeprefix(prefix), points=_points(curves[name]), color=color)
         for color, name in enumerate(names[:MAX_LINES])
     ]
-    note = f"{len(names) - MAX_LINES} more components are not drawn." if len(names) > MAX_LINES else ""
-    return _chart("Components, mean per step", "epoch", series, note)
+    return _chart("Components, mean per step", "epoch", series, _undrawn(len(names), "components"))
+
+
+def _undrawn(count: int, what: str) -> str:
+    return f"{count - MAX_LINES} more {what} are not drawn." if count > MAX_LINES else ""
 
 
 def _points(curve: Curve) -> tuple[tuple[float, float | None], ...]:

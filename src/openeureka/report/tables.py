@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..config import RunConfig, as_dict
+from ..config import as_dict
 from ..score import Baselines, Outcome
 from ..types import Remark, RemarkKind
 from .stats import by_generation, trained_share
@@ -127,7 +127,8 @@ def _said(remark: Remark) -> str:
     return f"[{remark.kind}: {remark.candidate}]"
 
 
-def settings(config: RunConfig) -> Table:
+def settings(config: object) -> Table:
+    """Every field of a config."""
     return Table(("setting", "value"), [(key, str(value)) for key, value in as_dict(config).items()])
 
 

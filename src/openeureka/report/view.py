@@ -147,15 +147,21 @@ class RunView:
     """What a person said that no prompt has taken up yet."""
 
     @staticmethod
-    def read(directory: Path) -> RunView:
-        """Read a run, also while it is going on. Raises StoreError when there is none."""
+    def read(directory: Path, earlier: RunView | None = None) -> RunView:
+        """Read a run, also while it is going on. Raises StoreError when there is none.
+
+        What an earlier view of it holds is not decoded again: most of the time goes into curves and programs.
+        """
         with Store.view(directory) as store:
-            config, history, results = store.config, store.history(), store.results()
+            results = store.results(earlier.results if earlier is not None else {})
+            config, history = store.config, store.history(results)
             videos = _videos(directory, results)
+            programs = earlier.programs if earlier is not None else {}
+            reader = _Reader(config, history, search.Ranking(history), results, videos, programs, store)
             return RunView(
                 config=config,
                 history=history,
-                generations=_Reader(config, history, search.Ranking(history), results, videos, store).generations(),
+                generations=reader.generations(),
                 results=results,
                 evaluations=store.evaluations(),
                 usage=store.usage(),
@@ -166,6 +172,11 @@ class RunView:
     @property
     def candidates(self) -> tuple[CandidateView, ...]:
         return tuple(candidate for generation in self.generations for candidate in generation.candidates)
+
+    @property
+    def programs(self) -> dict[str, Candidate | None]:
+        """What was found in each reply, by its text."""
+        return {a.reply.text: a.candidate for candidate in self.candidates for a in candidate.attempts}
 
     @property
     def ranking(self) -> search.Ranking:
@@ -214,6 +225,8 @@ class _Reader:
     ranking: search.Ranking
     results: Mapping[str, TrainingResult]
     videos: Mapping[str, str]
+    programs: Mapping[str, Candidate | None]
+    """Known ones, by the text of the reply."""
     store: Store
 
     def generations(self) -> tuple[GenerationView, ...]:
@@ -282,8 +295,13 @@ class _Reader:
             repair: tuple[Message, ...] = ()
             if number % (1 + self.config.repair) and (refusal := attempts[-1].verdict) is not None:
                 repair = prompts.repair(Prompt(messages=()), attempts[-1].reply.text, refusal).messages
-            source = extract.program(reply.text)
-            candidate = Candidate.of(source) if source is not None else None
+            candidate = self._program(reply.text)
             verdict = self.store.verdict(candidate.id) if candidate is not None else NO_PROGRAM
             attempts.append(AttemptView(repair=repair, reply=reply, candidate=candidate, verdict=verdict))
         return tuple(attempts)
+
+    def _program(self, text: str) -> Candidate | None:
+        if text in self.programs:
+            return self.programs[text]
+        source = extract.program(text)
+        return Candidate.of(source) if source is not None else None

@@ -1,7 +1,7 @@
 """The run directory: one SQLite file of finished work and the files a person wants to open."""
 
-from .recover import is_run, read_config, read_remarks, read_replies
+from .recover import is_held, is_run, read_config, read_remarks, read_replies
 from .remarks import say
 from .store import Peak, Store
 
-__all__ = ["Peak", "Store", "is_run", "read_config", "read_remarks", "read_replies", "say"]
+__all__ = ["Peak", "Store", "is_held", "is_run", "read_config", "read_remarks", "read_replies", "say"]

@@ -15,6 +15,9 @@ from typing import Any
 from ..errors import StoreError
 
 FILENAME = "run.sqlite"
+LOCK = "run.lock"
+LOG = "run.log"
+"""What a run printed that nobody watched."""
 AGAIN = "start it again with the same `eureka run` command."
 
 _TABLES = """
@@ -98,6 +101,18 @@ MIGRATIONS: list[str] = [
     _REMARKS + _immutable("remarks", "heard"),
 ]
 """Script n brings a file from schema n to n + 1. Published scripts are never edited, only followed by new ones."""
+
+
+_GLANCE = """
+SELECT
+    (SELECT COUNT(DISTINCT generation) FROM entries) AS generations,
+    (SELECT MAX(results.fitness) FROM results JOIN entries USING (job)) AS fitness,
+    (SELECT COUNT(*) FROM evaluations) AS evaluations,
+    TOTAL(cost_usd) AS cost_usd,
+    CAST(TOTAL(prompt_tokens) AS INTEGER) AS prompt_tokens,
+    CAST(TOTAL(completion_tokens) AS INTEGER) AS completion_tokens
+FROM replies
+"""
 
 
 @contextmanager
@@ -195,6 +210,11 @@ class Database:
     def row(self, table: str, **where: Any) -> sqlite3.Row | None:
         found = self.rows(table, **where)
         return found[0] if found else None
+
+    def glance(self) -> sqlite3.Row:
+        """Counts and sums over the run, without its texts and curves."""
+        with explained(self.directory):
+            return self._connection.execute(_GLANCE).fetchone()
 
     def close(self) -> None:
         self._connection.close()

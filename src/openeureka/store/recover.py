@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 from pathlib import Path
 
 from ..config import RunConfig
 from ..types import Remark, Reply
-from .db import FILENAME
+from .db import FILENAME, LOCK
 from .store import Store
 
 
@@ -34,3 +36,18 @@ def read_remarks(directory: Path | str) -> dict[int, tuple[Remark, ...]]:
 def is_run(directory: Path | str) -> bool:
     """Whether a run began in the directory."""
     return (Path(directory) / FILENAME).is_file()
+
+
+def is_held(directory: Path | str) -> bool:
+    """Whether a process is working on the run."""
+    try:
+        descriptor = os.open(Path(directory) / LOCK, os.O_RDONLY)
+    except FileNotFoundError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
 from ..errors import FeedbackError
-from ..types import Place, Remark
+from ..types import Place, Remark, RemarkKind
 from .store import Store
+
+MARK = re.compile(r"(favourite|veto|vote)=(.*)")
+_PLACE = re.compile(r"g(\d{1,6})s(\d{1,6})")
 
 
 def say(directory: Path | str, *remarks: Remark) -> None:
@@ -39,3 +43,28 @@ def check(store: Store, remarks: Iterable[Remark]) -> None:
 
 def _known(trained: set[Place]) -> str:
     return f"there are {', '.join(map(str, sorted(trained)))}" if trained else "there is none yet"
+
+
+def remark(word: str) -> Remark:
+    """`go`, `favourite=g0s3`, `veto=g0s1`, `vote=g0s3:g0s1`, and everything else are words for the model.
+
+    Raises:
+        FeedbackError: for a mark that names no candidate.
+    """
+    if word == "go":
+        return Remark(kind=RemarkKind.GO)
+    mark = MARK.fullmatch(word)
+    if mark is None:
+        return Remark(kind=RemarkKind.WORDS, text=word)
+    kind, named = RemarkKind(mark[1]), mark[2]
+    if kind is not RemarkKind.VOTE:
+        return Remark(kind=kind, candidate=_place(named))
+    better, _, worse = named.replace(">", ":").partition(":")  # an unquoted > is the shell's
+    return Remark(kind=kind, candidate=_place(better), over=_place(worse))
+
+
+def _place(name: str) -> Place:
+    found = _PLACE.fullmatch(name)
+    if found is None:
+        raise FeedbackError(f"`{name}` names no candidate; write g0s3 for slot 3 of generation 0, a vote as g0s3:g0s1.")
+    return Place(int(found[1]), int(found[2]))

@@ -5,9 +5,10 @@ from __future__ import annotations
 import dataclasses
 import json
 import sqlite3
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Literal
 
 from filelock import FileLock, Timeout
@@ -20,6 +21,7 @@ from ..types import (
     Candidate,
     Evaluation,
     Generation,
+    Glance,
     History,
     Message,
     Prompt,
@@ -42,10 +44,13 @@ from .codec import (
     finite,
     safe_text,
 )
-from .db import AGAIN, FILENAME, Database, explained
+from .db import AGAIN, FILENAME, LOCK, LOG, Database, explained
 
 Peak = Literal["fitness", "reward"]
 """Which of a lane's two checkpoints: where F, or where its own reward, was highest."""
+
+LOOK_TIME = 0.5
+"""[s] to wait for the lock: who only asks whether the run is at work (`is_held`) has it for microseconds."""
 
 _FREE_TO_CHANGE = {
     *("dir", "device", "threads", "base_url", "max_cost", "price", "video", "feedback_timeout", "unsafe_no_sandbox"),
@@ -77,7 +82,7 @@ class Store:
             raise StoreError(f"{directory} is not empty and not a run; choose another dir=.")
         with explained(directory):
             directory.mkdir(parents=True, exist_ok=True)
-            lock = FileLock(directory / "run.lock", timeout=0)
+            lock = FileLock(directory / LOCK, timeout=LOOK_TIME)
             try:
                 lock.acquire()
             except Timeout:
@@ -216,8 +221,17 @@ class Store:
         row = self._database.row("results", job=job)
         return decode_result(job, row["result"]) if row is not None else None
 
-    def results(self) -> dict[str, TrainingResult]:
-        return {row["job"]: decode_result(row["job"], row["result"]) for row in self._database.rows("results")}
+    def results(self, known: Mapping[str, TrainingResult] = MappingProxyType({})) -> dict[str, TrainingResult]:
+        """By job. Those that are known from before are not decoded again."""
+
+        def result(row: sqlite3.Row) -> TrainingResult:
+            earlier = known.get(row["job"])
+            # Results never change, but a directory may hold another run by now.
+            if earlier is not None and earlier.fitness == row["fitness"]:
+                return earlier
+            return decode_result(row["job"], row["result"])
+
+        return {row["job"]: result(row) for row in self._database.rows("results")}
 
     def policy(self, job: str, peak: Peak) -> bytes | None:
         """The lane's policy at its peak (safetensors); None when it never had one."""
@@ -249,15 +263,16 @@ class Store:
         ]
         self._database.put("entries", *rows)
 
-    def history(self) -> History:
-        """Every finished generation."""
+    def history(self, results: Mapping[str, TrainingResult] | None = None) -> History:
+        """Every finished generation; `results` are those of the run, where the caller has them."""
+        results = self.results() if results is None else results
         generations: dict[int, list[Scored]] = {}
         for row in self._database.rows("entries", order=("generation", "slot")):
-            generations.setdefault(row["generation"], []).append(self._scored(row))
+            generations.setdefault(row["generation"], []).append(self._scored(row, results))
         finished = [Generation(index, tuple(own), self.heard(index) or ()) for index, own in generations.items()]
         return History(tuple(finished), "votes" if self.config.judge == "votes" else "fitness")
 
-    def _scored(self, row: sqlite3.Row) -> Scored:
+    def _scored(self, row: sqlite3.Row, results: Mapping[str, TrainingResult]) -> Scored:
         sample = Sample(
             generation=row["generation"],
             slot=row["slot"],
@@ -265,12 +280,22 @@ class Store:
             verdict=decode_verdict(row["verdict"]),
             attempts=row["attempts"],
         )
-        result = self.result(row["job"]) if row["job"] is not None else None
+        result = results[row["job"]] if row["job"] is not None else None
         return Scored(sample=sample, result=result, feedback=row["feedback"])
 
     def _candidate(self, identity: str | None) -> Candidate | None:
         row = self._database.row("verdicts", candidate=identity) if identity is not None else None
         return Candidate(id=row["candidate"], source=row["source"]) if row is not None else None
+
+    def glance(self) -> Glance:
+        """How far the run has come."""
+        row = self._database.glance()
+        return Glance(
+            generations=row["generations"],
+            fitness=row["fitness"],
+            evaluations=row["evaluations"],
+            usage=_usage(row),
+        )
 
     # --- remarks of a person -----------------------------------------------------------------------------------------
 
@@ -320,11 +345,14 @@ class Store:
 def _foreign(directory: Path) -> bool:
     """Whether the directory holds anything besides what a run killed at its very start leaves."""
     with explained(directory):
-        return any(path.name != "run.lock" for path in directory.iterdir())
+        return any(path.name not in (LOCK, LOG) for path in directory.iterdir())
 
 
 def _reply(row: sqlite3.Row) -> Reply:
-    usage = Usage(
+    return Reply(text=row["text"], model=row["model"], usage=_usage(row), seconds=row["seconds"])
+
+
+def _usage(row: sqlite3.Row) -> Usage:
+    return Usage(
         prompt_tokens=row["prompt_tokens"], completion_tokens=row["completion_tokens"], cost_usd=row["cost_usd"]
     )
-    return Reply(text=row["text"], model=row["model"], usage=usage, seconds=row["seconds"])

@@ -1,0 +1,205 @@
+"""How long a page on a run of 16 x 5 candidates takes to load, and what following it costs.
+
+    python benchmarks/ui.py          # needs the extra `dev` and Chromium; about 2 minutes
+
+The run is scripted, its replies, curves and videos are as large as those of a real one: 90 lines of code, 12 curves of
+1000 epochs, a film for each candidate. The page is `eureka ui` in a process of its own and a tab of headless Chromium.
+It is followed while a reply is committed every 2 s, faster than models write, and then while nothing happens. Seconds
+of work are processor time, those of the tab what Chromium calls TaskDuration; a busy machine prolongs the load alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import math
+import os
+import platform
+import re
+import shutil
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+
+import imageio_ffmpeg
+from playwright.sync_api import CDPSession, Page, sync_playwright
+
+from openeureka import search
+from openeureka.config import RunConfig
+from openeureka.loop import run
+from openeureka.report.view import VIDEO
+from openeureka.store import Store
+from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer
+from openeureka.types import Prompt, Reply, TrainingResult, TrainJob
+
+CONFIG = RunConfig(env="toy", model="scripted", sample=16, iteration=5, refill=0, seeds=3, video="all")
+CANDIDATES = CONFIG.sample * CONFIG.iteration
+PACED = CANDIDATES - CONFIG.sample
+"""Replies from here on, those of the last generation, are followed."""
+EPOCHS, COMPONENTS, LINES = 1000, 8, 90
+
+
+class Paced(ScriptedModel):
+    """Writes the last generation slowly."""
+
+    pause = 0.0
+
+    def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
+        for said in super().sample(prompt, n=n, seed=seed):
+            if self.said > PACED:
+                time.sleep(self.pause)
+            yield said
+
+
+class LongTrainer(ToyTrainer):
+    """Leaves curves of real length."""
+
+    def _result(self, job: TrainJob) -> TrainingResult:
+        result = super()._result(job)
+        names = [*result.curves, *(f"component/term_{i}" for i in range(COMPONENTS))]
+        curves = {
+            name: tuple(math.sin(shift + epoch / 50) * math.sqrt(2 + epoch) for epoch in range(EPOCHS))
+            for shift, name in enumerate(names)
+        }
+        return dataclasses.replace(result, curves=curves)
+
+
+def reply(worth: int) -> str:
+    terms = [f"    term_{i} = {i}.5 * torch.exp(-{worth + i} * distance)  # as long as usual" for i in range(LINES)]
+    code = "\n".join(["def compute_reward(distance):", *terms, f"    return {worth}.0"])
+    return f"{'The last reward made the robot stand still. ' * 20}\n```python\n{code}\n```\n"
+
+
+def search_slowly(directory: Path, model: Paced) -> None:
+    with Store.open(directory, CONFIG) as store:
+        run(CONFIG, store, model, ToyChecker(), LongTrainer(), TOY, search.make(CONFIG))
+
+
+def film() -> bytes:
+    """Six seconds as a candidate's are."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / VIDEO
+        writer = imageio_ffmpeg.write_frames(str(path), (320, 240), fps=25)
+        writer.send(None)
+        for frame in range(150):
+            writer.send(bytes((frame + pixel) % 256 for pixel in range(320 * 3)) * 240)
+        writer.close()
+        return path.read_bytes()
+
+
+def show_films(directory: Path, picture: bytes) -> None:
+    for lane in (directory / "lanes").glob(f"*-s{CONFIG.seed}"):
+        (lane / VIDEO).write_bytes(picture)
+
+
+@contextmanager
+def served(root: Path) -> Iterator[tuple[int, str]]:
+    """Process id and address, with the token, of a page."""
+    words = [sys.executable, "-c", "from openeureka.cli.main import main; main()", "ui", str(root), "port=0"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        address = re.search(r"http\S+", process.stdout.readline())
+        assert address is not None
+        yield process.pid, address[0]
+        process.send_signal(signal.SIGINT)
+
+
+def load(page: Page, address: str) -> float:
+    """[s] until all cards can be seen; the entrance, with the token, is not counted."""
+    page.goto(address)
+    begun = time.perf_counter()
+    page.goto(f"{address.split('?')[0]}runs/run/")
+    assert page.locator("article").count() >= PACED
+    page.locator("article").last.wait_for()
+    return time.perf_counter() - begun
+
+
+def server_work(process: int) -> float:
+    """[s] of processor time that the page's server has taken so far."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return sum(map(int, fields[11:13])) / os.sysconf("SC_CLK_TCK")
+
+
+def tab_work(tab: CDPSession) -> float:
+    """[s] that the tab has worked since its page was opened."""
+    metrics = {metric["name"]: metric["value"] for metric in tab.send("Performance.getMetrics")["metrics"]}
+    return metrics["TaskDuration"]
+
+
+def share(process: int, page: Page, seconds: float) -> dict[str, float]:
+    """Of one core, while the page is open."""
+    tab = page.context.new_cdp_session(page)
+    tab.send("Performance.enable")
+    server, browser, begun = server_work(process), tab_work(tab), time.perf_counter()
+    page.wait_for_timeout(1000 * seconds)
+    took = time.perf_counter() - begun
+    return {
+        "server": round((server_work(process) - server) / took, 4),
+        "tab": round((tab_work(tab) - browser) / took, 4),
+    }
+
+
+def measure(folder: Path, pause: float, repeats: int) -> dict[str, object]:
+    directory, picture, model = folder / "run", film(), Paced([reply(n) for n in range(CANDIDATES)])
+    model.pause = pause
+    searching = threading.Thread(target=search_slowly, args=(directory, model))
+    path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    options = ["--no-sandbox"] if os.geteuid() == 0 else []
+    with sync_playwright() as playwright, playwright.chromium.launch(executable_path=path, args=options) as browser:
+        searching.start()
+        while model.said < PACED + 1:
+            time.sleep(0.1)
+        show_films(directory, picture)
+        with served(folder) as (process, address):
+            page = browser.new_page()
+            load(page, address)
+            changing = share(process, page, pause * (CONFIG.sample - 2))
+            searching.join()
+            show_films(directory, picture)
+            page.wait_for_timeout(10_000)
+            quiet = share(process, page, 20)
+        first, again, worked = [], [], []
+        for _ in range(repeats):
+            with served(folder) as (process, address), browser.new_context() as visitor:
+                page, before = visitor.new_page(), server_work(process)
+                first.append(load(page, address))
+                worked.append(server_work(process) - before)
+                again.append(load(page, address))
+    return {
+        "load_seconds": {"first": round(statistics.median(first), 2), "again": round(statistics.median(again), 2)},
+        "server_seconds_of_the_first_load": round(statistics.median(worked), 2),
+        "repeats": repeats,
+        "share_of_a_core": {f"a reply every {pause:g} s": changing, "nothing happens": quiet},
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--pause", type=float, default=2.0, help="[s] between two replies")
+    parser.add_argument("--repeats", type=int, default=5, help="loads, of which the median counts")
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "ui.json")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        found = measure(Path(folder), options.pause, options.repeats)
+    found |= {
+        "date": f"{datetime.now(UTC):%Y-%m-%d}",
+        "candidates": CANDIDATES,
+        "cores": os.cpu_count(),
+        "load_average": round(os.getloadavg()[0], 1),
+        "python": platform.python_version(),
+    }
+    print(json.dumps(found, indent=1))
+    options.out.write_text(json.dumps(found, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,21 @@
+"""`eureka ui`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..config import parse
+from ..errors import ConfigError
+from ..store.paths import OUTPUTS
+from .settings import PageConfig, only_path, split
+
+
+def ui(words: Sequence[str]) -> None:
+    """Serve the page of the runs below a folder."""
+    settings, paths = split(words)
+    config = parse(PageConfig, settings)
+    try:
+        from ..ui.server import serve
+    except ModuleNotFoundError as error:
+        raise ConfigError(f"The page needs {error.name}: pip install 'openeureka[ui]'.") from None
+    serve(only_path(paths or [OUTPUTS], "eureka ui outputs"), config.host, config.port)

@@ -1,0 +1,172 @@
+"""The addresses of the page and what answers them. It reads stores and adds remarks; nothing else of a run is written.
+
+Handlers work in the thread of the server: one person looks, and what has not changed is not read again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from urllib.parse import parse_qsl, quote
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import FileResponse, HTMLResponse, JSONResponse, RedirectResponse, Response
+from starlette.routing import Route
+
+from ..errors import EurekaError
+from ..report import inert
+from ..report.view import RunView
+from ..store import is_run, say
+from . import folder, guard, pages, remarks
+from .follow import Fingerprint, Fresh, Parts, Version
+from .launch import Launcher
+
+VIEWS = 4
+"""Runs held in memory, each with its curves and texts."""
+PAGES = 32
+"""Pages held in memory as they were shown last."""
+
+
+def build(root: Path, token: str, hosts: Sequence[str]) -> Starlette:
+    """The page of the runs below a folder, or of one run, for those who know the token and call it by these names."""
+    return Starlette(routes=Pages(root).routes(), middleware=guard.middleware(token, hosts))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Page:
+    """What somebody looks at."""
+
+    template: str
+    address: str
+    fingerprint: Fingerprint
+    """Of all that it shows."""
+    render: Callable[[], Parts]
+    values: Mapping[str, object]
+    """For what surrounds the parts."""
+
+
+class Pages:
+    """Everything below a folder."""
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+        self._launcher = Launcher(root)
+        self._views: Fresh[RunView] = Fresh(VIEWS)
+        self._versions: Fresh[Version] = Fresh(PAGES)
+
+    def routes(self) -> list[Route]:
+        return [
+            Route("/", self.runs),
+            Route("/start", self.start, methods=["POST"]),
+            Route("/runs/{name}/", self.overview),
+            Route("/runs/{name}/candidates", self.candidates),
+            Route("/runs/{name}/remarks", self.say, methods=["POST"]),
+            Route("/runs/{name}/{path:path}", self.film),
+            Route("/style.css", _constant("text/css", "report.css", "ui/page.css")),
+            Route("/follow.js", _constant("text/javascript", "ui/follow.js")),
+        ]
+
+    async def runs(self, request: Request) -> Response:
+        if is_run(self._root):
+            return RedirectResponse(_address(*folder.runs(self._root)), 303)
+        return self._answer(request, self._list())
+
+    async def start(self, request: Request) -> Response:
+        try:
+            name = self._launcher.start(await _form(request))
+        except EurekaError as error:
+            return self._answer(request, self._list(), str(error))
+        return RedirectResponse(_address(name), 303)
+
+    async def overview(self, request: Request) -> Response:
+        return self._answer(request, self._about(request, "run.html", pages.overview))
+
+    async def candidates(self, request: Request) -> Response:
+        names = request.query_params.getlist("show")
+        rest = f"candidates?{request.url.query}"
+        return self._answer(request, self._about(request, "candidates.html", partial(pages.side_by_side, names), rest))
+
+    async def say(self, request: Request) -> Response:
+        name, directory = self._named(request)
+        try:
+            say(directory, *remarks.read(await _form(request)))
+        except EurekaError as error:
+            return self._answer(request, self._about(request, "run.html", pages.overview), str(error))
+        return RedirectResponse(_address(name), 303)
+
+    async def film(self, request: Request) -> Response:
+        """A video of a run; no other file, and none that is named in another way than the run names it."""
+        name, directory = self._named(request)
+        path = request.path_params["path"]
+        if path not in self._view(name, directory, folder.fingerprint(directory)).videos.values():
+            raise HTTPException(404)
+        return FileResponse(directory / path, media_type="video/mp4")
+
+    def _list(self) -> Page:
+        found = folder.runs(self._root)
+        return Page(
+            template="runs.html",
+            address="/",
+            fingerprint=tuple((name, folder.fingerprint(directory)) for name, directory in found.items()),
+            render=lambda: pages.listing([folder.entry(*run) for run in found.items()]),
+            values=pages.start_form(),
+        )
+
+    def _about(self, request: Request, template: str, render: Callable[[Path, RunView], Parts], rest: str = "") -> Page:
+        """A page of one run; `rest` is what follows the run's own address."""
+        name, directory = self._named(request)
+        fingerprint = folder.fingerprint(directory)
+
+        def parts() -> Parts:
+            try:
+                return render(directory, self._view(name, directory, fingerprint))
+            except EurekaError as error:
+                return pages.unreadable(directory, str(error))
+
+        address = f"{_address(name)}{rest}"
+        return Page(template=template, address=address, fingerprint=fingerprint, render=parts, values={"title": name})
+
+    def _named(self, request: Request) -> tuple[str, Path]:
+        """A run of the folder; names are looked up and never made into paths."""
+        name = request.path_params["name"]
+        directory = folder.runs(self._root).get(name)
+        if directory is None:
+            raise HTTPException(404, "There is no such run.")
+        return name, directory
+
+    def _view(self, name: str, directory: Path, fingerprint: Fingerprint) -> RunView:
+        return self._views.get(name, fingerprint, lambda earlier: RunView.read(directory, earlier))
+
+    def _answer(self, request: Request, page: Page, problem: str = "") -> Response:
+        """The page; to one that is open already, what has changed of the parts that it shows."""
+        version = self._versions.get(page.address, page.fingerprint, lambda _: Version.make(page.render))
+        shown = request.headers.get("X-Shown")
+        if shown is None:
+            text = pages.layout(page.template, version, address=page.address, problem=problem, **page.values)
+            return HTMLResponse(text, 400 if problem else 200)
+        changes = version.beyond(shown.split(","))
+        pause = {"X-Pause": f"{version.pause:.1f}"}
+        return Response(status_code=204, headers=pause) if changes is None else JSONResponse(changes, headers=pause)
+
+
+def _address(name: str) -> str:
+    return f"/runs/{quote(name)}/"
+
+
+async def _form(request: Request) -> dict[str, str]:
+    """The fields of a form that was sent."""
+    return dict(parse_qsl((await request.body()).decode(errors="replace")))
+
+
+def _constant(media_type: str, *names: str) -> Callable[[Request], Response]:
+    """Answers with files of the folder `templates`, one after the other."""
+    text = "".join(map(inert.text, names))
+
+    def serve(_: Request) -> Response:
+        return Response(text, media_type=media_type)
+
+    return serve

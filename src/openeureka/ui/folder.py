@@ -1,0 +1,104 @@
+"""The runs below a folder, how each stands, and whether anything about one has changed."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from ..config import RunConfig
+from ..errors import StoreError
+from ..store import Store, is_held, is_run
+from ..store.db import FILENAME, LOG
+from ..types import Glance
+from .follow import Fingerprint
+
+
+class Standing(StrEnum):
+    """What a run is doing."""
+
+    RUNNING = "running"
+    FINISHED = "finished"
+    STOPPED = "stopped"  # `eureka resume` continues it
+    UNBEGUN = "not begun"  # started from the page; its log says how far it is
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """A run in the list."""
+
+    name: str
+    standing: Standing
+    config: RunConfig | None = None
+    """None, as `glance`, where the run cannot be read."""
+    glance: Glance | None = None
+    problem: str = ""
+
+
+_CHANGING = (FILENAME, f"{FILENAME}-wal", LOG)
+
+
+def runs(root: Path) -> dict[str, Path]:
+    """Directory by name, the one that changed last first; a folder that is a run itself is the only one."""
+    if is_run(root):
+        return {root.resolve().name: root}
+    if not root.is_dir():
+        return {}
+    found = [path for path in root.iterdir() if is_run(path) or (path / LOG).is_file()]
+    return {path.name: path for path in sorted(found, key=_changed, reverse=True)}
+
+
+def _changed(directory: Path) -> tuple[int, str]:
+    return max(_stat(directory / name)[0] for name in _CHANGING), directory.name
+
+
+def fingerprint(directory: Path) -> Fingerprint:
+    """Differs after every commit, film, line of the log and end of the process; costs a stat for each lane.
+
+    Files are replaced by renaming, which changes their folder.
+    """
+    lanes = directory / "lanes"
+    files = [directory / name for name in (*_CHANGING, "best")]
+    files += lanes.iterdir() if lanes.is_dir() else ()
+    return (is_held(directory), *sorted((path.name, *_stat(path)) for path in files))
+
+
+def _stat(path: Path) -> tuple[int, int]:
+    """Of a file that may just have gone."""
+    try:
+        found = os.stat(path)
+    except FileNotFoundError:
+        return 0, 0
+    return found.st_mtime_ns, found.st_size
+
+
+def entry(name: str, directory: Path) -> Entry:
+    """How the run stands."""
+    if not is_run(directory):
+        return Entry(name=name, standing=Standing.UNBEGUN)
+    held = is_held(directory)
+    try:
+        with Store.view(directory) as store:
+            config, glance = store.config, store.glance()
+    except StoreError as error:
+        return Entry(name=name, standing=Standing.RUNNING if held else Standing.STOPPED, problem=str(error))
+    standing = Standing.RUNNING if held else _left(config, glance)
+    return Entry(name=name, standing=standing, config=config, glance=glance)
+
+
+def _left(config: RunConfig, glance: Glance) -> Standing:
+    """How a run stands on which nobody works."""
+    searched = glance.generations >= config.generations
+    done = searched and (glance.evaluations > 0 or glance.fitness is None)  # without a reward nothing is scored
+    return Standing.FINISHED if done else Standing.STOPPED
+
+
+def log(directory: Path, characters: int = 4000) -> str:
+    """The end of what a run that was started from the page printed."""
+    try:
+        with (directory / LOG).open("rb") as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - characters))
+            return file.read().decode(errors="replace")
+    except FileNotFoundError:
+        return ""

@@ -1,0 +1,75 @@
+"""Sends a page that is open only those of its parts that changed."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+PAUSE = 2.0
+"""[s] between two looks of a page."""
+SHARE = 0.03
+"""Of one core, which following may take while a run changes all the time."""
+Fingerprint = tuple[object, ...]
+"""Differs when what it stands for has changed."""
+Parts = Mapping[str, str]
+"""HTML of a page's parts by name, in the page's order."""
+Value = TypeVar("Value")
+
+
+class Fresh(Generic[Value]):
+    """Keeps what was made, at most `size` of it, until its fingerprint differs."""
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self._kept: dict[str, tuple[Fingerprint, Value]] = {}
+
+    def get(self, key: str, fingerprint: Fingerprint, make: Callable[[Value | None], Value]) -> Value:
+        """The value of the key; `make` is given the one before."""
+        before, value = self._kept.pop(key, ((), None))
+        if value is None or before != fingerprint:
+            value = make(value)
+        self._kept[key] = fingerprint, value
+        while len(self._kept) > self._size:
+            del self._kept[next(iter(self._kept))]  # the one that was not asked for longest
+        return value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """A piece of a page."""
+
+    name: str
+    mark: str
+    """Differs when the HTML does."""
+    html: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Version:
+    """A page as it is now."""
+
+    parts: tuple[Part, ...]
+    pause: float
+    """[s] that a page should wait before it looks again: the longer, the more this version cost to make."""
+
+    @staticmethod
+    def make(render: Callable[[], Parts]) -> Version:
+        begun = time.process_time()
+        parts = tuple(Part(name=name, mark=_mark(html), html=html) for name, html in render().items())
+        return Version(parts=parts, pause=max(PAUSE, (time.process_time() - begun) / SHARE))
+
+    def beyond(self, marks: Sequence[str]) -> dict[str, object] | None:
+        """What leads to this version from one whose parts have these marks, as JSON; None from this very one."""
+        if list(marks) == [part.mark for part in self.parts]:
+            return None
+        return {
+            "order": [(part.name, part.mark) for part in self.parts],
+            "changed": {part.mark: part.html for part in self.parts if part.mark not in marks},
+        }
+
+
+def _mark(html: str) -> str:
+    return hashlib.sha256(html.encode()).hexdigest()[:12]

@@ -1,0 +1,63 @@
+"""Starts runs that outlive the page."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import BinaryIO
+
+from ..config import RunConfig, parse
+from ..errors import ConfigError
+from ..store import is_run
+from ..store.db import LOG, explained
+from ..store.paths import output_directory
+from ..tasks import registry
+
+SETTINGS = ("env", "model", "sample", "iteration", "steps", "seed", "device", "feedback", "video")
+"""What the form asks for. Addresses and paths stay on the command line: a page must not send keys somewhere."""
+
+_EUREKA = (sys.executable, "-c", "from openeureka.cli.main import main; main()")
+
+
+class Launcher:
+    """Starts them, and buries those that have ended."""
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+        self._processes: list[subprocess.Popen[bytes]] = []
+
+    def start(self, form: Mapping[str, str]) -> str:
+        """Begin a search with the settings of a form, those left empty at their defaults; the name of the run.
+
+        Raises:
+            ConfigError: for a setting that does not fit, or an environment that `eureka envs` does not list.
+            StoreError: where the folder cannot be written.
+        """
+        if is_run(self._root):
+            raise ConfigError("This page is about one run; call `eureka ui` with the folder that holds it.")
+        words = [f"{key}={form[key].strip()}" for key in SETTINGS if form.get(key, "").strip()]
+        config = parse(RunConfig, words)
+        if config.env not in registry.names():
+            raise ConfigError(f"`{config.env}` is not a task that can be started from here; use `eureka run`.")
+        directory = output_directory("", config.env, root=self._root)
+        self._processes = [process for process in self._processes if process.poll() is None]
+        with explained(directory):
+            directory.mkdir(parents=True)  # takes the name
+            with (directory / LOG).open("xb") as log:
+                self._processes.append(_detached(["run", *words, f"dir={directory}"], log))
+        return directory.name
+
+
+def _detached(words: Sequence[str], log: BinaryIO) -> subprocess.Popen[bytes]:
+    """`eureka` in a session of its own: Ctrl-C and a closed terminal end the page, not the run."""
+    return subprocess.Popen(
+        [*_EUREKA, *words],
+        stdin=subprocess.DEVNULL,
+        stdout=log,
+        stderr=subprocess.STDOUT,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+        start_new_session=True,
+    )

@@ -1,0 +1,43 @@
+"""Serves the page until Ctrl-C."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+from pathlib import Path
+
+import uvicorn
+
+from ..errors import ConfigError
+from . import app, guard
+
+
+def serve(root: Path, host: str, port: int) -> None:
+    """Print the address, with its token, and serve. Raises ConfigError when the address cannot be had."""
+    token = secrets.token_urlsafe(24)
+    with listen(host, port) as listener:
+        print(f"Open http://{_in_address(host)}:{listener.getsockname()[1]}/?token={token}")
+        print("Ctrl-C ends the page; runs go on.", flush=True)
+        page = app.build(root, token, names(host))
+        config = uvicorn.Config(page, log_level="warning", ws="none", lifespan="off", timeout_graceful_shutdown=1)
+        try:
+            uvicorn.Server(config).run(sockets=[listener])
+        except KeyboardInterrupt:
+            pass  # the way to end it
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket for connections; port 0 takes a free one. Raises ConfigError when the address cannot be had."""
+    try:
+        return socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+    except OSError as error:
+        raise ConfigError(f"No page at {host}:{port}: {error.strerror}; choose another host= or port=.") from None
+
+
+def names(host: str) -> tuple[str, ...]:
+    """Under which the page may be called: those of this machine, or any where others can connect."""
+    return guard.LOOPBACK if _in_address(host) in guard.LOOPBACK else ("*",)
+
+
+def _in_address(host: str) -> str:
+    return f"[{host}]" if ":" in host else host

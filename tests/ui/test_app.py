@@ -1,0 +1,173 @@
+"""The pages without a browser: what they hold, and that nothing hostile in it is more than text."""
+
+import json
+import re
+
+import pytest
+from report.scripted import search_in
+from report.test_html import ELEMENTS, HOSTILE, NamesComponents, Page
+
+from openeureka.observer import NullObserver
+from openeureka.report.view import RunView
+from openeureka.store import Store
+from openeureka.testing.scripted import ScriptedModel, reply
+
+from .serving import visitor
+
+MORE = {*ELEMENTS.split(), "link", "script", "main", "form", "button", "label", "textarea", "input", "select"}
+MORE |= {"option", "article", "q"}
+
+
+def shown(client, path: str) -> Page:
+    answer = client.get(path)
+    assert answer.status_code == 200, answer.text
+    return Page(answer.text)
+
+
+def test_the_list_names_each_run_with_state_task_model_and_best(tmp_path):
+    search_in(tmp_path / "first", [reply(1), reply(2)])
+    page = shown(visitor(tmp_path), "/")
+    assert "/runs/first/" in page.links()
+    for cell in ("first", "finished", "toy", "local", "1 of 1", "2", "0.0200"):  # two replies of a cent
+        assert f">{cell}</span>" in page.source
+
+
+def test_an_empty_folder_says_how_to_begin(tmp_path):
+    assert "No run yet." in shown(visitor(tmp_path), "/").text
+
+
+def test_a_folder_that_is_a_run_opens_it_and_starts_no_other(tmp_path):
+    client = visitor(search_in(tmp_path / "run", [reply(1), reply(2)]))
+    assert client.get("/").headers["location"] == "/runs/run/"
+    assert "g0s1: trained, F 2" in shown(client, "/runs/run/").text
+    assert "This page is about one run" in client.post("/start", data={"env": "ant"}).text
+
+
+def test_a_run_shows_a_card_for_each_candidate_and_the_prompts(tmp_path):
+    search_in(tmp_path / "run", [reply(7), "nothing", reply(8), reply(9)], iteration=2)
+    page = shown(visitor(tmp_path), "/runs/run/")
+    text = " ".join(page.text.split())
+    assert "g0s0: trained, F 7" in text and "g0s1: refused" in text and "g1s1: trained, F 9 best" in text
+    assert "Do the thing." in text  # the prompt
+    assert "4 of 4" not in text and "2 of 2 generations done" in text
+    assert page.elements["article"] == 4
+
+
+def test_candidates_stand_side_by_side_with_code_diff_replies_and_prompt(tmp_path):
+    search_in(tmp_path / "run", [reply(7), reply(6), reply(8), reply(9)], iteration=2)
+    page = shown(visitor(tmp_path), "/runs/run/candidates?show=g1s0&show=g0s1&show=g9s9&show=g1s0")
+    assert page.elements["section"] == 2
+    assert "Improves on generation 0, slot 0." in page.text and "candidates?show=g0s0" in page.links()
+    assert "-    return 7\n" in page.text and "+    return 8\n" in page.text
+    assert "Here is the reward." in page.text and page.text.count("What the model was asked") == 2
+
+
+def test_a_page_that_is_open_is_sent_what_is_new(tmp_path):
+    class Watched(ScriptedModel):
+        """Looks at the page between the two replies."""
+
+        def sample(self, prompt, *, n, seed):
+            for text in super().sample(prompt, n=n, seed=seed):
+                yield text
+                answers.append(client.get("/runs/run/", headers={"X-Shown": ",".join(known)}))
+                if answers[-1].status_code == 200:
+                    known[:] = [mark for _, mark in answers[-1].json()["order"]]
+
+    client, known, answers = visitor(tmp_path), [], []
+    search_in(tmp_path / "run", model=Watched([reply(7), reply(8)]), script=[])
+    first, second = (set(json.loads(answer.text)["changed"].values()) for answer in answers)
+    assert any("g0s0" in html for html in first) and not any("g0s1" in html for html in first)
+    assert any("g0s1" in html for html in second)
+    assert client.get("/runs/run/", headers={"X-Shown": ",".join(known)}).status_code == 200
+    last = [mark for _, mark in client.get("/runs/run/", headers={"X-Shown": ""}).json()["order"]]
+    still = client.get("/runs/run/", headers={"X-Shown": ",".join(last)})
+    assert still.status_code == 204 and float(still.headers["x-pause"]) >= 2
+
+
+def assert_inert(page: Page) -> None:
+    assert set(page.elements) <= MORE
+    assert page.elements["script"] == 1 and ("src", "/follow.js") in page.attributes
+    assert not [name for name, _ in page.attributes if name.startswith("on") or name == "style"]
+    assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u202a-\u202e\u2066-\u2069]", page.source)
+    assert not [link for link in page.links() if re.match(r"\w+:|//", link)]
+
+
+def test_hostile_replies_programs_names_and_folders_are_text(tmp_path):
+    text = f"{HOSTILE}\n```python\ndef compute_reward(x):\n    # {HOSTILE}\n    return 7\n```"
+    name = HOSTILE.replace("/", "|")
+    search_in(tmp_path / name, [text, f"{HOSTILE} no code"], trainer=NamesComponents())
+    client = visitor(tmp_path)
+    listed = shown(client, "/")
+    assert_inert(listed)
+    (address,) = [link for link in listed.links() if link.startswith("/runs/")]
+    for path, times in ((address, 1), (f"{address}candidates?show=g0s0&show=g0s1", 4)):
+        assert_inert(shown(client, path))
+        assert shown(client, path).text.count("alert(1)") >= times
+
+
+def test_a_megabyte_of_text_does_not_make_the_page_heavy(tmp_path):
+    search_in(tmp_path / "run", ["x" * 1_000_000, "\x1b]" * 500_000])
+    assert len(visitor(tmp_path).get("/runs/run/candidates?show=g0s0&show=g0s1").text) < 200_000
+
+
+def test_videos_of_the_run_are_served_in_pieces_and_no_other_file(tmp_path):
+    directory = search_in(tmp_path / "run", [reply(7), reply(8)])
+    (directory / "best" / "video.mp4").write_bytes(b"0123456789")
+    (tmp_path / "video.mp4").write_bytes(b"outside")
+    client = visitor(tmp_path)
+    answer = client.get("/runs/run/best/video.mp4", headers={"Range": "bytes=2-4"})
+    assert (answer.status_code, answer.content, answer.headers["content-type"]) == (206, b"234", "video/mp4")
+    for path in (
+        *("best/policy.safetensors", "run.sqlite", "..%2fvideo.mp4"),
+        *("%2e%2e/video.mp4", "best/%2e%2e/run.sqlite", "/etc/passwd", "best//video.mp4", "lanes/human-s0/video.mp4"),
+    ):
+        assert client.get(f"/runs/run/{path}").status_code == 404, path
+
+
+@pytest.mark.parametrize("name", ["absent", "%2e%2e", "run%2f..", "%00"])
+def test_a_run_that_is_not_in_the_folder_is_not_there(tmp_path, name):
+    search_in(tmp_path / "outputs" / "run", [reply(7), reply(8)])
+    search_in(tmp_path / "secret", [reply(7), reply(8)])
+    assert visitor(tmp_path / "outputs").get(f"/runs/{name}/").status_code in (404, 405)
+
+
+def test_a_run_that_cannot_be_read_is_explained(tmp_path):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "run.log").write_text("\x1b[31mThere is no model <b>x</b>.")
+    page = shown(visitor(tmp_path), "/runs/run/")
+    assert "has no run.sqlite" in page.text and "There is no model <b>x</b>." in page.text
+    assert_inert(page)
+
+
+def test_words_are_stored_and_shown_and_refused_ones_explained(tmp_path):
+    class Leaves(NullObserver):
+        def phase(self, generation, name):
+            if name == "feedback":
+                raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        search_in(tmp_path / "run", [reply(7), reply(8)], observer=Leaves(), iteration=2, feedback="human")
+    client = visitor(tmp_path)
+    for form in ({"words": f"too jerky {HOSTILE}"}, {"favourite": "g0s0"}, {"vote": "g0s1:g0s0"}):
+        answer = client.post("/runs/run/remarks", data=form)
+        assert (answer.status_code, answer.headers["location"]) == (303, "/runs/run/")
+    page = shown(client, "/runs/run/")
+    assert "too jerky" in page.text and "favourite: g0s0" in page.text and "g0s1 is better than g0s0" in page.text
+    assert_inert(page)
+    refused = client.post("/runs/run/remarks", data={"veto": "g7s7"})
+    assert refused.status_code == 400 and "g7s7 is no trained candidate" in refused.text
+    with Store.view(tmp_path / "run") as store:
+        assert [remark.kind for remark in store.unheard()] == ["words", "favourite", "vote"]
+
+
+def test_buttons_to_judge_stand_only_where_a_run_listens(tmp_path):
+    search_in(tmp_path / "run", [reply(7), reply(8)])
+    assert shown(visitor(tmp_path), "/runs/run/candidates?show=g0s0").elements["button"] == 0
+    refused = visitor(tmp_path).post("/runs/run/remarks", data={"words": "hello"})
+    assert refused.status_code == 400 and "does not wait for a person" in refused.text
+
+
+def test_the_view_of_a_run_is_the_same_whether_read_anew_or_from_an_earlier_one(tmp_path):
+    directory = search_in(tmp_path / "run", [reply(7), reply(8), reply(9), "nothing"], iteration=2)
+    earlier = RunView.read(directory)
+    assert RunView.read(directory, earlier) == earlier

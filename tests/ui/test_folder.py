@@ -1,0 +1,103 @@
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from report.scripted import search_in
+
+from openeureka.config import RunConfig
+from openeureka.store import Store
+from openeureka.store.db import LOG
+from openeureka.testing.scripted import ScriptedModel, reply
+from openeureka.ui import folder
+from openeureka.ui.folder import Standing
+
+CONFIG = RunConfig(env="toy", sample=2, iteration=1, refill=0, seeds=1)
+
+
+class Dies(ScriptedModel):
+    def sample(self, prompt, *, n, seed):
+        raise KeyboardInterrupt
+
+
+def test_runs_are_listed_latest_first_and_other_folders_are_not(tmp_path):
+    for name in ("b", "a"):
+        search_in(tmp_path / name, [reply(1), reply(2)])
+    (tmp_path / "notes").mkdir()
+    os.utime(tmp_path / "a" / "run.sqlite", (1, 1))
+    assert list(folder.runs(tmp_path)) == ["b", "a"]
+    assert folder.runs(tmp_path / "absent") == {}
+
+
+def test_a_folder_that_is_a_run_lists_itself(tmp_path, monkeypatch):
+    search_in(tmp_path / "run", [reply(1), reply(2)])
+    monkeypatch.chdir(tmp_path / "run")
+    assert folder.runs(Path(".")) == {"run": Path(".")}
+
+
+def test_a_finished_run_shows_its_best_and_what_it_cost(tmp_path):
+    entry = folder.entry("run", search_in(tmp_path / "run", [reply(1), reply(2)]))
+    assert entry.standing is Standing.FINISHED
+    assert entry.glance is not None
+    assert (entry.glance.generations, entry.glance.fitness) == (1, 2.0)
+    assert entry.glance.usage.cost_usd == pytest.approx(0.02)  # two replies of a cent
+
+
+def test_a_search_that_found_nothing_is_finished_too(tmp_path):
+    entry = folder.entry("run", search_in(tmp_path / "run", ["nothing", "nothing"]))
+    assert entry.standing is Standing.FINISHED
+
+
+def test_a_run_is_running_while_a_process_has_it_and_stopped_after_that(tmp_path):
+    with Store.open(tmp_path / "run", CONFIG):
+        assert folder.entry("run", tmp_path / "run").standing is Standing.RUNNING
+    assert folder.entry("run", tmp_path / "run").standing is Standing.STOPPED
+
+
+def test_looking_does_not_keep_a_run_from_starting(tmp_path):
+    search_in(tmp_path / "run", [reply(1), reply(2)])
+    for _ in range(3):
+        assert folder.entry("run", tmp_path / "run").standing is Standing.FINISHED
+        with Store.open(tmp_path / "run", CONFIG):
+            pass
+
+
+def test_a_directory_with_only_a_log_has_not_begun(tmp_path):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / LOG).write_text("There is no model of this name.")
+    assert list(folder.runs(tmp_path)) == ["run"]
+    assert folder.entry("run", tmp_path / "run").standing is Standing.UNBEGUN
+    assert folder.log(tmp_path / "run") == "There is no model of this name."
+    with Store.open(tmp_path / "run", CONFIG):  # the log does not make it somebody else's
+        pass
+
+
+def test_a_damaged_run_is_named_and_does_not_hide_the_others(tmp_path):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "run.sqlite").write_text("no database " * 100)
+    assert "is damaged or not a run" in folder.entry("run", tmp_path / "run").problem
+
+
+def test_only_the_end_of_a_long_log_is_read(tmp_path):
+    (tmp_path / LOG).write_bytes(b"\xff" * 10_000 + b"end")
+    assert folder.log(tmp_path, characters=5) == "\ufffd\ufffdend"
+
+
+def test_the_fingerprint_changes_with_a_commit_a_film_and_a_log_and_not_by_looking(tmp_path):
+    directory = search_in(tmp_path / "run", [reply(1), reply(2)])
+    seen = [folder.fingerprint(directory)]
+
+    def differs() -> bool:
+        seen.append(folder.fingerprint(directory))
+        return seen[-1] != seen[-2]
+
+    folder.entry("run", directory)
+    assert not differs()
+    (job,) = {path for path in (directory / "lanes").iterdir() if path.name.startswith("human-s0")}
+    (job / "video.mp4").write_bytes(b"film")
+    assert differs()
+    (directory / LOG).write_text("more")
+    assert differs()
+    with Store.open(directory, replace(CONFIG, device="cuda")):
+        assert differs()  # a process has it
+    assert differs()

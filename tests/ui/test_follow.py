@@ -1,0 +1,52 @@
+import pytest
+
+from openeureka.ui.follow import PAUSE, Fresh, Version
+
+
+def version(**parts: str) -> Version:
+    return Version.make(lambda: parts)
+
+
+def marks(shown: Version) -> list[str]:
+    return [part.mark for part in shown.parts]
+
+
+def test_a_page_that_shows_the_newest_version_is_sent_nothing():
+    assert version(a="1", b="2").beyond(marks(version(a="1", b="2"))) is None
+
+
+def test_only_parts_that_changed_are_sent_and_the_order_of_all():
+    changes = version(b="2", c="3", a="4").beyond(marks(version(a="1", b="2")))
+    assert changes is not None
+    assert [name for name, _ in changes["order"]] == ["b", "c", "a"]
+    assert sorted(changes["changed"].values()) == ["3", "4"]
+
+
+def test_a_page_that_shows_nothing_known_is_sent_everything():
+    changes = version(a="1", b="2").beyond(["?"])
+    assert changes is not None and len(changes["changed"]) == 2
+
+
+def test_a_version_that_was_dear_to_make_is_looked_for_less_often(monkeypatch):
+    # 0.6 s of work at 3 % of a core are 20 s.
+    clock = iter([0.0, 0.6])
+    monkeypatch.setattr("openeureka.ui.follow.time.process_time", lambda: next(clock))
+    assert version(a="1").pause == pytest.approx(20.0)
+    monkeypatch.undo()
+    assert version(a="1").pause == PAUSE
+
+
+def test_a_value_is_made_again_from_the_one_before_when_its_fingerprint_differs():
+    fresh: Fresh[list[int]] = Fresh(2)
+    assert fresh.get("x", (1,), lambda before: [*(before or ()), 1]) == [1]
+    assert fresh.get("x", (1,), lambda before: [*(before or ()), 2]) == [1]
+    assert fresh.get("x", (2,), lambda before: [*(before or ()), 2]) == [1, 2]
+
+
+def test_what_was_not_asked_for_longest_is_forgotten():
+    fresh: Fresh[str] = Fresh(2)
+    for key in ("a", "b", "a", "c"):
+        fresh.get(key, (), lambda _: "first")
+    made = {key: fresh.get(key, (), lambda _: "again") for key in ("a", "c")}
+    assert made == {"a": "first", "c": "first"}
+    assert fresh.get("b", (), lambda _: "again") == "again"

@@ -1,0 +1,62 @@
+import pytest
+
+from .serving import TOKEN, stranger, visitor
+
+PATHS = ["/", "/style.css", "/follow.js", "/runs/x/", "/runs/x/candidates", "/runs/x/best/video.mp4", "/nothing"]
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_nothing_is_served_without_the_token(tmp_path, path):
+    answer = stranger(tmp_path).get(path)
+    assert answer.status_code == 403
+    assert "the address that `eureka ui` printed" in answer.text
+
+
+@pytest.mark.parametrize("token", ["", "wrong", TOKEN[:-1], TOKEN + "x", "ü"])
+def test_a_wrong_token_opens_nothing(tmp_path, token):
+    assert stranger(tmp_path).get("/", params={"token": token}).status_code == 403
+    cookie = f"openeureka={token}".encode()
+    assert stranger(tmp_path).get("/", headers={"Cookie": cookie}).status_code == 403
+
+
+def test_the_token_goes_from_the_address_into_a_cookie_that_scripts_cannot_read(tmp_path):
+    client = stranger(tmp_path)
+    answer = client.get(f"/?token={TOKEN}&x=1")
+    assert answer.status_code == 303
+    assert answer.headers["location"] == "http://127.0.0.1:8080/?x=1"
+    assert "HttpOnly" in answer.headers["set-cookie"] and "SameSite=lax" in answer.headers["set-cookie"]
+    assert client.get("/").status_code == 200
+
+
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:8080", "127.0.0.1.evil.example", "", "localhost@evil"])
+def test_another_name_for_this_machine_is_refused(tmp_path, host):
+    assert visitor(tmp_path).get("/", headers={"Host": host}).status_code == 400
+
+
+@pytest.mark.parametrize("host", ["localhost:8080", "127.0.0.1", "[::1]:8080"])
+def test_names_of_this_machine_are_served(tmp_path, host):
+    client = stranger(tmp_path)
+    assert client.get("/", headers={"Host": host, "Cookie": f"openeureka={TOKEN}"}).status_code == 200
+
+
+@pytest.mark.parametrize(
+    "origin", ["http://evil.example", "null", "", "http://127.0.0.1:9090", "http://localhost:8080"]
+)
+@pytest.mark.parametrize("path", ["/start", "/runs/x/remarks"])
+def test_a_form_of_another_site_is_refused(tmp_path, path, origin):
+    answer = visitor(tmp_path).post(path, data={"env": "cartpole"}, headers={"Origin": origin})
+    assert answer.status_code == 403
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_form_larger_than_any_person_writes_is_refused(tmp_path):
+    assert visitor(tmp_path).post("/start", content=b"x" * (2 << 20) + b"x").status_code == 413
+    assert visitor(tmp_path).post("/start", content=iter([b"x"])).status_code == 411
+
+
+def test_a_page_may_run_only_its_own_script_and_be_in_no_frame(tmp_path):
+    headers = visitor(tmp_path).get("/").headers
+    policy = headers["content-security-policy"]
+    assert "default-src 'none'" in policy and "script-src 'self';" in policy and "frame-ancestors 'none'" in policy
+    assert "unsafe" not in policy
+    assert headers["x-content-type-options"] == "nosniff"

@@ -1,0 +1,91 @@
+"""One page in a process of its own, as a person starts it, and the run that it starts."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+
+import httpx2
+import pytest
+
+from openeureka.errors import ConfigError
+from openeureka.store.db import LOG
+from openeureka.ui import launch, server
+
+from .serving import visitor
+
+EUREKA = [sys.executable, "-c", "from openeureka.cli.main import main; main()"]
+
+
+def wait_for(happens: Callable[[], bool], seconds: float = 60.0) -> None:
+    end = time.monotonic() + seconds
+    while not happens():
+        assert time.monotonic() < end, "it never happened"
+        time.sleep(0.05)
+
+
+def test_a_run_outlives_the_page_that_started_it_and_its_log_tells_how_it_goes(tmp_path):
+    page = subprocess.Popen([*EUREKA, "ui", str(tmp_path), "port=0"], stdout=subprocess.PIPE, text=True)
+    assert page.stdout is not None
+    address = re.fullmatch(r"Open (http://127\.0\.0\.1:\d+)/\?token=(\S{32})\n", page.stdout.readline())
+    assert address is not None
+    with httpx2.Client(base_url=address[1], headers={"Origin": address[1]}, follow_redirects=True) as client:
+        client.get("/", params={"token": address[2]})
+        form = {"env": "cartpole", "model": "replay:nowhere", "sample": "2", "steps": ""}
+        answer = client.post("/start", data=form)
+        assert answer.status_code == 200 and "_cartpole</title>" in answer.text
+    page.send_signal(signal.SIGINT)
+    assert page.wait(timeout=30) == 0
+    (directory,) = tmp_path.iterdir()
+    wait_for(lambda: "nowhere is not a run" in (directory / LOG).read_text())
+
+
+def test_a_started_run_has_the_settings_of_the_form_and_a_session_of_its_own(tmp_path, monkeypatch):
+    # A run needs seconds to import torch; what is tested is how it is started.
+    monkeypatch.setattr(launch, "_EUREKA", [sys.executable, "-c", "import os, sys; print(os.getsid(0), sys.argv[1:])"])
+    form = {
+        "env": "ant",
+        "model": " random ",
+        "sample": "",
+        "iteration": "3",
+        "dir": "elsewhere",
+        "base_url": "http://x",
+    }
+    name = launch.Launcher(tmp_path).start(form)
+    log = tmp_path / name / LOG
+    wait_for(lambda: log.read_text().endswith("\n"))
+    session, words = log.read_text().split(" ", 1)
+    assert int(session) != os.getsid(0)
+    assert words == f"['run', 'env=ant', 'model=random', 'iteration=3', 'dir={tmp_path / name}']\n"
+
+
+@pytest.mark.parametrize(
+    ("form", "problem"),
+    [
+        ({"env": "nowhere.py:Task"}, "is not a task that can be started from here"),
+        ({"env": "os:system"}, "is not a task that can be started from here"),
+        ({"env": "ant", "sample": "many"}, "`sample=many` does not fit"),
+        ({"env": "ant", "video": "<b>"}, "`video` must be one of all, best, none"),
+    ],
+)
+def test_a_form_that_does_not_fit_starts_nothing_and_says_why(tmp_path, form, problem):
+    with pytest.raises(ConfigError, match=re.escape(problem)):
+        launch.Launcher(tmp_path).start(form)
+    answer = visitor(tmp_path).post("/start", data=form)
+    assert answer.status_code == 400 and problem in answer.text
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_address_that_is_taken_is_said_in_a_sentence(tmp_path):
+    with server.listen("127.0.0.1", 0) as taken, pytest.raises(ConfigError, match="choose another host= or port="):
+        server.listen("127.0.0.1", taken.getsockname()[1])
+    with pytest.raises(ConfigError, match="No page at 192.0.2.1:0"):
+        server.listen("192.0.2.1", 0)
+
+
+def test_only_loopback_names_are_checked_by_name():
+    assert server.names("127.0.0.1") == server.names("::1") == ("127.0.0.1", "localhost", "[::1]")
+    assert server.names("0.0.0.0") == ("*",)

@@ -1,0 +1,38 @@
+import pytest
+
+from openeureka.errors import FeedbackError
+from openeureka.types import Place, Remark, RemarkKind
+from openeureka.ui import remarks
+
+
+def test_a_form_becomes_remarks():
+    form = {"words": " too jerky\n", "favourite": "g0s3", "veto": "g1s12", "vote": "g0s3:g0s1", "go": "1"}
+    assert set(remarks.read(form)) == {
+        Remark(kind=RemarkKind.WORDS, text="too jerky"),
+        Remark(kind=RemarkKind.FAVOURITE, candidate=Place(0, 3)),
+        Remark(kind=RemarkKind.VETO, candidate=Place(1, 12)),
+        Remark(kind=RemarkKind.VOTE, candidate=Place(0, 3), over=Place(0, 1)),
+        Remark(kind=RemarkKind.GO),
+    }
+
+
+def test_go_comes_last_so_that_no_words_are_left_behind():
+    assert [r.kind for r in remarks.read({"go": "1", "words": "stop"})] == [RemarkKind.WORDS, RemarkKind.GO]
+
+
+@pytest.mark.parametrize("form", [{}, {"words": "  "}])
+def test_an_empty_form_is_refused(form):
+    with pytest.raises(FeedbackError, match="Nothing was said"):
+        remarks.read(form)
+
+
+@pytest.mark.parametrize("place", ["", "3", "g0", "g0s1x", "g-1s0", "g99999999999s0", "g0s1:g0s2", "<b>"])
+def test_what_is_no_candidate_is_refused(place):
+    with pytest.raises(FeedbackError, match="names no candidate"):
+        remarks.read({"favourite": place})
+
+
+@pytest.mark.parametrize("vote", ["g0s1", "g0s1:", ":g0s1", "g0s1:x"])
+def test_a_vote_names_two(vote):
+    with pytest.raises(FeedbackError, match="names no candidate"):
+        remarks.read({"vote": vote})
