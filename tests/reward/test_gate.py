@@ -66,7 +66,8 @@ GOLDEN = {
     ),
     "an import inside the function": (
         "def compute_reward(dof_pos):\n    import os\n    return dof_pos[:, 0], {}\n",
-        "line 2: `Import` is not allowed [statement]; remove it",
+        "line 2: `os` cannot be imported [import]; torch, math, typing and `np.pi` are there; "
+        "helpers such as `quat_mul` need no import",
     ),
     "a random helper": (
         "from isaacgym.torch_utils import torch_rand_float\ndef compute_reward(dof_pos):\n"

@@ -20,8 +20,8 @@ from .trace import Guard, Outputs, Refused, branch, trace, unify
 
 TRACE_SIZES = (61, 89)
 """Two world counts that no program writes by chance."""
-RESULT_RULES = ("returns", "shape", "dtype", "components")
-"""Rules about what a program returns, whichever line made it."""
+RESULT_RULES = ("returns", "shape", "dtype", "components", "nondeterminism", "constant-reward", "magnitude")
+"""Rules about what a program returns, whichever line made it: their line is that of the `return`."""
 
 
 @dataclass(frozen=True, slots=True)
