@@ -13,6 +13,7 @@ import pytest
 import torch
 
 from openeureka.reward import graph
+from openeureka.reward.validate import COMPONENT_NAME
 from openeureka.sandbox import client, confine
 from openeureka.sandbox.client import Sandbox
 from openeureka.testing.hostile import CORPUS, STATE, Hostile, Layer
@@ -141,7 +142,7 @@ def test_the_graph_of_an_odd_program_is_harmless(hostile: Hostile, sandbox: Sand
         assert value.shape == (256,) and value.dtype == torch.float32 and value.stride() == (1,)
         assert torch.isfinite(value).all() and not value.requires_grad
         value.fill_(7.0)  # shares memory with no input
-    assert all(graph.COMPONENT_NAME.fullmatch(name) for name in components)
+    assert all(COMPONENT_NAME.fullmatch(name) for name in components)
     fresh = recorded()
     assert all(torch.equal(states[name], fresh[name]) for name in ("pos", "vel", "phase"))  # type: ignore[arg-type]
 

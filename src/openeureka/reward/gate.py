@@ -95,7 +95,12 @@ def check(source: str, state: StateSpec) -> Program | tuple[Finding, ...]:
     found = {finding: None for finding in (*normaliser.findings, *rules.findings)}
     if found:
         return tuple(sorted(found, key=lambda finding: finding.line or 0))
-    return Program(draft, tuple(rules.inputs), tuple(rules.arguments))
+    program = Program(draft, tuple(rules.inputs), tuple(rules.arguments))
+    try:
+        program.code()
+    except SyntaxError as error:  # as `break` outside a loop, which parses
+        return (_unreadable(error),)
+    return program
 
 
 def _text_findings(source: str) -> Iterator[Finding]:
@@ -116,7 +121,7 @@ def _parse(source: str) -> ast.Module | Finding:
             warnings.simplefilter("ignore")
             tree = ast.parse(source, FILENAME)
     except SyntaxError as error:
-        return Finding(rule="syntax", message=f"Python cannot read it: {error.msg}", line=error.lineno)
+        return _unreadable(error)
     except (ValueError, RecursionError, MemoryError):
         return Finding(rule="size", message="it is nested too deeply", fix="split it into several lines")
     # Counted without recursion: the visitors below recurse, and this bounds them.
@@ -132,6 +137,10 @@ def _parse(source: str) -> ast.Module | Finding:
             break
     line = next((node.lineno for node in level if isinstance(node, ast.expr)), None)
     return Finding(rule="size", message="an expression is nested too deeply", fix="split it into lines", line=line)
+
+
+def _unreadable(error: SyntaxError) -> Finding:
+    return Finding(rule="syntax", message=f"Python cannot read it: {error.msg:.200}", line=error.lineno)
 
 
 class _Rules(ast.NodeVisitor):
@@ -156,7 +165,8 @@ class _Rules(ast.NodeVisitor):
             self.visit(statement)
 
     def _refuse(self, rule: str, message: str, node: ast.AST, fix: str = "") -> None:
-        self.findings.append(Finding(rule=rule, message=message, fix=fix, line=getattr(node, "lineno", None)))
+        # An identifier may be as long as the program.
+        self.findings.append(Finding(rule=rule, message=message[:300], fix=fix, line=getattr(node, "lineno", None)))
 
     def _is_input(self, name: str) -> bool:
         return name in self.state or name in IMPLICIT

@@ -84,7 +84,7 @@ class Normaliser(ast.NodeTransformer):
         return Draft(plain, entry, self.functions, self.names, frozenset(self.constants))
 
     def _refuse(self, rule: str, message: str, node: ast.AST, fix: str = "") -> None:
-        self.findings.append(Finding(rule=rule, message=message, fix=fix, line=getattr(node, "lineno", None)))
+        self.findings.append(Finding(rule=rule, message=message[:300], fix=fix, line=getattr(node, "lineno", None)))
 
     # --- module level ---
 
