@@ -8,6 +8,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -17,6 +18,8 @@ from openeureka.reward.validate import COMPONENT_NAME
 from openeureka.sandbox import client, confine
 from openeureka.sandbox.client import Sandbox
 from openeureka.testing.hostile import CORPUS, STATE, Hostile, Layer
+from openeureka.training.population import ABSURD
+from openeureka.training.rewards import LaneRewards
 from openeureka.types import Candidate, Verdict
 from sandbox.states import recorded
 
@@ -145,6 +148,23 @@ def test_the_graph_of_an_odd_program_is_harmless(hostile: Hostile, sandbox: Sand
     assert all(COMPONENT_NAME.fullmatch(name) for name in components)
     fresh = recorded()
     assert all(torch.equal(states[name], fresh[name]) for name in ("pos", "vel", "phase"))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("hostile", [h for h in CORPUS if h.layer is Layer.TRAINING], ids=lambda hostile: hostile.id)
+def test_training_sees_what_no_recorded_state_showed(hostile: Hostile, sandbox: Sandbox) -> None:
+    """`LaneRewards` hands out what the trainer's guard stops; `training/test_guards.py` has the guard."""
+    accepted = sandbox.check(Candidate.of(hostile.source)).graph
+    assert accepted is not None
+    zeros = SimpleNamespace(spec=STATE, device=torch.device("cpu"), human_reward=lambda state: torch.zeros(4))
+    reward, _, _ = LaneRewards(zeros, [accepted], worlds=4)(
+        {  # pyright: ignore[reportArgumentType]
+            "pos": torch.ones(4, 3),
+            "vel": torch.ones(4, 3),
+            "phase": torch.tensor([0.0, 1.0, 2.0, 100.0]),
+            "dt": 0.02,
+        }
+    )
+    assert not bool((reward.abs() <= ABSURD).all())
 
 
 def test_the_corpus_covers_the_list() -> None:
