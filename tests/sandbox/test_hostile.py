@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import torch
@@ -155,9 +156,9 @@ def test_training_sees_what_no_recorded_state_showed(hostile: Hostile, sandbox: 
     """`LaneRewards` hands out what the trainer's guard stops; `training/test_guards.py` has the guard."""
     accepted = sandbox.check(Candidate.of(hostile.source)).graph
     assert accepted is not None
-    zeros = SimpleNamespace(spec=STATE, device=torch.device("cpu"), human_reward=lambda state: torch.zeros(4))
+    zeros: Any = SimpleNamespace(spec=STATE, device=torch.device("cpu"), human_reward=lambda state: torch.zeros(4))
     reward, _, _ = LaneRewards(zeros, [accepted], worlds=4)(
-        {  # pyright: ignore[reportArgumentType]
+        {
             "pos": torch.ones(4, 3),
             "vel": torch.ones(4, 3),
             "phase": torch.tensor([0.0, 1.0, 2.0, 100.0]),

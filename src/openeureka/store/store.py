@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 import json
 import sqlite3
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import Literal
+from typing import Literal, TypeVar
 
 from filelock import FileLock, Timeout
 
@@ -30,9 +31,10 @@ from ..types import (
     Verdict,
 )
 from . import artifacts
-from .codec import decode_result, decode_verdict, encode_result, encode_verdict, finite, safe_text
+from .codec import DAMAGE, decode_result, decode_verdict, encode_result, encode_verdict, finite, safe_text
 from .db import AGAIN, FILENAME, Database, explained
 
+T = TypeVar("T")
 Peak = Literal["fitness", "reward"]
 """Which of a lane's two checkpoints: where F, or where its own reward, was highest."""
 
@@ -98,6 +100,13 @@ class Store:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self.close()
+
+    def _decoded(self, decode: Callable[..., T], *texts: str) -> T:
+        try:
+            return decode(*texts)
+        except DAMAGE as error:
+            what = f"{self.directory / FILENAME} holds a row that was changed ({error!s:.80})"
+            raise StoreError(f"{what}; restore the file from a copy or choose another dir=.") from None
 
     # --- settings ----------------------------------------------------------------------------------------------------
 
@@ -180,7 +189,7 @@ class Store:
 
     def verdict(self, candidate: str) -> Verdict | None:
         row = self._database.row("verdicts", candidate=candidate)
-        return decode_verdict(row["verdict"]) if row is not None else None
+        return self._decoded(decode_verdict, row["verdict"]) if row is not None else None
 
     # --- training ----------------------------------------------------------------------------------------------------
 
@@ -196,10 +205,11 @@ class Store:
     def result(self, job: str) -> TrainingResult | None:
         """The stored result, its checkpoints without policies: `policy` reads those."""
         row = self._database.row("results", job=job)
-        return decode_result(job, row["result"]) if row is not None else None
+        return self._decoded(decode_result, job, row["result"]) if row is not None else None
 
     def results(self) -> dict[str, TrainingResult]:
-        return {row["job"]: decode_result(row["job"], row["result"]) for row in self._database.rows("results")}
+        rows = self._database.rows("results")
+        return {row["job"]: self._decoded(decode_result, row["job"], row["result"]) for row in rows}
 
     def policy(self, job: str, peak: Peak) -> bytes | None:
         """The lane's policy at its peak (safetensors); None when it never had one."""
@@ -243,7 +253,7 @@ class Store:
             generation=row["generation"],
             slot=row["slot"],
             candidate=self._candidate(row["candidate"]),
-            verdict=decode_verdict(row["verdict"]),
+            verdict=self._decoded(decode_verdict, row["verdict"]),
             attempts=row["attempts"],
         )
         result = self.result(row["job"]) if row["job"] is not None else None
