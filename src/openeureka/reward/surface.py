@@ -29,7 +29,7 @@ TORCH = DTYPES | words("""
 """)
 
 ALSO_TORCH = words("""
-    aminmax argsort bitwise_and bitwise_not bitwise_or bitwise_xor count_nonzero cummax cummin diagonal dstack
+    aminmax argsort bitwise_and bitwise_not bitwise_or bitwise_xor cdist count_nonzero cummax cummin diagonal dstack
     empty empty_like erfc finfo fliplr float_power flipud hsplit inner kthvalue logit moveaxis movedim mv
     positive ravel selu signbit std_mean swapaxes swapdims tensordot trace true_divide unflatten var_mean vdot
     vsplit xlogy
