@@ -83,7 +83,7 @@ class Population:
                 step = self.env.step(action.action.flatten(0, 1))
                 own, human, means = self.rewards(step.state)
                 self.curves.add(step, own, human, means)
-                self._largest = torch.maximum(self._largest, own.abs().amax(1))
+                self._watch(own)
                 if (bonus := self.rewards.bonus(step.state)) is not None:
                     own = own + bonus
                 reward = own * self.recipe.reward_scale
@@ -142,6 +142,9 @@ class Population:
     def _split(self, x: Tensor) -> Tensor:
         """(N, ...) to (L, n, ...)."""
         return x.view(self.lanes, self.worlds, *x.shape[1:])
+
+    def _watch(self, own: Tensor) -> None:
+        self._largest = torch.maximum(self._largest, own.abs().amax(1))
 
     def _mask_diverged(self, epoch: int) -> None:
         """Freeze lanes whose reward or policy is no longer a usable number; the others do not notice."""
