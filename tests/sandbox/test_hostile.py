@@ -28,6 +28,8 @@ SECRET = "sk-this-must-not-leak"
 GOLDEN = Path(__file__).parents[1] / "golden" / "hostile.md"
 THEIR_WORDS = ("error", "syntax")
 """Rules whose message is Python's or torch's own text, which changes with their versions."""
+HOW_DEEP_PYTHON_READS = 49
+"""The idea whose message depends on Python's version."""
 PR_SET_CHILD_SUBREAPER = 36
 
 
@@ -120,7 +122,8 @@ def test_the_named_layer_stops_it(hostile: Hostile, sandbox: Sandbox, canary: Pa
     assert (verdict.code, first.rule if first else "") == (hostile.code, hostile.rule), first and first.sentence()
     assert seconds < client.SECONDS + 1.0
     watch.assert_no_harm(verdict)
-    if first is not None and first.rule not in THEIR_WORDS:
+    if first is not None and first.rule not in THEIR_WORDS and hostile.number != HOW_DEEP_PYTHON_READS:
+        assert first.fix
         if os.environ.get("EUREKA_GOLDEN") == "write":
             golden[hostile.id] = first.sentence()
         assert first.sentence() == golden[hostile.id]

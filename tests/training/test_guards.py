@@ -8,9 +8,11 @@ from collections.abc import Callable
 import pytest
 import torch
 
+from openeureka.reward.validate import GraphError
 from openeureka.tasks.env import Step
 from openeureka.tasks.task import Score
 from openeureka.training.population import Population
+from openeureka.training.wire import pack_jobs, unpack_jobs
 from openeureka.types import Node, RewardGraph, TrainBudget, TrainingResult, TrainingState, TrainJob
 
 HORIZON = 16
@@ -100,3 +102,9 @@ def test_rewards_are_judged_before_they_are_scaled() -> None:
     constant = (Node("mul.Tensor", ({"ref": 1}, 0.0)), Node("add.Tensor", ({"ref": 2}, 5e6)))
     _, bad = trained("cartpole", program(*constant))
     assert bad.state is TrainingState.DIVERGED
+
+
+def test_a_graph_that_was_tampered_with_never_reaches_training() -> None:
+    forged = program(Node("from_file.default", ("/etc/hostname",)))
+    with pytest.raises(GraphError, match=r"node 2: operation 'from_file\.default' is not allowed"):
+        unpack_jobs(pack_jobs("cartpole", [TrainJob(id="x", program=forged)], BUDGET))

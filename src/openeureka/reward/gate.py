@@ -75,7 +75,9 @@ class Program:
         return max(lines, default=None)
 
     def code(self) -> CodeType:
-        return compile(self.draft.tree, FILENAME, "exec")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return compile(self.draft.tree, FILENAME, "exec")
 
 
 def check(source: str, state: StateSpec) -> Program | tuple[Finding, ...]:

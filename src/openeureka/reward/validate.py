@@ -169,7 +169,7 @@ def _acceptor(name: str, kind: str) -> Callable[[Any], bool]:
     if kind.startswith("List["):
         inner = _acceptor(name, kind[len("List[") : -1])
         return lambda value: isinstance(value, tuple) and len(value) <= MAX_CONSTANT and all(map(inner, value))
-    return _KINDS[kind]
+    return _KINDS[kind.replace("SymInt", "int")]
 
 
 def _is_reference(value: Any) -> bool:
