@@ -79,6 +79,14 @@ GOLDEN = {
         "def compute_reward(dof_pos):\n    while True:\n        pass\n    return dof_pos[:, 0], {}\n",
         "line 2: `While` is not allowed [statement]; use tensor operations, or `for` over a small `range`",
     ),
+    "a statement that parses but cannot be compiled": (
+        "def compute_reward(dof_pos):\n    break\n    return dof_pos[:, 0], {}\n",
+        "line 2: Python cannot read it: 'break' outside loop [syntax]",
+    ),
+    "a guess that would lead astray": (
+        "def compute_reward(dof_pos):\n    return open(dof_pos), {}\n",
+        "line 2: `open` is not defined [unknown-name]; define it or remove it",
+    ),
     "a syntax error": (
         "def compute_reward(dof_pos):\n    return dof_pos[:, 0\n",
         "line 2: Python cannot read it: '[' was never closed [syntax]",

@@ -175,3 +175,11 @@ def test_a_graph_that_asks_for_much_memory_is_refused_before_it_runs(name: str) 
     bomb = RewardGraph(nodes=nodes, reward=len(nodes) - 1, components=())
     findings = examine.examine(probe.Traced(bomb, ()), CARTPOLE, recorded(CARTPOLE))
     assert [finding.rule for finding in findings] == ["memory"]
+
+
+def test_a_forged_component_that_is_not_one_number_per_world_is_refused() -> None:
+    """The probe writes the mean per world into the graph; what else arrives would stop the trainer."""
+    made = cart_reward()
+    wide = RewardGraph(nodes=made.nodes, reward=made.reward, components=(("wide", 0),))
+    findings = examine.examine(probe.Traced(wide, ()), CARTPOLE, recorded(CARTPOLE))
+    assert [finding.rule for finding in findings] == ["components"]

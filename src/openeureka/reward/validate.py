@@ -122,7 +122,6 @@ def _validate_constant(node: Node) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Parameter:
-    name: str
     accepts: Callable[[Any], bool]
     positional: bool
     required: bool
@@ -152,7 +151,6 @@ def _parameters(op: str) -> dict[str, _Parameter]:
     schema: Any = operation(op)._schema  # type: ignore[attr-defined]
     return {
         argument.name: _Parameter(
-            name=argument.name,
             accepts=_acceptor(argument.name, str(argument.real_type)),
             positional=not argument.kwarg_only,
             required=not argument.has_default_value(),

@@ -33,7 +33,7 @@ class Hostile:
     """One program and what must become of it. `CANARY` in a source stands for a file that must stay as it is."""
 
     number: int
-    """The idea, which may have several forms; ideas above 90 are not about single programs."""
+    """The idea behind it, which may have several forms."""
     name: str
     source: str
     layer: Layer
