@@ -3,6 +3,7 @@ import torch
 
 from openeureka.cli import doctor
 from openeureka.cli.doctor import Finding
+from openeureka.sandbox import confine
 
 
 def test_the_doctor_never_prints_a_key(monkeypatch, capsys):
@@ -32,3 +33,19 @@ def test_gpus_are_counted_or_what_they_lack_is_said(monkeypatch):
     monkeypatch.setattr("openeureka.training.devices.check_device", lambda _: None)
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
     assert doctor.gpus() == [Finding("device=cuda", True, "trains on cuda:0, cuda:1")]
+
+
+@pytest.mark.parametrize(
+    ("offered", "missing"),
+    [
+        (confine.Support("x86_64", 0, True), "the kernel offers no Landlock (Linux 5.13 or later"),
+        (confine.Support("x86_64", 7, False), "the kernel offers no seccomp filter"),
+        (confine.Support("riscv64", 7, True), "on riscv64"),
+    ],
+)
+def test_the_doctor_names_what_the_kernel_lacks(offered, missing, monkeypatch, capsys):
+    monkeypatch.setattr(doctor, "LOOKS", (doctor.confinement,))
+    monkeypatch.setattr(confine, "support", lambda: offered)
+    assert doctor.doctor() == 1
+    text = capsys.readouterr().out
+    assert text.startswith("sandbox  MISSING  generated code cannot be confined: ") and missing in text

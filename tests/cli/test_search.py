@@ -1,10 +1,13 @@
 import pytest
+import torch
 
 from openeureka.cli import main as command
 from openeureka.cli import search
 from openeureka.errors import ModelError
 from openeureka.report import video
+from openeureka.sandbox import client, confine
 from openeureka.store import read_replies
+from openeureka.tasks import registry
 from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, reply
 
 SETTINGS = ["env=cartpole", "model=scripted", "sample=2", "iteration=2", "seeds=1", "video=none"]
@@ -153,3 +156,35 @@ def test_a_report_made_later_may_ask_for_all_videos(parts, tmp_path, capsys):
     assert len(list((tmp_path / "run").glob("lanes/*/video.mp4"))) == 4 + 2
     assert f"Wrote {tmp_path}/run/report.html" in capsys.readouterr().out
     assert run("report", f"{tmp_path}/run", "video=some") == 2
+
+
+def test_a_run_refuses_a_kernel_that_cannot_confine_before_the_model_is_asked(parts, tmp_path, capsys):
+    model = ScriptedModel(SCRIPT)
+    parts.setattr(search, "open_model", lambda config, held: model)
+    parts.setattr(search, "Sandbox", client.Sandbox)
+    parts.setattr(search, "record_states", search_states)
+    parts.setattr(confine, "support", lambda: confine.Support("x86_64", 0, True))
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 6
+    said = capsys.readouterr()
+    text = said.out + said.err
+    assert "no Landlock" in text and "add unsafe_no_sandbox=true" in text
+    assert model.prompts == [] and not (tmp_path / "run").exists()
+
+
+def test_the_flag_must_be_typed_to_run_without_confinement(parts, tmp_path):
+    asked: list[bool] = []
+
+    class Noted(Checker):
+        def __init__(self, *_: object, unsafe: bool) -> None:
+            super().__init__()
+            asked.append(unsafe)
+
+    parts.setattr(search, "Sandbox", Noted)
+    assert run("run", *SETTINGS, f"dir={tmp_path}/a") == 0
+    assert run("run", *SETTINGS, f"dir={tmp_path}/b", "unsafe_no_sandbox=true") == 0
+    assert asked == [False, True]
+
+
+def search_states(env: str) -> dict[str, object]:
+    """Values for every variable of a task, without its physics."""
+    return {variable.name: torch.zeros(4, *variable.shape) for variable in registry.get(env).spec.variables}

@@ -66,7 +66,8 @@ GOLDEN = {
     ),
     "an import inside the function": (
         "def compute_reward(dof_pos):\n    import os\n    return dof_pos[:, 0], {}\n",
-        "line 2: `Import` is not allowed [statement]; remove it",
+        "line 2: `os` cannot be imported [import]; torch, math, typing and `np.pi` are there; "
+        "helpers such as `quat_mul` need no import",
     ),
     "a random helper": (
         "from isaacgym.torch_utils import torch_rand_float\ndef compute_reward(dof_pos):\n"
@@ -77,6 +78,14 @@ GOLDEN = {
     "a while loop": (
         "def compute_reward(dof_pos):\n    while True:\n        pass\n    return dof_pos[:, 0], {}\n",
         "line 2: `While` is not allowed [statement]; use tensor operations, or `for` over a small `range`",
+    ),
+    "a statement that parses but cannot be compiled": (
+        "def compute_reward(dof_pos):\n    break\n    return dof_pos[:, 0], {}\n",
+        "line 2: Python cannot read it: 'break' outside loop [syntax]",
+    ),
+    "a guess that would lead astray": (
+        "def compute_reward(dof_pos):\n    return open(dof_pos), {}\n",
+        "line 2: `open` is not defined [unknown-name]; define it or remove it",
     ),
     "a syntax error": (
         "def compute_reward(dof_pos):\n    return dof_pos[:, 0\n",

@@ -130,7 +130,6 @@ def test_an_input_off_the_table_is_refused() -> None:
 
 
 BOMBS = {
-    "one literal size": (Node("zeros.default", ((10**6, 10**6),)),),
     "a square of the worlds": (Node("zeros.default", (({"n": 1}, {"n": 1}),)),),
     "repeated growth": (
         Node("full.default", ((4096,), 1.0)),
@@ -148,6 +147,14 @@ WRONG_CALLS = {
     "a part of a tensor that has no parts": Node("getitem", ({"ref": 0}, 9)),
     "a negative size": Node("zeros.default", ((-5,),)),
     "an unknown keyword": Node("neg.default", ({"ref": 0},), {"out": None}),
+    "a size that nothing needs": Node("zeros.default", ((10**6, 10**6),)),
+    "a dimension that no tensor has": Node("sum.dim_IntList", ({"ref": 0}, (99,))),
+    "a dimension that is the number of worlds": Node("sum.dim_IntList", ({"ref": 0}, ({"n": 1},))),
+    "a dtype that is a node": Node("ones.default", ((2,),), {"dtype": {"ref": 0}}),
+    "a device": Node("ones.default", ((2,),), {"device": "cuda"}),
+    "one argument too many": Node("neg.default", ({"ref": 0}, 1.0)),
+    "one argument twice": Node("sum.dim_IntList", ({"ref": 0}, (1,)), {"dim": (1,)}),
+    "strides of its own choice": Node("_reshape_alias.default", ({"ref": 0}, (100,), (10**6,))),
     "a number that is no size": Node("ones.default", ((2**62, 2**62),)),
 }
 
@@ -168,3 +175,11 @@ def test_a_graph_that_asks_for_much_memory_is_refused_before_it_runs(name: str) 
     bomb = RewardGraph(nodes=nodes, reward=len(nodes) - 1, components=())
     findings = examine.examine(probe.Traced(bomb, ()), CARTPOLE, recorded(CARTPOLE))
     assert [finding.rule for finding in findings] == ["memory"]
+
+
+def test_a_forged_component_that_is_not_one_number_per_world_is_refused() -> None:
+    """The probe writes the mean per world into the graph; what else arrives would stop the trainer."""
+    made = cart_reward()
+    wide = RewardGraph(nodes=made.nodes, reward=made.reward, components=(("wide", 0),))
+    findings = examine.examine(probe.Traced(wide, ()), CARTPOLE, recorded(CARTPOLE))
+    assert [finding.rule for finding in findings] == ["components"]

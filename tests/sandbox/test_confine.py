@@ -192,7 +192,10 @@ def test_unsafe_probes_without_the_kernel(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_the_report_for_doctor_names_what_is_missing() -> None:
-    assert confine.Support("x86_64", 7, True).sentence().startswith("confinement works")
+    assert confine.Support("x86_64", 7, True).sentence() == (
+        "confinement works: seccomp and Landlock (ABI 7) on x86_64"
+    )
+    assert "(ABI 3, an older one: seccomp alone closes TCP or signals)" in confine.Support("x86_64", 3, True).sentence()
     missing = confine.Support("riscv64", 0, False).sentence()
     assert "riscv64" in missing and "seccomp" in missing and "Landlock" in missing
 

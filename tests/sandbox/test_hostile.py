@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import torch
 
+from openeureka.reward import graph
+from openeureka.reward.validate import COMPONENT_NAME
 from openeureka.sandbox import client, confine
 from openeureka.sandbox.client import Sandbox
-from openeureka.testing.hostile import CORPUS, STATE, Hostile
-from openeureka.types import Candidate, VerdictCode
+from openeureka.testing.hostile import CORPUS, STATE, Hostile, Layer
+from openeureka.training.population import ABSURD
+from openeureka.training.rewards import LaneRewards
+from openeureka.types import Candidate, Verdict
+from sandbox.states import recorded
 
 SECRET = "sk-this-must-not-leak"
-
-
-def states() -> dict[str, torch.Tensor | float]:
-    generator = torch.Generator().manual_seed(0)
-    drawn = {"pos": (256, 3), "vel": (256, 3), "phase": (256,)}
-    recorded: dict[str, torch.Tensor | float] = {n: torch.randn(s, generator=generator) for n, s in drawn.items()}
-    recorded["pos"][:8] = 0.0  # type: ignore[index]  # the reset state
-    return {**recorded, "dt": 0.02}
+GOLDEN = Path(__file__).parents[1] / "golden" / "hostile.md"
+THEIR_WORDS = ("error", "syntax")
+"""Rules whose message is Python's or torch's own text, which changes with their versions."""
+HOW_DEEP_PYTHON_READS = 49
+"""The idea whose message depends on Python's version."""
+PR_SET_CHILD_SUBREAPER = 36
 
 
 @pytest.fixture(scope="module")
@@ -31,16 +38,12 @@ def sandbox() -> Iterator[Sandbox]:
     if not confine.support().complete:
         pytest.skip(confine.support().sentence())
     os.environ["SOME_API_KEY"] = SECRET
-    with Sandbox(STATE, states()) as running:
+    # Whoever escapes from the server's care becomes a child of this process, and is seen.
+    ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1)
+    with Sandbox(STATE, recorded()) as running:
         yield running
+    ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 0)
     del os.environ["SOME_API_KEY"]
-
-
-@pytest.fixture
-def ungated(sandbox: Sandbox, monkeypatch: pytest.MonkeyPatch) -> Sandbox:
-    monkeypatch.setattr(sandbox, "_gated", False)
-    monkeypatch.setattr(client, "SECONDS", 0.6)
-    return sandbox
 
 
 @pytest.fixture
@@ -52,45 +55,126 @@ def canary(tmp_path: Path) -> Path:
     return path
 
 
-def children_of(pid: int) -> list[str]:
-    found = []
-    for process in Path("/proc").glob("[0-9]*"):
+@pytest.fixture(scope="module")
+def golden() -> Iterator[dict[str, str]]:
+    """What each program's author is told, by the id of the program."""
+    known = dict(line.split(": ", 1) for line in GOLDEN.read_text(encoding="utf-8").splitlines())
+    yield known
+    if os.environ.get("EUREKA_GOLDEN") == "write":
+        told = [f"{hostile.id}: {known[hostile.id]}\n" for hostile in CORPUS if hostile.id in known]
+        GOLDEN.write_text("".join(told), encoding="utf-8")
+
+
+def descendants(pid: int) -> set[int]:
+    """Every process that descends from one, dead ones that nobody reaped included."""
+    parents: dict[int, int] = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
-            parent = (process / "stat").read_text().rpartition(")")[2].split()[1]
+            parents[int(stat.parent.name)] = int(stat.read_text().rpartition(")")[2].split()[1])
         except OSError:  # it ended meanwhile
             continue
-        if parent == str(pid):
-            found.append(process.name)
-    return found
+    found, size = {pid}, 0
+    while size < len(found):
+        size = len(found)
+        found |= {child for child, parent in parents.items() if parent in found}
+    return found - {pid}
 
 
-def assert_no_harm(sandbox: Sandbox, canary: Path) -> None:
-    assert canary.read_text() == "alive"
-    assert [path.name for path in canary.parent.iterdir()] == ["canary"]
-    assert sandbox._worker is not None and children_of(sandbox._worker.process.pid) == []
-    assert torch.get_default_dtype() == torch.float32
+class Watch:
+    """Remembers the state of the world, and asserts later that a program left all of it alone."""
+
+    def __init__(self, sandbox: Sandbox, canary: Path) -> None:
+        self.sandbox, self.canary = sandbox, canary
+        self._before = self._world()
+
+    def _world(self) -> dict[str, object]:
+        worker = self.sandbox._worker
+        assert worker is not None
+        tensors = {n: v for n, v in self.sandbox.recorded.items() if isinstance(v, torch.Tensor)}
+        return {
+            "canary": self.canary.read_text(),
+            "folder": sorted(path.name for path in self.canary.parent.iterdir()),
+            "inputs": {name: tensor.numpy().tobytes() for name, tensor in tensors.items()},
+            "random numbers": torch.get_rng_state().numpy().tobytes(),
+            "dtype": torch.get_default_dtype(),
+            "threads": torch.get_num_threads(),
+            "gradients": torch.is_grad_enabled(),
+            "processes other than the server": descendants(os.getpid()) - {worker.process.pid},
+        }
+
+    def assert_no_harm(self, verdict: Verdict) -> None:
+        assert self._world() == self._before
+        assert self.sandbox._worker is not None
+        text = [finding.sentence() for finding in verdict.findings]
+        text += [graph.to_json(verdict.graph)] if verdict.graph else []
+        assert SECRET not in " ".join((*text, self.sandbox._worker.stderr_tail(1 << 20)))
+        assert all(len(sentence) < 1500 and sentence.isprintable() for sentence in text[: len(verdict.findings)])
+        assert (verdict.graph is not None) == verdict.accepted
 
 
 @pytest.mark.parametrize("hostile", CORPUS, ids=lambda hostile: hostile.id)
-def test_the_sandbox_gives_the_expected_verdict(hostile: Hostile, sandbox: Sandbox, canary: Path) -> None:
+def test_the_named_layer_stops_it(hostile: Hostile, sandbox: Sandbox, canary: Path, golden: dict[str, str]) -> None:
+    watch = Watch(sandbox, canary)
     started = time.monotonic()
     verdict = sandbox.check(Candidate.of(hostile.source.replace("CANARY", str(canary))))
-    assert (verdict.code, verdict.findings[0].rule) == (hostile.code, hostile.rule), verdict.findings[0].sentence()
-    assert verdict.graph is None
-    assert time.monotonic() - started < client.SECONDS + 1.0
-    assert all(len(finding.sentence()) < 1500 for finding in verdict.findings)
-    assert_no_harm(sandbox, canary)
+    seconds = time.monotonic() - started
+    first = verdict.findings[0] if verdict.findings else None
+    assert (verdict.code, first.rule if first else "") == (hostile.code, hostile.rule), first and first.sentence()
+    assert seconds < client.SECONDS + 1.0
+    watch.assert_no_harm(verdict)
+    if first is not None and first.rule not in THEIR_WORDS and hostile.number != HOW_DEEP_PYTHON_READS:
+        assert first.fix
+        if os.environ.get("EUREKA_GOLDEN") == "write":
+            golden[hostile.id] = first.sentence()
+        assert first.sentence() == golden[hostile.id]
 
 
-@pytest.mark.parametrize(
-    "hostile", [h for h in CORPUS if h.code is VerdictCode.REFUSED], ids=lambda hostile: hostile.id
-)
-def test_without_the_gate_the_kernel_holds(hostile: Hostile, ungated: Sandbox, canary: Path) -> None:
-    verdict = ungated.check(Candidate.of(hostile.source.replace("CANARY", str(canary))))
-    text = " ".join(finding.sentence() for finding in verdict.findings)
-    assert SECRET not in text
-    assert (verdict.graph is not None) == verdict.accepted
-    assert_no_harm(ungated, canary)
+@pytest.mark.parametrize("hostile", [h for h in CORPUS if h.layer is Layer.GATE], ids=lambda hostile: hostile.id)
+def test_without_the_gate_the_kernel_holds(
+    hostile: Hostile, sandbox: Sandbox, canary: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sandbox, "_gated", False)
+    monkeypatch.setattr(client, "SECONDS", 0.6)
+    watch = Watch(sandbox, canary)
+    watch.assert_no_harm(sandbox.check(Candidate.of(hostile.source.replace("CANARY", str(canary)))))
+
+
+@pytest.mark.parametrize("hostile", [h for h in CORPUS if h.layer is Layer.GRAPH], ids=lambda hostile: hostile.id)
+def test_the_graph_of_an_odd_program_is_harmless(hostile: Hostile, sandbox: Sandbox) -> None:
+    accepted = sandbox.check(Candidate.of(hostile.source)).graph
+    assert accepted is not None
+    states = recorded()
+    reward, components = graph.compile(accepted, STATE)(states)
+    for value in (reward, *components.values()):
+        assert value.shape == (256,) and value.dtype == torch.float32 and value.stride() == (1,)
+        assert torch.isfinite(value).all() and not value.requires_grad
+        value.fill_(7.0)  # shares memory with no input
+    assert all(COMPONENT_NAME.fullmatch(name) for name in components)
+    fresh = recorded()
+    assert all(torch.equal(states[name], fresh[name]) for name in ("pos", "vel", "phase"))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("hostile", [h for h in CORPUS if h.layer is Layer.TRAINING], ids=lambda hostile: hostile.id)
+def test_training_sees_what_no_recorded_state_showed(hostile: Hostile, sandbox: Sandbox) -> None:
+    """`LaneRewards` hands out what the trainer's guard stops; `training/test_guards.py` has the guard."""
+    accepted = sandbox.check(Candidate.of(hostile.source)).graph
+    assert accepted is not None
+    zeros: Any = SimpleNamespace(spec=STATE, device=torch.device("cpu"), human_reward=lambda state: torch.zeros(4))
+    reward, _, _ = LaneRewards(zeros, [accepted], worlds=4)(
+        {
+            "pos": torch.ones(4, 3),
+            "vel": torch.ones(4, 3),
+            "phase": torch.tensor([0.0, 1.0, 2.0, 100.0]),
+            "dt": 0.02,
+        }
+    )
+    assert not bool((reward.abs() <= ABSURD).all())
+
+
+def test_the_corpus_covers_the_list() -> None:
+    """Ideas 83, 89 and 90 are about replies, twins and dying processes: they have tests of their own."""
+    assert {hostile.number for hostile in CORPUS} == set(range(1, 89)) - {83}
+    assert all(count == 1 for count in Counter(hostile.id for hostile in CORPUS).values())
 
 
 def test_an_honest_program_is_accepted_after_all_of_them(sandbox: Sandbox) -> None:

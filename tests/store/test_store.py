@@ -10,6 +10,7 @@ import pytest
 from openeureka.config import RunConfig
 from openeureka.errors import StoreError
 from openeureka.store import Store, read_config, read_replies
+from openeureka.store.codec import encode_result, encode_verdict
 from openeureka.testing.scripted import program
 from openeureka.types import (
     Candidate,
@@ -239,3 +240,33 @@ def test_a_damaged_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "run.sqlite").write_bytes(b"not a database " * 1000)
     with pytest.raises(StoreError, match="damaged or not a run"):
         Store.open(tmp_path, CONFIG)
+
+
+STORED = json.loads(encode_verdict(ACCEPTED))
+CHANGED = {
+    "cut off": encode_verdict(ACCEPTED)[:-20],
+    "another type": "[]",
+    "nested without end": "[" * 100_000,
+    "a code nobody knows": json.dumps(STORED | {"code": "harmless"}),
+    "accepted without a graph": json.dumps(STORED | {"graph": None}),
+    "a finding with more fields": json.dumps(STORED | {"findings": [{"__class__": "os"}]}),
+    "a finding of numbers": json.dumps(STORED | {"findings": [{"rule": 1, "message": 2, "fix": 3, "line": 4}]}),
+    "an operation that is no text": json.dumps(
+        STORED | {"graph": STORED["graph"] | {"nodes": [{"op": [], "args": []}]}}
+    ),
+}
+
+
+@pytest.mark.parametrize("how", CHANGED)
+def test_a_row_that_was_changed_is_named_and_nothing_of_it_is_used(store: Store, how: str) -> None:
+    store._database.put("verdicts", {"candidate": "x", "source": "", "verdict": CHANGED[how]})
+    with pytest.raises(StoreError, match=r"run\.sqlite holds a row that was changed .* restore the file"):
+        store.verdict("x")
+
+
+@pytest.mark.parametrize("field", ["state", "fitness", "curves", "env_steps", "best_reward", "message"])
+def test_a_result_that_was_changed_is_named(store: Store, field: str) -> None:
+    data = json.loads(encode_result(result("a", fitness=1.0))) | {field: ["x"]}
+    store._database.put("results", {"job": "a", "fitness": 1.0, "result": json.dumps(data)})
+    with pytest.raises(StoreError, match="was changed"):
+        store.results()

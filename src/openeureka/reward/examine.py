@@ -16,17 +16,18 @@ from . import graph as graphs
 from .probe import Traced, outputs
 from .states import Recorded, is_world, only, take, world_count
 from .trace import Refused
+from .validate import MAX_SIZE_PER_WORLD, MAX_TOTAL_PER_WORLD, inputs, references, validate
 
 MAX_REWARD = 1e6
-_MANY_WORLDS = 4 * graphs.MAX_SIZE_PER_WORLD
+_MANY_WORLDS = 4 * MAX_SIZE_PER_WORLD
 
 
 def examine(traced: Traced, spec: StateSpec, recorded: Recorded) -> tuple[Finding, ...]:
     """Why a graph may not train on this task; empty when it may. Runs allow-listed operations only."""
     try:
-        graphs.validate(traced.graph)
+        validate(traced.graph)
         _examine_inputs(traced.graph, spec)
-        recorded = only(recorded, spec, graphs.inputs(traced.graph))
+        recorded = only(recorded, spec, inputs(traced.graph))
         _examine_memory(traced, spec, recorded)
         _examine_values(traced, spec, recorded)
     except Refused as refusal:
@@ -42,13 +43,13 @@ def _line(traced: Traced, index: int) -> int | None:
 
 
 def _examine_inputs(graph: RewardGraph, spec: StateSpec) -> None:
-    unknown = [name for name in graphs.inputs(graph) if name not in spec]
+    unknown = [name for name in inputs(graph) if name not in spec]
     if unknown:
         raise Refused("unknown-input", f"`{unknown[0]:.60}` is not a state variable of this task")
     needed = {graph.reward}
     for index in reversed(range(len(graph.nodes))):
         if index in needed:
-            needed.update(graphs.references(graph.nodes[index]))
+            needed.update(references(graph.nodes[index]))
     if not any(
         graph.nodes[index].op == "input" and is_world(str(graph.nodes[index].args[0]), spec) for index in needed
     ):
@@ -67,7 +68,7 @@ def _measured(traced: Traced, state: Recorded, count: int, device: str = "cpu") 
     for index, value in enumerate(graphs.values(traced.graph, state, count, device)):
         size = value.numel() if isinstance(value, Tensor) else 0
         total += size
-        if size > count * graphs.MAX_SIZE_PER_WORLD or total > count * graphs.MAX_TOTAL_PER_WORLD:
+        if size > count * MAX_SIZE_PER_WORLD or total > count * MAX_TOTAL_PER_WORLD:
             raise _too_large(traced, index)
         done.append(value)
     return done
@@ -93,8 +94,10 @@ def _examine_values(traced: Traced, spec: StateSpec, recorded: Recorded) -> None
     graph, count = traced.graph, world_count(recorded, spec)
     with torch.no_grad():
         done = _measured(traced, recorded, count)
-    reward = done[graph.reward]
-    outputs({} if not isinstance(reward, Tensor) else (reward, {name: done[i] for name, i in graph.components}), count)
+    reward, components = outputs((done[graph.reward], {name: done[i] for name, i in graph.components}), count)
+    for name, index in graph.components:
+        if components[name] is not done[index]:  # a probe writes the mean per world into the graph
+            raise Refused("components", f"component `{name}` is not one number per world", "use a tensor of shape (N,)")
     for name, index in _named_outputs(graph):
         bad = ~torch.isfinite(done[index].double())
         if bad.any():
@@ -115,7 +118,7 @@ def _makes_bad(graph: RewardGraph, done: Sequence[Any], index: int, value: Any) 
     """Whether a node is the first to turn finite numbers into others."""
     if not isinstance(value, Tensor) or torch.isfinite(value.double()).all():
         return False
-    sources = [done[source] for source in graphs.references(graph.nodes[index])]
+    sources = [done[source] for source in references(graph.nodes[index])]
     return bool(sources) and all(isinstance(s, Tensor) and torch.isfinite(s.double()).all() for s in sources)
 
 

@@ -7,13 +7,13 @@ a program that means harm is the kernel's (`sandbox.confine`).
 from __future__ import annotations
 
 import ast
+import difflib
 import unicodedata
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from types import CodeType
 
-from ..errors import nearest
 from ..types import Finding, StateSpec
 from . import surface
 from .fold import dotted
@@ -46,6 +46,7 @@ _FIXES = {
     ast.Match: "use torch.where",
     ast.With: "remove it",
 }
+_COPY = "copy it first: `{name} = {name}.clone()`"
 _AUGMENTED = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 
 
@@ -74,7 +75,9 @@ class Program:
         return max(lines, default=None)
 
     def code(self) -> CodeType:
-        return compile(self.draft.tree, FILENAME, "exec")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return compile(self.draft.tree, FILENAME, "exec")
 
 
 def check(source: str, state: StateSpec) -> Program | tuple[Finding, ...]:
@@ -94,7 +97,12 @@ def check(source: str, state: StateSpec) -> Program | tuple[Finding, ...]:
     found = {finding: None for finding in (*normaliser.findings, *rules.findings)}
     if found:
         return tuple(sorted(found, key=lambda finding: finding.line or 0))
-    return Program(draft, tuple(rules.inputs), tuple(rules.arguments))
+    program = Program(draft, tuple(rules.inputs), tuple(rules.arguments))
+    try:
+        program.code()
+    except SyntaxError as error:  # as `break` outside a loop, which parses
+        return (_unreadable(error),)
+    return program
 
 
 def _text_findings(source: str) -> Iterator[Finding]:
@@ -115,7 +123,7 @@ def _parse(source: str) -> ast.Module | Finding:
             warnings.simplefilter("ignore")
             tree = ast.parse(source, FILENAME)
     except SyntaxError as error:
-        return Finding(rule="syntax", message=f"Python cannot read it: {error.msg}", line=error.lineno)
+        return _unreadable(error)
     except (ValueError, RecursionError, MemoryError):
         return Finding(rule="size", message="it is nested too deeply", fix="split it into several lines")
     # Counted without recursion: the visitors below recurse, and this bounds them.
@@ -131,6 +139,10 @@ def _parse(source: str) -> ast.Module | Finding:
             break
     line = next((node.lineno for node in level if isinstance(node, ast.expr)), None)
     return Finding(rule="size", message="an expression is nested too deeply", fix="split it into lines", line=line)
+
+
+def _unreadable(error: SyntaxError) -> Finding:
+    return Finding(rule="syntax", message=f"Python cannot read it: {error.msg:.200}", line=error.lineno)
 
 
 class _Rules(ast.NodeVisitor):
@@ -155,14 +167,14 @@ class _Rules(ast.NodeVisitor):
             self.visit(statement)
 
     def _refuse(self, rule: str, message: str, node: ast.AST, fix: str = "") -> None:
-        self.findings.append(Finding(rule=rule, message=message, fix=fix, line=getattr(node, "lineno", None)))
+        # An identifier may be as long as the program.
+        self.findings.append(Finding(rule=rule, message=message[:300], fix=fix, line=getattr(node, "lineno", None)))
 
     def _is_input(self, name: str) -> bool:
         return name in self.state or name in IMPLICIT
 
     def _unknown_input(self, name: str, node: ast.AST) -> None:
-        guess = nearest(name, self.state.names).replace("Did you mean", "did you mean").strip()
-        inputs = f"inputs are {', '.join(self.state.names)}"
+        guess, inputs = _guess(name, self.state.names), f"inputs are {', '.join(self.state.names)}"
         message = f"`{name}` is not a state variable of this task"
         self._refuse("unknown-input", message, node, f"{guess} {inputs}" if guess else f"the {inputs}")
 
@@ -220,8 +232,9 @@ class _Rules(ast.NodeVisitor):
             self._random(name, node)
         else:
             known = (*self.state.names, *surface.ALL_HELPERS, *surface.BUILTINS, *self._locals)
-            fix = nearest(name, known).replace("Did you mean", "did you mean").strip() or "define it or remove it"
-            self._refuse("unknown-name", f"`{name}` is not defined", node, fix)
+            self._refuse(
+                "unknown-name", f"`{name}` is not defined", node, _guess(name, known) or "define it or remove it"
+            )
 
     def visit_Attribute(self, node: ast.Attribute) -> None:
         if not isinstance(node.ctx, ast.Load):
@@ -252,7 +265,7 @@ class _Rules(ast.NodeVisitor):
             message = f"`.{name}` turns tensor values into Python values"
             self._refuse("data-read", message, node, "stay with tensors of one value per world")
         elif name not in surface.METHODS and name not in surface.IN_PLACE_METHODS:
-            fix = nearest(name, surface.METHODS).replace("Did you mean", "did you mean").strip() or "remove it"
+            fix = _guess(name, surface.METHODS) or "remove it"
             self._refuse("attribute", f"`.{name[:40]}` is not an allowed attribute", node, fix)
 
     def _self_attribute(self, node: ast.Attribute) -> None:
@@ -281,10 +294,7 @@ class _Rules(ast.NodeVisitor):
             self._refuse("data-read", message, node, "use torch.where or a mask")
         else:
             offered = surface.MODULES.get(path.rpartition(".")[0], surface.TORCH)
-            fix = (
-                nearest(name, offered).replace("Did you mean", "did you mean").strip()
-                or "write it with tensor operations"
-            )
+            fix = _guess(name, offered) or "write it with tensor operations"
             self._refuse("torch-function", f"`{path[:60]}` is not available to a reward", node, fix)
 
     def _random(self, name: str, node: ast.AST) -> None:
@@ -311,8 +321,9 @@ class _Rules(ast.NodeVisitor):
         if isinstance(node.func, ast.Attribute) and node.func.attr in surface.IN_PLACE_METHODS:
             name = self._protected_root(node.func.value)
             if name:
-                message = f"in-place `.{node.func.attr}` on input `{name}`"
-                self._refuse("input-edit", message, node, f"use `.{node.func.attr[:-1]}` and keep the result")
+                message, pure = f"in-place `.{node.func.attr}` on input `{name}`", node.func.attr[:-1]
+                fix = f"use `.{pure}` and keep the result" if pure in surface.METHODS else _COPY.format(name=name)
+                self._refuse("input-edit", message, node, fix)
         self.generic_visit(node)
 
     def visit_AugAssign(self, node: ast.AugAssign) -> None:
@@ -322,7 +333,7 @@ class _Rules(ast.NodeVisitor):
             if isinstance(node.target, ast.Name):
                 fix = f"write `{name} = {name} {sign} {ast.unparse(node.value)[:60]}`"
             else:
-                fix = f"copy it first: `{name} = {name}.clone()`"
+                fix = _COPY.format(name=name)
             self._refuse("input-edit", f"in-place `{sign}=` on input `{name}`", node, fix)
         self.generic_visit(node)
 
@@ -331,7 +342,7 @@ class _Rules(ast.NodeVisitor):
             name = self._protected_root(target) if isinstance(target, ast.Subscript) else None
             if name:
                 message = f"assignment into input `{name}`"
-                self._refuse("input-edit", message, node, f"copy it first: `{name} = {name}.clone()`")
+                self._refuse("input-edit", message, node, _COPY.format(name=name))
         self.generic_visit(node)
 
     def _protected_root(self, node: ast.AST) -> str | None:
@@ -343,6 +354,12 @@ class _Rules(ast.NodeVisitor):
         if not isinstance(node, ast.Name) or node.id not in self._protected or node.id not in self.state:
             return None
         return node.id if self.state[node.id].kind in ("world", "constant") else None
+
+
+def _guess(name: str, known: Iterable[str]) -> str:
+    """`did you mean X?`, or nothing: a far-fetched guess sends a model the wrong way."""
+    match = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.7)
+    return f"did you mean `{match[0]}`?" if match else ""
 
 
 def _identifiers(node: ast.AST) -> Iterator[str]:

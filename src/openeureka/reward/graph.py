@@ -1,12 +1,11 @@
-"""Reward graphs: JSON in and out, validation against the allow-list, interpretation and compilation."""
+"""Reward graphs: JSON in and out, simplification, interpretation and compilation."""
 
 from __future__ import annotations
 
 import json
 import math
 import operator
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import torch
@@ -14,30 +13,14 @@ from torch import Tensor, fx
 
 from ..types import Arg, Node, RewardGraph, StateSpec
 from . import surface
-
-MAX_NODES = 2_000
-MAX_CONSTANT = 4_096
-MAX_COMPONENTS = 16
-COMPONENT_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
-MAX_SIZE_PER_WORLD = 4_096
-"""Numbers in one value, per world."""
-MAX_TOTAL_PER_WORLD = 65_536
-"""Numbers in all values together, per world."""
+from .validate import TORCH_NAMES, GraphError, inputs, operation, references, validate
 
 _MADE_FROM_NOTHING = surface.words("""
     arange.default arange.start arange.start_step eye.default eye.m full.default linspace.default ones.default
     scalar_tensor.default zeros.default
 """)
 """Operations that take no tensor and so must be told the device."""
-_TORCH_NAMES = {"dtype": surface.DTYPES, "memory_format": surface.words("contiguous_format preserve_format")}
-"""Keyword arguments that name an attribute of torch."""
-_MAX_INT = 2**63 - 1
-
 State = Mapping[str, Tensor | float | int]
-
-
-class GraphError(ValueError):
-    """A graph that is not well formed or not allowed. The text says where."""
 
 
 # --- data ------------------------------------------------------------------------------------------------------------
@@ -58,7 +41,7 @@ def from_json(text: str) -> RewardGraph:
     """
     try:
         data = json.loads(text)
-        nodes = tuple(Node(op, _arg_tuple(args), _arg_map(kwargs)) for op, args, kwargs in data["nodes"])
+        nodes = tuple(Node(str(op), _arg_tuple(args), _arg_map(kwargs)) for op, args, kwargs in data["nodes"])
         components = tuple((str(name), index) for name, index in data["components"])
         graph = RewardGraph(nodes=nodes, reward=data["reward"], components=components)
         version = data["version"]
@@ -107,89 +90,6 @@ def _arg_map(data: Any) -> dict[str, Arg]:
     return {str(key): _arg(value) for key, value in data.items()}
 
 
-def validate(graph: RewardGraph) -> None:
-    """Raises GraphError unless every operation is allowed and every reference points backwards."""
-    if not 0 < len(graph.nodes) <= MAX_NODES:
-        raise GraphError(f"{len(graph.nodes)} nodes; between 1 and {MAX_NODES} are allowed")
-    for index, node in enumerate(graph.nodes):
-        try:
-            _validate_node(node, index)
-        except GraphError as error:
-            raise GraphError(f"node {index}: {error}") from None
-    if len(graph.components) > MAX_COMPONENTS:
-        raise GraphError(f"{len(graph.components)} components; at most {MAX_COMPONENTS} are allowed")
-    names = [name for name, _ in graph.components]
-    if len(set(names)) != len(names) or not all(COMPONENT_NAME.fullmatch(name) for name in names):
-        raise GraphError("component names must be distinct identifiers")
-    for index in (graph.reward, *(index for _, index in graph.components)):
-        if type(index) is not int or not 0 <= index < len(graph.nodes):
-            raise GraphError(f"output {index!r:.20} is not a node")
-
-
-def _validate_node(node: Node, index: int) -> None:
-    if node.op == "input":
-        if len(node.args) != 1 or not isinstance(node.args[0], str) or node.kwargs:
-            raise GraphError("an input has one name")
-    elif node.op == "constant":
-        _validate_constant(node)
-    elif node.op == "getitem":
-        if len(node.args) != 2 or not isinstance(node.args[0], Mapping) or type(node.args[1]) is not int or node.kwargs:
-            raise GraphError("getitem takes a node and a position")
-    elif node.op not in surface.ATEN:
-        raise GraphError(f"operation {node.op!r:.40} is not allowed")
-    for leaf in _leaves((node.args, tuple(node.kwargs.values()))):
-        if isinstance(leaf, Mapping):
-            ((key, value),) = leaf.items()
-            upper = index - 1 if key == "ref" else MAX_SIZE_PER_WORLD
-            if type(value) is not int or not 0 <= value <= upper:
-                raise GraphError(f"{key} {value!r:.20} is out of range")
-        elif isinstance(leaf, str):
-            if len(leaf) > 100:
-                raise GraphError("a text is too long")
-        elif isinstance(leaf, int):
-            if abs(leaf) > _MAX_INT:
-                raise GraphError("a number is too large")
-        elif leaf is not None and not isinstance(leaf, float):
-            raise GraphError(f"argument {leaf!r:.40}")
-    for key, allowed in _TORCH_NAMES.items():
-        name = node.kwargs.get(key)
-        if name is not None and name not in allowed:
-            raise GraphError(f"{key} {name!r:.20}")
-
-
-def _validate_constant(node: Node) -> None:
-    if len(node.args) != 3 or node.kwargs:
-        raise GraphError("a constant has values, a shape and a dtype")
-    values, shape, dtype = node.args
-    if not isinstance(values, tuple) or not isinstance(shape, tuple) or dtype not in surface.DTYPES:
-        raise GraphError("a constant has values, a shape and a dtype")
-    if not all(isinstance(value, bool | int | float) for value in values):
-        raise GraphError("a constant holds numbers")
-    if not all(type(size) is int and size >= 0 for size in shape) or len(values) > MAX_CONSTANT:
-        raise GraphError(f"a constant holds at most {MAX_CONSTANT} numbers")
-    if math.prod(shape) != len(values):  # type: ignore[arg-type]
-        raise GraphError("a constant's shape does not fit its values")
-
-
-def _leaves(arg: Any) -> Iterator[Any]:
-    if isinstance(arg, tuple):
-        for value in arg:
-            yield from _leaves(value)
-    else:
-        yield arg
-
-
-def inputs(graph: RewardGraph) -> tuple[str, ...]:
-    """Names of the state variables a graph reads."""
-    return tuple(str(node.args[0]) for node in graph.nodes if node.op == "input")
-
-
-def references(node: Node) -> tuple[int, ...]:
-    """Indices of the nodes whose values a node uses."""
-    leaves = _leaves((node.args, tuple(node.kwargs.values())))
-    return tuple(leaf["ref"] for leaf in leaves if isinstance(leaf, Mapping) and "ref" in leaf)
-
-
 def simplify(graph: RewardGraph) -> tuple[RewardGraph, tuple[int, ...]]:
     """Drop what no output needs and compute equal things once; also the old index of each remaining node."""
     needed = {graph.reward, *(index for _, index in graph.components)}
@@ -224,17 +124,9 @@ def _moved(arg: Any, place: Mapping[int, int]) -> Any:
 # --- execution -------------------------------------------------------------------------------------------------------
 
 
-def operation(op: str) -> Callable[..., Any]:
-    """The ATen overload a node names."""
-    if op not in surface.ATEN:
-        raise GraphError(f"operation {op!r:.40} is not allowed")
-    name, _, overload = op.partition(".")
-    return getattr(getattr(torch.ops.aten, name), overload)
-
-
 def _named(kwargs: dict[str, Any]) -> dict[str, Any]:
     """Keyword arguments with the torch attributes that some of them name."""
-    return {k: getattr(torch, v) if k in _TORCH_NAMES and v is not None else v for k, v in kwargs.items()}
+    return {k: getattr(torch, v) if k in TORCH_NAMES and v is not None else v for k, v in kwargs.items()}
 
 
 def _constant(node: Node, device: torch.device | str) -> Tensor:

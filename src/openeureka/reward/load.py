@@ -25,6 +25,10 @@ def _cosine_similarity(x1: Tensor, x2: Tensor, dim: int = 1, eps: float = 1e-8) 
     return (x1 * x2).sum(dim=dim) / lengths
 
 
+def _cdist(x1: Tensor, x2: Tensor, p: float = 2.0) -> Tensor:
+    return (x1.unsqueeze(-2) - x2.unsqueeze(-3)).norm(p=p, dim=-1)
+
+
 def _isclose(input: Tensor, other: Tensor, rtol: float = 1e-5, atol: float = 1e-8) -> Tensor:
     return (input - other).abs() <= atol + rtol * other.abs()
 
@@ -48,6 +52,7 @@ def _holds_tensor(data: Any) -> bool:
 
 # torch's own write in place below the level that tracing sees, read numbers out, or leave memory as it was.
 _REPLACED = {
+    "cdist": _cdist,
     "cosine_similarity": _cosine_similarity,
     "isclose": _isclose,
     "count_nonzero": _count_nonzero,

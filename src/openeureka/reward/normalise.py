@@ -84,15 +84,13 @@ class Normaliser(ast.NodeTransformer):
         return Draft(plain, entry, self.functions, self.names, frozenset(self.constants))
 
     def _refuse(self, rule: str, message: str, node: ast.AST, fix: str = "") -> None:
-        self.findings.append(Finding(rule=rule, message=message, fix=fix, line=getattr(node, "lineno", None)))
+        self.findings.append(Finding(rule=rule, message=message[:300], fix=fix, line=getattr(node, "lineno", None)))
 
     # --- module level ---
 
     def _top_level(self, node: ast.stmt, *, after: bool) -> ast.stmt | None:
         if isinstance(node, ast.Import | ast.ImportFrom):
-            for path in self._import(node):
-                fix = "torch, math, typing and `np.pi` are there; helpers such as `quat_mul` need no import"
-                self._refuse("import", f"`{path}` cannot be imported", node, fix)
+            self._import(node)
             return None
         if isinstance(node, ast.FunctionDef):
             return self.visit(node)
@@ -124,9 +122,8 @@ class Normaliser(ast.NodeTransformer):
     def _folded(self, node: ast.expr) -> ast.expr:
         return Folder(self.names).visit(node)
 
-    def _import(self, node: ast.Import | ast.ImportFrom) -> list[str]:
-        """Bind the names of an import; the paths that are not offered."""
-        unknown: list[str] = []
+    def _import(self, node: ast.Import | ast.ImportFrom) -> None:
+        """Bind the names of an import, and refuse the paths that are not offered."""
         for alias in node.names:
             if isinstance(node, ast.Import):
                 path, bound = alias.name, alias.asname or alias.name.split(".")[0]
@@ -142,10 +139,10 @@ class Normaliser(ast.NodeTransformer):
             elif path.split(".")[0] in IGNORED_PACKAGES or parent in surface.HELPER_MODULES:
                 continue
             elif path not in (*surface.MODULES, *surface.PACKAGES) and name not in surface.MODULES.get(parent, ()):
-                unknown.append(path)
+                fix = "torch, math, typing and `np.pi` are there; helpers such as `quat_mul` need no import"
+                self._refuse("import", f"`{path}` cannot be imported", node, fix)
                 continue
             self.names[bound] = target
-        return unknown
 
     # --- inside functions ---
 
@@ -156,8 +153,8 @@ class Normaliser(ast.NodeTransformer):
         return self._inner_import(node)
 
     def _inner_import(self, node: ast.Import | ast.ImportFrom) -> ast.stmt:
-        """Vanishes when it is harmless; the gate refuses the rest."""
-        return node if self._import(node) else ast.copy_location(ast.Pass(), node)
+        self._import(node)
+        return ast.copy_location(ast.Pass(), node)
 
     def visit_Delete(self, node: ast.Delete) -> ast.stmt:
         names = all(isinstance(target, ast.Name) for target in node.targets)

@@ -17,11 +17,12 @@ from .gate import FILENAME
 from .load import Runner
 from .states import Recorded, take, world_count
 from .trace import Guard, Outputs, Refused, branch, trace, unify
+from .validate import COMPONENT_NAME, MAX_COMPONENTS, GraphError, validate
 
 TRACE_SIZES = (61, 89)
 """Two world counts that no program writes by chance."""
-RESULT_RULES = ("returns", "shape", "dtype", "components")
-"""Rules about what a program returns, whichever line made it."""
+RESULT_RULES = ("returns", "shape", "dtype", "components", "nondeterminism", "constant-reward", "magnitude")
+"""Rules about what a program returns, whichever line made it: their line is that of the `return`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +79,9 @@ def outputs(result: object, num_worlds: int) -> Outputs:
     if reward.shape != (num_worlds,):
         fix = "one number per world is needed, shape (N,): sum or index the last dimension, or squeeze(-1)"
         raise Refused("shape", f"the reward has shape {_symbolic(reward, num_worlds)}", fix)
-    if len(components) > graphs.MAX_COMPONENTS:
+    if len(components) > MAX_COMPONENTS:
         message = f"{len(components)} components"
-        raise Refused("components", message, f"return at most {graphs.MAX_COMPONENTS}")
+        raise Refused("components", message, f"return at most {MAX_COMPONENTS}")
     named: dict[str, Tensor | float] = {}
     for key, value in components.items():
         name = component_name(key)
@@ -95,7 +96,7 @@ def component_name(key: object) -> str:
     if not isinstance(key, str) or not 0 < len(key) <= 64:
         raise Refused("components", "a component has no proper name", "use short names such as `distance`")
     name = re.sub(r"[^A-Za-z0-9]+", "_", key).strip("_")
-    if not graphs.COMPONENT_NAME.fullmatch(name):
+    if not COMPONENT_NAME.fullmatch(name):
         raise Refused("components", "a component has no proper name", "start its name with a letter")
     return name
 
@@ -204,9 +205,9 @@ def _traced(run: Runner, spec: StateSpec, recorded: Recorded, worlds: range) -> 
 
 def _compare(graph: RewardGraph, state: Mapping[str, Any], eager: Outputs) -> None:
     try:
-        graphs.validate(graph)
+        validate(graph)
         done = list(graphs.values(graph, state, state["num_envs"]))
-    except (graphs.GraphError, RuntimeError, IndexError, TypeError) as error:
+    except (GraphError, RuntimeError, IndexError, TypeError) as error:
         raise Refused("operation", f"it cannot be written as a graph: {str(error)[:200]}", "simplify it") from None
     found = [done[graph.reward], *(done[index] for _, index in graph.components)]
     for value, expected in zip(found, map(torch.as_tensor, _flat(eager)), strict=True):

@@ -29,7 +29,7 @@ TORCH = DTYPES | words("""
 """)
 
 ALSO_TORCH = words("""
-    aminmax argsort bitwise_and bitwise_not bitwise_or bitwise_xor count_nonzero cummax cummin diagonal dstack
+    aminmax argsort bitwise_and bitwise_not bitwise_or bitwise_xor cdist count_nonzero cummax cummin diagonal dstack
     empty empty_like erfc finfo fliplr float_power flipud hsplit inner kthvalue logit moveaxis movedim mv
     positive ravel selu signbit std_mean swapaxes swapdims tensordot trace true_divide unflatten var_mean vdot
     vsplit xlogy
@@ -132,7 +132,7 @@ PACKAGES = words("torch torch.nn torch.jit typing")
 """Paths that may lead to a name but hold none that a program may use as a value."""
 
 ATEN = words("""
-    _log_softmax.default _reshape_alias.default _softmax.default _to_copy.default _unsafe_view.default
+    _log_softmax.default _softmax.default _to_copy.default _unsafe_view.default
     abs.default acos.default acosh.default add.Scalar add.Tensor addcdiv.default addcmul.default alias.default
     all.default all.dim all.dims amax.default amin.default aminmax.default any.default any.dim any.dims
     arange.default arange.start arange.start_step argmax.default argmin.default asin.default asinh.default
@@ -157,7 +157,7 @@ ATEN = words("""
     nan_to_num.default ne.Scalar ne.Tensor neg.default new_full.default new_ones.default new_zeros.default
     norm.Scalar norm.ScalarOpt_dim ones.default ones_like.default permute.default pow.Scalar pow.Tensor_Scalar
     pow.Tensor_Tensor prod.default prod.dim_int rad2deg.default reciprocal.default relu.default
-    remainder.Scalar remainder.Scalar_Tensor remainder.Tensor repeat.default roll.default round.decimals
+    remainder.Scalar remainder.Scalar_Tensor remainder.Tensor repeat.default reshape.default roll.default round.decimals
     round.default rsqrt.default rsub.Scalar rsub.Tensor scalar_tensor.default select.int
     select_scatter.default sgn.default sigmoid.default sign.default signbit.default silu.default sin.default
     sinc.default sinh.default slice.Tensor slice_scatter.default smooth_l1_loss.default softplus.default

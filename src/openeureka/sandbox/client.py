@@ -8,6 +8,7 @@ import signal
 import time
 import unicodedata
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from torch import Tensor
@@ -18,7 +19,7 @@ from ..types import Candidate, Finding, Node, RewardGraph, StateSpec, Verdict, V
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 from . import confine, server
 
-SECONDS = 3.0
+SECONDS = 2.0
 """A candidate's time, by the wall clock, for everything it does in its child."""
 _START_SECONDS = 120.0
 _GRACE_SECONDS = 5.0
@@ -79,11 +80,16 @@ class Sandbox:
         return Verdict(candidate=candidate.id, code=code, findings=findings, graph=accepted, seconds=seconds)
 
     def _judge(self, source: str) -> _Judgement:
-        if self._gated:
-            program = gate.check(source, self.state)
-            if not isinstance(program, gate.Program):
-                code = VerdictCode.NO_PROGRAM if program[0].rule == "no-function" else VerdictCode.REFUSED
-                return code, program, None
+        if not self._gated:
+            return self._run(source)
+        program = gate.check(source, self.state)
+        if not isinstance(program, gate.Program):
+            code = VerdictCode.NO_PROGRAM if program[0].rule == "no-function" else VerdictCode.REFUSED
+            return code, program, None
+        code, findings, accepted = self._run(source)
+        return code, tuple(_located(finding, program) for finding in findings), accepted
+
+    def _run(self, source: str) -> _Judgement:
         frame = self._ask(source)
         outcome = frame.header.get("outcome") if frame is not None else "timeout"
         if frame is None or outcome == "timeout":
@@ -163,6 +169,12 @@ class Sandbox:
 
 def _bytes(tensor: Tensor) -> bytes:
     return tensor.numpy().tobytes()
+
+
+def _located(finding: Finding, program: gate.Program) -> Finding:
+    """A finding about the result as a whole names the line that returns it."""
+    whole = finding.line is None and finding.rule in probe.RESULT_RULES
+    return replace(finding, line=program.return_line) if whole else finding
 
 
 def _parse(data: bytes) -> dict[str, Any] | None:

@@ -100,7 +100,8 @@ class Support:
 
     def sentence(self) -> str:
         if self.complete:
-            return f"confinement works: seccomp and Landlock (ABI {self.landlock_abi}) on {self.architecture}"
+            alone = "" if self.landlock_abi >= 6 else ", an older one: seccomp alone closes TCP or signals"
+            return f"confinement works: seccomp and Landlock (ABI {self.landlock_abi}{alone}) on {self.architecture}"
         reasons = []
         if self.architecture not in _ARCHITECTURES:
             reasons.append(f"no system call table for {sys.platform} on {self.architecture}")

@@ -14,7 +14,7 @@ import signal
 import struct
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NoReturn
 
 import torch
@@ -75,22 +75,17 @@ def _decode_recorded(frame: Frame) -> dict[str, Any]:
 
 def _probe_source(source: str, bench: _Bench, gated: bool) -> dict[str, Any]:
     """What one program comes to, as JSON data."""
-    result_line: int | None = None
     try:
         if gated:
             program = gate.check(source, bench.spec)
             if not isinstance(program, gate.Program):
                 return {"findings": [_finding(finding) for finding in program]}
-            result_line = program.return_line
             run, recorded = load.load(program), only(bench.recorded, bench.spec, program.inputs)
         else:
             run, recorded = load.unchecked(source), bench.recorded
         traced = probe.probe(run, bench.spec, recorded)
     except Refused as refusal:
-        finding = refusal.finding
-        if finding.line is None and finding.rule in probe.RESULT_RULES:
-            finding = replace(finding, line=result_line)
-        return {"findings": [_finding(finding)]}
+        return {"findings": [_finding(refusal.finding)]}
     return {"graph": graph.to_json(traced.graph), "lines": traced.lines}
 
 

@@ -27,6 +27,17 @@ MAX_TEXT = 1 << 20
 """Characters kept of a text that a model or a program wrote."""
 
 
+DAMAGE = (ValueError, KeyError, TypeError, AttributeError, RecursionError)
+"""What decoding raises for a row that somebody or something has changed."""
+_NUMBER = float | int | None
+
+
+def _typed(kind: Any, value: Any) -> Any:
+    if not isinstance(value, kind):
+        raise TypeError(f"{value!r:.40} is no {kind}")
+    return value
+
+
 def safe_text(text: str) -> str:
     """Text that UTF-8 and SQLite can hold: capped, without lone surrogates and NUL."""
     return text[:MAX_TEXT].encode("utf-8", "replace").decode().replace("\0", "\N{REPLACEMENT CHARACTER}")
@@ -45,27 +56,37 @@ def encode_verdict(verdict: Verdict, *, indent: int | None = None) -> str:
 
 
 def decode_verdict(text: str) -> Verdict:
+    """Raises one of `DAMAGE` for anything but a verdict. Whether its graph may train is for the trainer to judge."""
     data = json.loads(text)
-    return Verdict(
-        candidate=data["candidate"],
+    verdict = Verdict(
+        candidate=_typed(str, data["candidate"]),
         code=VerdictCode(data["code"]),
-        findings=tuple(Finding(**finding) for finding in data["findings"]),
+        findings=tuple(_finding(**finding) for finding in data["findings"]),
         graph=_graph(data["graph"]) if data["graph"] is not None else None,
-        seconds=data["seconds"],
+        seconds=_typed(float | int, data["seconds"]),
+    )
+    if verdict.accepted != (verdict.graph is not None):
+        raise ValueError("an accepted verdict has a graph, and no other")
+    return verdict
+
+
+def _finding(rule: object, message: object, fix: object, line: object) -> Finding:
+    return Finding(
+        rule=_typed(str, rule), message=_typed(str, message), fix=_typed(str, fix), line=_typed(int | None, line)
     )
 
 
 def _graph(data: Any) -> RewardGraph:
     nodes = [
         Node(
-            node["op"],
+            _typed(str, node["op"]),
             tuple(_arg(arg) for arg in node["args"]),
             {name: _arg(arg) for name, arg in node["kwargs"].items()},
         )
         for node in data["nodes"]
     ]
-    components = tuple((name, index) for name, index in data["components"])
-    return RewardGraph(nodes=tuple(nodes), reward=data["reward"], components=components)
+    components = tuple((_typed(str, name), _typed(int, index)) for name, index in data["components"])
+    return RewardGraph(nodes=tuple(nodes), reward=_typed(int, data["reward"]), components=components)
 
 
 def _arg(value: Any) -> Arg:
@@ -103,23 +124,29 @@ def _peak(checkpoint: Checkpoint | None) -> dict[str, float | None] | None:
 
 
 def decode_result(job: str, text: str) -> TrainingResult:
-    """The result with empty policies: those are read one at a time, when they are needed."""
+    """The result with empty policies: those are read one at a time, when they are needed.
+
+    Raises one of `DAMAGE` for anything but a result.
+    """
     data = json.loads(text)
-    peaks = {
-        name: Checkpoint(policy=b"", **data[name]) if data[name] is not None else None
-        for name in ("best_fitness", "best_reward")
-    }
     return TrainingResult(
         job=job,
         state=TrainingState(data["state"]),
-        fitness=data["fitness"],
-        curves={name: tuple(curve) for name, curve in data["curves"].items()},
-        env_steps=data["env_steps"],
-        seconds=data["seconds"],
-        correlation=data["correlation"],
-        message=data["message"],
-        **peaks,
+        fitness=_typed(_NUMBER, data["fitness"]),
+        curves={name: tuple(_typed(_NUMBER, value) for value in curve) for name, curve in data["curves"].items()},
+        env_steps=_typed(int, data["env_steps"]),
+        seconds=_typed(float | int, data["seconds"]),
+        correlation=_typed(_NUMBER, data["correlation"]),
+        message=_typed(str, data["message"]),
+        best_fitness=_checkpoint(data["best_fitness"]),
+        best_reward=_checkpoint(data["best_reward"]),
     )
+
+
+def _checkpoint(data: Any) -> Checkpoint | None:
+    if data is None:
+        return None
+    return Checkpoint(epoch=_typed(int, data["epoch"]), value=_typed(_NUMBER, data["value"]), policy=b"")
 
 
 # --- remarks ---------------------------------------------------------------------------------------------------------

@@ -5,11 +5,11 @@ from __future__ import annotations
 import dataclasses
 import json
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import MappingProxyType, TracebackType
-from typing import Literal
+from typing import Literal, TypeVar
 
 from filelock import FileLock, Timeout
 
@@ -35,6 +35,7 @@ from ..types import (
 )
 from . import artifacts
 from .codec import (
+    DAMAGE,
     decode_remark,
     decode_result,
     decode_verdict,
@@ -46,6 +47,7 @@ from .codec import (
 )
 from .db import AGAIN, FILENAME, LOCK, LOG, Database, explained
 
+T = TypeVar("T")
 Peak = Literal["fitness", "reward"]
 """Which of a lane's two checkpoints: where F, or where its own reward, was highest."""
 
@@ -121,6 +123,13 @@ class Store:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self.close()
+
+    def _decoded(self, decode: Callable[..., T], *texts: str) -> T:
+        try:
+            return decode(*texts)
+        except DAMAGE as error:
+            what = f"{self.directory / FILENAME} holds a row that was changed ({error!s:.80})"
+            raise StoreError(f"{what}; restore the file from a copy or choose another dir=.") from None
 
     # --- settings ----------------------------------------------------------------------------------------------------
 
@@ -203,7 +212,7 @@ class Store:
 
     def verdict(self, candidate: str) -> Verdict | None:
         row = self._database.row("verdicts", candidate=candidate)
-        return decode_verdict(row["verdict"]) if row is not None else None
+        return self._decoded(decode_verdict, row["verdict"]) if row is not None else None
 
     # --- training ----------------------------------------------------------------------------------------------------
 
@@ -219,7 +228,7 @@ class Store:
     def result(self, job: str) -> TrainingResult | None:
         """The stored result, its checkpoints without policies: `policy` reads those."""
         row = self._database.row("results", job=job)
-        return decode_result(job, row["result"]) if row is not None else None
+        return self._decoded(decode_result, job, row["result"]) if row is not None else None
 
     def results(self, known: Mapping[str, TrainingResult] = MappingProxyType({})) -> dict[str, TrainingResult]:
         """By job. Those that are known from before are not decoded again."""
@@ -229,7 +238,7 @@ class Store:
             # Results never change, but a directory may hold another run by now.
             if earlier is not None and earlier.fitness == row["fitness"]:
                 return earlier
-            return decode_result(row["job"], row["result"])
+            return self._decoded(decode_result, row["job"], row["result"])
 
         return {row["job"]: result(row) for row in self._database.rows("results")}
 
@@ -277,7 +286,7 @@ class Store:
             generation=row["generation"],
             slot=row["slot"],
             candidate=self._candidate(row["candidate"]),
-            verdict=decode_verdict(row["verdict"]),
+            verdict=self._decoded(decode_verdict, row["verdict"]),
             attempts=row["attempts"],
         )
         result = results[row["job"]] if row["job"] is not None else None

@@ -63,7 +63,10 @@ class Curves:
         self._steps += 1
 
     def close_epoch(self) -> tuple[list[float | None], list[float]]:
-        """Append the epoch to every curve; returns F and the mean own reward per step of each lane."""
+        """Append the epoch to every curve; returns F and the mean own reward per step of each lane.
+
+        F is None where no episode was scored; NaN or infinite where the task made it so, and None in its curve.
+        """
         fitness, own_means = [], []
         self._scores.append(self._sums[:, :2])
         scores = torch.stack(list(self._scores)).sum(0).tolist()
@@ -83,7 +86,7 @@ class Curves:
             for name, number in (point | components[lane]).items():
                 finite = number is not None and abs(number) < float("inf")
                 self.curves[lane].setdefault(name, []).append(number if finite else None)
-            fitness.append(self.curves[lane]["fitness"][-1])
+            fitness.append(point["fitness"])
             own_means.append(own / transitions)
         self._start()
         return fitness, own_means

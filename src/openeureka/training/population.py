@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -64,6 +65,8 @@ class Population:
         )
         self.best_fitness: list[Peak | None] = [None] * self.lanes
         self.best_reward: list[Peak | None] = [None] * self.lanes
+        self._largest = torch.zeros(self.lanes, device=self.device)
+        """Largest own reward of each lane in this epoch, by size; NaN once any was."""
         self.messages = [""] * self.lanes
         self.trained = [self.epochs] * self.lanes  # epochs until the lane ended
         self.epoch, self.observation = 0, self._split(self.env.reset(stagger=True))
@@ -80,6 +83,7 @@ class Population:
                 step = self.env.step(action.action.flatten(0, 1))
                 own, human, means = self.rewards(step.state)
                 self.curves.add(step, own, human, means)
+                self._watch(own)
                 if (bonus := self.rewards.bonus(step.state)) is not None:
                     own = own + bonus
                 reward = own * self.recipe.reward_scale
@@ -139,24 +143,35 @@ class Population:
         """(N, ...) to (L, n, ...)."""
         return x.view(self.lanes, self.worlds, *x.shape[1:])
 
+    def _watch(self, own: Tensor) -> None:
+        self._largest = torch.maximum(self._largest, own.abs().amax(1))
+
     def _mask_diverged(self, epoch: int) -> None:
         """Freeze lanes whose reward or policy is no longer a usable number; the others do not notice."""
-        reward = self.rollout.reward
-        usable = (reward.abs() <= ABSURD).flatten(1).all(1)  # False for NaN
+        usable = self._largest <= ABSURD  # False for NaN
         sound = torch.isfinite(self.ppo.network.flat).all(1)
         for lane in (self.ppo.active & ~(usable & sound)).nonzero().flatten().tolist():
-            what = "the reward was not finite or beyond 1e6" if sound[lane] else "the policy was not finite"
-            self.trained[lane] = epoch + 1
-            self.messages[lane] = f"stopped in epoch {epoch} of {self.epochs}: {what}"
-        self.ppo.active &= usable & sound
+            if not sound[lane]:
+                self._stop(lane, epoch, "the policy was not finite")
+            else:
+                self._stop(lane, epoch, self.rewards.error(lane) or "the reward was not finite or beyond 1e6")
         # Frozen lanes still flow through the shared kernels: zeros keep them finite.
-        reward[~self.ppo.active] = 0.0
+        self.rollout.reward[~self.ppo.active] = 0.0
+        self._largest.zero_()
+
+    def _stop(self, lane: int, epoch: int, why: str) -> None:
+        self.ppo.active[lane] = False
+        self.trained[lane] = epoch + 1
+        self.messages[lane] = f"stopped in epoch {epoch} of {self.epochs}: {why}"
 
     def _checkpoint(self, epoch: int) -> None:
         """Keep the policy that produced this epoch wherever F or the own reward peaks."""
         fitness, own = self.curves.close_epoch()
         for lane, active in enumerate(self.ppo.active.tolist()):
             if not active:
+                continue
+            if not math.isfinite(fitness[lane] or 0.0):
+                self._stop(lane, epoch, "the task's score was not a finite number")
                 continue
             for peaks, value in ((self.best_fitness, fitness[lane]), (self.best_reward, own[lane])):
                 known = peaks[lane]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence, Set
 
 import torch
@@ -73,6 +74,10 @@ class LaneRewards:
             self._parts.append(_Part(programs, self.worlds, self._per_world, recorded=recorded))
         return self._parts
 
+    def error(self, lane: int) -> str:
+        """What a lane's program raised first, if it ever did."""
+        return next((part.errors[lane] for part in self._parts if lane in part.errors), "")
+
     def bonus(self, state: State) -> Tensor | None:
         """What is added to the own rewards (L, n) before they train, outside of all curves and correlations."""
         bonus = self.task.success_bonus(state) if self._bonus else None
@@ -90,6 +95,7 @@ class _Part:
         self._worlds, self._per_world = worlds, per_world
         self._names = sorted({name for program in programs.values() for name in program.inputs})
         self._numbers: dict[str, float | int] = {}
+        self.errors: dict[int, str] = {}
         self._run = Replay(self._evaluate) if recorded else self._evaluate
 
     def __call__(self, state: State) -> tuple[Tensor, ...]:
@@ -104,7 +110,14 @@ class _Part:
         rewards, means = [], []
         for lane, program in self.programs.items():
             own = {name: value[lane * n : (lane + 1) * n] for name, value in values.items() if name in self._per_world}
-            reward, components = program({**self._numbers, **values, **own, "num_envs": n}, n)
+            try:
+                reward, components = program({**self._numbers, **values, **own, "num_envs": n}, n)
+            except (IndexError, RuntimeError) as error:  # as an index that no recorded state had
+                if tensors[0].device.type != "cpu":
+                    raise  # after a fault a GPU computes nothing more in this process
+                self.errors.setdefault(lane, f"the reward failed with {type(error).__name__}: {error}"[:300])
+                reward = torch.full((n,), math.nan)
+                components = {name: reward for name, _ in program.graph.components}
             rewards.append(reward)
             means += [component.mean() for component in components.values()]
         return (*rewards, torch.stack(means) if means else rewards[0].new_zeros(0))

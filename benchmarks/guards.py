@@ -1,0 +1,113 @@
+"""What the guards of training cost: throughput with all of them on over throughput with all of them off.
+
+    python benchmarks/guards.py                # about 10 minutes on 2 quiet cores
+    python benchmarks/guards.py --tiny         # seconds, to see that it works
+
+Guards are the watch on rewards, policies and scores of each lane, and the check of the physics. With and without take
+turns in pairs, the first of each pair alternating, so that a busy machine slows both alike; the ratio is the median
+over pairs. Processor time is reported beside wall-clock time: it does not count what others do.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import statistics
+import time
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from openeureka.tasks import registry
+from openeureka.training.population import Population
+from openeureka.types import Node, RewardGraph, TrainBudget, TrainingResult, TrainJob
+
+ENVS = ("cartpole", "ant")
+LANES = 8
+
+
+class Pace(NamedTuple):
+    wall: float
+    """Env steps a second."""
+    processor: float
+    """Env steps a second of processor time, of all threads."""
+
+
+class Unguarded(Population):
+    """Trains whatever comes."""
+
+    def __init__(self, env: str, jobs: list[TrainJob], budget: TrainBudget) -> None:
+        super().__init__(env, jobs, budget)
+        self.env.check = lambda: None
+
+    def _watch(self, own: Tensor) -> None: ...
+
+    def _mask_diverged(self, epoch: int) -> None: ...
+
+
+def reward() -> RewardGraph:
+    """exp(-|v| / 2) - 0.1 |v| of all joint velocities, with both terms as components."""
+    nodes = (
+        Node("input", ("dof_vel",)),
+        Node("linalg_vector_norm.default", ({"ref": 0}, 2, (1,))),
+        Node("mul.Tensor", ({"ref": 1}, -0.5)),
+        Node("exp.default", ({"ref": 2},)),
+        Node("mul.Tensor", ({"ref": 1}, -0.1)),
+        Node("add.Tensor", ({"ref": 3}, {"ref": 4})),
+    )
+    return RewardGraph(nodes=nodes, reward=5, components=(("calm", 3), ("speed", 4)))
+
+
+def pace(kind: type[Population], env: str, epochs: int) -> Pace:
+    """Of a whole training, without the start."""
+    recipe = registry.get(env).recipe
+    jobs = [TrainJob(id=str(lane), program=reward(), seed=lane) for lane in range(LANES)]
+    population = kind(env, jobs, TrainBudget(env_steps=epochs * recipe.horizon * recipe.worlds))
+    wall, processor = time.perf_counter(), time.process_time()
+    steps = sum(message.env_steps for message in population.train() if isinstance(message, TrainingResult))
+    return Pace(steps / (time.perf_counter() - wall), steps / (time.process_time() - processor))
+
+
+def compare(env: str, pairs: int, epochs: int) -> dict[str, object]:
+    ratios: list[Pace] = []
+    for pair in range(pairs):
+        kinds: list[type[Population]] = [Population, Unguarded]
+        paces = {kind: pace(kind, env, epochs) for kind in (kinds if pair % 2 else reversed(kinds))}
+        on, off = paces[Population], paces[Unguarded]
+        ratios.append(Pace(on.wall / off.wall, on.processor / off.processor))
+        print(f"{env} {pair + 1}/{pairs}: {on.wall:.0f} of {off.wall:.0f} steps/s, {ratios[-1].wall:.3f}", flush=True)
+    return {
+        name: {"median": round(statistics.median(values), 4), "pairs": [round(value, 4) for value in values]}
+        for name, values in zip(Pace._fields, zip(*ratios, strict=True), strict=True)
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--pairs", type=int, default=9)
+    parser.add_argument("--epochs", type=int, default=12)
+    parser.add_argument("--tiny", action="store_true", help="one pair of one epoch, for a look")
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "guards.json")
+    options = parser.parse_args()
+    pairs, epochs = (1, 1) if options.tiny else (options.pairs, options.epochs)
+    found = {
+        "date": datetime.now(UTC).date().isoformat(),
+        "guarded_over_unguarded": {env: compare(env, pairs, epochs) for env in ENVS},
+        "lanes": LANES,
+        "epochs": epochs,
+        "machine": {"cores": os.cpu_count(), "python": platform.python_version(), "load_at_end": os.getloadavg()[0]},
+        "versions": {name: version(name) for name in ("mujoco", "torch")},
+        "torch_threads": torch.get_num_threads(),
+    }
+    options.out.parent.mkdir(exist_ok=True)
+    options.out.write_text(json.dumps(found, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

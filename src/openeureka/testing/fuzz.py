@@ -1,0 +1,95 @@
+"""One damaged graph or reply, from text to verdict; any exception but the documented one is a fault of ours.
+
+python -m openeureka.testing.fuzz 100000 --seed 7      # longer than the tests; about a minute
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from functools import cache
+from random import Random
+
+import torch
+
+from ..llm import extract
+from ..reward import examine, gate, load, probe
+from ..reward import graph as graphs
+from ..reward.validate import GraphError
+from . import mutate
+from .hostile import STATE
+
+_REWARDS = (
+    "r = torch.exp(-pos.norm(dim=-1) / 0.1)\n    r[phase > 0.5] += 1.0",
+    "r = (pos * torch.tensor([1.0, 0.5, 0.25])).sum(dim=-1) + torch.max(vel, dim=-1).values.clamp(-1.0, 2.0)",
+    "a, b = torch.sort(pos, dim=-1)[0][:, :2].unbind(-1)\n    r = torch.where(a > b, a, torch.zeros(num_envs))",
+    "r = torch.stack([pos[:, i] * vel[:, i] for i in range(3)], dim=-1).reshape(num_envs, 3).mean(dim=-1)",
+    "i = phase.abs().long().clamp(0, 2)\n    r = pos.gather(1, i.unsqueeze(-1)).squeeze(-1) + torch.arange(3.0)[i]",
+)
+"""Between them: reductions, masks, constants, several results, sizes of the number of worlds, and indices."""
+_PROGRAM = '''def compute_reward(pos, vel, phase, dt, num_envs):
+    """Reward nearness."""
+    {body}
+    return r, {{"r": r, "speed": vel.norm(dim=-1) * dt}}
+'''
+_REPLY = "Let me think.\n\n```python\nimport torch\nfrom typing import Dict\n\n{program}```\nIt pays for *r*.\n"
+_WORLDS = 12
+
+
+@cache
+def _states() -> dict[str, torch.Tensor | float]:
+    generator = torch.Generator().manual_seed(0)
+    shapes = {"pos": (_WORLDS, 3), "vel": (_WORLDS, 3), "phase": (_WORLDS,)}
+    return {**{name: torch.randn(shape, generator=generator) for name, shape in shapes.items()}, "dt": 0.02}
+
+
+@cache
+def _graphs() -> tuple[str, ...]:
+    """Graphs of good programs, as they are stored."""
+    found: list[str] = []
+    for body in _REWARDS:
+        program = gate.check(_PROGRAM.format(body=body), STATE)
+        assert isinstance(program, gate.Program), program
+        found.append(graphs.to_json(probe.probe(load.load(program), STATE, _states()).graph))
+    return tuple(found)
+
+
+def graph(random: Random) -> str:
+    """`refused` as text, `finding` on states, or `accepted`: then it runs, on any number of worlds."""
+    text = mutate.graph(random.choice(_graphs()), random)
+    try:
+        parsed = graphs.from_json(text)
+    except GraphError:
+        return "refused"
+    if examine.examine(probe.Traced(parsed, ()), STATE, _states()):
+        return "finding"
+    reward, components = graphs.compile(parsed, STATE)(_states(), _WORLDS)
+    assert all(value.shape == (_WORLDS,) and value.isfinite().all() for value in (reward, *components.values())), text
+    return "accepted"
+
+
+def reply(random: Random) -> str:
+    """`no program`, `refused` by the gate with a sentence a person can read, or `program`."""
+    whole = _REPLY.format(program=_PROGRAM.format(body=random.choice(_REWARDS)))
+    source = extract.program(mutate.reply(whole, random))
+    if source is None:
+        return "no program"
+    checked = gate.check(source, STATE)
+    if isinstance(checked, gate.Program):
+        return "program"
+    for finding in checked:
+        assert finding.sentence().isprintable() and len(finding.sentence()) < 1000, finding
+    return "refused"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("count", type=int, help="graphs, and as many replies")
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    for attempt in (graph, reply):
+        print(attempt.__name__, dict(Counter(attempt(Random(f"{options.seed}/{i}")) for i in range(options.count))))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,16 @@
+"""Programs that attack, or merely break the contract, and what must become of each.
+
+`layer` stops a program, or takes the harm out of it; `code` and `rule` are the verdict of the whole sandbox. Those that
+the gate refuses are also run with the gate switched off, where any verdict is fine and no harm is allowed.
+"""
+
+from .capabilities import CAPABILITIES
+from .case import STATE, Hostile, Layer
+from .contract import CONTRACT
+from .introspection import INTROSPECTION
+from .purity import PURITY
+from .resources import RESOURCES
+
+CORPUS: tuple[Hostile, ...] = (*INTROSPECTION, *CAPABILITIES, *RESOURCES, *PURITY, *CONTRACT)
+
+__all__ = ["CORPUS", "STATE", "Hostile", "Layer"]

@@ -1,0 +1,68 @@
+"""Confinement holds without privileges: where the tests run as root, these run once more as a user who has none."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).parents[1]
+NOBODY = 65534
+
+
+@pytest.fixture
+def workshop() -> Iterator[Path]:
+    """A directory that belongs to nobody; pytest's own are closed to others."""
+    with tempfile.TemporaryDirectory() as name:
+        os.chown(name, NOBODY, NOBODY)
+        yield Path(name)
+
+
+def as_nobody(*command: str, home: Path) -> subprocess.CompletedProcess[str]:
+    environment = {"HOME": str(home), "TMPDIR": str(home), "PATH": os.environ["PATH"], "PYTHONDONTWRITEBYTECODE": "1"}
+    return subprocess.run(
+        command, user=NOBODY, group=NOBODY, extra_groups=[], env=environment, cwd=home, capture_output=True, text=True
+    )
+
+
+def interpreter(workshop: Path) -> str | None:
+    """A Python that nobody may run, in an environment that holds the packages of this one."""
+    installed = shutil.which(f"python3.{sys.version_info.minor}", path="/usr/local/bin:/usr/bin")
+    for base in (os.path.realpath(sys.executable), installed):
+        if base is None:
+            continue
+        environment = workshop / f"environment-of-{base.replace('/', '-')}"
+        packages = environment / "lib" / f"python3.{sys.version_info.minor}" / "site-packages"
+        packages.mkdir(parents=True)
+        (environment / "bin").mkdir()
+        (environment / "bin" / "python").symlink_to(base)
+        (environment / "pyvenv.cfg").write_text(f"home = {os.path.dirname(base)}\n")
+        paths = [sysconfig.get_path("purelib"), str(TESTS.parent / "src"), str(TESTS)]
+        (packages / "shared.pth").write_text("\n".join(paths))
+        python = str(environment / "bin" / "python")
+        try:
+            if as_nobody(python, "-c", "import torch, pytest, openeureka", home=workshop).returncode == 0:
+                return python
+        except PermissionError:
+            continue
+    return None
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="these tests run as an ordinary user already")
+@pytest.mark.timeout(600)
+def test_the_hostile_corpus_does_no_harm_without_root(workshop: Path) -> None:
+    python = interpreter(workshop)
+    if python is None:
+        pytest.skip("an ordinary user may not read this Python or these packages")
+    tests = [str(TESTS / "sandbox" / name) for name in ("test_hostile.py", "test_confine.py")]
+    options = ["-p", "no:cacheprovider", f"--rootdir={TESTS.parent}", f"--basetemp={workshop / 'tests'}"]
+    options += ["-k", "not unsafe and not closing"]  # each starts a server of its own, whoever the user is
+    done = as_nobody(python, "-m", "pytest", *options, *tests, home=workshop)
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-1000:]

@@ -1,0 +1,110 @@
+"""A lane that goes wrong is stopped with the reason, and the others train on, the same to the bit."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+
+import pytest
+import torch
+
+from openeureka.reward.validate import GraphError
+from openeureka.tasks.env import Step
+from openeureka.tasks.task import Score
+from openeureka.training.population import Population
+from openeureka.training.wire import pack_jobs, unpack_jobs
+from openeureka.types import Node, RewardGraph, TrainBudget, TrainingResult, TrainingState, TrainJob
+
+HORIZON = 16
+BUDGET = TrainBudget(env_steps=3 * HORIZON * 16, worlds=16)  # three epochs
+SPEED = (Node("input", ("dof_vel",)), Node("select.int", ({"ref": 0}, 1, 0)))
+"""Speed of the first joint: of the cart, and of a leg of an ant that walks on the floor."""
+
+
+def program(*nodes: Node) -> RewardGraph:
+    return RewardGraph(nodes=(*SPEED, *nodes), reward=1 + len(nodes), components=(("speed", 1),))
+
+
+GOOD = program(Node("neg.default", ({"ref": 1},)))
+BAD = {
+    "not finite or beyond 1e6: NaN": program(Node("sqrt.default", ({"ref": 1},))),
+    "not finite or beyond 1e6: absurd": program(Node("mul.Tensor", ({"ref": 1}, 1e30))),
+    "failed with IndexError": program(
+        Node("constant", ((1.0, 2.0), (2,), "float32")),
+        Node("mul.Tensor", ({"ref": 1}, 1e6)),
+        Node("_to_copy.default", ({"ref": 3},), {"dtype": "int64"}),
+        Node("index.Tensor", ({"ref": 2}, ({"ref": 4},))),
+    ),
+}
+
+
+def trained(env: str, bad: RewardGraph, prepare: Callable[[Population], None] = lambda population: None):
+    jobs = [TrainJob(id="good", program=GOOD), TrainJob(id="bad", program=bad, seed=1)]
+    population = Population(env, jobs, BUDGET, threads=1)
+    prepare(population)
+    good, other = (message for message in population.train() if isinstance(message, TrainingResult))
+    return good, other
+
+
+@functools.cache
+def undisturbed(env: str) -> TrainingResult:
+    return trained(env, GOOD)[0]
+
+
+def assert_same_to_the_bit(result: TrainingResult, expected: TrainingResult) -> None:
+    assert result.state is TrainingState.FINISHED
+    assert dict(result.curves) == dict(expected.curves)
+    assert result.best_reward is not None and expected.best_reward is not None
+    assert result.best_reward.policy == expected.best_reward.policy
+    assert result.correlation == expected.correlation
+
+
+@pytest.mark.parametrize("env", ["cartpole", "ant"])
+@pytest.mark.parametrize("fault", BAD)
+def test_a_reward_that_fails_in_training_stops_its_own_lane_only(env: str, fault: str) -> None:
+    good, bad = trained(env, BAD[fault])
+    assert (bad.state, bad.env_steps) == (TrainingState.DIVERGED, HORIZON * 16)  # in the first epoch
+    assert bad.message.startswith("stopped in epoch 0 of 3: the reward") and fault.split(":")[0] in bad.message
+    assert_same_to_the_bit(good, undisturbed(env))
+
+
+@pytest.mark.parametrize("env", ["cartpole", "ant"])
+def test_a_policy_that_is_not_finite_stops_its_own_lane_only(env: str) -> None:
+    def poison(population: Population) -> None:
+        population.ppo.network.flat[1, 0] = float("inf")
+
+    good, bad = trained(env, GOOD, poison)
+    assert bad.message == "stopped in epoch 0 of 3: the policy was not finite"
+    assert_same_to_the_bit(good, undisturbed(env))
+
+
+@pytest.mark.parametrize("env", ["cartpole", "ant"])
+def test_a_score_that_is_not_a_number_stops_its_own_lane_only(env: str) -> None:
+    def spoil(population: Population) -> None:
+        honest = population.env.step
+
+        def step(actions: torch.Tensor) -> Step:
+            done = honest(actions)
+            lane = torch.arange(len(done.score.value)) // 16
+            value = torch.where(lane == 1, torch.nan, done.score.value)
+            return done._replace(score=Score(value, torch.where(lane == 1, 1.0, done.score.weight)))
+
+        population.env.step = step
+
+    good, bad = trained(env, GOOD, spoil)
+    assert bad.message == "stopped in epoch 0 of 3: the task's score was not a finite number"
+    assert (bad.fitness, bad.curves["fitness"], bad.best_fitness) == (None, (None,), None)
+    assert_same_to_the_bit(good, undisturbed(env))
+
+
+def test_rewards_are_judged_before_they_are_scaled() -> None:
+    """Cartpole's are scaled by 0.1: 5e6 a step is absurd although half a million trains."""
+    constant = (Node("mul.Tensor", ({"ref": 1}, 0.0)), Node("add.Tensor", ({"ref": 2}, 5e6)))
+    _, bad = trained("cartpole", program(*constant))
+    assert bad.state is TrainingState.DIVERGED
+
+
+def test_a_graph_that_was_tampered_with_never_reaches_training() -> None:
+    forged = program(Node("from_file.default", ("/etc/hostname",)))
+    with pytest.raises(GraphError, match=r"node 2: operation 'from_file\.default' is not allowed"):
+        unpack_jobs(pack_jobs("cartpole", [TrainJob(id="x", program=forged)], BUDGET))
