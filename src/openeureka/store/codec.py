@@ -10,6 +10,7 @@ from typing import Any
 from ..types import (
     Arg,
     Checkpoint,
+    Evaluation,
     Finding,
     Node,
     RewardGraph,
@@ -116,3 +117,9 @@ def decode_result(job: str, text: str) -> TrainingResult:
         message=data["message"],
         **peaks,
     )
+
+
+def encode_evaluation(evaluation: Evaluation) -> dict[str, Any]:
+    """A row: its fields, undefined numbers as None."""
+    row = dataclasses.asdict(evaluation)
+    return row | {name: finite(row[name]) for name in ("fitness", "error", "concentration")}

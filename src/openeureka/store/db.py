@@ -79,8 +79,24 @@ def _immutable(*tables: str) -> str:
     )
 
 
+_TRIALS = """
+ALTER TABLE evaluations ADD COLUMN error REAL;
+ALTER TABLE evaluations ADD COLUMN concentration REAL;
+CREATE TABLE trials (
+    job TEXT NOT NULL REFERENCES results (job),
+    name TEXT NOT NULL,              -- in which world, or with which policy of the training
+    fitness REAL,
+    error REAL,
+    concentration REAL,
+    episode_length REAL,
+    episodes INTEGER NOT NULL,
+    PRIMARY KEY (job, name)
+);
+"""
+
 MIGRATIONS: list[str] = [
     _TABLES + _immutable("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations"),
+    _TRIALS + _immutable("trials"),
 ]
 """Script n brings a file from schema n to n + 1. Published scripts are never edited, only followed by new ones."""
 

@@ -30,7 +30,15 @@ from ..types import (
     Verdict,
 )
 from . import artifacts
-from .codec import decode_result, decode_verdict, encode_result, encode_verdict, finite, safe_text
+from .codec import (
+    decode_result,
+    decode_verdict,
+    encode_evaluation,
+    encode_result,
+    encode_verdict,
+    finite,
+    safe_text,
+)
 from .db import AGAIN, FILENAME, Database, explained
 
 Peak = Literal["fitness", "reward"]
@@ -208,11 +216,23 @@ class Store:
             return path.read_bytes() if path.is_file() else None
 
     def save_evaluation(self, evaluation: Evaluation) -> None:
-        row = dataclasses.asdict(evaluation)
-        self._database.put("evaluations", row | {"fitness": finite(evaluation.fitness)})
+        self._database.put("evaluations", encode_evaluation(evaluation))
 
     def evaluations(self) -> dict[str, Evaluation]:
         return {row["job"]: Evaluation(**dict(row)) for row in self._database.rows("evaluations")}
+
+    def save_trial(self, name: str, evaluation: Evaluation) -> None:
+        """Keep what a lane's policy scored in the trial `name` (see `hacking.trials`)."""
+        self._database.put("trials", {"name": name} | encode_evaluation(evaluation))
+
+    def trials(self) -> dict[str, dict[str, Evaluation]]:
+        """Scores by job id and name of the trial."""
+        found: dict[str, dict[str, Evaluation]] = {}
+        for row in self._database.rows("trials"):
+            score = dict(row)
+            name = score.pop("name")
+            found.setdefault(row["job"], {})[name] = Evaluation(**score)
+        return found
 
     # --- generations -------------------------------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import torch
 
+from ..types import Dynamics
 from ..worker import Channel
 from .evaluate import evaluate
 from .population import Population
@@ -30,7 +31,9 @@ def main() -> None:
                 channel.send(frame.header, frame.blobs)
         else:
             alive = _signs_of_life(channel)
-            for score in evaluate(header["env"], request.blobs, seed=header["seed"], after_step=alive, **options):
+            dynamics = {job: Dynamics(**factors) for job, factors in header["dynamics"].items()}
+            options |= {"seed": header["seed"], "dynamics": dynamics, "after_step": alive}
+            for score in evaluate(header["env"], request.blobs, **options):
                 channel.send({"score": dataclasses.asdict(score)})
         channel.send({"done": True})
 
