@@ -13,7 +13,7 @@ from .store import Peak
 from .types import NOMINAL, Dynamics, Evaluation, TrainingResult
 
 DRIFT = 0.2
-"""Share of the learnt F that training on for the reward may cost."""
+"""Share of the range of F over training that training on for the reward may cost."""
 ERRORS = 2.0
 """Standard errors that a loss must exceed, else it may be luck."""
 CONCENTRATED = 0.5
@@ -127,8 +127,8 @@ def drift(lane: Tried) -> str:
     before, after = lane.trials.get(PEAKS["fitness"]), lane.trials.get(PEAKS["reward"])
     if first is None or last is None or before is None or after is None:
         return ""
-    learnt, loss = _learnt(lane.result, before), _loss(before, after)
-    if learnt is None or loss is None or loss <= DRIFT * learnt:
+    loss = _loss(before, after)
+    if loss is None or loss <= DRIFT * _range(lane.result):
         return ""
     own = lane.result.curves["reward"]
     return (
@@ -164,6 +164,12 @@ def fragility(lane: Tried) -> str:
         f"With {worst} held-out F is {_number(lane.trials[worst].fitness)} instead of "
         f"{_number(lane.held_out.fitness)}: {losses[worst] / learnt:.0%} of what was learnt is lost."
     )
+
+
+def _range(result: TrainingResult) -> float:
+    """How far F is apart at the worst and the best epoch."""
+    values = [value for value in result.curves["fitness"] if value is not None]
+    return max(values) - min(values)
 
 
 def _learnt(result: TrainingResult, score: Evaluation) -> float | None:

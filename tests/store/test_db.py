@@ -8,7 +8,7 @@ from openeureka.errors import StoreError
 from openeureka.store import artifacts, db
 from openeureka.store.db import MIGRATIONS, Database
 
-TABLES = ("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations")
+TABLES = ("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations", "trials")
 REPLY = {
     "generation": 0,
     "attempt": 0,
@@ -81,6 +81,7 @@ def test_a_finished_row_never_changes(tmp_path: Path, database: Database, table:
         "results": {"job": "a-s0", "fitness": 1.0, "result": "{}"},
         "entries": {"generation": 0, "slot": 0, "verdict": "{}", "attempts": 1, "feedback": ""},
         "evaluations": {"job": "a-s0", "fitness": 1.0, "episode_length": 1.0, "episodes": 1},
+        "trials": {"job": "a-s0", "name": "mass +10 %", "fitness": 1.0, "episode_length": 1.0, "episodes": 1},
     }
     database.put("results", rows["results"])
     if table != "results":

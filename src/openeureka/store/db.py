@@ -6,9 +6,10 @@ Every table is append-only, and triggers say so: a row is written once, when the
 from __future__ import annotations
 
 import errno
+import os
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -122,6 +123,16 @@ def _sentence(directory: Path, error: OSError | sqlite3.Error) -> str:
     return f"The run in {directory} cannot be read or written: {error}."
 
 
+def _connect(directory: Path, writable: bool) -> sqlite3.Connection:
+    """Transactions are left to `Database`, so that each one is visible where it matters."""
+    path = directory / FILENAME
+    waiting = path.with_name(f"{FILENAME}-wal")
+    if not writable and not os.access(directory, os.W_OK) and not waiting.exists():
+        # Readers of a file in WAL mode make its index beside it. Where they cannot, nobody writes either.
+        return sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True, isolation_level=None)
+    return sqlite3.connect(path, isolation_level=None)
+
+
 class Database:
     """Rows in, rows out. Values are plain; NaN becomes NULL, as SQLite has it.
 
@@ -132,8 +143,7 @@ class Database:
     def __init__(self, directory: Path, *, writable: bool) -> None:
         self.directory = directory
         with explained(directory):
-            # Transactions are written out below, so that each one is visible where it matters.
-            self._connection = sqlite3.connect(directory / FILENAME, isolation_level=None)
+            self._connection = _connect(directory, writable)
             self._connection.row_factory = sqlite3.Row
             try:
                 self._prepare(writable)
@@ -148,12 +158,25 @@ class Database:
         if not writable:
             if schema == 0:
                 raise StoreError(f"{self.directory} holds a run that never began; {AGAIN}")
+            if schema < len(MIGRATIONS):
+                self._to_memory()
+                self._migrate(schema)
             self._connection.execute("PRAGMA query_only = ON")
             return
         self._connection.execute("PRAGMA journal_mode = WAL")
         # FULL syncs at every commit: a few hundred a run, and a reply that was paid for survives a power cut.
         self._connection.execute("PRAGMA synchronous = FULL")
         self._connection.execute("PRAGMA foreign_keys = ON")
+        self._migrate(schema)
+
+    def _to_memory(self) -> None:
+        """Go on with a copy: an older file is for those to read who may not change it."""
+        with closing(self._connection) as file:
+            self._connection = sqlite3.connect(":memory:", isolation_level=None)
+            self._connection.row_factory = sqlite3.Row
+            file.backup(self._connection)
+
+    def _migrate(self, schema: int) -> None:
         for number, script in enumerate(MIGRATIONS[schema:], start=schema + 1):
             self._connection.executescript(f"BEGIN IMMEDIATE; {script} PRAGMA user_version = {number}; COMMIT;")
 
