@@ -13,7 +13,7 @@ from openeureka.types import Message, Prompt, Reply
 PROMPT = Prompt(messages=(Message("system", "s" * 40), Message("user", "u" * 40)))
 Play = Callable[[BaseHTTPRequestHandler], None]
 """Writes a whole answer, or less, by itself."""
-Answer = tuple[int, dict | str | bytes, dict[str, str]] | Play
+Answer = tuple[int, dict | str, dict[str, str]] | Play
 
 
 def answer(*texts: str | None, finish: str = "stop") -> Answer:
@@ -54,11 +54,7 @@ class Endpoint:
                 if callable(play):
                     return play(self)
                 status, payload, headers = play
-                data = (
-                    payload
-                    if isinstance(payload, bytes)
-                    else (payload if isinstance(payload, str) else json.dumps(payload)).encode()
-                )
+                data = (payload if isinstance(payload, str) else json.dumps(payload)).encode()
                 self.send_response(status)
                 kind = "text/html" if isinstance(payload, str) else "application/json"
                 for name, value in {"Content-Type": kind, "Content-Length": str(len(data)), **headers}.items():
