@@ -53,7 +53,7 @@ def _search(config: RunConfig, directory: Path) -> None:
     size = f"{config.iteration} generations of {config.sample} rewards"
     print(f"{short_name(config.env)}: {size} by {config.model}, in {directory}")
     strategy = search.make(config)
-    trainer = PopulationTrainer(device=config.device, threads=config.threads)
+    trainer = PopulationTrainer(device=config.device, threads=config.threads, snapshots=directory / "snapshots")
     try:
         with (
             Sandbox(known.state, record_states(config.env), unsafe=config.unsafe_no_sandbox) as checker,

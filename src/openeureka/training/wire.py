@@ -11,6 +11,8 @@ from ..types import Checkpoint, TrainBudget, TrainingProgress, TrainingResult, T
 from ..worker import Frame
 
 PEAKS = ("best_fitness", "best_reward")
+SNAPSHOT = "snapshot"
+"""The blob that holds the state of a training under way."""
 
 
 def pack_jobs(env: str, jobs: Sequence[TrainJob], budget: TrainBudget) -> dict[str, Any]:
