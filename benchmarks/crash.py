@@ -1,6 +1,6 @@
 """What a search loses when it is killed: SIGKILL at its k-th step, for every k there is, and each time a resumption.
 
-    python benchmarks/crash.py                    # every point, about ten minutes of processor time; writes results/crash.json
+    python benchmarks/crash.py                    # every point; writes benchmarks/results/crash.json
     python benchmarks/crash.py --stride 5         # every fifth point of each mode
 
 The search is scripted, so that all of its steps are the same each time: three generations, repairs, refills, equal
@@ -97,9 +97,9 @@ def around(countdown: Countdown) -> None:
 def within(countdown: Countdown) -> None:
     prepare, replace = Database._prepare, os.replace
 
-    def traced(database: Database, writable: bool) -> None:
-        database._connection.set_trace_callback(lambda sql: sql.startswith("SELECT") or countdown())
-        prepare(database, writable)
+    def traced(self: Database, writable: bool) -> None:
+        self._connection.set_trace_callback(lambda sql: sql.startswith("SELECT") or countdown())
+        prepare(self, writable)
 
     def counted(source: str, target: Path) -> None:
         countdown()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import math
 from typing import Any
@@ -95,15 +96,28 @@ def encode_result(result: TrainingResult) -> str:
     )
 
 
-def _peak(checkpoint: Checkpoint | None) -> dict[str, float | None] | None:
-    return {"epoch": checkpoint.epoch, "value": finite(checkpoint.value)} if checkpoint is not None else None
+def _peak(checkpoint: Checkpoint | None) -> dict[str, Any] | None:
+    if checkpoint is None:
+        return None
+    return {"epoch": checkpoint.epoch, "value": finite(checkpoint.value), "sha256": digest(checkpoint.policy)}
+
+
+def digest(policy: bytes) -> str:
+    """What tells whether the policy's file is still the one that was written."""
+    return hashlib.sha256(policy).hexdigest()
+
+
+def decode_digest(text: str, peak: str) -> str | None:
+    """The digest of one of a result's policies; None where it has none, empty where an older version kept none."""
+    data = json.loads(text)[f"best_{peak}"]
+    return data.get("sha256", "") if data is not None else None
 
 
 def decode_result(job: str, text: str) -> TrainingResult:
     """The result with empty policies: those are read one at a time, when they are needed."""
     data = json.loads(text)
     peaks = {
-        name: Checkpoint(policy=b"", **data[name]) if data[name] is not None else None
+        name: Checkpoint(epoch=data[name]["epoch"], value=data[name]["value"], policy=b"") if data[name] else None
         for name in ("best_fitness", "best_reward")
     }
     return TrainingResult(

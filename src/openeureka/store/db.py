@@ -120,6 +120,8 @@ def _sentence(directory: Path, error: OSError | sqlite3.Error) -> str:
         return f"{directory} cannot be written; check its permissions or choose another dir=."
     if "not a database" in str(error) or "malformed" in str(error):
         return f"{directory / FILENAME} is damaged or not a run; restore it from a copy or choose another dir=."
+    if "is locked" in str(error):
+        return f"Another program is writing to {directory / FILENAME}; close it and run the same command again."
     return f"The run in {directory} cannot be read or written: {error}."
 
 
@@ -163,6 +165,8 @@ class Database:
                 self._migrate(schema)
             self._connection.execute("PRAGMA query_only = ON")
             return
+        if self._connection.execute("PRAGMA quick_check(1)").fetchone()[0] != "ok":
+            raise sqlite3.DatabaseError("malformed")
         self._connection.execute("PRAGMA journal_mode = WAL")
         # FULL syncs at every commit: a few hundred a run, and a reply that was paid for survives a power cut.
         self._connection.execute("PRAGMA synchronous = FULL")

@@ -133,15 +133,16 @@ class PopulationTrainer:
         request = {"do": "evaluate", "env": env, "seed": seed, "dynamics": factors}
         left = dict(policies)
         for last in (False, True):
+            if not left:
+                return
             try:
-                for frame in self._ask(request, left, self._devices[0]) if left else ():
+                for frame in self._ask(request, left, self._devices[0]):
                     if frame is not None and "score" in frame.header:
                         score = Evaluation(**frame.header["score"])
                         del left[score.job]
                         yield score
-                return
             except WorkerError:
-                if last:
+                if last and left:
                     raise
 
     def _ask(self, request: Mapping[str, Any], blobs: Mapping[str, bytes], device: str) -> Generator[Frame | None]:
@@ -162,8 +163,10 @@ class PopulationTrainer:
                     else:
                         yield None
             except (WorkerDied, WorkerTimeout) as error:
-                last = worker.stderr_tail().splitlines()[-1:]
-                raise WorkerError(" ".join([f"Training stopped: {error}", *last])) from None
+                ending = worker.ending() if isinstance(error, WorkerDied) else ""
+                said = worker.stderr_tail().splitlines()[-1:]
+                parts = [f"Training stopped: {error}", ending, *said]
+                raise WorkerError(" ".join(part for part in parts if part)) from None
 
 
 class _Tally:
