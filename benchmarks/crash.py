@@ -171,7 +171,10 @@ class Outcome:
         self.intact += intact(directory)
         self.same_rows += rows(directory) == rows(whole)
         self.same_files += files(directory) == files(whole)
-        self.replies_asked_again += len(asked(directory)) - REPLIES
+        again = len(asked(directory)) - REPLIES
+        if again > 1:
+            sys.exit(f"{directory.name} asked again for {again} replies, and only one can have been in flight.")
+        self.replies_asked_again += again
 
 
 def intact(directory: Path) -> bool:

@@ -7,4 +7,5 @@ from openeureka.worker import Channel
 
 channel = Channel()
 request = channel.receive()
+assert request is not None
 os.kill(os.getpid(), signal.Signals[request.header["jobs"][0]["id"]])
