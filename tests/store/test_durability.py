@@ -13,6 +13,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -69,7 +70,7 @@ def small_disk() -> Iterator[Callable[[str], Path]]:
             return Path(place)
 
         yield sized
-        subprocess.run(["umount", place], check=False)
+        subprocess.run(["umount", "--lazy", place], check=False)
 
 
 @pytest.mark.parametrize("size", ["64k", "112k", "160k", "208k"])
@@ -78,7 +79,7 @@ def test_a_full_disk_is_said_and_the_search_goes_on_when_there_is_room(small_dis
     assert "is full; free some space" in refusal(lambda: search_in(directory))
     small_disk("4m")
     search_in(directory)
-    with sqlite3.connect(directory / db.FILENAME) as connection:
+    with closing(sqlite3.connect(directory / db.FILENAME)) as connection:
         assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
     with Store.view(directory) as store:
         assert [score.fitness for score in store.history().generations[1].entries] == [4.0, 3.0]

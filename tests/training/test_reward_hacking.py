@@ -18,19 +18,19 @@ SPEED = RewardGraph(nodes=(Node("input", ("cart_velocity",)),), reward=0, compon
 
 def signs(name: str, program: RewardProgram) -> tuple[Sign, ...]:
     """Train one lane and look at it as a run does."""
-    budget = TrainBudget(env_steps=16 * 32 * 70, worlds=32)
+    budget = TrainBudget(env_steps=16 * 32 * 40, worlds=32)
     population = Population("cartpole", [TrainJob(id=name, program=program, seed=1)], budget, threads=1)
     (result,) = (message for message in population.train() if isinstance(message, TrainingResult))
     policies = {"fitness": result.best_fitness, "reward": result.best_reward}
     assert policies["fitness"] is not None and policies["reward"] is not None
-    (held_out,) = evaluate("cartpole", {name: policies["reward"].policy}, seed=5, worlds=64, threads=1)
+    (held_out,) = evaluate("cartpole", {name: policies["reward"].policy}, seed=5, worlds=32, threads=1)
     trials = {trial.name: trial for trial in hacking.trials({name: result}, kept=name, peak="reward")}
     scores = evaluate(
         "cartpole",
         {key: policies[trial.peak].policy for key, trial in trials.items()},  # pyright: ignore[reportOptionalMemberAccess]
         seed=5,
         dynamics={key: trial.dynamics for key, trial in trials.items()},
-        worlds=64,
+        worlds=32,
         threads=1,
     )
     found = {score.job: score for score in scores}
