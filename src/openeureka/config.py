@@ -79,6 +79,11 @@ class RunConfig:
         for key in _COUNTS:
             if getattr(self, key) < 0:
                 raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
+        if "@" in self.base_url.partition("://")[2].partition("/")[0]:
+            raise ConfigError(
+                "`base_url` must not hold a user or a password, as settings are stored and shown; set the environment "
+                "variable OPENAI_API_KEY, or OPENAI_BASE_URL instead of base_url=."
+            )
         if self.seeds < 1:
             raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")
         choices = {

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from .config import RunConfig
 from .errors import WorkerError
+from .hacking import Trial
 from .observer import Observer
 from .store import Peak, Store
 from .types import (
@@ -110,7 +111,24 @@ class Lanes:
         known = self.store.evaluations()
         policies = {job: self.store.policy(job, peak) for job in jobs if job not in known}
         missing = {job: policy for job, policy in policies.items() if policy is not None}
-        held_out = self.config.seed + 1_000_003  # a seed that no lane trained with
-        for evaluation in self.trainer.evaluate(self.config.env, missing, seed=held_out) if missing else ():
+        for evaluation in self.trainer.evaluate(self.config.env, missing, seed=self._held_out) if missing else ():
             self.store.save_evaluation(evaluation)
         return {job: score for job, score in self.store.evaluations().items() if job in jobs}
+
+    def try_out(self, trials: Iterable[Trial]) -> None:
+        """Take the scores that the store does not hold yet, on the start states of `evaluate`."""
+        known = self.store.trials()
+        missing = {f"{trial.job} {trial.name}": trial for trial in trials if trial.name not in known.get(trial.job, {})}
+        policies = {key: self.store.policy(trial.job, trial.peak) for key, trial in missing.items()}
+        playing = {key: policy for key, policy in policies.items() if policy is not None}
+        dynamics = {key: missing[key].dynamics for key in playing}
+        if not playing:
+            return
+        for score in self.trainer.evaluate(self.config.env, playing, seed=self._held_out, dynamics=dynamics):
+            trial = missing[score.job]
+            self.store.save_trial(trial.name, dataclasses.replace(score, job=trial.job))
+
+    @property
+    def _held_out(self) -> int:
+        """A seed that no lane trained with."""
+        return self.config.seed + 1_000_003

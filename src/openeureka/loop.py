@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from random import Random
 
-from . import baselines
+from . import baselines, hacking
 from .config import RunConfig
 from .lanes import Lanes, beside, final_lanes, final_seeds, lane, programs
 from .llm.client import LanguageModel
@@ -89,9 +89,11 @@ def conclude(
     results = lanes.train([*programs([best.sample]), *beside(config)], final_seeds(config))
     observer.phase(config.generations, "evaluate")
     scores = lanes.evaluate(results, strategy.checkpoint)
-    own = {job: scores[job].fitness for job in final_lanes(config, best)["method"] if job in scores}
-    winner = max(own, key=lambda job: rank(own[job]), default=lane(best.sample.verdict.candidate, config.seed))
-    store.save_best(best, winner, strategy.checkpoint)
+    own = {job: results[job] for job in final_lanes(config, best)["method"] if job in scores}
+    winner = max(own, key=lambda job: rank(scores[job].fitness), default=None)
+    store.save_best(best, winner or lane(best.sample.verdict.candidate, config.seed), strategy.checkpoint)
+    if winner is not None:
+        lanes.try_out(hacking.trials(own, winner, strategy.checkpoint))
 
 
 def summarise(config: RunConfig, store: Store, history: History) -> Outcome:

@@ -276,6 +276,20 @@ class TrainingProgress:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Dynamics:
+    """Factors on what a task's model says of the world; 1 is the task as it is."""
+
+    mass: float = 1.0
+    """On every body's mass and inertia."""
+    friction: float = 1.0
+    """On every contact's friction."""
+
+
+NOMINAL = Dynamics()
+"""The task's own world."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Evaluation:
     """Held-out score of one policy: deterministic actions, fresh episodes."""
 
@@ -283,6 +297,10 @@ class Evaluation:
     fitness: float | None
     episode_length: float
     episodes: int
+    error: float | None = None
+    """Standard error of `fitness` over episodes; None where nobody measured it."""
+    concentration: float | None = None
+    """Share of the positive contributions to F that the highest twentieth of them makes; None without any."""
 
 
 class Trainer(Protocol):
@@ -294,8 +312,13 @@ class Trainer(Protocol):
         """Train every job; exactly one result per job, in any order, progress in between."""
         ...
 
-    def evaluate(self, env: str, policies: Mapping[str, bytes], *, seed: int) -> Iterator[Evaluation]:
-        """Held-out score of each policy (job id -> safetensors bytes)."""
+    def evaluate(
+        self, env: str, policies: Mapping[str, bytes], *, seed: int, dynamics: Mapping[str, Dynamics] | None = None
+    ) -> Iterator[Evaluation]:
+        """Held-out score of each policy (job id -> safetensors bytes), all on the same start states.
+
+        `dynamics` names the jobs that play in another world than the task's.
+        """
         ...
 
 

@@ -145,6 +145,16 @@ class Worker:
     def alive(self) -> bool:
         return self.process.poll() is None
 
+    def ending(self) -> str:
+        """What ended the child, for a message to a person; empty when it was no signal."""
+        try:
+            code = self.process.wait(1.0)  # its pipe closes a little before it is gone
+        except subprocess.TimeoutExpired:
+            return ""
+        if code == -signal.SIGKILL:
+            return "It was killed, often by the kernel when memory runs out: use fewer worlds= or a smaller sample=."
+        return f"It was ended by {signal.Signals(-code).name}." if code < 0 else ""
+
     def stderr_tail(self, size: int = 2000) -> str:
         """Last part of what the child wrote to stderr, for a message to a person."""
         end = self._stderr.seek(0, os.SEEK_END)

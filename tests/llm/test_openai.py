@@ -1,89 +1,12 @@
-"""A loopback server plays what endpoints do, good and bad; nothing sleeps and nothing leaves the machine."""
-
-import json
-import threading
-from collections.abc import Callable, Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+"""What a good endpoint and its quirks make of a request; `test_endpoint_failures` plays the bad ones."""
 
 import pytest
 
 from openeureka.errors import BudgetError, ConfigError, ModelError
 from openeureka.llm.openai import EndpointModel
 from openeureka.llm.price import Price
-from openeureka.types import Message, Prompt, Reply
 
-PROMPT = Prompt(messages=(Message("system", "s" * 40), Message("user", "u" * 40)))
-Answer = tuple[int, dict | str, dict[str, str]]
-
-
-def answer(*texts: str | None, finish: str = "stop") -> Answer:
-    """100 prompt tokens for the request, 10 completion tokens for each choice."""
-    choices = [
-        {"index": i, "finish_reason": finish, "message": {"role": "assistant", "content": text}}
-        for i, text in enumerate(texts)
-    ]
-    usage = {"prompt_tokens": 100, "completion_tokens": 10 * len(texts), "total_tokens": 100 + 10 * len(texts)}
-    return (
-        200,
-        {"id": "1", "object": "chat.completion", "created": 1, "model": "m-1", "choices": choices, "usage": usage},
-        {},
-    )
-
-
-def failure(status: int, message: str = "no", *, code: str | None = None, **headers: str) -> Answer:
-    return status, {"error": {"message": message, "type": "t", "code": code, "param": None}}, headers
-
-
-class Endpoint:
-    """Answers request by request from `script`, a list or a function of the request's body."""
-
-    def __init__(self) -> None:
-        self.script: list[Answer] | Callable[[dict], Answer] = []
-        self.bodies: list[dict] = []
-        self.waits: list[float] = []
-        endpoint = self
-
-        class Handler(BaseHTTPRequestHandler):
-            def do_POST(self) -> None:
-                body = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-                endpoint.bodies.append(body)
-                script = endpoint.script
-                status, payload, headers = script(body) if callable(script) else script.pop(0)
-                data = (payload if isinstance(payload, str) else json.dumps(payload)).encode()
-                self.send_response(status)
-                kind = "text/html" if isinstance(payload, str) else "application/json"
-                for name, value in {"Content-Type": kind, "Content-Length": str(len(data)), **headers}.items():
-                    self.send_header(name.replace("_", "-"), value)
-                self.end_headers()
-                self.wfile.write(data)
-
-            def log_message(self, *_: object) -> None: ...
-
-        self.server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-        threading.Thread(target=self.server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True).start()
-
-    @property
-    def url(self) -> str:
-        return f"http://127.0.0.1:{self.server.server_port}/v1"
-
-    def model(self, **arguments) -> EndpointModel:
-        return EndpointModel("m", **{"base_url": self.url, "wait": self.waits.append, **arguments})
-
-
-@pytest.fixture
-def endpoint() -> Iterator[Endpoint]:
-    served = Endpoint()
-    yield served
-    served.server.shutdown()
-    served.server.server_close()
-
-
-def sample(model: EndpointModel, n: int) -> list[Reply]:
-    return list(model.sample(PROMPT, n=n, seed=0))
-
-
-def texts(replies: list[Reply]) -> list[str]:
-    return sorted(reply.text for reply in replies)
+from .endpoint import PROMPT, Answer, Endpoint, answer, failure, sample, texts
 
 
 def test_one_request_gives_all_samples(endpoint: Endpoint):

@@ -77,6 +77,7 @@ def run(history: History, results: Sequence[TrainingResult] = (), evaluations: S
         ),
         results={r.job: r for r in results},
         evaluations={e.job: e for e in evaluations},
+        trials={},
         usage=Usage(prompt_tokens=1200, completion_tokens=340, cost_usd=0.0125),
         videos={},
     )

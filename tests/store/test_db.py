@@ -8,7 +8,9 @@ from openeureka.errors import StoreError
 from openeureka.store import artifacts, db
 from openeureka.store.db import MIGRATIONS, Database
 
-TABLES = ("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations", "remarks", "heard")
+TABLES = (
+    "run", "prompts", "replies", "verdicts", "results", "entries", "evaluations", "remarks", "heard", "trials",
+)  # fmt: skip
 REPLY = {
     "generation": 0,
     "attempt": 0,
@@ -96,6 +98,7 @@ def test_a_finished_row_never_changes(tmp_path: Path, database: Database, table:
         "evaluations": {"job": "a-s0", "fitness": 1.0, "episode_length": 1.0, "episodes": 1},
         "remarks": {"kind": "words", "text": "too jerky"},
         "heard": {"generation": 0, "remarks": 1},
+        "trials": {"job": "a-s0", "name": "mass +10 %", "fitness": 1.0, "episode_length": 1.0, "episodes": 1},
     }
     database.put("results", rows["results"])
     if table != "results":

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from openeureka.errors import TaskError
+from openeureka.errors import TaskError, WorkerError
 from openeureka.training import executor
 from openeureka.training.executor import PopulationTrainer
 from openeureka.training.snapshots import Snapshot
@@ -129,3 +129,29 @@ def test_an_evaluation_may_take_longer_than_a_worker_may_be_silent(monkeypatch: 
 def test_an_unknown_environment_is_an_error_of_the_caller_and_not_of_the_worker():
     with pytest.raises(TaskError, match="Did you mean `cartpole`"):
         list(PopulationTrainer().train("cartpol", [TrainJob(id="a", program="human")], TrainBudget(worlds=1)))
+
+
+@pytest.mark.parametrize(
+    ("signal", "sentence"),
+    [
+        ("SIGSEGV", "It was ended by SIGSEGV."),
+        ("SIGKILL", "when memory runs out: use fewer worlds="),
+        ("SIGSTOP", "did not answer in time"),
+    ],
+)
+def test_what_the_kernel_does_to_a_worker_is_said(signal: str, sentence: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    trainer = PopulationTrainer(module="ended_worker", silence=2.0)
+    (result,) = trainer.train("cartpole", [TrainJob(id=signal, program="human")], TrainBudget())
+    assert isinstance(result, TrainingResult) and result.state is TrainingState.FAILED
+    assert sentence in result.message
+
+
+def test_a_worker_that_dies_in_an_evaluation_is_started_again_once_for_what_is_left(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    trainer = PopulationTrainer(module="half_evaluating_worker")
+    assert [score.job for score in trainer.evaluate("cartpole", {"a": b"", "b": b""}, seed=0)] == ["a", "b"]
+    scores = trainer.evaluate("cartpole", {"a": b"", "b": b"", "c": b""}, seed=0)
+    assert [next(scores).job, next(scores).job] == ["a", "b"]
+    with pytest.raises(WorkerError, match="ended before it answered"):
+        next(scores)

@@ -56,6 +56,7 @@ def summary(run: RunView) -> list[str]:
     if run.outcome is not None:
         lines += final(run.outcome)
         lines += [run.known.sentence()] if run.known is not None else []
+        lines += [f"Suspected reward hacking: {sign.kind}. {sign.sentence}" for sign in run.signs]
     elif len(run.history.generations) < run.config.generations:
         lines.append(f"{len(run.history.generations)} of {run.config.generations} generations are done.")
     tokens = run.usage.prompt_tokens + run.usage.completion_tokens

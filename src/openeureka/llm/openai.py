@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import importlib
 import logging
+import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
+from email.utils import parsedate_to_datetime
 from typing import Any, Literal
+from urllib.parse import urlsplit
 
 import openai
 
 from ..errors import BudgetError, ConfigError, ModelError
 from ..types import Prompt, Reply, Usage
+from . import completion
 from .client import share
+from .completion import Completion, Unreadable
 from .price import Price
 
 ATTEMPTS = 7
@@ -23,17 +29,29 @@ ROUNDS = 3
 """Times that empty or truncated replies are asked for again."""
 PARALLEL = 8
 MAX_WAIT = 120.0  # [s]
-TIMEOUT = 300.0  # [s]
+TIMEOUT = 300.0
+"""[s] for a sign of life."""
+PATIENCE = 900.0
+"""[s] for an answer in all: some endpoints send blanks for as long as a request is queued."""
+MAX_BODY = 64 << 20
+"""Bytes of an answer."""
 
 _FIRST_GUESS = 1500
 """Tokens of a reply, before the first one is in."""
+_PASSING = {408, 409, 425, 429}
+"""Client errors that are none: too slow, a conflict, too early, too often (RFC 9110, RFC 8470, RFC 6585)."""
+_SHORTEST_SECRET = 8
+"""Characters of a key that is worth hiding; servers that need none are given words such as `none` or `ollama`."""
+_http = importlib.import_module(openai.DefaultHttpxClient.__mro__[1].__module__.partition(".")[0])
+"""The HTTP library under the openai package: httpx, or the fork of it that newer ones have."""
 _log = logging.getLogger(__name__)
 
 
 class EndpointModel:
     """Samples by one request where the endpoint knows `n`, by parallel requests where it does not.
 
-    The key comes from the environment variable OPENAI_API_KEY and is never kept anywhere else.
+    The key comes from the environment variable OPENAI_API_KEY, goes to that endpoint alone and is never kept: it is
+    taken out of replies and messages, should the endpoint say it back.
 
     Args:
         name: of the model, as the endpoint knows it.
@@ -65,8 +83,16 @@ class EndpointModel:
             _log.warning("The price of %s is not known: its replies count as free. Add price=INPUT,OUTPUT.", name)
         self.name = name
         self._key = _key(base_url)
-        # Retries are ours: the package's own do not tell a quota that is spent from a busy moment.
-        self._client = openai.OpenAI(api_key=self._key, base_url=base_url or None, max_retries=0, timeout=TIMEOUT)
+        # Retries are ours: the package's own do not tell a quota that is spent from a busy moment. Redirects are the
+        # person's: the package would send prompts wherever the endpoint points to.
+        self._client = openai.OpenAI(
+            api_key=self._key,
+            base_url=base_url or None,
+            max_retries=0,
+            timeout=TIMEOUT,
+            http_client=openai.DefaultHttpxClient(follow_redirects=False),
+        )
+        self._where = _without_secrets(str(self._client.base_url))
         self._temperature: float | None = temperature
         self._price = price
         self._max_cost = max_cost
@@ -128,18 +154,42 @@ class EndpointModel:
     def _call(self, prompt: Prompt, n: int) -> list[tuple[Reply, bool]]:
         """One request, tried again while that makes sense."""
         for attempt in range(ATTEMPTS):
+            last = attempt == ATTEMPTS - 1
             began = time.monotonic()
             try:
-                completion = self._client.chat.completions.create(**self._arguments(prompt, n))
+                answer = completion.read(self._post(prompt, n))
+            except Unreadable as error:
+                if last or not error.broken:
+                    raise self._unreadable(error) from None
+                self._wait(_delay({}, attempt))
             except openai.APIError as error:
                 if not self._adapted(error, n):
-                    if attempt == ATTEMPTS - 1 or not self._passing(error, attempt):
+                    if last or not self._passing(error, attempt):
                         raise self._explained(error) from None
-                    self._wait(_delay(error, attempt))
+                    self._wait(_delay(_headers(error), attempt))
             else:
-                self._reached = True
-                return self._read(completion, n, time.monotonic() - began)
-        raise ModelError(f"{self._client.base_url} accepts no request for {self.name}; choose another model.")
+                return self._replies_of(answer, n, time.monotonic() - began)
+        raise ModelError(f"{self._where} accepts no request for {self.name}; choose another model.")
+
+    def _post(self, prompt: Prompt, n: int) -> bytes:
+        """The body of the answer. Raises openai.APIError, or Unreadable for one without end."""
+        until = time.monotonic() + PATIENCE
+        body = bytearray()
+        create = self._client.chat.completions.with_streaming_response.create
+        with create(**self._arguments(prompt, n)) as response:
+            self._reached = True
+            try:
+                for chunk in response.iter_bytes():
+                    body += chunk
+                    if len(body) > MAX_BODY:
+                        raise Unreadable(f"more than {MAX_BODY >> 20} MB", broken=False)
+                    if time.monotonic() > until:
+                        raise openai.APITimeoutError(request=response.http_request)
+            except _http.TimeoutException:
+                raise openai.APITimeoutError(request=response.http_request) from None
+            except _http.HTTPError:
+                raise openai.APIConnectionError(request=response.http_request) from None
+        return bytes(body)
 
     def _arguments(self, prompt: Prompt, n: int) -> dict[str, Any]:
         arguments: dict[str, Any] = {
@@ -167,18 +217,19 @@ class EndpointModel:
             return False
         if isinstance(error, openai.APIConnectionError) and not self._reached:
             return attempt == 0  # more likely a mistake in base_url than an interruption
-        return isinstance(
-            error,
-            openai.APIConnectionError | openai.RateLimitError | openai.InternalServerError | openai.ConflictError,
-        )
+        if isinstance(error, openai.APIStatusError):
+            return error.status_code in _PASSING or error.status_code >= 500
+        return isinstance(error, openai.APIConnectionError)
 
     def _explained(self, error: openai.APIError) -> ModelError:
-        where = str(self._client.base_url)
+        where = self._where
         if isinstance(error, openai.APITimeoutError):
             return ModelError(
                 f"{where} did not answer within {TIMEOUT:.0f} s; try again later or with a smaller sample=."
             )
         if isinstance(error, openai.APIConnectionError):
+            if self._reached:
+                return ModelError(f"{where} breaks off its answers; run the same command again to go on.")
             return ModelError(f"{where} cannot be reached; check base_url and the network.")
         if isinstance(error, openai.AuthenticationError | openai.PermissionDeniedError):
             return ModelError(f"{where} refused the key; set the environment variable OPENAI_API_KEY to a valid one.")
@@ -188,26 +239,41 @@ class EndpointModel:
             )
         if error.code == "insufficient_quota":
             return ModelError(f"The account at {where} has no credit left; add some, then run the same command again.")
-        said = error.message.replace(self._key, "***")[:300]
-        return ModelError(f"{where} cannot answer now ({said}); run the same command again to go on where it stopped.")
+        if isinstance(error, openai.APIStatusError) and error.response.is_redirect:
+            target = _without_secrets(error.response.headers.get("location", "elsewhere"))
+            return ModelError(f"{where} sends requests on to {target}; set base_url= to that address if you trust it.")
+        return self._busy(error.message)
 
-    def _read(self, completion: Any, n: int, seconds: float) -> list[tuple[Reply, bool]]:
+    def _unreadable(self, error: Unreadable) -> ModelError:
+        if error.broken:
+            return self._busy(error.reason)
+        return ModelError(
+            f"{self._where} does not answer like an OpenAI-compatible endpoint ({error.reason}); check base_url, which "
+            "often ends in /v1."
+        )
+
+    def _busy(self, said: str) -> ModelError:
+        return ModelError(
+            f"{self._where} cannot answer now ({self._hidden(said)[:300]}); run the same command again to go on where "
+            "it stopped."
+        )
+
+    def _hidden(self, text: str) -> str:
+        """The text without the key."""
+        return text.replace(self._key, "***") if len(self._key) >= _SHORTEST_SECRET else text
+
+    def _replies_of(self, answer: Completion, n: int, seconds: float) -> list[tuple[Reply, bool]]:
         """The replies of an answer, each with whether it is whole; an answer without any is one empty reply."""
-        if not isinstance(getattr(completion, "choices", None), list):
-            raise ModelError(
-                f"{self._client.base_url} does not answer like an OpenAI-compatible endpoint; check base_url, which "
-                "often ends in /v1."
-            )
-        choices = completion.choices[:n] or [None]
-        usage = completion.usage
-        prompt_tokens, completion_tokens = (usage.prompt_tokens, usage.completion_tokens) if usage else (0, 0)
-        read = []
+        choices = answer.choices[:n] or (completion.Choice("", whole=False),)
+        replies = []
         for index, choice in enumerate(choices):
-            text = (choice.message.content if choice is not None else None) or ""
-            spent = self._used(prompt_tokens if index == 0 else 0, share(completion_tokens, len(choices), index))
-            reply = Reply(text=text, model=completion.model or self.name, usage=spent, seconds=seconds)
-            read.append((reply, bool(text) and choice is not None and choice.finish_reason != "length"))
-        return read
+            spent = self._used(
+                answer.prompt_tokens if index == 0 else 0, share(answer.completion_tokens, len(choices), index)
+            )
+            model = self._hidden(answer.model) or self.name
+            reply = Reply(text=self._hidden(choice.text), model=model, usage=spent, seconds=seconds)
+            replies.append((reply, choice.whole))
+        return replies
 
     def _used(self, prompt_tokens: int, completion_tokens: int) -> Usage:
         cost = self._price.of(prompt_tokens, completion_tokens) if self._price is not None else 0.0
@@ -233,19 +299,42 @@ class _BatchRefused(Exception):
 
 
 def _key(base_url: str) -> str:
-    key = os.environ.get("OPENAI_API_KEY", "")
+    key = os.environ.get("OPENAI_API_KEY", "").strip()
     if not key and not base_url:
         raise ModelError(
             "There is no key for the model's endpoint: set the environment variable OPENAI_API_KEY, or base_url= to a "
             "server that needs none, or choose model=local."
         )
+    if not (key.isascii() and key.isprintable()):
+        raise ModelError("The environment variable OPENAI_API_KEY holds signs that no key has; set it anew.")
     return key or "none"
 
 
-def _delay(error: openai.APIError, attempt: int) -> float:
+def _without_secrets(url: str) -> str:
+    """The address without a user's name and password, and without the query, which may hold a key."""
+    parts = urlsplit(url)
+    return parts._replace(netloc=parts.netloc.rpartition("@")[2], query="", fragment="").geturl()
+
+
+def _headers(error: openai.APIError) -> Mapping[str, str]:
+    return error.response.headers if isinstance(error, openai.APIStatusError) else {}
+
+
+def _delay(headers: Mapping[str, str], attempt: int) -> float:
     """Seconds to wait: what the endpoint says, else 1, 2, 4, ..."""
-    headers = error.response.headers if isinstance(error, openai.APIStatusError) else {}
+    stated = _stated(headers)
+    return min(2.0**attempt if stated is None else max(stated, 0.0), MAX_WAIT)
+
+
+def _stated(headers: Mapping[str, str]) -> float | None:
+    """Seconds of a `Retry-After` header, which is a number or a date (RFC 9110, 10.2.3)."""
+    value = headers.get("retry-after", "")
     try:
-        return min(max(float(headers.get("retry-after", "")), 0.0), MAX_WAIT)
+        seconds = float(value)
     except ValueError:
-        return min(2.0**attempt, MAX_WAIT)
+        try:
+            # By the endpoint's own clock: this machine's may be wrong.
+            seconds = (parsedate_to_datetime(value) - parsedate_to_datetime(headers["date"])).total_seconds()
+        except (KeyError, ValueError, TypeError):
+            return None
+    return None if math.isnan(seconds) else seconds

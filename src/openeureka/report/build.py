@@ -47,16 +47,11 @@ def best(directory: Path, wanted: str) -> str:
         policy = Policy.from_bytes(source.read_bytes())
         artifacts.write(directory / "best" / "policy.onnx", export.to_onnx(policy))
         picture = directory / "best" / VIDEO
-        if wanted != "none" and not _newer(picture, source):
+        if wanted != "none" and not picture.exists():
             artifacts.write(picture, video.render(policy.env, source.read_bytes()))
     except (RewardFileError, video.VideoUnavailable) as error:
         return str(error)
     return ""
-
-
-def _newer(made: Path, source: Path) -> bool:
-    """Whether the file was made from its source as it is now."""
-    return made.exists() and made.stat().st_mtime_ns >= source.stat().st_mtime_ns
 
 
 def _candidates(directory: Path, run: RunView, wanted: str) -> str:

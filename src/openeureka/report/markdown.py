@@ -22,6 +22,7 @@ def report(run: RunView) -> str:
         _table(tables.search(run)),
         "![Summary](summary.png)",
         _final(run),
+        _hacking(run),
         "## Generations",
         _table(tables.generations(run)),
         _best(run.best),
@@ -40,6 +41,12 @@ def _final(run: RunView) -> str:
     return (
         f"## Final scores\n\n{_table(tables.final(run.outcome, run.known))}\n\n{_table(tables.measures(run.outcome))}"
     )
+
+
+def _hacking(run: RunView) -> str:
+    if not run.tried:
+        return ""
+    return f"## Reward hacking\n\n{_table(tables.exploits(run))}\n\n{_table(tables.worlds(run))}"
 
 
 def _best(best: CandidateView | None) -> str:

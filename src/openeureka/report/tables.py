@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..config import as_dict
+from ..hacking import PEAKS, WORLDS, Kind
 from ..score import Baselines, Outcome
 from ..types import Remark, RemarkKind
 from .stats import by_generation, trained_share
@@ -52,6 +53,26 @@ def measures(outcome: Outcome) -> Table:
         ("the same over epochs, as the published code computes it", number(outcome.curve_correlation, 2)),
     ]
     return Table(("score", "value"), rows)
+
+
+def exploits(run: RunView) -> Table:
+    """What was looked at to tell a fulfilled reward from an exploited one, and what was found."""
+    found = {sign.kind: sign.sentence for sign in run.signs}
+    rows = [(kind, "SUSPECTED" if kind in found else "not seen", found.get(kind, "")) for kind in Kind]
+    note = "Signs of reward hacking in the final trainings (docs/concepts/reward-hacking.md); a sign is no proof."
+    return Table(("sign", "", "numbers"), rows, note)
+
+
+def worlds(run: RunView) -> Table:
+    """Held-out F of the kept policy in slightly changed worlds."""
+    rows = [
+        (name, f"{number(score.fitness)} ± {number(score.error, 2)}")
+        for lane in run.tried
+        if not WORLDS.keys().isdisjoint(lane.trials)
+        for name, score in {"as the task has it": lane.held_out, **lane.trials}.items()
+        if name not in PEAKS.values()
+    ]
+    return Table(("world", "F, held out, and its standard error"), rows)
 
 
 def generations(run: RunView) -> Table:

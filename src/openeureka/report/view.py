@@ -8,8 +8,9 @@ from enum import StrEnum
 from pathlib import Path
 from random import Random
 
-from .. import baselines, prompts, search
+from .. import baselines, hacking, prompts, search
 from ..config import RunConfig
+from ..hacking import Sign, Tried
 from ..lanes import BASELINES, final_lanes, lane
 from ..llm import extract
 from ..sampling import NO_PROGRAM
@@ -140,6 +141,8 @@ class RunView:
     results: Mapping[str, TrainingResult]
     """By job id; checkpoints without their policies."""
     evaluations: Mapping[str, Evaluation]
+    trials: Mapping[str, Mapping[str, Evaluation]]
+    """Further held-out scores of the best reward's policies, by job id and name (see `hacking`)."""
     usage: Usage
     videos: Mapping[str, str]
     """Path in the run directory by job id, and of the best policy by `best`."""
@@ -164,6 +167,7 @@ class RunView:
                 generations=reader.generations(),
                 results=results,
                 evaluations=store.evaluations(),
+                trials=store.trials(),
                 usage=store.usage(),
                 unheard=store.unheard(),
                 videos=videos,
@@ -209,6 +213,21 @@ class RunView:
         if any(job not in self.results for jobs in arms.values() for job in jobs):
             return None
         return compare(best, arms, self.results, self.evaluations, self.known)
+
+    @property
+    def tried(self) -> tuple[Tried, ...]:
+        """The best reward's final trainings with all their held-out scores; empty before those are taken."""
+        best = self.ranking.best
+        if best is None or self.outcome is None or not self.trials:
+            return ()
+        final = {job: self.results[job] for job in final_lanes(self.config, best)["method"]}
+        peak = search.make(self.config).checkpoint
+        return tuple(hacking.tried(final, self.evaluations, self.trials, peak))
+
+    @property
+    def signs(self) -> tuple[Sign, ...]:
+        """What suggests that the best reward is exploited rather than fulfilled."""
+        return hacking.signs(self.tried)
 
 
 def _videos(directory: Path, results: Mapping[str, TrainingResult]) -> dict[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import math
 from collections.abc import Mapping
@@ -11,6 +12,7 @@ from typing import Any
 from ..types import (
     Arg,
     Checkpoint,
+    Evaluation,
     Finding,
     Node,
     Place,
@@ -119,8 +121,21 @@ def encode_result(result: TrainingResult) -> str:
     )
 
 
-def _peak(checkpoint: Checkpoint | None) -> dict[str, float | None] | None:
-    return {"epoch": checkpoint.epoch, "value": finite(checkpoint.value)} if checkpoint is not None else None
+def _peak(checkpoint: Checkpoint | None) -> dict[str, Any] | None:
+    if checkpoint is None:
+        return None
+    return {"epoch": checkpoint.epoch, "value": finite(checkpoint.value), "sha256": digest(checkpoint.policy)}
+
+
+def digest(policy: bytes) -> str:
+    """What tells whether the policy's file is still the one that was written."""
+    return hashlib.sha256(policy).hexdigest()
+
+
+def decode_digest(text: str, peak: str) -> str | None:
+    """The digest of one of a result's policies; None where it has none, empty where an older version kept none."""
+    data = json.loads(text)[f"best_{peak}"]
+    return data.get("sha256", "") if data is not None else None
 
 
 def decode_result(job: str, text: str) -> TrainingResult:
@@ -177,3 +192,9 @@ def decode_remark(row: Mapping[str, Any]) -> Remark:
 
 def _place(generation: int | None, slot: int | None) -> Place | None:
     return Place(generation, slot) if generation is not None and slot is not None else None
+
+
+def encode_evaluation(evaluation: Evaluation) -> dict[str, Any]:
+    """A row: its fields, undefined numbers as None."""
+    row = dataclasses.asdict(evaluation)
+    return row | {name: finite(row[name]) for name in ("fitness", "error", "concentration")}

@@ -6,9 +6,10 @@ Every table is append-only, and triggers say so: a row is written once, when the
 from __future__ import annotations
 
 import errno
+import os
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -96,9 +97,25 @@ def _immutable(*tables: str) -> str:
     )
 
 
+_TRIALS = """
+ALTER TABLE evaluations ADD COLUMN error REAL;
+ALTER TABLE evaluations ADD COLUMN concentration REAL;
+CREATE TABLE trials (
+    job TEXT NOT NULL REFERENCES results (job),
+    name TEXT NOT NULL,              -- in which world, or with which policy of the training
+    fitness REAL,
+    error REAL,
+    concentration REAL,
+    episode_length REAL,
+    episodes INTEGER NOT NULL,
+    PRIMARY KEY (job, name)
+);
+"""
+
 MIGRATIONS: list[str] = [
     _TABLES + _immutable("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations"),
     _REMARKS + _immutable("remarks", "heard"),
+    _TRIALS + _immutable("trials"),
 ]
 """Script n brings a file from schema n to n + 1. Published scripts are never edited, only followed by new ones."""
 
@@ -133,7 +150,22 @@ def _sentence(directory: Path, error: OSError | sqlite3.Error) -> str:
         return f"{directory} cannot be written; check its permissions or choose another dir=."
     if "not a database" in str(error) or "malformed" in str(error):
         return f"{directory / FILENAME} is damaged or not a run; restore it from a copy or choose another dir=."
+    if "is locked" in str(error):
+        return f"Another program is writing to {directory / FILENAME}; close it and run the same command again."
     return f"The run in {directory} cannot be read or written: {error}."
+
+
+def _connect(directory: Path, writable: bool) -> sqlite3.Connection:
+    """Transactions are left to `Database`, so that each one is visible where it matters.
+
+    People's remarks come from other processes: a writer waits until the other one has committed.
+    """
+    path = directory / FILENAME
+    waiting = path.with_name(f"{FILENAME}-wal")
+    if not writable and not os.access(directory, os.W_OK) and not waiting.exists():
+        # Readers of a file in WAL mode make its index beside it. Where they cannot, nobody writes either.
+        return sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True, isolation_level=None)
+    return sqlite3.connect(path, isolation_level=None, timeout=30.0)
 
 
 class Database:
@@ -146,9 +178,7 @@ class Database:
     def __init__(self, directory: Path, *, writable: bool) -> None:
         self.directory = directory
         with explained(directory):
-            # Transactions are written out below, so that each one is visible where it matters.
-            # People's remarks come from other processes: a writer waits until the other one has committed.
-            self._connection = sqlite3.connect(directory / FILENAME, isolation_level=None, timeout=30.0)
+            self._connection = _connect(directory, writable)
             self._connection.row_factory = sqlite3.Row
             try:
                 self._prepare(writable)
@@ -164,23 +194,24 @@ class Database:
             if schema == 0:
                 raise StoreError(f"{self.directory} holds a run that never began; {AGAIN}")
             if schema < len(MIGRATIONS):
-                self._view_a_copy()
+                self._to_memory()
                 self._migrate(schema)
             self._connection.execute("PRAGMA query_only = ON")
             return
+        if self._connection.execute("PRAGMA quick_check(1)").fetchone()[0] != "ok":
+            raise sqlite3.DatabaseError("malformed")
         self._connection.execute("PRAGMA journal_mode = WAL")
         # FULL syncs at every commit: a few hundred a run, and a reply that was paid for survives a power cut.
         self._connection.execute("PRAGMA synchronous = FULL")
         self._connection.execute("PRAGMA foreign_keys = ON")
         self._migrate(schema)
 
-    def _view_a_copy(self) -> None:
-        """Go on with a copy in memory: an older file that is only looked at stays as it is."""
-        copy = sqlite3.connect(":memory:", isolation_level=None)
-        copy.row_factory = sqlite3.Row
-        self._connection.backup(copy)
-        self._connection.close()
-        self._connection = copy
+    def _to_memory(self) -> None:
+        """Go on with a copy: an older file is for those to read who may not change it."""
+        with closing(self._connection) as file:
+            self._connection = sqlite3.connect(":memory:", isolation_level=None)
+            self._connection.row_factory = sqlite3.Row
+            file.backup(self._connection)
 
     def _migrate(self, schema: int) -> None:
         for number, script in enumerate(MIGRATIONS[schema:], start=schema + 1):

@@ -36,9 +36,12 @@ from ..types import (
 from . import artifacts
 from .codec import (
     DAMAGE,
+    decode_digest,
     decode_remark,
     decode_result,
     decode_verdict,
+    digest,
+    encode_evaluation,
     encode_remark,
     encode_result,
     encode_verdict,
@@ -136,6 +139,11 @@ class Store:
     def _settle(self, config: RunConfig) -> None:
         """Store the settings first of all; a later process must come with the same."""
         if self._database.row("run") is None:
+            if _foreign(self.directory):
+                raise StoreError(
+                    f"{self.directory} has files of a run whose {FILENAME} is gone; restore it from a copy, with the "
+                    "-wal file beside it, or choose another dir=."
+                )
             self._database.put("run", {"id": 1, "config": json.dumps(as_dict(config)), "version": __version__})
             return
         stored, wanted = as_dict(self.config), as_dict(config)
@@ -243,17 +251,40 @@ class Store:
         return {row["job"]: result(row) for row in self._database.rows("results")}
 
     def policy(self, job: str, peak: Peak) -> bytes | None:
-        """The lane's policy at its peak (safetensors); None when it never had one."""
+        """The lane's policy at its peak (safetensors); None when it never had one.
+
+        Raises:
+            StoreError: when its file is not the one that was written.
+        """
+        row = self._database.row("results", job=job)
+        wanted = decode_digest(row["result"], peak) if row is not None else None
+        if wanted is None:
+            return None
         path = self.directory / "lanes" / job / f"best_{peak}.safetensors"
         with explained(self.directory):
-            return path.read_bytes() if path.is_file() else None
+            found = path.read_bytes() if path.is_file() else b""
+        if not found or (wanted and digest(found) != wanted):
+            raise StoreError(f"{path} is missing or damaged; restore it from a copy, or begin again in another dir=.")
+        return found
 
     def save_evaluation(self, evaluation: Evaluation) -> None:
-        row = dataclasses.asdict(evaluation)
-        self._database.put("evaluations", row | {"fitness": finite(evaluation.fitness)})
+        self._database.put("evaluations", encode_evaluation(evaluation))
 
     def evaluations(self) -> dict[str, Evaluation]:
         return {row["job"]: Evaluation(**dict(row)) for row in self._database.rows("evaluations")}
+
+    def save_trial(self, name: str, evaluation: Evaluation) -> None:
+        """Keep what a lane's policy scored in the trial `name` (see `hacking.trials`)."""
+        self._database.put("trials", {"name": name} | encode_evaluation(evaluation))
+
+    def trials(self) -> dict[str, dict[str, Evaluation]]:
+        """Scores by job id and name of the trial."""
+        found: dict[str, dict[str, Evaluation]] = {}
+        for row in self._database.rows("trials"):
+            score = dict(row)
+            name = score.pop("name")
+            found.setdefault(row["job"], {})[name] = Evaluation(**score)
+        return found
 
     # --- generations -------------------------------------------------------------------------------------------------
 
@@ -343,18 +374,29 @@ class Store:
     # --- the best ----------------------------------------------------------------------------------------------------
 
     def save_best(self, best: Scored, job: str, peak: Peak) -> None:
-        """Fill `best/` with the program and a lane's policy: the one place that changes, as better rewards come."""
+        """Fill `best/` with the program and a lane's policy: the one place that changes, as better rewards come.
+
+        What was made of another policy (its video, its ONNX file) goes before the policy does: a file in `best/` is
+        missing or fits, whatever the clock says that dates them.
+        """
         assert best.sample.candidate is not None
-        artifacts.write(self.directory / "best" / "reward.py", best.sample.candidate.source)
-        policy = self.policy(job, peak)
-        if policy is not None:
-            artifacts.write(self.directory / "best" / "policy.safetensors", policy)
+        folder = self.directory / "best"
+        artifacts.write(folder / "reward.py", best.sample.candidate.source)
+        policy, kept = self.policy(job, peak), folder / "policy.safetensors"
+        if policy is None or (kept.is_file() and kept.read_bytes() == policy):
+            return
+        with explained(self.directory):
+            for made in folder.iterdir():
+                if made.name not in ("reward.py", kept.name):
+                    made.unlink()
+        artifacts.write(kept, policy)
 
 
 def _foreign(directory: Path) -> bool:
     """Whether the directory holds anything besides what a run killed at its very start leaves."""
     with explained(directory):
-        return any(path.name not in (LOCK, LOG) for path in directory.iterdir())
+        own = {LOCK, LOG, FILENAME, f"{FILENAME}-wal", f"{FILENAME}-shm"}
+        return any(path.name not in own for path in directory.iterdir())
 
 
 def _reply(row: sqlite3.Row) -> Reply:

@@ -13,6 +13,7 @@ from typing import Literal
 from ..types import (
     Candidate,
     Checkpoint,
+    Dynamics,
     Evaluation,
     Finding,
     Node,
@@ -126,7 +127,9 @@ class ToyTrainer:
             best_reward=peak,
         )
 
-    def evaluate(self, env: str, policies: Mapping[str, bytes], *, seed: int) -> Iterator[Evaluation]:
+    def evaluate(
+        self, env: str, policies: Mapping[str, bytes], *, seed: int, dynamics: Mapping[str, Dynamics] | None = None
+    ) -> Iterator[Evaluation]:
         for job, policy in policies.items():
             yield Evaluation(job=job, fitness=float(policy) - 1, episode_length=3.0, episodes=4)
 

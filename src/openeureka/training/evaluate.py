@@ -1,15 +1,17 @@
-"""Held-out score: deterministic actions on episodes no training saw."""
+"""Held-out score: deterministic actions on episodes no training saw, in the task's world or one slightly changed."""
 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Mapping
 
 import torch
 from torch import Tensor
 
+from ..sim.perturb import perturb
 from ..tasks import registry
-from ..types import Evaluation
+from ..types import NOMINAL, Dynamics, Evaluation
 from .policy import Player, Policy
 
 HELD_OUT_SEED = 1 << 32
@@ -17,6 +19,8 @@ HELD_OUT_SEED = 1 << 32
 WORLDS = 256
 LOOK = 32
 """[steps]"""
+HIGHEST = 20
+"""One of so many contributions to F counts as among the highest."""
 
 
 def evaluate(
@@ -24,6 +28,7 @@ def evaluate(
     policies: Mapping[str, bytes],
     *,
     seed: int,
+    dynamics: Mapping[str, Dynamics] | None = None,
     worlds: int = WORLDS,
     device: str = "cpu",
     threads: int = 0,
@@ -36,6 +41,7 @@ def evaluate(
 
     Args:
         policies: job id to safetensors bytes; equal network shapes.
+        dynamics: job ids that play in another world than the task's.
         after_step: called after every step of all worlds: a long episode takes minutes.
     """
     if not policies:
@@ -44,31 +50,57 @@ def evaluate(
     simulation = registry.make(
         env, worlds=worlds, lane_seeds=[seed + HELD_OUT_SEED] * lanes, device=device, threads=threads
     )
+    perturb(simulation.sim, [(dynamics or {}).get(job, NOMINAL) for job in policies])
     play = Player([Policy.from_bytes(data) for data in policies.values()], simulation.sim.device)
     observation = simulation.reset()
     running = torch.ones(simulation.num_worlds, dtype=torch.bool, device=observation.device)
-    total = torch.zeros(3, lanes, dtype=torch.float64, device=observation.device)
-
-    def per_lane(x: Tensor) -> Tensor:
-        return x.double().view(lanes, worlds).sum(1)
+    total = torch.zeros(3, simulation.num_worlds, dtype=torch.float64, device=observation.device)
+    contributions: list[Tensor] = []
 
     for number in itertools.count():
         # On a GPU the host looks now and then whether any world still plays: looking waits for the device.
         if number % (LOOK if simulation.masked else 1) == 0 and not bool(running.any()):
             break
         step = simulation.step(play(observation))
-        value, weight = step.score.value, step.score.weight * running
-        total += torch.stack([per_lane(x) for x in (value * weight, weight, running)])
+        weight = step.score.weight * running
+        contributions.append(step.score.value * weight)
+        total += torch.stack([contributions[-1], weight, running])
         running &= ~step.done
         observation = step.observation
         after_step()
     simulation.check()
-    return [
-        Evaluation(
-            job=job,
-            fitness=value / weight if weight else None,
-            episode_length=steps / worlds,
-            episodes=worlds,
-        )
-        for job, (value, weight, steps) in zip(policies, total.T.tolist(), strict=True)
-    ]
+    sums, parts = (x.unflatten(1, (lanes, worlds)).transpose(0, 1) for x in (total, torch.stack(contributions)))
+    return [_evaluation(job, *lane) for job, *lane in zip(policies, sums, parts, strict=True)]
+
+
+def _evaluation(job: str, sums: Tensor, contributions: Tensor) -> Evaluation:
+    """One lane's score from the sums (3, n) of value times weight, weight and steps of each world, and the
+    contributions (steps, n) to the first of them."""
+    value, weight, steps = sums
+    worlds, whole = len(weight), float(weight.sum())
+    fitness = float(value.sum()) / whole if whole else None
+    error = None
+    if fitness is not None and worlds > 1:
+        # F is a ratio of two sums over worlds: its variance to first order (Cochran, Sampling Techniques, 2.11).
+        error = math.sqrt(float((value - fitness * weight).square().sum()) * worlds / (worlds - 1)) / whole
+    return Evaluation(
+        job=job,
+        fitness=fitness,
+        episode_length=float(steps.sum()) / worlds,
+        episodes=worlds,
+        error=error,
+        concentration=concentration(contributions),
+    )
+
+
+def concentration(contributions: Tensor) -> float | None:
+    """Share of the positive contributions (any shape) that the highest twentieth of them makes; None without any.
+
+    Where F counts successes all contributions are equal and the share is a twentieth, however rare they are. A score
+    that is never positive, such as a distance with a minus sign, has none: no state can be worth much there.
+    """
+    positive = contributions[contributions > 0].double()
+    if not len(positive):
+        return None
+    highest = positive.topk(math.ceil(len(positive) / HIGHEST)).values
+    return float(highest.sum() / positive.sum())

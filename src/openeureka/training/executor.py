@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import os
 import time
@@ -12,7 +13,7 @@ from typing import Any, TypeVar
 
 from ..errors import WorkerError
 from ..tasks import registry
-from ..types import Evaluation, TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
+from ..types import Dynamics, Evaluation, TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 from .devices import devices
 from .snapshots import Snapshot
@@ -120,12 +121,29 @@ class PopulationTrainer:
             raise
         snapshot.remove()
 
-    def evaluate(self, env: str, policies: Mapping[str, bytes], *, seed: int) -> Iterator[Evaluation]:
-        """Held-out score of each policy, on the first device. Raises WorkerError when the worker dies."""
-        if policies:
-            for frame in self._ask({"do": "evaluate", "env": env, "seed": seed}, policies, self._devices[0]):
-                if frame is not None and "score" in frame.header:
-                    yield Evaluation(**frame.header["score"])
+    def evaluate(
+        self, env: str, policies: Mapping[str, bytes], *, seed: int, dynamics: Mapping[str, Dynamics] | None = None
+    ) -> Iterator[Evaluation]:
+        """Held-out score of each policy, on the first device. A worker that dies is started again once.
+
+        Raises:
+            WorkerError: when it dies again.
+        """
+        factors = {job: dataclasses.asdict(changed) for job, changed in (dynamics or {}).items()}
+        request = {"do": "evaluate", "env": env, "seed": seed, "dynamics": factors}
+        left = dict(policies)
+        for last in (False, True):
+            if not left:
+                return
+            try:
+                for frame in self._ask(request, left, self._devices[0]):
+                    if frame is not None and "score" in frame.header:
+                        score = Evaluation(**frame.header["score"])
+                        del left[score.job]
+                        yield score
+            except WorkerError:
+                if last and left:
+                    raise
 
     def _ask(self, request: Mapping[str, Any], blobs: Mapping[str, bytes], device: str) -> Generator[Frame | None]:
         """Frames of one request, up to the one that says it is done; None while there is nothing yet."""
@@ -145,8 +163,10 @@ class PopulationTrainer:
                     else:
                         yield None
             except (WorkerDied, WorkerTimeout) as error:
-                last = worker.stderr_tail().splitlines()[-1:]
-                raise WorkerError(" ".join([f"Training stopped: {error}", *last])) from None
+                ending = worker.ending() if isinstance(error, WorkerDied) else ""
+                said = worker.stderr_tail().splitlines()[-1:]
+                parts = [f"Training stopped: {error}", ending, *said]
+                raise WorkerError(" ".join(part for part in parts if part)) from None
 
 
 class _Tally:

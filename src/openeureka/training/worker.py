@@ -10,7 +10,7 @@ from typing import Any
 
 import torch
 
-from ..types import TrainingProgress
+from ..types import Dynamics, TrainingProgress
 from ..worker import Channel, Frame
 from .evaluate import evaluate
 from .population import Population
@@ -30,7 +30,9 @@ def main() -> None:
             _train(channel, request, Population(*unpack_jobs(header), **options))
         else:
             alive = _signs_of_life(channel)
-            for score in evaluate(header["env"], request.blobs, seed=header["seed"], after_step=alive, **options):
+            dynamics = {job: Dynamics(**factors) for job, factors in header["dynamics"].items()}
+            options |= {"seed": header["seed"], "dynamics": dynamics, "after_step": alive}
+            for score in evaluate(header["env"], request.blobs, **options):
                 channel.send({"score": dataclasses.asdict(score)})
         channel.send({"done": True})
 

@@ -1,0 +1,251 @@
+"""What a search loses when it is killed: SIGKILL at its k-th step, for every k there is, and each time a resumption.
+
+    python benchmarks/crash.py                    # every point; writes benchmarks/results/crash.json
+    python benchmarks/crash.py --stride 5         # every fifth point of each mode
+
+The search is scripted, so that all of its steps are the same each time: three generations, repairs, refills, equal
+programs, a slot that is given up, a person's remarks, final trainings, trials. Steps are, by mode:
+
+    around   just before and just after each write to the store or to a file
+    within   before each SQL statement and each rename, so also between a reply's arrival and its commit
+    between  at each event that a display is told of: phases, replies, verdicts, progress in training, results
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import signal
+import sqlite3
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from openeureka import search
+from openeureka.config import RunConfig
+from openeureka.loop import run
+from openeureka.observer import NullObserver
+from openeureka.person import EmptyDesk
+from openeureka.store import Store, artifacts, say
+from openeureka.store.db import FILENAME, Database
+from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
+from openeureka.types import Generation, Place, Prompt, Remark, RemarkKind, Reply
+
+RESULT = Path(__file__).parent / "results" / "crash.json"
+CONFIG = RunConfig(sample=3, iteration=3, repair=1, refill=1, seeds=2, feedback="human")
+SCRIPT = [
+    *(reply(1), "no code at all", reply(2)),  # generation 0; its second slot takes a repair turn and a refill
+    *("```python\nstill wrong\n```", reply(3)),
+    *(reply(2), reply(1.5), reply(1)),  # generation 1: nothing better
+    *(reply(4), "nothing", reply(4)),  # generation 2: equal programs, and a slot that is given up
+    *("nothing", "nothing", "nothing"),
+]
+
+
+@dataclass
+class MeteredModel(ScriptedModel):
+    """Goes on where the store's replies end. Its meter, a file with a line for each request, outlives the process."""
+
+    store: Store = field(kw_only=True)
+
+    def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
+        for _ in range(n):
+            self.said = len(self.store.replies())
+            with self.store.directory.with_suffix(".meter").open("a") as meter:
+                meter.write(f"{self.said}\n")
+            yield from super().sample(prompt, n=1, seed=seed)
+
+
+@dataclass
+class Person(EmptyDesk):
+    """Says three things of each generation, and none of them twice: who was killed remembers what is kept."""
+
+    store: Store
+
+    def invite(self, generation: Generation) -> None:
+        words = Remark(kind=RemarkKind.WORDS, text=f"of generation {generation.index}")
+        chosen = Remark(kind=RemarkKind.FAVOURITE, candidate=Place(generation.index, 0))
+        self.remarks = [words, chosen, Remark(kind=RemarkKind.GO)]
+
+    def listen(self, seconds: float) -> None:
+        say(self.store.directory, self.remarks[len(self.store.unheard())])
+
+
+REPLIES = 14
+"""Of the uninterrupted run: 3 + 1 + 1, 3, then 3 + 1 + 1 + 1."""
+
+
+class Countdown:
+    """Ends the process, as a power cut would, when it is called for the k-th time."""
+
+    def __init__(self, k: int) -> None:
+        self.left = k
+
+    def __call__(self, *_: object) -> None:
+        self.left -= 1
+        if self.left < 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
+def around(countdown: Countdown) -> None:
+    put, write = Database.put, artifacts.write
+
+    def counted(function: Callable[..., None], paid: Callable[..., bool]) -> Callable[..., None]:
+        def wrapped(*args: Any) -> None:
+            if not paid(*args):
+                countdown()
+            function(*args)
+            countdown()
+
+        return wrapped
+
+    # A reply has been paid for when it arrives: the moment before it is committed belongs to `within`.
+    Database.put = counted(put, lambda database, table, *rows: table == "replies")
+    artifacts.write = counted(write, lambda *_: False)
+
+
+def within(countdown: Countdown) -> None:
+    prepare, replace = Database._prepare, os.replace
+
+    def traced(self: Database, writable: bool) -> None:
+        self._connection.set_trace_callback(lambda sql: sql.startswith("SELECT") or countdown())
+        prepare(self, writable)
+
+    def counted(source: str, target: Path) -> None:
+        countdown()
+        replace(source, target)
+
+    Database._prepare = traced
+    os.replace = counted
+
+
+def between(countdown: Countdown) -> None:
+    for name in ("phase", "reply", "verdict", "progress", "result", "generation", "outcome"):
+        setattr(NullObserver, name, countdown)
+
+
+MODES: Mapping[str, Callable[[Countdown], None]] = {"around": around, "within": within, "between": between}
+
+
+def whole_run(directory: Path) -> None:
+    """The search from wherever the directory has it to its end."""
+    with Store.open(directory, CONFIG) as store:
+        model = MeteredModel(SCRIPT, store=store)
+        run(CONFIG, store, model, ToyChecker(), ToyTrainer(), TOY, search.make(CONFIG), None, Person(store))
+
+
+def in_child(work: Callable[[], None]) -> int:
+    """Run in a fork, so that Python starts once for all of them; the signal that ended it, or 0."""
+    child = os.fork()
+    if child == 0:
+        work()
+        os._exit(0)
+    status = os.waitpid(child, 0)[1]
+    if not os.WIFSIGNALED(status) and os.WEXITSTATUS(status):
+        sys.exit("A run failed instead of being killed.")
+    return os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
+
+
+def kill_and_resume(folder: Path, mode: str, k: int) -> Path | None:
+    """A run killed at its k-th step and finished by a second process; None when it has fewer steps."""
+    directory = folder / f"{mode}-{k}"
+
+    def killed() -> None:
+        MODES[mode](Countdown(k))
+        whole_run(directory)
+
+    if in_child(killed) == 0:
+        return None
+    in_child(lambda: whole_run(directory))
+    return directory
+
+
+# --- what is left ----------------------------------------------------------------------------------------------------
+
+
+@dataclass(kw_only=True)
+class Outcome:
+    """Of all points of a mode: how many there were, and how many runs ended as if they had never been killed."""
+
+    points: int = 0
+    intact: int = 0
+    """SQLite finds no fault in the file."""
+    same_rows: int = 0
+    same_files: int = 0
+    """Byte for byte, the best reward and its policy among them."""
+    replies_asked_again: int = 0
+    """Over all points; one that is in flight when a process dies has to be."""
+
+    def add(self, directory: Path, whole: Path) -> None:
+        self.points += 1
+        self.intact += intact(directory)
+        self.same_rows += rows(directory) == rows(whole)
+        self.same_files += files(directory) == files(whole)
+        again = len(asked(directory)) - REPLIES
+        if again > 1:
+            sys.exit(f"{directory.name} asked again for {again} replies, and only one can have been in flight.")
+        self.replies_asked_again += again
+
+
+def intact(directory: Path) -> bool:
+    with sqlite3.connect(directory / FILENAME) as connection:
+        return connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+
+
+def rows(directory: Path) -> dict[str, list[tuple[Any, ...]]]:
+    with sqlite3.connect(directory / FILENAME) as connection:
+        tables = [name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+        return {table: sorted(connection.execute(f"SELECT * FROM {table}"), key=repr) for table in tables}
+
+
+def files(directory: Path) -> dict[str, bytes]:
+    found = (path for path in directory.rglob("*") if path.is_file() and path.parent != directory)
+    return {str(path.relative_to(directory)): path.read_bytes() for path in found}
+
+
+def asked(directory: Path) -> list[str]:
+    return directory.with_suffix(".meter").read_text().split()
+
+
+def measure(folder: Path, stride: int) -> dict[str, Outcome]:
+    whole = folder / "whole"
+    in_child(lambda: whole_run(whole))
+    found = {mode: Outcome() for mode in MODES}
+    for mode, outcome in found.items():
+        k = 0
+        while (directory := kill_and_resume(folder, mode, k)) is not None:
+            outcome.add(directory, whole)
+            k += stride
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--stride", type=int, default=1, help="take every so many-th point")
+    parser.add_argument("--out", type=Path, default=RESULT)
+    options = parser.parse_args()
+    # A killed process needs no disk: the page cache outlives it, and memory makes the syncs of hundreds of runs free.
+    place = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
+    with tempfile.TemporaryDirectory(dir=place) as folder:
+        found = measure(Path(folder), options.stride)
+    report = {
+        "date": datetime.now(UTC).date().isoformat(),
+        "python": platform.python_version(),
+        "sqlite": sqlite3.sqlite_version,
+        "stride": options.stride,
+        "modes": {mode: asdict(outcome) for mode, outcome in found.items()},
+    }
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    options.out.write_text(json.dumps(report, indent=1) + "\n")
+    for mode, outcome in found.items():
+        print(f"{mode}: {outcome}")
+
+
+if __name__ == "__main__":
+    main()

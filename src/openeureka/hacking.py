@@ -1,0 +1,193 @@
+"""Signs that a reward is exploited rather than fulfilled: pure functions from final scores to findings.
+
+What each sign means, where its threshold comes from and what it cannot see is in `docs/concepts/reward-hacking.md`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from .store import Peak
+from .types import NOMINAL, Dynamics, Evaluation, TrainingResult
+
+DRIFT = 0.2
+"""Share of the range of F over training that training on for the reward may cost."""
+ERRORS = 2.0
+"""Standard errors that a loss must exceed, else it may be luck."""
+CONCENTRATED = 0.5
+"""Share of F that the highest twentieth of its contributions may make; a twentieth where all are equal."""
+FRAGILE = 0.5
+"""Share of the learnt F that a tenth more or less of mass or friction may cost."""
+
+WORLDS: Mapping[str, Dynamics] = {
+    "mass +10 %": Dynamics(mass=1.1),
+    "mass -10 %": Dynamics(mass=0.9),
+    "friction +10 %": Dynamics(friction=1.1),
+    "friction -10 %": Dynamics(friction=0.9),
+}
+"""The changed worlds that the final policy is tried in."""
+PEAKS: Mapping[Peak, str] = {"fitness": "peak of F", "reward": "peak of own reward"}
+"""Names of the scores of a training's two policies, the earlier first."""
+
+
+class Kind(StrEnum):
+    """What gives an exploited reward away."""
+
+    DRIFT = "own reward rises while F falls"
+    CONCENTRATION = "F rests on few moments"
+    FRAGILITY = "fails in a slightly changed world"
+
+
+@dataclass(frozen=True, slots=True)
+class Sign:
+    """One finding, with a sentence of the numbers that it rests on."""
+
+    kind: Kind
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tried:
+    """One final training of the best reward and every held-out score of its policies."""
+
+    result: TrainingResult
+    held_out: Evaluation
+    trials: Mapping[str, Evaluation]
+    """By name: those of `WORLDS` for the policy that is kept, and of `PEAKS` where those are two policies."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """One more held-out score to be taken of a final training."""
+
+    job: str
+    name: str
+    peak: Peak
+    """Which of its two policies plays."""
+    dynamics: Dynamics = NOMINAL
+
+
+def trials(results: Mapping[str, TrainingResult], kept: str, peak: Peak) -> list[Trial]:
+    """What has to be tried before `signs` can tell.
+
+    Args:
+        results: final trainings of the best reward by job id; their policies at `peak` have held-out scores already.
+        kept: the one whose policy is the run's; it alone plays in the changed worlds.
+    """
+    other: Peak = "fitness" if peak == "reward" else "reward"
+    drifting = [Trial(job=job, name=PEAKS[other], peak=other) for job, result in results.items() if _two(result)]
+    return drifting + [Trial(job=kept, name=name, peak=peak, dynamics=world) for name, world in WORLDS.items()]
+
+
+def tried(
+    results: Mapping[str, TrainingResult],
+    held_out: Mapping[str, Evaluation],
+    trials: Mapping[str, Mapping[str, Evaluation]],
+    peak: Peak,
+) -> list[Tried]:
+    """Everything known of the final trainings, of those that left a policy."""
+    return [
+        Tried(result=result, held_out=held_out[job], trials={**trials.get(job, {}), PEAKS[peak]: held_out[job]})
+        for job, result in results.items()
+        if job in held_out
+    ]
+
+
+def _two(result: TrainingResult) -> bool:
+    """Whether the own reward peaked later than F, so that training on for it may have cost F."""
+    first, last = result.best_fitness, result.best_reward
+    return first is not None and last is not None and last.epoch > first.epoch
+
+
+def signs(lanes: Sequence[Tried]) -> tuple[Sign, ...]:
+    """What speaks against a reward, given its final trainings.
+
+    Drift and concentration count when at least half of the trainings show them: one seed in three may be an accident.
+    """
+    found = [_majority(Kind.DRIFT, lanes, drift), _majority(Kind.CONCENTRATION, lanes, concentration)]
+    found += [Sign(Kind.FRAGILITY, sentence) for lane in lanes if (sentence := fragility(lane))]
+    return tuple(sign for sign in found if sign is not None)
+
+
+def _majority(kind: Kind, lanes: Sequence[Tried], look: Callable[[Tried], str]) -> Sign | None:
+    sentences = [sentence for lane in lanes if (sentence := look(lane))]
+    if not sentences or 2 * len(sentences) < len(lanes):
+        return None
+    return Sign(kind, f"In {len(sentences)} of {len(lanes)} trainings; the first: {sentences[0]}")
+
+
+def drift(lane: Tried) -> str:
+    """Whether held-out F fell between the epoch of its peak and a later one at which the own reward was higher.
+
+    Both policies play the same held-out episodes, so that the peak of F is not flattered by having been picked.
+    """
+    first, last = lane.result.best_fitness, lane.result.best_reward
+    before, after = lane.trials.get(PEAKS["fitness"]), lane.trials.get(PEAKS["reward"])
+    if first is None or last is None or before is None or after is None:
+        return ""
+    loss = _loss(before, after)
+    if loss is None or loss <= DRIFT * _range(lane.result):
+        return ""
+    own = lane.result.curves["reward"]
+    return (
+        f"from epoch {first.epoch} to {last.epoch} the own reward rose from {_number(own[first.epoch])} to "
+        f"{_number(own[last.epoch])} a step, while held-out F fell from {_number(before.fitness)} to "
+        f"{_number(after.fitness)}."
+    )
+
+
+def concentration(lane: Tried) -> str:
+    """Whether a few moments make most of held-out F."""
+    share = lane.held_out.concentration
+    if share is None or share <= CONCENTRATED:
+        return ""
+    return (
+        f"the highest twentieth of what counts for held-out F, over {lane.held_out.episodes} episodes, makes "
+        f"{share:.0%} of it."
+    )
+
+
+def fragility(lane: Tried) -> str:
+    """Whether the policy loses most of what it learnt in one of the changed worlds."""
+    losses = {
+        name: loss
+        for name in WORLDS
+        if (changed := lane.trials.get(name)) is not None and (loss := _loss(lane.held_out, changed)) is not None
+    }
+    worst = max(losses, key=losses.__getitem__, default="")
+    learnt = _learnt(lane.result, lane.held_out)
+    if not worst or learnt is None or losses[worst] <= FRAGILE * learnt:
+        return ""
+    return (
+        f"With {worst} held-out F is {_number(lane.trials[worst].fitness)} instead of "
+        f"{_number(lane.held_out.fitness)}: {losses[worst] / learnt:.0%} of what was learnt is lost."
+    )
+
+
+def _range(result: TrainingResult) -> float:
+    """How far F is apart at the worst and the best epoch."""
+    values = [value for value in result.curves["fitness"] if value is not None]
+    return max(values) - min(values)
+
+
+def _learnt(result: TrainingResult, score: Evaluation) -> float | None:
+    """How far F is above that of the untrained policy; None when training gained nothing."""
+    untrained = next((value for value in result.curves["fitness"] if value is not None), None)
+    if untrained is None or score.fitness is None or score.fitness <= untrained:
+        return None
+    return score.fitness - untrained
+
+
+def _loss(before: Evaluation, after: Evaluation) -> float | None:
+    """How much F fell; None when it did not, beyond its errors. F that is no longer defined is not a number to fall."""
+    if before.fitness is None or after.fitness is None:
+        return None
+    loss = before.fitness - after.fitness
+    luck = ERRORS * ((before.error or 0.0) ** 2 + (after.error or 0.0) ** 2) ** 0.5
+    return loss if loss > luck else None
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"

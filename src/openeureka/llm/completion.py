@@ -1,0 +1,92 @@
+"""The body of a chat completion, read as if anyone might have sent it: pure, and total over all bytes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+MAX_TOKENS = 1 << 40
+"""Above this a count is nonsense, and would not fit into the store."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    text: str
+    whole: bool
+    """Not empty, and not cut off by a limit on tokens."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Completion:
+    choices: tuple[Choice, ...]
+    model: str
+    prompt_tokens: int
+    completion_tokens: int
+
+
+class Unreadable(Exception):
+    """No completion. `broken` tells an answer that was damaged or an error, which may pass, from another protocol."""
+
+    def __init__(self, reason: str, *, broken: bool) -> None:
+        super().__init__(reason)
+        self.reason, self.broken = reason, broken
+
+
+def read(body: bytes) -> Completion:
+    """The completion that a body holds; what is missing or of the wrong type in it is empty, or zero.
+
+    Bytes that are not of the encoding that JSON has become replacement characters: a reply is mostly readable then.
+
+    Raises:
+        Unreadable: when there is none.
+    """
+    data = _object(body)
+    choices = data.get("choices")
+    if not isinstance(choices, list):
+        error = data.get("error")
+        if error:  # some endpoints say so with status 200
+            raise Unreadable(str(_mapping(error).get("message", error)), broken=True)
+        raise Unreadable("an answer without choices", broken=False)
+    usage = _mapping(data.get("usage"))
+    model = data.get("model")
+    return Completion(
+        choices=tuple(map(_choice, choices)),
+        model=model if isinstance(model, str) else "",
+        prompt_tokens=_count(usage.get("prompt_tokens")),
+        completion_tokens=_count(usage.get("completion_tokens")),
+    )
+
+
+def _object(body: bytes) -> Mapping[str, Any]:
+    text = body.decode(json.detect_encoding(body), "replace").strip()
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError):
+        # What begins like an object and is none was cut off or damaged on the way.
+        raise Unreadable("an answer that breaks off", broken=not text or text.startswith("{")) from None
+    if not isinstance(data, dict):
+        raise Unreadable("an answer of another form", broken=False)
+    return data
+
+
+def _choice(choice: object) -> Choice:
+    fields = _mapping(choice)
+    text = _text(_mapping(fields.get("message")).get("content"))
+    return Choice(text, bool(text) and fields.get("finish_reason") != "length")
+
+
+def _text(content: object) -> str:
+    """A string, or the text parts that some endpoints send instead."""
+    if isinstance(content, list):
+        return "".join(_text(_mapping(part).get("text")) for part in content)
+    return content if isinstance(content, str) else ""
+
+
+def _mapping(value: object) -> Mapping[str, Any]:
+    return value if isinstance(value, dict) else {}
+
+
+def _count(value: object) -> int:
+    return value if isinstance(value, int) and 0 <= value <= MAX_TOKENS else 0

@@ -1,0 +1,325 @@
+"""Every usual way in which an endpoint fails: the right sentence, retries with back-off, never the key in a message."""
+
+from __future__ import annotations
+
+import json
+import threading
+from http.server import BaseHTTPRequestHandler
+
+import pytest
+
+from openeureka.config import RunConfig
+from openeureka.errors import ConfigError, ModelError
+from openeureka.llm import openai
+from openeureka.llm.openai import EndpointModel
+
+from .endpoint import Answer, Endpoint, Play, answer, failure, sample, texts
+
+KEY = "sk-canary-0123456789"
+GOOD = json.dumps(answer("a")[1]).encode()  # pyright: ignore[reportIndexIssue]
+
+
+@pytest.fixture(autouse=True)
+def key(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OPENAI_API_KEY", KEY)
+
+
+def raw(body: bytes, *, length: int | None = None) -> Play:
+    """A body as it is, with the length that is claimed for it; the connection then ends."""
+
+    def play(handler: BaseHTTPRequestHandler) -> None:
+        handler.send_response(200)
+        handler.send_header("Content-Type", "application/json")
+        handler.send_header("Content-Length", str(len(body) if length is None else length))
+        handler.end_headers()
+        handler.wfile.write(body)
+        handler.close_connection = True
+
+    return play
+
+
+def replaced(**fields: object) -> Play:
+    return raw(json.dumps({**json.loads(GOOD), **fields}).encode())
+
+
+def said(endpoint: Endpoint) -> str:
+    with pytest.raises(ModelError) as caught:
+        sample(endpoint.model(), 1)
+    return str(caught.value)
+
+
+# --- it passes -------------------------------------------------------------------------------------------------------
+
+CUT = raw(GOOD[:100], length=len(GOOD))
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        failure(408),
+        failure(409),
+        failure(429),
+        failure(500),
+        failure(502),
+        failure(503),
+        failure(529),
+        (500, "<html>an error page</html>", {}),
+        CUT,  # the stream is cut
+        raw(GOOD[:100]),  # the JSON is cut
+        raw(b""),
+        raw(b" \n" * 1000 + GOOD[:50]),
+        replaced(choices=None, error={"message": "the provider is busy", "code": 502}),  # with status 200
+    ],
+)
+def test_what_may_pass_is_tried_again(endpoint: Endpoint, bad: Answer):
+    endpoint.script = [bad, bad, answer("a")]
+    assert texts(sample(endpoint.model(), 1)) == ["a"]
+    assert endpoint.waits == [1.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("bad", "sentence"),
+    [
+        (CUT, "breaks off its answers"),
+        (raw(GOOD[:100]), "an answer that breaks off"),
+        (replaced(choices=None, error={"message": "the provider is busy"}), "the provider is busy"),
+    ],
+)
+def test_what_does_not_pass_is_one_sentence_after_a_minute(endpoint: Endpoint, bad: Answer, sentence: str):
+    endpoint.script = lambda body: bad
+    assert sentence in said(endpoint)
+    assert endpoint.waits == [1.0, 2.0, 4.0, 8.0, 16.0, 32.0]
+
+
+@pytest.mark.parametrize(
+    ("header", "wait"),
+    [
+        ("3", 3.0),
+        ("0", 0.0),
+        ("-5", 0.0),
+        ("1e9", openai.MAX_WAIT),
+        ("inf", openai.MAX_WAIT),
+        ("nan", 1.0),
+        ("soon", 1.0),
+        ("Sun, 06 Nov 1994 08:49:57 GMT", 20.0),  # by the endpoint's own clock, which says 08:49:37
+        ("Sun, 06 Nov 1994 08:00:00 GMT", 0.0),
+    ],
+)
+def test_a_wait_is_stated_in_seconds_or_as_a_date(endpoint: Endpoint, header: str, wait: float):
+    busy = json.dumps({"error": {"message": "slow down"}}).encode()
+
+    def play(handler: BaseHTTPRequestHandler) -> None:
+        handler.send_response_only(429)
+        for name, value in {"Date": "Sun, 06 Nov 1994 08:49:37 GMT", "Retry-After": header}.items():
+            handler.send_header(name, value)
+        handler.send_header("Content-Length", str(len(busy)))
+        handler.end_headers()
+        handler.wfile.write(busy)
+
+    endpoint.script = [play, answer("a")]
+    assert texts(sample(endpoint.model(), 1)) == ["a"]
+    assert endpoint.waits == [wait]
+
+
+def test_an_endpoint_that_hangs_is_left_after_the_timeout(endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(openai, "TIMEOUT", 0.2)
+    done = threading.Event()
+
+    def hang(handler: BaseHTTPRequestHandler) -> None:
+        done.wait(30)
+
+    endpoint.script = lambda body: hang
+    try:
+        assert "did not answer within" in said(endpoint)
+    finally:
+        done.set()
+    assert endpoint.waits == [1.0]  # it was never reached: one more try
+
+
+def test_an_endpoint_that_answers_blanks_for_ever_is_left(endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(openai, "PATIENCE", 0.3)
+    done = threading.Event()
+
+    def blanks(handler: BaseHTTPRequestHandler) -> None:
+        handler.send_response(200)
+        handler.send_header("Content-Length", "1000000")
+        handler.end_headers()
+        while not done.wait(0.02):
+            try:
+                handler.wfile.write(b"\n")
+            except OSError:
+                return
+
+    endpoint.script = lambda body: blanks
+    monkeypatch.setattr(openai, "ATTEMPTS", 2)
+    try:
+        assert "did not answer within" in said(endpoint)
+    finally:
+        done.set()
+
+
+def test_an_endpoint_that_is_slow_is_waited_for(endpoint: Endpoint):
+    late = threading.Event()
+
+    def play(handler: BaseHTTPRequestHandler) -> None:
+        late.wait(0.3)
+        raw(GOOD)(handler)
+
+    endpoint.script = [play]
+    assert texts(sample(endpoint.model(), 1)) == ["a"]
+    assert endpoint.waits == []
+
+
+# --- it stays --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("bad", "sentence"),
+    [
+        (failure(401), "refused the key"),
+        (failure(403), "refused the key"),
+        (failure(404), "no model `m`"),
+        (failure(402, "pay first"), "pay first"),
+        (raw(b"<html>welcome</html>"), "does not answer like an OpenAI-compatible endpoint"),
+        (raw(b"[1, 2]"), "does not answer like an OpenAI-compatible endpoint"),
+        (raw(b'"choices"'), "does not answer like an OpenAI-compatible endpoint"),
+        (raw(b'{"object": "list"}'), "an answer without choices"),
+        (raw(b"\x00\xff\xfe\x80"), "does not answer like an OpenAI-compatible endpoint"),
+    ],
+)
+def test_what_waiting_cannot_mend_is_said_at_once(endpoint: Endpoint, bad: Answer, sentence: str):
+    endpoint.script = [bad]
+    assert sentence in said(endpoint)
+    assert endpoint.waits == []
+
+
+def test_an_answer_without_end_is_not_read_into_memory(endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(openai, "MAX_BODY", 1 << 20)
+    endpoint.script = [raw(b"x" * (2 << 20))]
+    assert "more than 1 MB" in said(endpoint)
+
+
+def test_a_redirect_is_not_followed_and_the_key_not_sent_there(endpoint: Endpoint):
+    other = Endpoint()
+    other.script = lambda body: answer("from elsewhere")
+    endpoint.script = lambda body: (307, "", {"Location": f"{other.url}/chat/completions?token={KEY}"})
+    sentence = said(endpoint)
+    other.close()
+    assert f"sends requests on to {other.url}/chat/completions; set base_url=" in sentence
+    assert other.bodies == [] and KEY not in sentence
+
+
+# --- it is odd -------------------------------------------------------------------------------------------------------
+
+ODD = [
+    [],
+    [None],
+    ["text"],
+    [{}],
+    [{"message": None}],
+    [{"message": {"content": None}}],
+    [{"message": {"content": 7}}],
+    [{"message": {"refusal": "no"}}],
+]
+
+
+@pytest.mark.parametrize("choices", ODD)
+def test_choices_without_text_are_asked_for_again_and_then_an_empty_reply(endpoint: Endpoint, choices: list):
+    endpoint.script = lambda body: replaced(choices=choices)
+    assert texts(sample(endpoint.model(), 1)) == [""]
+    assert len(endpoint.bodies) == 3
+
+
+def test_text_in_parts_is_joined(endpoint: Endpoint):
+    parts = [{"type": "text", "text": "a"}, {"type": "image"}, {"type": "text", "text": "b"}]
+    endpoint.script = [replaced(choices=[{"message": {"content": parts}}])]
+    assert texts(sample(endpoint.model(), 1)) == ["ab"]
+
+
+@pytest.mark.parametrize(
+    "usage",
+    [None, [], {}, {"prompt_tokens": "many"}, {"prompt_tokens": -1}, {"prompt_tokens": 10**30}, {"prompt_tokens": 0.5}],
+)
+def test_counts_that_are_none_are_zero(endpoint: Endpoint, usage: object):
+    endpoint.script = [replaced(usage=usage)]
+    (reply,) = sample(endpoint.model(), 1)
+    assert (reply.text, reply.usage.prompt_tokens, reply.usage.completion_tokens) == ("a", 0, 0)
+
+
+def test_another_encoding_than_it_says_is_read_as_far_as_it_goes(endpoint: Endpoint):
+    latin = json.dumps({"choices": [{"message": {"content": "naïve"}}]}, ensure_ascii=False).encode("latin-1")
+    utf16 = json.dumps({"choices": [{"message": {"content": "naïve"}}]}, ensure_ascii=False).encode("utf-16")
+    endpoint.script = [raw(latin), raw(utf16)]
+    model = endpoint.model()
+    assert texts(sample(model, 1)) == ["na\N{REPLACEMENT CHARACTER}ve"]
+    assert texts(sample(model, 1)) == ["naïve"]
+
+
+def test_a_reply_of_5_megabytes_arrives(endpoint: Endpoint):
+    endpoint.script = [answer("x" * 5_000_000)]
+    (reply,) = sample(endpoint.model(), 1)
+    assert len(reply.text) == 5_000_000
+
+
+def test_a_body_nested_too_deep_is_an_answer_that_breaks_off(endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(openai, "ATTEMPTS", 1)
+    endpoint.script = [raw(b'{"a":' * 100_000)]
+    assert "breaks off" in said(endpoint)
+
+
+# --- the key ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_key_goes_to_the_endpoint_and_nowhere_else(endpoint: Endpoint):
+    endpoint.script = [answer(f"You sent Bearer {KEY}")]
+    (reply,) = sample(endpoint.model(), 1)
+    assert endpoint.keys == [f"Bearer {KEY}"]
+    assert reply.text == "You sent Bearer ***"
+
+
+@pytest.mark.parametrize("status", [400, 402, 422, 500])
+def test_an_error_that_quotes_the_key_is_shown_without(
+    endpoint: Endpoint, status: int, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(openai, "ATTEMPTS", 1)
+    endpoint.script = [failure(status, f"bad header Bearer {KEY}")]
+    sentence = said(endpoint)
+    assert KEY not in sentence and "bad header Bearer ***" in sentence
+
+
+def test_a_password_in_the_address_from_the_environment_is_not_shown(
+    endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch
+):
+    address = endpoint.url.replace("http://", "http://user:canary-password@")
+    monkeypatch.setenv("OPENAI_BASE_URL", address)
+    endpoint.script = [failure(404)]
+    with pytest.raises(ModelError) as caught:
+        sample(EndpointModel("m", wait=endpoint.waits.append), 1)
+    assert "canary" not in str(caught.value) and "user" not in str(caught.value)
+    assert endpoint.url in str(caught.value)
+
+
+def test_a_password_in_base_url_is_refused_without_showing_it():
+    with pytest.raises(ConfigError, match="must not hold a user or a password") as caught:
+        RunConfig(base_url="https://user:canary@host/v1")
+    assert "canary" not in str(caught.value)
+    RunConfig(base_url="https://host/v1?to=a@b")  # no password
+
+
+def test_a_key_with_a_line_break_is_trimmed_and_one_that_no_header_takes_is_refused(
+    endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("OPENAI_API_KEY", f"{KEY}\n")
+    endpoint.script = [answer("a")]
+    sample(endpoint.model(), 1)
+    assert endpoint.keys == [f"Bearer {KEY}"]
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-ключ")
+    with pytest.raises(ModelError, match="set it anew") as caught:
+        endpoint.model()
+    assert "ключ" not in str(caught.value)
+
+
+def test_a_word_that_stands_for_no_key_is_left_in_replies(endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("OPENAI_API_KEY", "none")
+    endpoint.script = [answer("none of it")]
+    assert texts(sample(endpoint.model(), 1)) == ["none of it"]

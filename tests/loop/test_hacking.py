@@ -1,0 +1,139 @@
+"""Numbers below are worked out by hand: what an untrained policy scores, what was learnt, and what of it is lost."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from openeureka import hacking
+from openeureka.hacking import WORLDS, Kind, Tried
+from openeureka.types import Checkpoint, Evaluation, TrainingResult, TrainingState
+
+
+def score(fitness: float | None, *, error: float = 0.1, concentration: float | None = 0.05) -> Evaluation:
+    return Evaluation(
+        job="a-s1", fitness=fitness, episode_length=9.0, episodes=256, error=error, concentration=concentration
+    )
+
+
+def peak(epoch: int) -> Checkpoint:
+    return Checkpoint(epoch=epoch, value=0.0, policy=b"")
+
+
+# The untrained policy's F is 10, as F is not defined in the first epoch. F peaks in epoch 2, the own reward in epoch 4.
+RESULT = TrainingResult(
+    job="a-s1",
+    state=TrainingState.FINISHED,
+    fitness=110.0,
+    curves={"fitness": (None, 10.0, 110.0, 90.0, 80.0), "reward": (0.0, 1.0, 2.0, 3.0, 4.0)},
+    env_steps=5,
+    seconds=1.0,
+    best_fitness=peak(2),
+    best_reward=peak(4),
+)
+
+
+def lane(held_out: Evaluation, **trials: Evaluation) -> Tried:
+    return Tried(result=RESULT, held_out=held_out, trials=trials)
+
+
+def drifting(before: Evaluation, after: Evaluation, result: TrainingResult = RESULT) -> Tried:
+    return Tried(result=result, held_out=after, trials={"peak of F": before, "peak of own reward": after})
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "seen"),
+    [
+        (110.0, 89.0, True),  # F was between 10 and 110: a fifth of that is 20, 21 are lost
+        (110.0, 91.0, False),  # 19 are lost
+        (110.0, 120.0, False),
+        (9.0, -12.0, True),  # also where nothing was learnt to begin with
+        (110.0, None, False),
+    ],
+)
+def test_drift_is_a_fall_of_f_by_a_fifth_of_its_range(before: float, after: float | None, seen: bool) -> None:
+    assert bool(hacking.drift(drifting(score(before), score(after)))) is seen
+
+
+def test_a_score_below_zero_is_measured_alike() -> None:
+    below = dataclasses.replace(RESULT, curves={**RESULT.curves, "fitness": (None, -10.0, -2.0, -3.0, -5.0)})
+    # F was between -10 and -2: a fifth of that is 1.6. Half of the 8 learnt is 4.
+    assert hacking.drift(drifting(score(-2.0), score(-3.7), below))
+    assert not hacking.drift(drifting(score(-2.0), score(-3.5), below))
+    for lost, seen in ((3.9, False), (4.1, True)):
+        trials = {"mass +10 %": score(-2.0 - lost)}
+        assert bool(hacking.fragility(Tried(result=below, held_out=score(-2.0), trials=trials))) is seen
+
+
+def test_a_policy_that_learnt_nothing_has_nothing_to_lose_in_a_changed_world() -> None:
+    assert not hacking.fragility(lane(score(9.0), **{"mass +10 %": score(0.0)}))
+
+
+def test_a_fall_within_two_standard_errors_is_luck() -> None:
+    # Errors of 9 and 12 are 15 together; two of those are 30.
+    before, after = score(110.0, error=9.0), score(81.0, error=12.0)
+    assert not hacking.drift(drifting(before, after))
+    assert hacking.drift(drifting(before, dataclasses.replace(after, fitness=79.0)))
+
+
+def test_drift_says_what_rose_and_what_fell() -> None:
+    sentence = hacking.drift(drifting(score(110.0), score(60.0)))
+    assert sentence == (
+        "from epoch 2 to 4 the own reward rose from 2 to 4 a step, while held-out F fell from 110 to 60."
+    )
+
+
+@pytest.mark.parametrize(("share", "seen"), [(0.49, False), (0.51, True), (None, False)])
+def test_concentration_is_half_of_f_in_its_highest_twentieth(share: float | None, seen: bool) -> None:
+    assert bool(hacking.concentration(lane(score(50.0, concentration=share)))) is seen
+
+
+@pytest.mark.parametrize(
+    ("changed", "seen"),
+    [
+        (59.0, True),  # of 100 learnt 51 are lost
+        (61.0, False),
+        (150.0, False),
+    ],
+)
+def test_fragility_is_half_of_what_was_learnt_lost_in_a_changed_world(changed: float, seen: bool) -> None:
+    trials = {name: score(105.0) for name in WORLDS} | {"mass -10 %": score(changed)}
+    assert bool(hacking.fragility(lane(score(110.0), **trials))) is seen
+
+
+def test_fragility_names_the_worst_world() -> None:
+    trials = {"mass +10 %": score(40.0), "friction -10 %": score(30.0)}
+    assert hacking.fragility(lane(score(110.0), **trials)) == (
+        "With friction -10 % held-out F is 30 instead of 110: 80% of what was learnt is lost."
+    )
+
+
+def test_a_sign_in_one_training_of_three_is_an_accident() -> None:
+    drifted, sound = drifting(score(110.0), score(60.0)), drifting(score(110.0), score(112.0))
+    assert hacking.signs([drifted, sound, sound]) == ()
+    (sign,) = hacking.signs([sound, drifted, drifted])
+    assert sign.kind is Kind.DRIFT
+    assert sign.sentence.startswith("In 2 of 3 trainings; the first: from epoch 2 to 4")
+
+
+def test_a_policy_that_fails_in_a_changed_world_is_a_sign_by_itself() -> None:
+    sound = lane(score(110.0))
+    fragile = lane(score(110.0), **{"mass +10 %": score(12.0)})
+    assert [sign.kind for sign in hacking.signs([sound, sound, fragile])] == [Kind.FRAGILITY]
+
+
+def test_only_the_kept_policy_plays_in_changed_worlds_and_only_drifting_trainings_play_twice() -> None:
+    late = dataclasses.replace(RESULT, job="a-s2", best_fitness=peak(4))  # F and the own reward peak together
+    trials = hacking.trials({"a-s1": RESULT, "a-s2": late}, kept="a-s2", peak="reward")
+    assert [(t.job, t.name, t.peak) for t in trials] == [
+        ("a-s1", "peak of F", "fitness"),
+        *(("a-s2", name, "reward") for name in ("mass +10 %", "mass -10 %", "friction +10 %", "friction -10 %")),
+    ]
+    assert [(t.dynamics.mass, t.dynamics.friction) for t in trials[1:]] == [(1.1, 1), (0.9, 1), (1, 1.1), (1, 0.9)]
+
+
+def test_the_score_of_the_policy_that_is_judged_stands_for_its_peak() -> None:
+    (found,) = hacking.tried({"a-s1": RESULT}, {"a-s1": score(60.0)}, {"a-s1": {"peak of F": score(110.0)}}, "reward")
+    assert hacking.drift(found)
+    assert hacking.tried({"a-s1": RESULT}, {}, {}, "reward") == []
