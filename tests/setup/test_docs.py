@@ -8,7 +8,7 @@ import pytest
 
 from openeureka.cli.check import check
 from openeureka.cli.main import app
-from openeureka.cli.settings import CheckConfig, ContextConfig, PlayConfig, ReportConfig, TrainConfig, split
+from openeureka.cli.settings import CheckConfig, ContextConfig, PageConfig, PlayConfig, ReportConfig, TrainConfig, split
 from openeureka.config import RunConfig
 
 ROOT = Path(__file__).parents[2]
@@ -21,6 +21,7 @@ KINDS = {
     "play": PlayConfig,
     "report": ReportConfig,
     "context": ContextConfig,
+    "ui": PageConfig,
 }
 COMMANDS = {info.callback.__name__ for info in app.registered_commands if info.callback}
 
