@@ -47,7 +47,7 @@ $(BIN)/python:
 
 # The two files below mark a finished installation; they are older than pyproject.toml after it changes.
 $(VENV)/dev: pyproject.toml constraints.txt | $(BIN)/python
-	$(PIP) --editable '.[dev,gpu]'
+	$(PIP) --editable '.[dev,gpu,ui]'
 	@touch $@
 
 $(VENV)/local: pyproject.toml constraints.txt | $(BIN)/python

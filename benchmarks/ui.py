@@ -109,8 +109,10 @@ def served(root: Path) -> Iterator[tuple[int, str]]:
         assert process.stdout is not None
         address = re.search(r"http\S+", process.stdout.readline())
         assert address is not None
-        yield process.pid, address[0]
-        process.send_signal(signal.SIGINT)
+        try:
+            yield process.pid, address[0]
+        finally:
+            process.send_signal(signal.SIGINT)
 
 
 def load(page: Page, address: str) -> float:

@@ -1,6 +1,6 @@
 """Renews docs/images: the page and the report of a small search, as headless Chromium shows them.
 
-    python scripts/screenshots.py [RUN]     # without a run it makes one; needs the extra `dev` and Chromium
+python scripts/screenshots.py [RUN]     # without a run it makes one; needs the extra `dev` and Chromium
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Page, ViewportSize, sync_playwright
 
 from openeureka.report.view import RunView
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 EUREKA = [sys.executable, "-c", "from openeureka.cli.main import main; main()"]
 SEARCH = ["env=cartpole", "model=random", "sample=6", "iteration=2", "steps=150000", "seeds=1", "video=all"]
-SIZE = {"width": 1100, "height": 1200}
+SIZE = ViewportSize(width=1100, height=1200)
 
 
 @contextmanager
@@ -33,8 +33,10 @@ def served(root: Path) -> Iterator[str]:
         assert process.stdout is not None
         address = re.search(r"http\S+", process.stdout.readline())
         assert address is not None
-        yield address[0]
-        process.send_signal(signal.SIGINT)
+        try:
+            yield address[0]
+        finally:
+            process.send_signal(signal.SIGINT)
 
 
 def take(page: Page, run: Path) -> None:

@@ -69,7 +69,7 @@ class RunConfig:
     baselines: str = "train"
     """`train` the human and the sparse reward along, or take what openeureka has `known` of them beforehand."""
     video: str = "best"
-    """`all` trained policies, the `best` or `none`."""
+    """`all` trained policies, the `best` or `none`; with feedback=human `all` unless set."""
     dir: str = ""
     """Run directory; empty means `outputs/<time>_<env>`."""
     unsafe_no_sandbox: bool = False

@@ -48,10 +48,8 @@ def run(
 
     for index in range(len(history.generations), config.generations):
         history = hearing.hear(history)
-        if config.init and index == 0:
-            samples = sampler.given()
-        else:
-            samples = sampler.fill(index, strategy.ask(history, Random(f"{config.seed}/{index}")))
+        plans = strategy.ask(history, Random(f"{config.seed}/{index}"))
+        samples = sampler.given() if config.init and index == 0 else sampler.fill(index, plans)
         model.close()  # an embedded model must not run while training does: they fight for the same cores
 
         observer.phase(index, "train")

@@ -135,7 +135,7 @@ def test_a_run_that_cannot_be_read_is_explained(tmp_path):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "run.log").write_text("\x1b[31mThere is no model <b>x</b>.")
     page = shown(visitor(tmp_path), "/runs/run/")
-    assert "has no run.sqlite" in page.text and "There is no model <b>x</b>." in page.text
+    assert "has not begun" in page.text and "There is no model <b>x</b>." in page.text
     assert_inert(page)
 
 

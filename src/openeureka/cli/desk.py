@@ -34,8 +34,8 @@ class TerminalDesk:
     def _invitation(self, generation: Generation) -> Iterator[str]:
         yield f"\nGeneration {generation.index} is trained. Watch its policies:"
         yield columns([("candidate", "F", "video"), *self._videos(generation)])
-        yield "Say what you see, in words for the model, or favourite=, veto= and vote=, from any shell:"
-        yield f'  eureka feedback {self._directory} "too jerky" favourite=g0s1 veto=g0s2 vote=g0s1:g0s0 go'
+        yield "Say what you see, in words for the model or by favourite=, veto= and vote=A:B, from any shell:"
+        yield f'  eureka feedback {self._directory} "too jerky" favourite=g{generation.index}s0 go'
         if self._listening:
             yield "or here, a line at a time; an empty line goes on."
         if self._config.feedback_timeout:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from ..types import CandidateId, Generation, History, Place, RemarkKind, Scored
@@ -29,15 +29,8 @@ class Ranking:
         # A task that never defines F leaves nothing else to judge by.
         scored = any(entry.fitness is not None for entry in self._entries.values())
         self.by_votes = history.judge == "votes" or (bool(self._votes) and not scored)
-        self.vetoed = tuple(
-            self._entries[place]
-            for place in dict.fromkeys(
-                remark.candidate
-                for generation in history.generations
-                for remark in generation.remarks
-                if remark.kind is RemarkKind.VETO and remark.candidate is not None
-            )
-        )
+        vetoed = self._named(RemarkKind.VETO, history.generations)
+        self.vetoed = tuple({entry.sample.place: entry for entry in vetoed}.values())
         """Rejected for good, in the order of the vetoes."""
         self.rejected = frozenset(entry.sample.verdict.candidate for entry in self.vetoed)
 
@@ -55,8 +48,7 @@ class Ranking:
     @property
     def favourite(self) -> Scored | None:
         """Whom a person, after the last generation, chose as the next parent."""
-        remarks = self._generations[-1].remarks if self._generations else ()
-        chosen = [self._entry(remark.candidate) for remark in remarks if remark.kind is RemarkKind.FAVOURITE]
+        chosen = self._named(RemarkKind.FAVOURITE, self._generations[-1:])
         return next((e for e in reversed(chosen) if e.sample.verdict.candidate not in self.rejected), None)
 
     def record(self, candidate: CandidateId) -> Record:
@@ -89,9 +81,10 @@ class Ranking:
                 others = [e.sample.place for e in self._generations[remark.candidate.generation].entries if e.trained]
             yield from ((winner, self._id(other)) for other in others if self._id(other) != winner)
 
-    def _entry(self, place: Place | None) -> Scored:
-        assert place is not None
-        return self._entries[place]
+    def _named(self, kind: RemarkKind, generations: Sequence[Generation]) -> list[Scored]:
+        """The entries that remarks of one kind are about, in the order in which they were said."""
+        remarks = [remark for generation in generations for remark in generation.remarks if remark.kind is kind]
+        return [self._entries[remark.candidate] for remark in remarks if remark.candidate is not None]
 
     def _id(self, place: Place) -> CandidateId:
         return self._entries[place].sample.verdict.candidate

@@ -9,6 +9,7 @@ from typing import Any
 from ..config import FEEDBACKS, VIDEOS, RunConfig
 from ..report import html, inert
 from ..report.view import CandidateView, PromptView, RunView
+from ..store import is_run
 from ..tasks import registry
 from . import folder, remarks
 from .folder import Entry
@@ -60,7 +61,9 @@ def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
 
 
 def unreadable(directory: Path, problem: str) -> Parts:
-    """A run that has no store yet, or one of another version."""
+    """A run that cannot be shown, as one that was started and has no store yet."""
+    if not is_run(directory):
+        problem = "The run has not begun; what it printed so far says why."
     piece = _pieces()
     return {"problem": piece.problem(problem), "log": piece.log(folder.log(directory))}
 
