@@ -15,7 +15,7 @@ def test_tiles_fill_rows_from_the_left(monkeypatch: pytest.MonkeyPatch):
 
     monkeypatch.setattr(contact_sheet, "COLUMNS", 2)
     tiles = [Image.new("RGB", (4, 3), colour) for colour in ("red", "lime", "blue")]
-    whole = contact_sheet.sheet(tiles)
+    whole = contact_sheet.sheet(tiles).convert("RGB")
     assert whole.size == (8, 6)
     corners = [whole.getpixel(corner) for corner in ((0, 0), (4, 0), (0, 3), (4, 3))]
     assert corners == [(255, 0, 0), (0, 255, 0), (0, 0, 255), (255, 255, 255)]
