@@ -46,6 +46,8 @@ _BUILT_IN = {
     "shadow_hand_pen": "openeureka.tasks.bimanual.pen:ShadowHandPen",
     "shadow_hand_re_orientation": "openeureka.tasks.bimanual.re_orientation:ShadowHandReOrientation",
     "shadow_hand_kettle": "openeureka.tasks.bimanual.kettle:ShadowHandKettle",
+    "shadow_hand_spin": "openeureka.tasks.hands.spin:ShadowHandSpin",
+    "shadow_hand_upside_down": "openeureka.tasks.hands.upside_down:ShadowHandUpsideDown",
 }
 
 
