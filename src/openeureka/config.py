@@ -39,11 +39,13 @@ class RunConfig:
     refill: int = 2
     """Fresh samples a slot may take after refusals."""
     temperature: float = 1.0
+    curriculum: str = ""
+    """Stages to train each candidate through: one of the task's own, or a YAML file; empty means the task alone."""
     seed: int = 0
     seeds: int = 3
     """Fresh seeds the best reward is retrained with at the end."""
     steps: int = 0
-    """Environment steps per candidate."""
+    """Environment steps per candidate, over all stages of a curriculum."""
     worlds: int = 0
     """Worlds per candidate."""
     bonus: str = "none"
@@ -87,10 +89,14 @@ def short_name(env: str) -> str:
     return re.sub(r"\W+", "_", env.rpartition(":")[2]).lower()
 
 
-def _absolute(env: str) -> str:
-    """`FILE.py:Class` with the whole path, so that `eureka resume` and `eureka play` find it from any directory."""
-    file, _, name = env.rpartition(":")
-    return f"{Path(file).expanduser().resolve()}:{name}" if file.endswith(".py") else env
+def _absolute(key: str, value: str) -> str:
+    """`env=FILE.py:Class` and `curriculum=FILE.yaml` with the whole path, so that they are found from any directory."""
+    file, _, name = value.rpartition(":")
+    if key == "env" and file.endswith(".py"):
+        return f"{Path(file).expanduser().resolve()}:{name}"
+    if key == "curriculum" and value.endswith((".yaml", ".yml")):
+        return str(Path(value).expanduser().resolve())
+    return value
 
 
 Config = TypeVar("Config")
@@ -110,7 +116,7 @@ def parse(kind: type[Config], words: Sequence[str]) -> Config:
             raise ConfigError(f"`{word}` is not of the form key=value, for example env=cartpole.")
         if key not in fields:
             raise ConfigError(f"Unknown setting `{key}`.{nearest(key, fields)} Settings: {', '.join(fields)}.")
-        values[key] = _absolute(value) if key == "env" else value
+        values[key] = _absolute(key, value)
     try:
         merged = OmegaConf.merge(OmegaConf.structured(kind), values)
         built = {key: merged[key] for key in values}  # pyright: ignore[reportArgumentType]

@@ -212,6 +212,8 @@ class TrainJob:
     """Unique within a run, e.g. `<candidate>-s<seed>` or `human-s0`."""
     program: RewardProgram
     seed: int = 0
+    start: bytes | None = field(default=None, repr=False)
+    """Policy that training goes on from (safetensors, see `training.policy`); None begins anew."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

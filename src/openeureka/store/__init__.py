@@ -1,6 +1,7 @@
 """The run directory: one SQLite file of finished work and the files a person wants to open."""
 
 from .recover import is_run, read_config, read_replies
+from .stages import StageFiles
 from .store import Peak, Store
 
-__all__ = ["Peak", "Store", "is_run", "read_config", "read_replies"]
+__all__ = ["Peak", "StageFiles", "Store", "is_run", "read_config", "read_replies"]

@@ -7,7 +7,7 @@ import os
 import time
 from collections import deque
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from ..errors import WorkerError
 from ..tasks import registry
@@ -87,7 +87,7 @@ class PopulationTrainer:
         for groups in (1, 1, len(jobs)):
             for group in _split(list(left.values()), groups):
                 try:
-                    for frame in self._ask({"do": "train", **pack_jobs(env, group, budget)}, {}, device):
+                    for frame in self._ask(pack_jobs(env, group, budget), device):
                         message = unpack(frame) if frame is not None else None
                         if isinstance(message, TrainingResult):
                             del left[message.job]
@@ -99,16 +99,17 @@ class PopulationTrainer:
     def evaluate(self, env: str, policies: Mapping[str, bytes], *, seed: int) -> Iterator[Evaluation]:
         """Held-out score of each policy, on the first device. Raises WorkerError when the worker dies."""
         if policies:
-            for frame in self._ask({"do": "evaluate", "env": env, "seed": seed}, policies, self._devices[0]):
+            request = Frame({"do": "evaluate", "env": env, "seed": seed}, policies)
+            for frame in self._ask(request, self._devices[0]):
                 if frame is not None and "score" in frame.header:
                     yield Evaluation(**frame.header["score"])
 
-    def _ask(self, request: Mapping[str, Any], blobs: Mapping[str, bytes], device: str) -> Generator[Frame | None]:
+    def _ask(self, request: Frame, device: str) -> Generator[Frame | None]:
         """Frames of one request, up to the one that says it is done; None while there is nothing yet."""
         # Idle OpenMP threads that spin would starve the simulator's threads, many times over on a busy machine.
         with Worker(self._module, env={"GOMP_SPINCOUNT": "0", **os.environ}) as worker:
             try:
-                worker.send({**request, "device": device, "threads": self._threads}, blobs)
+                worker.send({**request.header, "device": device, "threads": self._threads}, request.blobs)
                 heard = time.monotonic()
                 while True:
                     if worker.ready(POLL):

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from ..reward import graph
 from ..types import Checkpoint, TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
@@ -13,8 +12,8 @@ from ..worker import Frame
 PEAKS = ("best_fitness", "best_reward")
 
 
-def pack_jobs(env: str, jobs: Sequence[TrainJob], budget: TrainBudget) -> dict[str, Any]:
-    """What to train."""
+def pack_jobs(env: str, jobs: Sequence[TrainJob], budget: TrainBudget) -> Frame:
+    """What to train; policies to go on from are blobs."""
     packed = [
         {
             "id": job.id,
@@ -23,16 +22,19 @@ def pack_jobs(env: str, jobs: Sequence[TrainJob], budget: TrainBudget) -> dict[s
         }
         for job in jobs
     ]
-    return {"env": env, "jobs": packed, "budget": dataclasses.asdict(budget)}
+    starts = {job.id: job.start for job in jobs if job.start is not None}
+    return Frame({"do": "train", "env": env, "jobs": packed, "budget": dataclasses.asdict(budget)}, starts)
 
 
-def unpack_jobs(header: Mapping[str, Any]) -> tuple[str, list[TrainJob], TrainBudget]:
+def unpack_jobs(frame: Frame) -> tuple[str, list[TrainJob], TrainBudget]:
     """Inverse of `pack_jobs`; graphs are validated again."""
+    header = frame.header
     jobs = [
         TrainJob(
             id=job["id"],
             seed=job["seed"],
             program=job["program"] if isinstance(job["program"], str) else graph.from_json(job["program"]["graph"]),
+            start=frame.blobs.get(job["id"]),
         )
         for job in header["jobs"]
     ]

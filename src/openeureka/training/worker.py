@@ -24,7 +24,7 @@ def main() -> None:
         if header["device"].startswith("cuda"):
             torch.cuda.set_device(header["device"])  # graphs are captured on the current device
         if header["do"] == "train":
-            env, jobs, budget = unpack_jobs(header)
+            env, jobs, budget = unpack_jobs(request)
             for message in Population(env, jobs, budget, **options).train():
                 frame = pack(message)
                 channel.send(frame.header, frame.blobs)

@@ -27,7 +27,7 @@ OBJECT, GOAL = "object", "goal"
 
 
 class Reorientation(Task):
-    """A fixed hand with position drives, whose joints come first in the model, and an object, whose free joint comes last.
+    """A fixed hand with position drives, whose joints come first in the model, and an object, whose joint comes last.
 
     Reaching a goal does not end the episode: the next goal is set before the next step. Goals are orientations only;
     the goal position is where the object should stay.
@@ -242,7 +242,9 @@ def hand_variables(
         StateVar(name="obs_buf", shape=(observations,), meaning="observation of the policy, before clipping"),
         StateVar(name="states_buf", shape=(observations,), meaning="unused, zeros"),
         StateVar(name="object_pose", shape=(7,), meaning=f"{held}: {pose}, world frame"),
-        StateVar(name="object_pos", shape=(3,), meaning=f"position of the {held}'s centre [m], world frame", use="point"),
+        StateVar(
+            name="object_pos", shape=(3,), meaning=f"position of the {held}'s centre [m], world frame", use="point"
+        ),
         StateVar(name="object_rot", shape=(4,), meaning=f"orientation of the {held}, quaternion x y z w"),
         StateVar(
             name="object_linvel",
