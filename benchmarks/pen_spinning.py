@@ -53,9 +53,9 @@ def train(trainer: Trainer, jobs: Sequence[TrainJob], budget: TrainBudget) -> di
 def arm(trainer: Trainer, results: Mapping[str, TrainingResult], folder: Path) -> Record:
     """Cycles an episode, their mean, and every seed's steps and curves; leaves the policies.
 
-    Policies are those at the peak of their own reward, as a curriculum goes on from them.
+    Policies are those at the end of training, as a curriculum goes on from them.
     """
-    policies = {job: result.best_reward.policy for job, result in results.items() if result.best_reward is not None}
+    policies = {job: result.last for job, result in results.items() if result.last is not None}
     for job, policy in policies.items():
         artifacts.write(folder / f"{job}.safetensors", policy)
     scores = {score.job: score for score in trainer.evaluate(ENV, policies, seed=0)}

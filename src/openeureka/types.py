@@ -259,6 +259,8 @@ class TrainingResult:
     """Pearson correlation of own and human reward over the transitions of training; None when either is constant."""
     best_fitness: Checkpoint | None = None
     best_reward: Checkpoint | None = None
+    last: bytes | None = field(default=None, repr=False)
+    """Policy at the end of training, which a curriculum goes on from; None for a lane that ended early."""
     message: str = ""
     """Why the lane ended early, for people; empty otherwise."""
 

@@ -12,7 +12,7 @@ from .db import explained
 
 
 class StageFiles:
-    """Remembers stages as `<folder>/<job>/stage<number>.json` and, at the peak of the own reward, `.safetensors`.
+    """Remembers stages as `<folder>/<job>/stage<number>.json` and, of a lane that goes on, its last policy beside it.
 
     The policy comes first: a stage whose JSON is there is whole.
 
@@ -24,21 +24,18 @@ class StageFiles:
         self._folder, self._resumes = folder, resumes
 
     def save(self, stage: int, result: TrainingResult) -> None:
-        if result.best_reward is not None:
-            artifacts.write(self._path(stage, result.job, "safetensors"), result.best_reward.policy)
+        if result.last is not None:
+            artifacts.write(self._path(stage, result.job, "safetensors"), result.last)
         artifacts.write(self._path(stage, result.job, "json"), encode_result(result))
 
     def read(self, stage: int, job: str) -> TrainingResult | None:
-        """The result with its policy at the peak of the own reward; None when the stage was not finished."""
-        path = self._path(stage, job, "json")
+        """The result with its last policy, the others empty; None when the stage was not finished."""
+        path, policy = (self._path(stage, job, suffix) for suffix in ("json", "safetensors"))
         with explained(self._folder):
             if not (self._resumes and path.is_file()):
                 return None
-            result = decode_result(job, path.read_text())
-            if result.best_reward is None:
-                return result
-            policy = self._path(stage, job, "safetensors").read_bytes()
-        return dataclasses.replace(result, best_reward=dataclasses.replace(result.best_reward, policy=policy))
+            last = policy.read_bytes() if policy.is_file() else None
+            return dataclasses.replace(decode_result(job, path.read_text()), last=last)
 
     def _path(self, stage: int, job: str, suffix: str) -> Path:
         return self._folder / job / f"stage{stage}.{suffix}"

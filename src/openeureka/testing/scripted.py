@@ -124,6 +124,7 @@ class ToyTrainer:
             correlation=1.0 if job.program == "human" else 0.5,
             best_fitness=peak,
             best_reward=peak,
+            last=peak.policy,
         )
 
     def evaluate(self, env: str, policies: Mapping[str, bytes], *, seed: int) -> Iterator[Evaluation]:

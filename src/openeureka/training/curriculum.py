@@ -21,9 +21,9 @@ class Keeper(Protocol):
 class CurriculumTrainer:
     """A `types.Trainer` that takes every job through all stages, all lanes of a stage at once.
 
-    A lane goes on from the peak of its own reward, so that F guides no training. Curves, F and checkpoints of its
-    result are those of the last stage, the task itself; steps and seconds are sums. A lane that diverges or fails
-    earlier ends there, without an F.
+    A lane goes on from where it ended, not from a peak: F guides no training, and the peak of a noisy reward may be an
+    early one. Curves, F and checkpoints of its result are those of the last stage, the task itself; steps and seconds
+    are sums. A lane that diverges or fails earlier ends there, without an F.
 
     Args:
         trainer: trains each stage.
@@ -49,14 +49,12 @@ class CurriculumTrainer:
                     yield _overall(event, steps, number)
                 elif last:
                     yield _summed([*passed[event.job], event])
-                elif _start(event) is None:
+                elif event.last is None:
                     yield _lost([*passed[event.job], event])
                 else:
                     passed[event.job].append(event)
             jobs = [
-                dataclasses.replace(job, start=_start(passed[job.id][-1]))
-                for job in jobs
-                if len(passed[job.id]) == number
+                dataclasses.replace(job, start=passed[job.id][-1].last) for job in jobs if len(passed[job.id]) == number
             ]
             if not jobs:
                 return
@@ -83,12 +81,6 @@ def shares(stages: Sequence[Stage], total: int) -> list[int]:
     return [max(1, total * steps // sum(own)) for steps in own] if total else own
 
 
-def _start(result: TrainingResult) -> bytes | None:
-    """The policy that the next stage goes on from; None for a lane that ended."""
-    finished = result.state is TrainingState.FINISHED
-    return result.best_reward.policy if finished and result.best_reward is not None else None
-
-
 def _overall(progress: TrainingProgress, steps: Sequence[int], number: int) -> TrainingProgress:
     """Progress of one stage as part of the whole curriculum; an earlier stage says nothing of F."""
     epochs = round(progress.epochs * sum(steps) / steps[number - 1])
@@ -113,5 +105,6 @@ def _lost(results: Sequence[TrainingResult]) -> TrainingResult:
         curves=curves,
         best_fitness=None,
         best_reward=None,
+        last=None,
         message=f"Stage {len(results)}: {result.message}",
     )

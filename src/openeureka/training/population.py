@@ -145,6 +145,7 @@ class Population:
             correlation=self.curves.correlation(lane),
             best_fitness=peak.checkpoint() if peak else None,
             best_reward=peak_reward.checkpoint() if peak_reward else None,
+            last=None if message else Policy.of(self.env_name, self.ppo, lane).to_bytes(),
             message=message,
         )
 

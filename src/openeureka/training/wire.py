@@ -44,10 +44,12 @@ def unpack_jobs(frame: Frame) -> tuple[str, list[TrainJob], TrainBudget]:
 def pack(message: TrainingProgress | TrainingResult) -> Frame:
     if isinstance(message, TrainingProgress):
         return Frame({"progress": dataclasses.asdict(message)})
-    fields = {f.name: getattr(message, f.name) for f in dataclasses.fields(message) if f.name not in PEAKS}
+    names = (field.name for field in dataclasses.fields(message))
+    fields = {name: getattr(message, name) for name in names if name not in (*PEAKS, "last")}
     peaks = {name: peak for name in PEAKS if (peak := getattr(message, name)) is not None}
     fields["peaks"] = {name: {"epoch": peak.epoch, "value": peak.value} for name, peak in peaks.items()}
-    return Frame({"result": fields}, {name: peak.policy for name, peak in peaks.items()})
+    last = {"last": message.last} if message.last is not None else {}
+    return Frame({"result": fields}, {name: peak.policy for name, peak in peaks.items()} | last)
 
 
 def unpack(frame: Frame) -> TrainingProgress | TrainingResult:
@@ -58,4 +60,9 @@ def unpack(frame: Frame) -> TrainingProgress | TrainingResult:
     peaks = {name: Checkpoint(policy=frame.blobs[name], **peak) for name, peak in fields.pop("peaks").items()}
     fields["state"] = TrainingState(fields["state"])
     fields["curves"] = {name: tuple(curve) for name, curve in fields["curves"].items()}
-    return TrainingResult(**fields, best_fitness=peaks.get("best_fitness"), best_reward=peaks.get("best_reward"))
+    return TrainingResult(
+        **fields,
+        best_fitness=peaks.get("best_fitness"),
+        best_reward=peaks.get("best_reward"),
+        last=frame.blobs.get("last"),
+    )
