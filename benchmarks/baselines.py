@@ -5,7 +5,7 @@
     python benchmarks/baselines.py --env ant --device cuda       # on all GPUs
 
 The rewards and seeds of a task are lanes of one training. `benchmarks/results/baselines.json` is written after each
-task, and what it holds is not repeated: a broken-off run loses one task, and the same command goes on. The package
+task, and what it holds is not repeated; a training that is broken off leaves its state: the same command goes on. The package
 ships its summary (`src/openeureka/baselines.json`): `eureka envs` shows it, and scores read it where the human and the
 sparse reward were not trained along.
 """
@@ -32,6 +32,7 @@ from openeureka.types import Evaluation, TrainBudget, Trainer, TrainingProgress,
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results" / "baselines.json"
+SNAPSHOTS = ROOT / "benchmarks" / "results" / "snapshots"
 SHIPPED = ROOT / "src" / "openeureka" / "baselines.json"
 REWARDS = ("human", "sparse")
 PEAKS = ("fitness", "reward")
@@ -62,7 +63,7 @@ def settings(env: str, budget: TrainBudget) -> Record:
 
 def learn(env: str, jobs: Sequence[TrainJob], budget: TrainBudget, device: str, threads: int) -> Record:
     """Train the lanes and score the peaks of F on held-out episodes; one record a lane."""
-    trainer = PopulationTrainer(device, threads)
+    trainer = PopulationTrainer(device, threads, snapshots=SNAPSHOTS)
     started = time.perf_counter()
     results: list[TrainingResult] = []
     for message in trainer.train(env, jobs, budget):

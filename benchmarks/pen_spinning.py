@@ -7,7 +7,7 @@
 *Pre-trained* is the policy after the curriculum's first stage (random goals), *fine-tuned* the one after its last,
 *scratch* one that spent the steps of all stages on the waypoints. All are scored in 256 held-out episodes on the
 waypoints, 12 of which are one cycle. `benchmarks/results/pen_spinning.json` is written after each of the two trainings;
-what it holds, and the finished first stage of a broken-off curriculum, are not repeated. Generated rewards get the
+what it holds is not repeated, and a training that is broken off leaves its state: the same command goes on. Generated rewards get the
 original's bonus of 250 a goal, as in Eureka's experiment.
 """
 
@@ -130,7 +130,7 @@ def main(words: Sequence[str] | None = None) -> None:
     budget = TrainBudget(env_steps=steps, worlds=worlds, bonus=True)
     jobs = [TrainJob(id=f"s{seed}", program=program(options.reward), seed=seed) for seed in range(options.seeds)]
     folder = options.policies / "_".join(map(str, settings.values()))
-    trainer = PopulationTrainer(options.device, options.threads)
+    trainer = PopulationTrainer(options.device, options.threads, snapshots=folder / "snapshots")
     for names, learn in PARTS.items():
         if not found["arms"].keys() >= set(names):
             found["arms"] |= {

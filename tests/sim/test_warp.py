@@ -109,3 +109,18 @@ def test_a_lack_of_room_is_an_error_that_names_the_setting(monkeypatch: pytest.M
     simulation.step(torch.zeros(2, 3))
     with pytest.raises(TaskError, match="4 constraints a world.*raise `max_constraints`"):
         simulation.check()
+
+
+@pytest.mark.parametrize("device", ["cpu", "warp-cpu"])
+def test_another_simulator_goes_on_from_a_saved_state(device: str):
+    first, second = (open_simulator(slider(-9.81), 3, device=device, room=ROOM) for _ in range(2))
+    for sim in (first, second):
+        sim.bind("qpos"), sim.bind("ctrl"), sim.expand("body_mass")
+    first.expand("body_mass")[:, 1] = torch.tensor([1.0, 2.0, 4.0])
+    first.bind("ctrl")[:, 0] = 3.0
+    first.step(5)
+    second.load_state_dict(first.state_dict())
+    for sim in (first, second):
+        sim.step(5)
+    assert len(first.bind("qpos")[:, 0].unique()) == 3  # three masses
+    assert torch.equal(first.bind("qpos"), second.bind("qpos"))

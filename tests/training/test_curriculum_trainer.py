@@ -119,8 +119,8 @@ class TestCurriculumTrainer(TrainerConformance):
 
     @pytest.fixture(autouse=True, scope="class")
     @staticmethod
-    def _folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> None:
-        request.cls.folder = tmp_path_factory.mktemp("stages")
+    def _folder(tmp_path_factory: pytest.TempPathFactory) -> None:
+        TestCurriculumTrainer.folder = tmp_path_factory.mktemp("stages")
 
     def make(self) -> CurriculumTrainer:
         stages = (Stage(env="cartpole+episode_length=20", steps=1), Stage(env=self.env, steps=1))

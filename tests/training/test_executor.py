@@ -1,9 +1,12 @@
+import dataclasses
 from pathlib import Path
 
 import pytest
 
 from openeureka.errors import TaskError
+from openeureka.training import executor
 from openeureka.training.executor import PopulationTrainer
+from openeureka.training.snapshots import Snapshot
 from openeureka.training.wire import pack, pack_jobs, unpack, unpack_jobs
 from openeureka.types import (
     Checkpoint,
@@ -40,6 +43,40 @@ def test_a_job_that_kills_its_worker_takes_no_other_with_it(monkeypatch: pytest.
     assert [found[name].state for name in ("a", "b", "late")] == [TrainingState.FINISHED] * 3
     assert found["deadly"].state is TrainingState.FAILED
     assert "ended before it answered" in found["deadly"].message
+
+
+def interrupted(monkeypatch: pytest.MonkeyPatch, folder: Path | None) -> dict[str, TrainingResult]:
+    """Results of a training whose worker is killed after its first snapshot."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    monkeypatch.setattr(executor, "SNAPSHOT_SECONDS", 1e-9)
+    trainer = PopulationTrainer(module="interrupted_worker", snapshots=folder, threads=1)
+    jobs = [TrainJob(id="human", program="human"), TrainJob(id="angle", program=GRAPH, seed=1)]
+    budget = TrainBudget(env_steps=16 * 32 * 3, worlds=32)
+    found = (r for r in trainer.train("cartpole", jobs, budget) if isinstance(r, TrainingResult))
+    return {result.job: dataclasses.replace(result, seconds=0.0) for result in found}
+
+
+def test_a_training_whose_worker_is_killed_goes_on_from_its_snapshot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    found = interrupted(monkeypatch, tmp_path / "snapshots")
+    assert found == interrupted(monkeypatch, None)  # without snapshots it is never killed
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_snapshot_that_helps_no_worker_is_forgotten(tmp_path: Path):
+    snapshot = Snapshot(tmp_path / "snapshots", {"what": "is trained"})
+    assert snapshot.read() is None
+    snapshot.write(b"state")
+    snapshot.distrust()  # written by the worker that died: the next one may go on from it
+    assert snapshot.read() == b"state"
+    snapshot.distrust()  # the next one died and wrote none
+    assert snapshot.read() is None
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_another_training_does_not_go_on_from_this_snapshot(tmp_path: Path):
+    Snapshot(tmp_path, {"worlds": 2}).write(b"state")
+    assert Snapshot(tmp_path, {"worlds": 2}).read() == b"state"
+    assert Snapshot(tmp_path, {"worlds": 3}).read() is None
 
 
 def test_training_and_evaluation_in_a_worker():

@@ -6,11 +6,12 @@ import torch
 from openeureka.tasks.classic.cartpole import Cartpole
 from openeureka.tasks.env import Step
 from openeureka.tasks.task import Score, State
+from openeureka.training import population
 from openeureka.training.curves import Curves
 from openeureka.training.policy import Player, Policy
 from openeureka.training.population import Population
 from openeureka.training.rewards import correlation, moments
-from openeureka.types import Node, RewardGraph, TrainBudget, TrainingResult, TrainingState, TrainJob
+from openeureka.types import Node, RewardGraph, TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
 
 SMALL = TrainBudget(env_steps=16 * 32 * 4, worlds=32)
 
@@ -37,6 +38,24 @@ def test_training_is_deterministic_and_does_not_depend_on_global_random_state():
     first = results(jobs)
     torch.manual_seed(99)
     assert dict(first["b"].curves) == dict(results(jobs)["b"].curves)
+
+
+def test_a_training_goes_on_from_its_saved_state_as_if_nothing_had_happened(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(population, "PROGRESS_SECONDS", 0.0)
+    jobs = [TrainJob(id="human", program="human"), TrainJob(id="own", program=upright(), seed=1)]
+    whole = results(jobs)
+    first = Population("cartpole", jobs, SMALL, threads=1)
+    for message in first.train():
+        assert isinstance(message, TrainingProgress)
+        if message.epoch == 2:
+            break
+    second = Population("cartpole", jobs, SMALL, threads=1)
+    second.load_state_dict(first.state_dict())
+    for message in second.train():
+        if isinstance(message, TrainingProgress):
+            assert message.epoch > 2
+        else:
+            assert dataclasses.replace(message, seconds=0.0) == dataclasses.replace(whole[message.job], seconds=0.0)
 
 
 def test_a_lane_trains_the_same_beside_others():

@@ -48,7 +48,7 @@ def resume(words: Sequence[str]) -> None:
 
 def _search(config: RunConfig, directory: Path) -> None:
     known = context(config.env)
-    trainer = trainer_of(config, directory / "lanes")
+    trainer = trainer_of(config, directory, lanes=directory / "lanes")
     model = open_model(config, held=len(read_replies(directory)) if is_run(directory) else 0)
     config = search.sized(config, model.style)
     size = f"{config.iteration} generations of {config.sample} rewards"

@@ -13,13 +13,13 @@ from ..types import Trainer
 from .settings import TrainConfig
 
 
-def trainer_of(config: RunConfig | TrainConfig, lanes: Path) -> Trainer:
+def trainer_of(config: RunConfig | TrainConfig, directory: Path, *, lanes: Path) -> Trainer:
     """Trains the task alone, or through the stages of a curriculum, which are kept in the folders of `lanes`.
 
     Raises:
         ConfigError: for a device or a curriculum that does not exist or does not fit.
     """
-    trainer = PopulationTrainer(device=config.device, threads=config.threads)
+    trainer = PopulationTrainer(device=config.device, threads=config.threads, snapshots=directory / "snapshots")
     if not config.curriculum:
         return trainer
     stages = curriculum.find(config.env, config.curriculum)

@@ -33,7 +33,7 @@ def train(words: Sequence[str]) -> None:
     jobs = {f"{name}-s{seed}": TrainJob(id=f"{name}-s{seed}", program=programs[name], seed=seed)
             for name in programs for seed in seeds}  # fmt: skip
     directory = output_directory(config.dir, config.env, "train_")
-    trainer = trainer_of(config, directory)
+    trainer = trainer_of(config, directory, lanes=directory)
     results = _train(trainer, config, list(jobs.values()), directory)
     policies = {job: result.best_fitness.policy for job, result in results.items() if result.best_fitness}
     held_out = {score.job: score for score in trainer.evaluate(config.env, policies, seed=config.seed)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 
 import mujoco
 import torch
@@ -61,6 +62,19 @@ class Simulator(ABC):
     @abstractmethod
     def snapshot(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """One world as plain MuJoCo objects, for rendering."""
+
+    @abstractmethod
+    def memory(self) -> dict[str, Tensor]:
+        """All that the next `step` depends on, as live tensors by name: states, inputs, bound and expanded fields."""
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """A copy of `memory`."""
+        return {name: value.clone() for name, value in self.memory().items()}
+
+    def load_state_dict(self, saved: Mapping[str, Tensor]) -> None:
+        """Go on where another simulator of the same model, worlds, bound and expanded fields was."""
+        for name, value in self.memory().items():
+            value.copy_(saved[name])
 
     @abstractmethod
     def check(self, task: str) -> None:

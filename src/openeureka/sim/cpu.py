@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import mujoco
 import numpy as np
 import torch
@@ -92,6 +94,17 @@ class CpuSimulator(Simulator):
         data = self._batch.get_data(world)
         mujoco.mj_forward(model, data)
         return model, data
+
+    def memory(self) -> dict[str, Tensor]:
+        fields = {f"bound/{name}": mirror for name, (_, mirror) in self._mirrors.items()}
+        for name, (array, mirror) in self._expanded.items():
+            fields |= {f"expanded/{name}": mirror, f"exact/{name}": torch.from_numpy(array)}
+        return {"state": torch.from_numpy(self._batch.state), **fields}
+
+    def load_state_dict(self, saved: Mapping[str, Tensor]) -> None:
+        super().load_state_dict(saved)
+        if self._expanded:
+            self._batch.set_const()
 
     def _pull(self, worlds: np.ndarray | slice = _ALL) -> None:
         for array, mirror in self._mirrors.values():

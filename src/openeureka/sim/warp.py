@@ -151,6 +151,11 @@ class WarpSimulator(Simulator):
         mujoco.mj_forward(model, data)
         return model, data
 
+    def memory(self) -> dict[str, Tensor]:
+        fields = {name: tensor for name, (tensor, _) in self._defaults.items()}
+        fields |= {f"bound/{name}": tensor for name, tensor in self._bound.items()}
+        return fields | {f"expanded/{name}": values for name, (values, _) in self._expanded.items()}
+
     def _tensor(self, field: str) -> Tensor:
         """An MjData field (N, ...) of the simulator's own memory, in MuJoCo's own shape."""
         tensor = wp.to_torch(getattr(self._data, field))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import torch
@@ -90,6 +90,20 @@ class BatchedEnv:
             self.task.progress = self.task.noise.uniform(worlds, 1, 0, self.task.episode_length - 1)[:, 0].long()
             self._whole = self.task.progress == 0
         return self._observe(self.current_state())
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that the next step depends on, copied."""
+        own = {"bad": self._bad.clone(), "whole": self._whole.clone(), "draws": self.task.noise.draws.clone()}
+        task = {name: value.clone() for name, value in self.task.tensors().items()}
+        return {**own, "task": task, "sim": self.sim.state_dict()}
+
+    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
+        """Go on where another environment of the same task, lanes and worlds was."""
+        self._bad, self._whole = saved["bad"], saved["whole"]
+        self.task.noise.draws.copy_(saved["draws"])
+        for name in self.task.tensors():
+            setattr(self.task, name, saved["task"][name])
+        self.sim.load_state_dict(saved["sim"])
 
     def step(self, actions: Tensor) -> Step:
         """Advance all worlds by one action (N, A); values outside [-1, 1] are clamped."""

@@ -152,6 +152,12 @@ class Task(ABC):
         tensors = {name: value for name, value in vars(self).items() if isinstance(value, Tensor)}
         return {name: value for name, value in tensors.items() if value.shape[:1] == (self.num_envs,)}
 
+    def tensors(self) -> dict[str, Tensor]:
+        """Every attribute that is a tensor, but for the simulator's own memory."""
+        bound = {value.untyped_storage().data_ptr() for value in self.sim.memory().values()}
+        own = {name: value for name, value in vars(self).items() if isinstance(value, Tensor)}
+        return {name: value for name, value in own.items() if value.untyped_storage().data_ptr() not in bound}
+
     def success_bonus(self, s: State) -> Tensor | None:
         """(N,) what the original adds to every generated reward on success, unknown to its author; None for nothing."""
         return None

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -86,6 +87,14 @@ class Curves:
             own_means.append(own / transitions)
         self._start()
         return fitness, own_means
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that is remembered between two epochs."""
+        return {"curves": self.curves, "scores": list(self._scores), "moments": self._moments}
+
+    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
+        self.curves, self._moments = saved["curves"], saved["moments"]
+        self._scores.extend(saved["scores"])
 
     def correlation(self, lane: int) -> float | None:
         """Of own and human reward over every transition so far."""

@@ -7,6 +7,7 @@ import os
 import time
 from collections import deque
 from collections.abc import Generator, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import TypeVar
 
 from ..errors import WorkerError
@@ -14,12 +15,15 @@ from ..tasks import registry
 from ..types import Evaluation, TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 from .devices import devices
-from .wire import pack_jobs, unpack
+from .snapshots import Snapshot
+from .wire import SNAPSHOT, pack_jobs, unpack
 
 SILENCE = 600.0
 """[s] without a sign of life after which a worker counts as hung; it reports every second and compiles for seconds."""
 MAX_WORLDS = {"cpu": 16384, "cuda": 65536}
 """A world costs about 0.15 MB, of which the model hardly matters (measured on Cartpole and Humanoid, on the CPU)."""
+SNAPSHOT_SECONDS = 300.0
+"""[s] between two snapshots of a training; one takes a fraction of a second."""
 POLL = 0.05
 """[s] that one worker is waited for before the next gets a look."""
 
@@ -35,6 +39,8 @@ class PopulationTrainer:
         device: where to train, see `devices`; each device named has a worker process of its own.
         threads: simulation and tensor threads of a worker, 0 for all cores.
         max_worlds: the most worlds of one population, over all its lanes; 0 for what the kind of device usually holds.
+        snapshots: folder in which trainings that take minutes leave their state, to go on from when this process or a
+            worker is killed; None for trainings that begin anew.
         silence: [s] after which a worker that says nothing is ended and replaced.
         module: what the worker runs; tests replace it.
 
@@ -47,13 +53,14 @@ class PopulationTrainer:
         device: str = "cpu",
         threads: int = 0,
         *,
+        snapshots: Path | None = None,
         module: str = "openeureka.training.worker",
         silence: float = SILENCE,
         max_worlds: int = 0,
     ) -> None:
         self._devices = devices(device)
         self._threads = threads
-        self._module, self._silence = module, silence
+        self._module, self._silence, self._snapshots = module, silence, snapshots
         kind = "cuda" if self._devices[0].startswith("cuda") else "cpu"
         self._max_worlds = max_worlds or MAX_WORLDS[kind]
 
@@ -87,14 +94,32 @@ class PopulationTrainer:
         for groups in (1, 1, len(jobs)):
             for group in _split(list(left.values()), groups):
                 try:
-                    for frame in self._ask(pack_jobs(env, group, budget), device):
-                        message = unpack(frame) if frame is not None else None
+                    for message in self._train_in_one(pack_jobs(env, group, budget), device):
                         if isinstance(message, TrainingResult):
                             del left[message.job]
                         yield message
                 except WorkerError as error:
                     reasons |= {job.id: str(error) for job in group}
         yield from (_failed(job, reasons[job.id]) for job in left.values())
+
+    def _train_in_one(self, request: Frame, device: str) -> Generator[Message | None]:
+        """Messages of one worker, which goes on from where the one before it was."""
+        kind = device.partition(":")[0]
+        snapshot = Snapshot(self._snapshots, {**request.header, "device": kind})
+        state = snapshot.read()
+        every = SNAPSHOT_SECONDS if self._snapshots is not None else 0.0
+        header = {"do": "train", "snapshot_seconds": every, **request.header}
+        blobs = {**request.blobs, **({SNAPSHOT: state} if state is not None else {})}
+        try:
+            for frame in self._ask(Frame(header, blobs), device):
+                if frame is not None and SNAPSHOT in frame.blobs:
+                    snapshot.write(frame.blobs[SNAPSHOT])
+                else:
+                    yield unpack(frame) if frame is not None else None
+        except WorkerError:
+            snapshot.distrust()
+            raise
+        snapshot.remove()
 
     def evaluate(self, env: str, policies: Mapping[str, bytes], *, seed: int) -> Iterator[Evaluation]:
         """Held-out score of each policy, on the first device. Raises WorkerError when the worker dies."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import torch
 from torch import Tensor
 
@@ -32,6 +35,12 @@ class RunningNorm:
         self.mean = self.mean + delta * (batch / total)
         self.var = (self.var * self.count + var * batch + delta**2 * (self.count * batch / total)) / total
         self.count = total
+
+    def state_dict(self) -> dict[str, Any]:
+        return {"mean": self.mean, "var": self.var, "count": self.count}
+
+    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
+        self.mean, self.var, self.count = saved["mean"], saved["var"], saved["count"]
 
     def normalize(self, x: Tensor) -> Tensor:
         """(L, B, D) to zero mean and unit variance, clamped at +-5."""

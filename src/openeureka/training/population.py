@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -33,6 +34,9 @@ class Population:
         env: name of the task.
         jobs: one lane each.
         budget: steps and worlds of each lane; zeros take the task's recipe.
+
+    Attributes:
+        epoch: epochs that are done.
     """
 
     def __init__(
@@ -65,12 +69,15 @@ class Population:
         self.best_reward: list[Peak | None] = [None] * self.lanes
         self.messages = [""] * self.lanes
         self.trained = [self.epochs] * self.lanes  # epochs until the lane ended
+        self.epoch, self.observation = 0, self._split(self.env.reset(stagger=True))
+        self._before = 0.0  # [s] that training took in processes before this one
 
     def train(self) -> Iterator[TrainingProgress | TrainingResult]:
-        """Yields progress about once a second, then one result per job."""
-        started = reported = time.monotonic()
-        observation = self._split(self.env.reset(stagger=True))
-        for epoch in range(self.epochs):
+        """Yields progress about once a second, when its state may be saved, then one result per job."""
+        began, self._started = self.epoch, time.monotonic()
+        reported = self._started
+        observation = self.observation
+        for epoch in range(self.epoch, self.epochs):
             for t in range(self.horizon):
                 action = self.ppo.act(observation)
                 step = self.env.step(action.action.flatten(0, 1))
@@ -91,13 +98,45 @@ class Population:
             if not bool(self.ppo.active.any()):
                 break
             self.ppo.update(self.rollout, self.ppo.value(observation))
+            self.epoch, self.observation = epoch + 1, observation
             now = time.monotonic()
             if now - reported > PROGRESS_SECONDS:
                 reported = now
-                yield self._progress(epoch + 1, now - started)
-        seconds = time.monotonic() - started
+                yield self._progress((self.epoch - began) / (now - self._started))
+        seconds = self._seconds()
         for lane in range(self.lanes):
             yield self._result(lane, seconds)
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that the next epoch depends on: nested dictionaries and lists of tensors, numbers and text."""
+        return {
+            "epoch": self.epoch,
+            "seconds": self._seconds(),
+            "observation": self.observation,
+            "env": self.env.state_dict(),
+            "ppo": self.ppo.state_dict(),
+            "curves": self.curves.state_dict(),
+            "peaks": [
+                [peak and peak.state_dict() for peak in peaks] for peaks in (self.best_fitness, self.best_reward)
+            ],
+            "messages": self.messages,
+            "trained": self.trained,
+        }
+
+    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
+        """Go on where another population of the same task, jobs and budget was; what follows is the same to the bit."""
+        self.epoch, self.observation, self._before = saved["epoch"], saved["observation"], saved["seconds"]
+        self.env.load_state_dict(saved["env"])
+        self.ppo.load_state_dict(saved["ppo"])
+        self.curves.load_state_dict(saved["curves"])
+        self.best_fitness, self.best_reward = (
+            [peak and Peak(peak["epoch"], peak["value"], Policy(self.env_name, peak["policy"])) for peak in peaks]
+            for peaks in saved["peaks"]
+        )
+        self.messages, self.trained = saved["messages"], saved["trained"]
+
+    def _seconds(self) -> float:
+        return self._before + time.monotonic() - self._started
 
     def _split(self, x: Tensor) -> Tensor:
         """(N, ...) to (L, n, ...)."""
@@ -127,10 +166,10 @@ class Population:
                 if value is not None and (known is None or value > known.value):
                     peaks[lane] = Peak(epoch, value, Policy.of(self.env_name, self.ppo, lane))
 
-    def _progress(self, epoch: int, seconds: float) -> TrainingProgress:
+    def _progress(self, epochs_per_second: float) -> TrainingProgress:
         best = {job.id: peak.value if peak else None for job, peak in zip(self.jobs, self.best_fitness, strict=True)}
-        rate = epoch * self.horizon * self.worlds * self.lanes / seconds
-        return TrainingProgress(epoch=epoch, epochs=self.epochs, env_steps_per_second=rate, fitness=best)
+        rate = epochs_per_second * self.horizon * self.worlds * self.lanes
+        return TrainingProgress(epoch=self.epoch, epochs=self.epochs, env_steps_per_second=rate, fitness=best)
 
     def _result(self, lane: int, seconds: float) -> TrainingResult:
         peak, peak_reward = self.best_fitness[lane], self.best_reward[lane]
@@ -155,6 +194,9 @@ class Peak:
 
     def __init__(self, epoch: int, value: float, policy: Policy) -> None:
         self.epoch, self.value, self.policy = epoch, value, policy
+
+    def state_dict(self) -> dict[str, Any]:
+        return {"epoch": self.epoch, "value": self.value, "policy": dict(self.policy.tensors)}
 
     def checkpoint(self) -> Checkpoint:
         return Checkpoint(epoch=self.epoch, value=self.value, policy=self.policy.to_bytes())

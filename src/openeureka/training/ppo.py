@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -135,6 +135,30 @@ class PPO:
                     observations[:, part], actions[:, part], old, advantage[:, part], target[:, part]
                 )
         self.observations.update(raw)
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that the next update depends on; tensors are live."""
+        return {
+            "network": self.network.flat,
+            "observations": self.observations.state_dict(),
+            "values": self.values.state_dict(),
+            "active": self.active,
+            "learning_rate": self.learning_rate,
+            "moments": (self._first, self._second),
+            "updates": self._updates,
+            "generators": [generator.get_state() for generator in self._generators],
+        }
+
+    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
+        """Go on where another PPO of the same seeds, sizes and recipe was."""
+        self.network.flat.copy_(saved["network"])  # in place: all parameters are views of it
+        self.observations.load_state_dict(saved["observations"])
+        self.values.load_state_dict(saved["values"])
+        self.active, self.learning_rate = saved["active"], saved["learning_rate"]
+        self._first, self._second = saved["moments"]
+        self._updates = saved["updates"]
+        for generator, state in zip(self._generators, saved["generators"], strict=True):
+            generator.set_state(state.cpu())
 
     def _step(
         self, observation: Tensor, action: Tensor, old: tuple[Tensor, ...], advantage: Tensor, target: Tensor

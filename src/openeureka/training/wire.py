@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 from collections.abc import Sequence
 
 from ..reward import graph
@@ -10,6 +11,8 @@ from ..types import Checkpoint, TrainBudget, TrainingProgress, TrainingResult, T
 from ..worker import Frame
 
 PEAKS = ("best_fitness", "best_reward")
+SNAPSHOT = "snapshot"
+"""The blob that holds the state of a training under way."""
 
 
 def pack_jobs(env: str, jobs: Sequence[TrainJob], budget: TrainBudget) -> Frame:
@@ -19,11 +22,13 @@ def pack_jobs(env: str, jobs: Sequence[TrainJob], budget: TrainBudget) -> Frame:
             "id": job.id,
             "seed": job.seed,
             "program": job.program if isinstance(job.program, str) else {"graph": graph.to_json(job.program)},
+            # Snapshots are known by this header: trainings that begin elsewhere must not share one.
+            "start": hashlib.sha256(job.start).hexdigest() if job.start is not None else None,
         }
         for job in jobs
     ]
     starts = {job.id: job.start for job in jobs if job.start is not None}
-    return Frame({"do": "train", "env": env, "jobs": packed, "budget": dataclasses.asdict(budget)}, starts)
+    return Frame({"env": env, "jobs": packed, "budget": dataclasses.asdict(budget)}, starts)
 
 
 def unpack_jobs(frame: Frame) -> tuple[str, list[TrainJob], TrainBudget]:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import time
 from collections.abc import Callable
+from typing import Any
 
 import torch
 
-from ..worker import Channel
+from ..types import TrainingProgress
+from ..worker import Channel, Frame
 from .evaluate import evaluate
 from .population import Population
-from .wire import pack, unpack_jobs
+from .wire import SNAPSHOT, pack, unpack_jobs
 
 
 def main() -> None:
@@ -24,15 +27,36 @@ def main() -> None:
         if header["device"].startswith("cuda"):
             torch.cuda.set_device(header["device"])  # graphs are captured on the current device
         if header["do"] == "train":
-            env, jobs, budget = unpack_jobs(request)
-            for message in Population(env, jobs, budget, **options).train():
-                frame = pack(message)
-                channel.send(frame.header, frame.blobs)
+            _train(channel, request, Population(*unpack_jobs(request), **options))
         else:
             alive = _signs_of_life(channel)
             for score in evaluate(header["env"], request.blobs, seed=header["seed"], after_step=alive, **options):
                 channel.send({"score": dataclasses.asdict(score)})
         channel.send({"done": True})
+
+
+def _train(channel: Channel, request: Frame, population: Population) -> None:
+    """Stream messages and, now and then, a snapshot to go on from."""
+    if SNAPSHOT in request.blobs:
+        population.load_state_dict(_load(request.blobs[SNAPSHOT], population.device))
+    saved = time.monotonic()
+    for message in population.train():
+        frame = pack(message)
+        channel.send(frame.header, frame.blobs)
+        every = request.header["snapshot_seconds"]
+        if every and isinstance(message, TrainingProgress) and time.monotonic() - saved > every:
+            channel.send({}, {SNAPSHOT: _save(population.state_dict())})
+            saved = time.monotonic()
+
+
+def _save(state: dict[str, Any]) -> bytes:
+    file = io.BytesIO()
+    torch.save(state, file)
+    return file.getvalue()
+
+
+def _load(data: bytes, device: torch.device) -> dict[str, Any]:
+    return torch.load(io.BytesIO(data), map_location=device, weights_only=True)
 
 
 def _signs_of_life(channel: Channel) -> Callable[[], None]:

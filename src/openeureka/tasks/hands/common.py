@@ -40,7 +40,7 @@ class Reorientation(Task):
     """Middle of the object's start positions [m]."""
     goal_position: ClassVar[Vector]
     """[m]"""
-    tolerance: ClassVar[float] = 0.1
+    tolerance: float = 0.1
     """Angle from its goal at which the object has reached it [rad]."""
     distance_weight: ClassVar[float] = -10.0
     """Of the distance from the goal position [1/m] in the human reward."""

@@ -77,6 +77,16 @@ class TaskConformance:
         steps = [simulation.step(actions) for _ in range(10)]
         assert all(torch.equal(step.observation[0:4], step.observation[4:8]) for step in steps)
 
+    def test_another_environment_goes_on_from_a_saved_state(self) -> None:
+        first, second = self._make(worlds=4), self._make(worlds=4)
+        first.reset(stagger=True)
+        second.reset()
+        _random_steps(first, 5)
+        first.task.progress[0] = first.task.episode_length - 2  # a reset is among what follows
+        second.load_state_dict(first.state_dict())
+        left, right = (_random_steps(simulation, 3) for simulation in (first, second))
+        assert torch.equal(left[-1].observation, right[-1].observation)
+
     def test_results_do_not_depend_on_the_number_of_threads(self) -> None:
         one, two = (self._make(worlds=6, threads=threads) for threads in (1, 2))
         assert torch.equal(one.reset(), two.reset())
