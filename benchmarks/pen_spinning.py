@@ -7,8 +7,8 @@
 *Pre-trained* is the policy after the curriculum's first stage (random goals), *fine-tuned* the one after its last,
 *scratch* one that spent the steps of all stages on the waypoints. All are scored in 256 held-out episodes on the
 waypoints, 12 of which are one cycle. `benchmarks/results/pen_spinning.json` is written after each of the two trainings;
-what it holds is not repeated, and a training that is broken off leaves its state: the same command goes on. Generated rewards get the
-original's bonus of 250 a goal, as in Eureka's experiment.
+what it holds is not repeated, and a training that is broken off leaves its state: the same command goes on. Generated
+rewards get the original's bonus of 250 a goal, as in Eureka's experiment.
 """
 
 from __future__ import annotations
