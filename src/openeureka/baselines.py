@@ -47,9 +47,10 @@ def chosen(config: RunConfig) -> Baselines | None:
     """
     if config.baselines != "known":
         return None
-    found = known(config.env, search.make(config).checkpoint)
+    found = known(config.env, search.make(config).checkpoint) if not config.curriculum else None
     if found is None:
-        raise ConfigError(f"The baselines of {config.env} were not measured beforehand; use baselines=train.")
+        what = f"{config.env} with a curriculum" if config.curriculum else config.env
+        raise ConfigError(f"The baselines of {what} were not measured beforehand; use baselines=train.")
     return found
 
 

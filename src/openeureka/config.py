@@ -49,11 +49,13 @@ class RunConfig:
     refill: int = 2
     """Fresh samples a slot may take after refusals."""
     temperature: float = 1.0
+    curriculum: str = ""
+    """Stages to train each candidate through: one of the task's own, or a YAML file; empty means the task alone."""
     seed: int = 0
     seeds: int = 3
     """Fresh seeds the best reward is retrained with at the end."""
     steps: int = 0
-    """Environment steps per candidate."""
+    """Environment steps per candidate, over all stages of a curriculum."""
     worlds: int = 0
     """Worlds per candidate."""
     bonus: str = "none"
@@ -118,10 +120,17 @@ def short_name(env: str) -> str:
     return re.sub(r"\W+", "_", env.rpartition(":")[2]).lower()
 
 
-def _absolute(name: str) -> str:
-    """`FILE.py` or `FILE.py:Class` with the whole path, so that any command finds it from any directory."""
-    match = re.fullmatch(r"(.+\.py)(:.*)?", name)
-    return f"{Path(match[1]).expanduser().resolve()}{match[2] or ''}" if match else name
+_FILES = {
+    "env": r"(.+\.py)(:.*)?",
+    "init": r"(.+\.py)()",
+    "curriculum": r"(.+\.ya?ml)()",
+}
+
+
+def _absolute(key: str, value: str) -> str:
+    """The whole path of a file that `env`, `init` or `curriculum` names, so that it is found from any directory."""
+    match = re.fullmatch(_FILES.get(key, "(?!)"), value)
+    return f"{Path(match[1]).expanduser().resolve()}{match[2] or ''}" if match else value
 
 
 Config = TypeVar("Config")
@@ -141,7 +150,7 @@ def parse(kind: type[Config], words: Sequence[str]) -> Config:
             raise ConfigError(f"`{word}` is not of the form key=value, for example env=cartpole.")
         if key not in fields:
             raise ConfigError(f"Unknown setting `{key}`.{nearest(key, fields)} Settings: {', '.join(fields)}.")
-        values[key] = _absolute(value) if key in ("env", "init") else value
+        values[key] = _absolute(key, value)
     try:
         merged = OmegaConf.merge(OmegaConf.structured(kind), values)
         built = {key: merged[key] for key in values}  # pyright: ignore[reportArgumentType]

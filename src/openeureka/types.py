@@ -215,6 +215,8 @@ class TrainJob:
     """Unique within a run, e.g. `<candidate>-s<seed>` or `human-s0`."""
     program: RewardProgram
     seed: int = 0
+    start: bytes | None = field(default=None, repr=False)
+    """Policy that training goes on from (safetensors, see `training.policy`); None begins anew."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -260,6 +262,8 @@ class TrainingResult:
     """Pearson correlation of own and human reward over the transitions of training; None when either is constant."""
     best_fitness: Checkpoint | None = None
     best_reward: Checkpoint | None = None
+    last: bytes | None = field(default=None, repr=False)
+    """Policy at the end of training, which a curriculum goes on from; None for a lane that ended early."""
     message: str = ""
     """Why the lane ended early, for people; empty otherwise."""
 

@@ -37,3 +37,15 @@ class TestAllegroHand(TaskConformance):
 class TestShadowHand(TaskConformance):
     env = "shadow_hand"
     start_overlap = 0.01  # the original's random spread angles may press neighbouring fingers together
+
+
+class TestShadowHandSpin(TaskConformance):
+    env = "shadow_hand_spin"
+    start_overlap = 0.01  # fingers, as ShadowHand
+    random_worlds = 128
+
+
+class TestShadowHandUpsideDown(TaskConformance):
+    env = "shadow_hand_upside_down"
+    start_overlap = 0.01  # fingers, as ShadowHand
+    random_worlds = 128

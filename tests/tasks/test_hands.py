@@ -153,7 +153,7 @@ def test_an_episode_starts_with_bent_joints_and_the_cube_above_the_palm(hand: ty
 def test_random_rotations_turn_about_y_and_then_about_x(monkeypatch: pytest.MonkeyPatch):
     task = task_of(make(AllegroHand))
     monkeypatch.setattr(WorldNoise, "uniform", lambda *_: torch.tensor([[0.5, 0.5], [1.0, 0.0]]))
-    quarter_each, half_about_x = task._random_rotation(torch.arange(2))
+    quarter_each, half_about_x = task.random_rotation(torch.arange(2))
     # A quarter about y takes x to -z and z to x; a quarter about x then takes -z to y and leaves x.
     x, z = torch.tensor([1.0, 0.0, 0.0]), torch.tensor([0.0, 0.0, 1.0])
     torch.testing.assert_close(rotate(quarter_each, x), torch.tensor([0.0, 1.0, 0.0]), atol=1e-6, rtol=0)

@@ -9,7 +9,7 @@ from openeureka.worker import Channel
 channel = Channel()
 request = channel.receive()
 assert request is not None
-job = unpack_jobs(request.header)[1][0]
+job = unpack_jobs(request)[1][0]
 if job.id != "deadly":
     frame = pack(
         TrainingResult(

@@ -23,12 +23,12 @@ GRAPH = RewardGraph(nodes=(Node("input", ("pole_angle",)),), reward=0, component
 
 
 def test_jobs_and_results_survive_the_pipe():
-    jobs = [TrainJob(id="a", program=GRAPH, seed=3), TrainJob(id="b", program="human")]
+    jobs = [TrainJob(id="a", program=GRAPH, seed=3), TrainJob(id="b", program="human", start=b"\x03")]
     budget = TrainBudget(env_steps=5, worlds=2)
     assert unpack_jobs(pack_jobs("cartpole", jobs, budget)) == ("cartpole", jobs, budget)
     result = TrainingResult(
         job="a", state=TrainingState.DIVERGED, fitness=None, curves={"fitness": (None, 1.5)}, env_steps=3, seconds=1.0,
-        best_reward=Checkpoint(epoch=1, value=2.0, policy=b"\x00\x01"), message="why",
+        best_reward=Checkpoint(epoch=1, value=2.0, policy=b"\x00\x01"), last=b"\x02", message="why",
     )  # fmt: skip
     progress = TrainingProgress(epoch=1, epochs=2, env_steps_per_second=3.0, fitness={"a": None})
     assert unpack(pack(result)) == result

@@ -21,11 +21,11 @@ from ..store import Store, is_run, read_config, read_replies
 from ..store.paths import output_directory
 from ..tasks.context import context
 from ..tasks.record import record_states
-from ..training.executor import PopulationTrainer
 from .desk import TerminalDesk
 from .live import view
 from .settings import only_path, split
 from .show import summary
+from .trainer import trainer_of
 
 
 class Interrupted(EurekaError):
@@ -52,12 +52,12 @@ def resume(words: Sequence[str]) -> None:
 
 def _search(config: RunConfig, directory: Path) -> None:
     known = context(config.env)
+    trainer = trainer_of(config, directory, lanes=directory / "lanes")
     model = open_model(config, held=len(read_replies(directory)) if is_run(directory) else 0)
     config = search.sized(config, model.style)
     size = f"{config.iteration} generations of {config.sample} rewards"
     print(f"{short_name(config.env)}: {size} by {config.model}, in {directory}")
     strategy = search.make(config)
-    trainer = PopulationTrainer(device=config.device, threads=config.threads, snapshots=directory / "snapshots")
     try:
         with (
             Sandbox(known.state, record_states(config.env), unsafe=config.unsafe_no_sandbox) as checker,

@@ -20,12 +20,14 @@ class TrainConfig:
     env: str = "cartpole"
     reward: str = "human,sparse"
     """Comma-separated: `human`, `sparse` or the path of a reward file."""
+    curriculum: str = ""
+    """Stages to train each reward through: one of the task's own, or a YAML file; empty means the task alone."""
     seeds: int = 1
     """Trainings per reward."""
     seed: int = 0
     """First seed."""
     steps: int = 0
-    """Environment steps per training."""
+    """Environment steps per training, over all stages of a curriculum."""
     worlds: int = 0
     """Worlds per training."""
     bonus: str = "none"

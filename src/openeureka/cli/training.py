@@ -17,11 +17,11 @@ from ..score import human_normalised, mean, rank
 from ..store import artifacts
 from ..store.paths import output_directory
 from ..tasks.registry import get
-from ..training.executor import PopulationTrainer
 from ..types import Evaluation, RewardProgram, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainJob
 from .progress import ProgressLine
 from .rewards import explain, judge
 from .settings import TrainConfig
+from .trainer import trainer_of
 
 BUILT_IN = ("human", "sparse")
 
@@ -35,7 +35,7 @@ def train(words: Sequence[str]) -> None:
     jobs = {f"{name}-s{seed}": TrainJob(id=f"{name}-s{seed}", program=programs[name], seed=seed)
             for name in programs for seed in seeds}  # fmt: skip
     directory = output_directory(config.dir, config.env, "train_")
-    trainer = PopulationTrainer(device=config.device, threads=config.threads, snapshots=directory / "snapshots")
+    trainer = trainer_of(config, directory, lanes=directory)
     results = _train(trainer, config, list(jobs.values()), directory)
     policies = {job: result.best_fitness.policy for job, result in results.items() if result.best_fitness}
     held_out = {score.job: score for score in trainer.evaluate(config.env, policies, seed=config.seed)}

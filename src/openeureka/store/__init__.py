@@ -2,6 +2,7 @@
 
 from .recover import is_held, is_run, read_config, read_remarks, read_replies
 from .remarks import say
+from .stages import StageFiles
 from .store import Peak, Store
 
-__all__ = ["Peak", "Store", "is_held", "is_run", "read_config", "read_remarks", "read_replies", "say"]
+__all__ = ["Peak", "StageFiles", "Store", "is_held", "is_run", "read_config", "read_remarks", "read_replies", "say"]

@@ -1,13 +1,16 @@
 """Finds tasks by name: the built-in ones, those of installed packages (entry point group `openeureka.tasks`), import
-strings `pkg.mod:Class` and files `path/to/file.py:Class`."""
+strings `pkg.mod:Class` and files `path/to/file.py:Class`.
+`NAME+attribute=value` is a task with another class attribute."""
 
 from __future__ import annotations
 
 import hashlib
 import importlib
 import importlib.util
+import json
+import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
@@ -46,6 +49,8 @@ _BUILT_IN = {
     "shadow_hand_pen": "openeureka.tasks.bimanual.pen:ShadowHandPen",
     "shadow_hand_re_orientation": "openeureka.tasks.bimanual.re_orientation:ShadowHandReOrientation",
     "shadow_hand_kettle": "openeureka.tasks.bimanual.kettle:ShadowHandKettle",
+    "shadow_hand_spin": "openeureka.tasks.hands.spin:ShadowHandSpin",
+    "shadow_hand_upside_down": "openeureka.tasks.hands.upside_down:ShadowHandUpsideDown",
 }
 
 
@@ -58,8 +63,38 @@ def get(env: str) -> type[Task]:
     """The task's class.
 
     Raises:
-        TaskError: when nothing of that name exists, it cannot be imported or is not a whole task.
+        TaskError: when nothing of that name exists, it cannot be imported, is not a whole task or lacks an attribute.
     """
+    name, *settings = re.split(r"\+(?=\w+=)", env)
+    task = _named(name)
+    return _changed(task, dict(setting.split("=", 1) for setting in settings)) if settings else task
+
+
+def variant(env: str, values: Mapping[str, object]) -> str:
+    """The name of a task with other class attributes, for `get`."""
+    return "+".join([env, *(f"{name}={json.dumps(value)}" for name, value in values.items())])
+
+
+def _changed(task: type[Task], settings: Mapping[str, str]) -> type[Task]:
+    """A subclass whose attributes are replaced by values in JSON of the same type."""
+    known = {name: getattr(task, name) for name in dir(task) if not name.startswith("_")}
+    known = {name: value for name, value in known.items() if isinstance(value, bool | int | float | str)}
+    values: dict[str, object] = {}
+    for name, text in settings.items():
+        if name not in known:
+            raise TaskError(f"`{task.env}` has no `{name}` to set.{nearest(name, known)} It has {', '.join(known)}.")
+        try:
+            value = json.loads(text)
+        except ValueError:
+            value = text
+        kind = type(known[name])
+        values[name] = float(value) if kind is float and type(value) is int else value
+        if type(values[name]) is not kind:
+            raise TaskError(f"`{name}` of `{task.env}` is {known[name]!r}; set another {kind.__name__}, not `{text}`.")
+    return type(task.__name__, (task,), {"__module__": task.__module__, **values})
+
+
+def _named(env: str) -> type[Task]:
     installed = {point.name: point.value for point in entry_points(group="openeureka.tasks")}
     target = env if ":" in env else _BUILT_IN.get(env) or installed.get(env)
     if target is None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import torch
 from torch import Tensor
 
@@ -43,6 +45,13 @@ def multiply(a: Tensor, b: Tensor) -> Tensor:
 def conjugate(quat: Tensor) -> Tensor:
     """The opposite turn, of a unit quaternion."""
     return torch.cat((-quat[..., :3], quat[..., 3:]), dim=-1)
+
+
+def turn_about(axis: Literal[0, 1, 2], angle: Tensor) -> Tensor:
+    """The turn (..., 4) by angles (...) [rad] about the x, y or z axis."""
+    turn = angle.new_zeros((*angle.shape, 4))
+    turn[..., axis], turn[..., 3] = (0.5 * angle).sin(), (0.5 * angle).cos()
+    return turn
 
 
 def rotation_distance(a: Tensor, b: Tensor) -> Tensor:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
 import mujoco
@@ -56,6 +56,21 @@ class View:
     """[degrees]"""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stage:
+    """One part of a curriculum, in which a lane goes on from the policy of the stage before with the same reward.
+
+    `Stage()` is the task itself, with the steps of its recipe.
+    """
+
+    env: str = ""
+    """Another task with the same observations, actions and state variables; empty means the task itself."""
+    set: Mapping[str, bool | int | float | str] = field(default_factory=dict)
+    """Class attributes that are different here, such as `{"episode_length": 100}`."""
+    steps: int = 0
+    """Environment steps of a lane; 0 means those of the recipe."""
+
+
 class Score(NamedTuple):
     """Contribution of each world to the fitness F, which over any window is sum(value * weight) / sum(weight)."""
 
@@ -92,6 +107,8 @@ class Task(ABC):
     spec: ClassVar[StateSpec]
     recipe: ClassVar[Recipe]
     view: ClassVar[View] = View()
+    curricula: ClassVar[Mapping[str, tuple[Stage, ...]]] = {}
+    """What `curriculum=NAME` trains instead of the task alone; each ends with the task itself."""
 
     def __init__(self, sim: Simulator, noise: WorldNoise) -> None:
         self.sim = sim

@@ -125,6 +125,7 @@ class ToyTrainer:
             correlation=1.0 if job.program == "human" else 0.5,
             best_fitness=peak,
             best_reward=peak,
+            last=peak.policy,
         )
 
     def evaluate(

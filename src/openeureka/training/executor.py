@@ -9,7 +9,7 @@ import time
 from collections import deque
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from ..errors import WorkerError
 from ..tasks import registry
@@ -103,15 +103,16 @@ class PopulationTrainer:
                     reasons |= {job.id: str(error) for job in group}
         yield from (_failed(job, reasons[job.id]) for job in left.values())
 
-    def _train_in_one(self, request: Mapping[str, Any], device: str) -> Generator[Message | None]:
+    def _train_in_one(self, request: Frame, device: str) -> Generator[Message | None]:
         """Messages of one worker, which goes on from where the one before it was."""
         kind = device.partition(":")[0]
-        snapshot = Snapshot(self._snapshots, {**request, "device": kind})
+        snapshot = Snapshot(self._snapshots, {**request.header, "device": kind})
         state = snapshot.read()
         every = SNAPSHOT_SECONDS if self._snapshots is not None else 0.0
-        header = {"do": "train", "snapshot_seconds": every, **request}
+        header = {"do": "train", "snapshot_seconds": every, **request.header}
+        blobs = {**request.blobs, **({SNAPSHOT: state} if state is not None else {})}
         try:
-            for frame in self._ask(header, {SNAPSHOT: state} if state is not None else {}, device):
+            for frame in self._ask(Frame(header, blobs), device):
                 if frame is not None and SNAPSHOT in frame.blobs:
                     snapshot.write(frame.blobs[SNAPSHOT])
                 else:
@@ -130,13 +131,13 @@ class PopulationTrainer:
             WorkerError: when it dies again.
         """
         factors = {job: dataclasses.asdict(changed) for job, changed in (dynamics or {}).items()}
-        request = {"do": "evaluate", "env": env, "seed": seed, "dynamics": factors}
+        header = {"do": "evaluate", "env": env, "seed": seed, "dynamics": factors}
         left = dict(policies)
         for last in (False, True):
             if not left:
                 return
             try:
-                for frame in self._ask(request, left, self._devices[0]):
+                for frame in self._ask(Frame(header, left), self._devices[0]):
                     if frame is not None and "score" in frame.header:
                         score = Evaluation(**frame.header["score"])
                         del left[score.job]
@@ -145,12 +146,12 @@ class PopulationTrainer:
                 if last and left:
                     raise
 
-    def _ask(self, request: Mapping[str, Any], blobs: Mapping[str, bytes], device: str) -> Generator[Frame | None]:
+    def _ask(self, request: Frame, device: str) -> Generator[Frame | None]:
         """Frames of one request, up to the one that says it is done; None while there is nothing yet."""
         # Idle OpenMP threads that spin would starve the simulator's threads, many times over on a busy machine.
         with Worker(self._module, env={"GOMP_SPINCOUNT": "0", **os.environ}) as worker:
             try:
-                worker.send({**request, "device": device, "threads": self._threads}, blobs)
+                worker.send({**request.header, "device": device, "threads": self._threads}, request.blobs)
                 heard = time.monotonic()
                 while True:
                     if worker.ready(POLL):

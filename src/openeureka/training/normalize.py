@@ -24,7 +24,7 @@ class RunningNorm:
     def __init__(self, lanes: int, size: int, device: torch.device) -> None:
         self.mean = torch.zeros(lanes, 1, size, device=device)
         self.var = torch.ones(lanes, 1, size, device=device)
-        self.count = 1.0
+        self.count = torch.ones(lanes, 1, 1, device=device)
 
     def update(self, x: Tensor) -> None:
         """Take in x (L, B, D), by the parallel formula of Chan, Golub and LeVeque (1979)."""

@@ -24,8 +24,8 @@ class Policy:
     """One lane's network with its observation normaliser.
 
     Tensors by name: `w0`, `b0`, ... trunk layers, `head_w`, `head_b` (actions, then the value), `log_std`,
-    `observation_mean`, `observation_var`, and `value_mean`, `value_var`. The action is the head's output clamped to
-    [-1, 1]; hidden layers are ELU; inputs are (x - mean) / sqrt(var + 1e-5) clamped at +-5.
+    `observation_mean`, `observation_var`, `observation_count`, and the same of `value`. The action is the head's output
+    clamped to [-1, 1]; hidden layers are ELU; inputs are (x - mean) / sqrt(var + 1e-5) clamped at +-5.
     """
 
     env: str
@@ -34,10 +34,14 @@ class Policy:
     @staticmethod
     def of(env: str, ppo: PPO, lane: int) -> Policy:
         """A copy of one lane as it is now."""
-        norms = {"observation": ppo.observations, "value": ppo.values}
-        statistics = {f"{name}_mean": norm.mean[lane].clone() for name, norm in norms.items()}
-        statistics |= {f"{name}_var": norm.var[lane].clone() for name, norm in norms.items()}
+        statistics = {name: tensor[lane].clone() for name, tensor in _statistics(ppo).items()}
         return Policy(env, ppo.network.lane(lane) | statistics)
+
+    def put(self, ppo: PPO, lane: int) -> None:
+        """Let a lane go on from here: weights, exploration and all statistics; the optimiser begins anew."""
+        ppo.network.load_lane(lane, self.tensors)
+        for name, tensor in _statistics(ppo).items():
+            tensor[lane] = self.tensors[name]
 
     def to_bytes(self) -> bytes:
         # One entry: safetensors writes several in no fixed order, and equal policies shall be equal files.
@@ -71,6 +75,12 @@ class Policy:
     @property
     def actions(self) -> int:
         return self.tensors["log_std"].shape[-1]
+
+
+def _statistics(ppo: PPO) -> dict[str, Tensor]:
+    """The normalisers' tensors by their names in the file, each with a leading lane axis."""
+    norms = {"observation": ppo.observations, "value": ppo.values}
+    return {f"{name}_{part}": getattr(norm, part) for name, norm in norms.items() for part in ("mean", "var", "count")}
 
 
 class Player:

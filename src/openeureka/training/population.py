@@ -53,6 +53,9 @@ class Population:
         self.device = self.env.sim.device
         self.rewards = LaneRewards(self.env.task, [job.program for job in jobs], self.worlds, bonus=budget.bonus)
         self.ppo = PPO(seeds, task.num_observations, task.num_actions, task.recipe, self.device)
+        for lane, job in enumerate(self.jobs):
+            if job.start is not None:
+                Policy.from_bytes(job.start).put(self.ppo, lane)
         self.rollout = Rollout(
             self.lanes, self.worlds, self.horizon, task.num_observations, task.num_actions, self.device
         )
@@ -196,6 +199,7 @@ class Population:
             correlation=self.curves.correlation(lane),
             best_fitness=peak.checkpoint() if peak else None,
             best_reward=peak_reward.checkpoint() if peak_reward else None,
+            last=None if message else Policy.of(self.env_name, self.ppo, lane).to_bytes(),
             message=message,
         )
 

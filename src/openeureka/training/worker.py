@@ -27,7 +27,7 @@ def main() -> None:
         if header["device"].startswith("cuda"):
             torch.cuda.set_device(header["device"])  # graphs are captured on the current device
         if header["do"] == "train":
-            _train(channel, request, Population(*unpack_jobs(header), **options))
+            _train(channel, request, Population(*unpack_jobs(request), **options))
         else:
             alive = _signs_of_life(channel)
             dynamics = {job: Dynamics(**factors) for job, factors in header["dynamics"].items()}

@@ -16,7 +16,44 @@ from .shadow import FINGERTIPS, add_shadow_hand
 
 PREFIX = "hand_"
 TIPS = tuple(PREFIX + name for name in FINGERTIPS)
-BODIES = 28  # 26 of the hand, the cube, the goal
+BODIES = 28  # 26 of the hand, the object, the goal
+
+
+def shadow_hand_variables(held: str) -> tuple[StateVar, ...]:
+    """The state variables of a Shadow Hand that holds a thing."""
+    return (
+        *hand_variables(
+            joints="wrist 1 0; first, middle and ring finger 3 2 1 0; little finger 4 3 2 1 0; thumb 4 3 2 1 0",
+            dofs=24,
+            actions=20,
+            observations=211,
+            held=held,
+        ),
+        StateVar(
+            name="fingertip_state",
+            shape=(5, 13),
+            meaning="last links of the first, middle, ring, little finger and thumb: position of the last joint "
+            "[m], quaternion x y z w, linear velocity [m/s], angular velocity [rad/s], world frame",
+        ),
+        StateVar(name="fingertip_pos", shape=(5, 3), meaning="positions in fingertip_state [m]"),
+        StateVar(
+            name="vec_sensor_tensor",
+            shape=(30,),
+            meaning="contact force [N] and torque [N m] on each last link, in its frame",
+        ),
+        StateVar(
+            name="rigid_body_states",
+            shape=(BODIES, 13),
+            meaning=f"every body, in the layout of fingertip_state: 26 of the hand, the {held}, the goal",
+        ),
+        StateVar(
+            name="fingertip_handles",
+            shape=(5,),
+            kind="constant",
+            meaning="rows of the last links in rigid_body_states, as integers",
+        ),
+        StateVar(name="num_fingertips", kind="int", meaning="number of fingers, 5"),
+    )
 
 
 class ShadowHand(Reorientation):
@@ -29,40 +66,7 @@ class ShadowHand(Reorientation):
     object_start = (0.0, -0.39, 0.60)
     goal_position = (0.0, -0.39, 0.56)
 
-    spec = StateSpec(
-        (
-            *hand_variables(
-                joints="wrist 1 0; first, middle and ring finger 3 2 1 0; little finger 4 3 2 1 0; thumb 4 3 2 1 0",
-                dofs=24,
-                actions=20,
-                observations=211,
-            ),
-            StateVar(
-                name="fingertip_state",
-                shape=(5, 13),
-                meaning="last links of the first, middle, ring, little finger and thumb: position of the last joint "
-                "[m], quaternion x y z w, linear velocity [m/s], angular velocity [rad/s], world frame",
-            ),
-            StateVar(name="fingertip_pos", shape=(5, 3), meaning="positions in fingertip_state [m]"),
-            StateVar(
-                name="vec_sensor_tensor",
-                shape=(30,),
-                meaning="contact force [N] and torque [N m] on each last link, in its frame",
-            ),
-            StateVar(
-                name="rigid_body_states",
-                shape=(BODIES, 13),
-                meaning="every body, in the layout of fingertip_state: 26 of the hand, the cube, the goal",
-            ),
-            StateVar(
-                name="fingertip_handles",
-                shape=(5,),
-                kind="constant",
-                meaning="rows of the last links in rigid_body_states, as integers",
-            ),
-            StateVar(name="num_fingertips", kind="int", meaning="number of fingers, 5"),
-        )
-    )
+    spec = StateSpec(shadow_hand_variables("cube"))
     recipe = reorientation_recipe(hidden=(128, 128))
 
     @staticmethod

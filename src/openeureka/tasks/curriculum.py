@@ -1,0 +1,89 @@
+"""Curricula: what `curriculum=` names, checked before anything is trained."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import yaml
+
+from ..errors import ConfigError, TaskError, nearest
+from .registry import get, variant
+from .task import Stage, Task
+
+FIELDS = tuple(field.name for field in dataclasses.fields(Stage))
+
+
+def find(env: str, curriculum: str) -> tuple[Stage, ...]:
+    """The stages of one of the task's own curricula or of a YAML file, with their tasks' names and steps filled in.
+
+    Raises:
+        ConfigError: when there is none, or a policy and a reward could not go through all of its stages.
+    """
+    task = get(env)
+    if curriculum.endswith((".yaml", ".yml")):
+        stages = _read(Path(curriculum))
+    elif curriculum in task.curricula:
+        stages = task.curricula[curriculum]
+    else:
+        own = f" It has {', '.join(task.curricula)}." if task.curricula else ""
+        raise ConfigError(
+            f"`{task.env}` has no curriculum `{curriculum}`.{nearest(curriculum, task.curricula)}{own} Name one or a "
+            "YAML file."
+        )
+    if stages[-1].env or stages[-1].set:
+        raise ConfigError(f"The last stage of `{curriculum}` is the task itself, leave `env` and `set` out of it.")
+    return tuple(_checked(stage, env, f"stage {number} of `{curriculum}`") for number, stage in enumerate(stages, 1))
+
+
+def _read(path: Path) -> tuple[Stage, ...]:
+    """A list of mappings with the fields of a Stage; files of tasks are found from where the list is."""
+    try:
+        found = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"Cannot read the curriculum {path}: {error.strerror}.") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ConfigError(f"The curriculum {path} is not YAML: {' '.join(str(error).split())}.") from None
+    if not (isinstance(found, list) and found and all(isinstance(stage, dict) for stage in found)):
+        raise ConfigError(f"The curriculum {path} is no list of stages, such as `- {{steps: 100000}}`.")
+    return tuple(_stage(stage, path) for stage in found)
+
+
+def _stage(values: dict, path: Path) -> Stage:
+    kinds = {"env": str, "set": dict, "steps": int}
+    for key, value in values.items():
+        if key not in FIELDS:
+            raise ConfigError(f"A stage in {path} has an unknown `{key}`; it may have {', '.join(FIELDS)}.")
+        if type(value) is not kinds[key] or (key == "steps" and value < 0):
+            raise ConfigError(
+                f"`{key}: {value}` of a stage in {path} does not fit: `{key}` takes {kinds[key].__name__}."
+            )
+    env = values.get("env", "")
+    if ".py:" in env:
+        values = {**values, "env": str(path.parent / env)}
+    return Stage(**values)
+
+
+def _checked(stage: Stage, env: str, where: str) -> Stage:
+    """The stage with its task's whole name in `env`, and its steps."""
+    name = variant(stage.env or env, stage.set)
+    try:
+        task = get(name)
+    except TaskError as error:
+        raise ConfigError(f"In {where}: {error}") from None
+    if what := _difference(task, get(env)):
+        raise ConfigError(f"In {where}: `{task.env}` has other {what} than `{get(env).env}`; no policy fits both.")
+    return Stage(env=name, steps=stage.steps or task.recipe.env_steps)
+
+
+def _difference(one: type[Task], other: type[Task]) -> str:
+    """What keeps a policy and its reward from going from one task to the other; nothing when they can."""
+    if one.num_observations != other.num_observations:
+        return "observations"
+    if one.num_actions != other.num_actions:
+        return "actions"
+    if one.recipe.hidden != other.recipe.hidden:
+        return "network sizes"
+    shapes = {variable.name: (variable.kind, variable.shape) for variable in one.spec.variables}
+    wanted = {variable.name: (variable.kind, variable.shape) for variable in other.spec.variables}
+    return "" if wanted.items() <= shapes.items() else "state variables"

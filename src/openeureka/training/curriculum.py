@@ -1,0 +1,121 @@
+"""Trains lanes through the stages of a curriculum: each goes on from the policy it left the stage before with."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Protocol
+
+from ..tasks.task import Stage
+from ..types import (
+    Dynamics,
+    Evaluation,
+    TrainBudget,
+    Trainer,
+    TrainingProgress,
+    TrainingResult,
+    TrainingState,
+    TrainJob,
+)
+
+
+class Keeper(Protocol):
+    """Remembers finished stages, so that a resumed run does not repeat them; like `store.StageFiles`."""
+
+    def read(self, stage: int, job: str) -> TrainingResult | None: ...
+
+    def save(self, stage: int, result: TrainingResult) -> None: ...
+
+
+class CurriculumTrainer:
+    """A `types.Trainer` that takes every job through all stages, all lanes of a stage at once.
+
+    A lane goes on from where it ended, not from a peak: F guides no training, and the peak of a noisy reward may be an
+    early one. Curves, F and checkpoints of its result are those of the last stage, the task itself; steps and seconds
+    are sums. A lane that diverges or fails earlier ends there, without an F.
+
+    Args:
+        trainer: trains each stage.
+        stages: as `tasks.curriculum.find` gives them.
+        keeper: where finished stages are looked up and left, by number from 1.
+    """
+
+    def __init__(self, trainer: Trainer, stages: Sequence[Stage], keeper: Keeper) -> None:
+        self._trainer, self._stages, self._keeper = trainer, stages, keeper
+
+    def train(
+        self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget
+    ) -> Iterator[TrainingProgress | TrainingResult]:
+        """Train every job. The budget's steps, if any, are shared out among the stages in proportion to their own."""
+        steps = shares(self._stages, budget.env_steps)
+        passed: dict[str, list[TrainingResult]] = {job.id: [] for job in jobs}
+        for number, stage in enumerate(self._stages, start=1):
+            last = number == len(self._stages)
+            part = dataclasses.replace(budget, env_steps=steps[number - 1])
+            train = self._trainer.train(env, jobs, part) if last else self._remembered(number, stage, jobs, part)
+            for event in train:
+                if isinstance(event, TrainingProgress):
+                    yield _overall(event, steps, number)
+                elif last:
+                    yield _summed([*passed[event.job], event])
+                elif event.last is None:
+                    yield _lost([*passed[event.job], event])
+                else:
+                    passed[event.job].append(event)
+            jobs = [
+                dataclasses.replace(job, start=passed[job.id][-1].last) for job in jobs if len(passed[job.id]) == number
+            ]
+            if not jobs:
+                return
+
+    def _remembered(
+        self, number: int, stage: Stage, jobs: Sequence[TrainJob], budget: TrainBudget
+    ) -> Iterator[TrainingProgress | TrainingResult]:
+        """What the keeper holds of a stage, then the rest as it is trained."""
+        known = {job.id: self._keeper.read(number, job.id) for job in jobs}
+        yield from (result for result in known.values() if result is not None)
+        missing = [job for job in jobs if known[job.id] is None]
+        for event in self._trainer.train(stage.env, missing, budget) if missing else ():
+            if isinstance(event, TrainingResult) and event.state is not TrainingState.FAILED:
+                self._keeper.save(number, event)
+            yield event
+
+    def evaluate(
+        self, env: str, policies: Mapping[str, bytes], *, seed: int, dynamics: Mapping[str, Dynamics] | None = None
+    ) -> Iterator[Evaluation]:
+        return self._trainer.evaluate(env, policies, seed=seed, dynamics=dynamics)
+
+
+def shares(stages: Sequence[Stage], total: int) -> list[int]:
+    """Environment steps of each stage; a `total` other than 0 is shared out in proportion to the stages' own."""
+    own = [stage.steps for stage in stages]
+    return [max(1, total * steps // sum(own)) for steps in own] if total else own
+
+
+def _overall(progress: TrainingProgress, steps: Sequence[int], number: int) -> TrainingProgress:
+    """Progress of one stage as part of the whole curriculum; an earlier stage says nothing of F."""
+    epochs = round(progress.epochs * sum(steps) / steps[number - 1])
+    before = round(epochs * sum(steps[: number - 1]) / sum(steps))
+    fitness = progress.fitness if number == len(steps) else dict.fromkeys(progress.fitness)
+    return dataclasses.replace(progress, epoch=min(before + progress.epoch, epochs), epochs=epochs, fitness=fitness)
+
+
+def _summed(results: Sequence[TrainingResult]) -> TrainingResult:
+    """The last stage's result, with what all stages took."""
+    env_steps, seconds = sum(result.env_steps for result in results), sum(result.seconds for result in results)
+    return dataclasses.replace(results[-1], env_steps=env_steps, seconds=seconds)
+
+
+def _lost(results: Sequence[TrainingResult]) -> TrainingResult:
+    """The result of a lane that ended before the last stage: what it scored there is no F of the task."""
+    result = _summed(results)
+    curves = {**result.curves, "fitness": tuple(None for _ in result.curves.get("fitness", ()))}
+    return dataclasses.replace(
+        result,
+        fitness=None,
+        curves=curves,
+        best_fitness=None,
+        best_reward=None,
+        last=None,
+        message=f"Stage {len(results)}: {result.message}",
+    )

@@ -1,0 +1,73 @@
+"""Cycles per episode of the three arms, with toy trainings."""
+
+import json
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from openeureka.testing.scripted import ToyTrainer
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def benchmark(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    import pen_spinning
+
+    return pen_spinning
+
+
+@pytest.fixture
+def go(benchmark: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Runs the script; the human reward's policies reach 9 goals in held-out episodes, plus a hundredth of the seed."""
+    trainer = ToyTrainer()
+    monkeypatch.setattr(benchmark, "PopulationTrainer", lambda *_, **__: trainer)
+
+    def go(*words: str) -> list[str]:
+        """Jobs trained by this call."""
+        trainer.trained.clear()
+        folder = str(tmp_path / "policies")
+        benchmark.main(["--seeds", "2", *words, "--policies", folder, "--out", str(tmp_path / "pen.json")])
+        return list(trainer.trained)
+
+    return go
+
+
+def test_both_stages_and_a_training_from_scratch_are_scored_in_cycles_of_twelve_goals(go, tmp_path: Path, capsys):
+    assert go() == ["s0", "s1"] * 3
+    found = json.loads((tmp_path / "pen.json").read_text())
+    assert list(found["arms"]) == ["pre_trained", "fine_tuned", "scratch"]
+    for arm in found["arms"].values():
+        assert arm["lanes"]["s1"]["cycles"] == pytest.approx(9.01 / 12)
+        assert arm["cycles"] == pytest.approx(9.005 / 12)
+        assert {"date", "device", "versions"} <= set(arm)
+    assert found["env_steps"] == 60_000_000 and found["seeds"] == 2
+    assert "fine_tuned: 0.75" in capsys.readouterr().out
+    assert len(list((tmp_path / "policies").rglob("fine_tuned/s*.safetensors"))) == 2
+
+
+def test_what_is_known_is_not_repeated(go, tmp_path: Path):
+    go()
+    assert go() == []
+    path = tmp_path / "pen.json"
+    found = json.loads(path.read_text())
+    del found["arms"]["scratch"]
+    path.write_text(json.dumps(found))
+    assert go() == ["s0", "s1"]
+    del found["arms"]["fine_tuned"]
+    path.write_text(json.dumps(found))
+    assert go() == ["s0", "s1"] * 2, "the first stage of the curriculum is kept"
+
+
+def test_another_experiment_is_not_mixed_in(go):
+    go()
+    with pytest.raises(SystemExit, match="holds another experiment"):
+        go("--steps", "1e6")
+
+
+def test_a_refused_reward_file_is_not_trained(go, tmp_path: Path):
+    (tmp_path / "bad.py").write_text("import os\n")
+    with pytest.raises(SystemExit, match="was refused"):
+        go("--reward", str(tmp_path / "bad.py"))

@@ -1,0 +1,90 @@
+"""`curriculum=` of `eureka run` and `eureka train`, with a trainer of pure functions."""
+
+import os
+from contextlib import nullcontext
+from pathlib import Path
+
+import pytest
+
+from openeureka.cli import main as command
+from openeureka.cli import search, trainer
+from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, reply
+
+EASY, LAST = "cartpole+episode_length=100", "cartpole"
+SETTINGS = ["env=cartpole", "model=scripted", "sample=1", "iteration=1", "seeds=1", "video=none"]
+
+
+class StagedTrainer(ToyTrainer):
+    """Notes task and job of every training; Ctrl-C in the last stage while `stops`."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stages: list[str] = []
+        self.stops = False
+
+    def train(self, env, jobs, budget):
+        if self.stops and env == LAST:
+            raise KeyboardInterrupt
+        self.stages += [f"{env} {job.id[-8:]}" for job in jobs]
+        yield from super().train(env, jobs, budget)
+
+
+@pytest.fixture
+def toy(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> StagedTrainer:
+    """In place of model, sandbox and trainer; the working directory holds `stages.yaml`."""
+    staged = StagedTrainer()
+    monkeypatch.setattr(search, "open_model", lambda config, held: ScriptedModel([reply(3.0)]))
+    monkeypatch.setattr(search, "Sandbox", lambda *_, **__: nullcontext(ToyChecker()))
+    monkeypatch.setattr(search, "record_states", lambda env: {})
+    monkeypatch.setattr(trainer, "PopulationTrainer", lambda **_: staged)
+    monkeypatch.chdir(tmp_path)
+    Path("stages.yaml").write_text("- {set: {episode_length: 100}, steps: 2000}\n- {steps: 1000}\n")
+    return staged
+
+
+def run(*words: str) -> int:
+    with pytest.raises(SystemExit) as exit:
+        command.main(words)
+    return int(exit.value.code or 0)
+
+
+def test_train_takes_every_reward_through_the_stages_and_leaves_their_policies(toy: StagedTrainer, tmp_path: Path):
+    assert run("train", "reward=human,sparse", "curriculum=stages.yaml", "dir=out") == 0
+    assert toy.stages == [f"{env} {job}" for env in (EASY, LAST) for job in ("human-s0", "parse-s0")]
+    assert (tmp_path / "out" / "human-s0" / "stage1.safetensors").read_bytes() == b"10.0"
+    assert (tmp_path / "out" / "human-s0" / "policy.safetensors").read_bytes() == b"10.0"
+
+
+def test_training_again_into_the_same_directory_begins_anew(toy: StagedTrainer):
+    for _ in range(2):
+        assert run("train", "reward=human", "curriculum=stages.yaml", "dir=out") == 0
+    assert toy.stages == [f"{EASY} human-s0", f"{LAST} human-s0"] * 2
+
+
+def test_a_search_that_is_resumed_elsewhere_goes_on_with_the_stage_under_way(
+    toy: StagedTrainer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    toy.stops = True
+    assert run("run", *SETTINGS, "curriculum=stages.yaml", "dir=out") == 130
+    assert len(toy.stages) == 3 and all(stage.startswith(EASY) for stage in toy.stages)
+    toy.stops, begun = False, list(toy.stages)
+    toy.stages.clear()
+    os.mkdir("elsewhere")
+    monkeypatch.chdir("elsewhere")
+    assert run("resume", str(tmp_path / "out")) == 0
+    # The candidate, human and sparse: the last stage of the search, then both stages of the final training.
+    assert toy.stages[:3] == [stage.replace(EASY, LAST) for stage in begun]
+    assert [stage.split()[0] for stage in toy.stages[3:]] == [EASY] * 3 + [LAST] * 3
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["curriculum=pen_spinning"], "`cartpole` has no curriculum `pen_spinning`."),
+        (["curriculum=stages.yaml", "baselines=known"], "cartpole with a curriculum were not measured beforehand"),
+    ],
+)
+def test_what_does_not_fit_is_said_before_a_model_is_asked(toy: StagedTrainer, capsys, words: list[str], sentence: str):
+    assert run("run", *SETTINGS, *words, "dir=out") == 2
+    assert sentence in capsys.readouterr().err
+    assert toy.stages == []

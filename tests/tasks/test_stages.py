@@ -1,0 +1,101 @@
+"""Curricula by name and by file, and tasks with other class attributes."""
+
+from pathlib import Path
+
+import pytest
+
+from openeureka.errors import ConfigError, TaskError
+from openeureka.tasks import registry
+from openeureka.tasks.curriculum import find
+from openeureka.tasks.task import Stage
+
+OTHER = """
+from openeureka.tasks.classic.cartpole import Cartpole
+
+class Longer(Cartpole):
+    episode_length = 1000
+
+class Wider(Cartpole):
+    num_observations = 5
+"""
+
+
+@pytest.fixture
+def written(tmp_path: Path):
+    """Finds the stages of a YAML text for cartpole, beside a file with two tasks."""
+    (tmp_path / "other.py").write_text(OTHER)
+
+    def written(text: str) -> tuple[Stage, ...]:
+        (tmp_path / "stages.yaml").write_text(text)
+        return find("cartpole", str(tmp_path / "stages.yaml"))
+
+    return written
+
+
+def test_pen_spinning_begins_with_random_goals_and_ends_with_the_task():
+    first, last = find("shadow_hand_spin", "pen_spinning")
+    assert registry.get(first.env).random_goals and not registry.get(last.env).random_goals  # pyright: ignore
+    assert first.steps == last.steps == registry.get("shadow_hand_spin").recipe.env_steps
+
+
+def test_two_lines_are_a_curriculum(written):
+    first, last = written("- {set: {episode_length: 100}, steps: 20000}\n- {}\n")
+    assert (first, last) == (
+        Stage(env="cartpole+episode_length=100", steps=20000),
+        Stage(env="cartpole", steps=600_000),  # of its recipe
+    )
+    assert registry.get(first.env).episode_length == 100
+
+
+def test_a_stage_may_be_another_task_in_a_file_beside_the_list(written, tmp_path: Path):
+    first, _ = written("- {env: 'other.py:Longer'}\n- {}\n")
+    assert first.env == f"{tmp_path}/other.py:Longer"
+    assert registry.get(first.env).episode_length == 1000
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("- {env: ant}\n- {}\n", "stage 1 of .*: `ant` has other observations than `cartpole`"),
+        ("- {env: 'other.py:Wider'}\n- {}\n", "other observations"),
+        ("- {env: cartpol}\n- {}\n", "In stage 1 of .*Did you mean `cartpole`"),
+        ("- {set: {episode_lenght: 100}}\n- {}\n", "has no `episode_lenght` to set. Did you mean `episode_length`"),
+        ("- {set: {episode_length: long}}\n- {}\n", 'is 500; set another int, not `"long"`'),
+        ("- {set: {episode_length: 100}}\n", "The last stage .* is the task itself"),
+        ("- {step: 5}\n- {}\n", "unknown `step`; it may have env, set, steps"),
+        ("- {steps: many}\n- {}\n", "`steps` takes int"),
+        ("- {steps: -1}\n- {}\n", "does not fit"),
+        ("steps: 5\n", "is no list of stages"),
+        ("[]\n", "is no list of stages"),
+        ("- {\n", "is not YAML"),
+    ],
+)
+def test_what_could_not_be_trained_is_refused_in_one_sentence(written, text: str, sentence: str):
+    with pytest.raises(ConfigError, match=sentence) as refusal:
+        written(text)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("env", "name", "sentence"),
+    [
+        ("shadow_hand_spin", "pen_spining", "Did you mean `pen_spinning`"),
+        ("cartpole", "pen_spinning", "`cartpole` has no curriculum `pen_spinning`. Name one or a YAML file"),
+        ("cartpole", "no/such.yaml", "Cannot read the curriculum no/such.yaml: No such file"),
+    ],
+)
+def test_a_curriculum_that_does_not_exist_is_refused(env: str, name: str, sentence: str):
+    with pytest.raises(ConfigError, match=sentence):
+        find(env, name)
+
+
+def test_a_changed_task_keeps_the_rest():
+    changed, known = registry.get("cartpole+episode_length=100+control_dt=1"), registry.get("cartpole")
+    assert (changed.episode_length, known.episode_length) == (100, 500)
+    assert changed.control_dt == 1.0 and isinstance(changed.control_dt, float)
+    assert issubclass(changed, known)
+
+
+def test_what_is_no_number_text_or_switch_cannot_be_changed():
+    with pytest.raises(TaskError, match="has no `recipe` to set"):
+        registry.get("cartpole+recipe=1")

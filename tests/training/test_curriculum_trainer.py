@@ -1,0 +1,160 @@
+"""Lanes go from stage to stage with their policy; what a stage left is kept."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from openeureka.store import StageFiles
+from openeureka.tasks import curriculum
+from openeureka.tasks.task import Stage
+from openeureka.testing.conformance.trainer import TrainerConformance
+from openeureka.testing.scripted import ToyTrainer
+from openeureka.training.curriculum import CurriculumTrainer
+from openeureka.training.executor import PopulationTrainer
+from openeureka.training.policy import Policy
+from openeureka.training.population import Population
+from openeureka.types import TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
+
+STAGES = (Stage(env="easy", steps=300), Stage(env="hard", steps=100))
+JOBS = [TrainJob(id="human-s0", program="human"), TrainJob(id="sparse-s0", program="sparse")]
+
+
+@dataclass
+class StagedTrainer(ToyTrainer):
+    """A ToyTrainer that notes what it is asked; lanes end in the states it is given, by task and job."""
+
+    asked: list[tuple[str, int, dict[str, bytes | None]]] = field(default_factory=list)
+    states: dict[tuple[str, str], TrainingState] = field(default_factory=dict)
+
+    def train(
+        self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget
+    ) -> Iterator[TrainingProgress | TrainingResult]:
+        self.asked.append((env, budget.env_steps, {job.id: job.start for job in jobs}))
+        for event in super().train(env, jobs, budget):
+            if isinstance(event, TrainingResult) and (state := self.states.get((env, event.job))):
+                event = replace(event, state=state, message="why", last=None)
+            yield event
+
+
+def go(trainer: StagedTrainer, folder: Path, *, env_steps: int = 0, resumes: bool = True):
+    """Events of both jobs through both stages."""
+    staged = CurriculumTrainer(trainer, STAGES, StageFiles(folder, resumes=resumes))
+    return list(staged.train("hard", JOBS, TrainBudget(env_steps=env_steps)))
+
+
+def results(events) -> dict[str, TrainingResult]:
+    return {event.job: event for event in events if isinstance(event, TrainingResult)}
+
+
+def test_all_lanes_go_on_from_their_own_last_policy(tmp_path: Path):
+    trainer = StagedTrainer()
+    found = results(go(trainer, tmp_path))
+    # ToyTrainer: the human reward is worth 10, the sparse one 5, and a policy is its worth.
+    assert trainer.asked == [
+        ("easy", 300, {"human-s0": None, "sparse-s0": None}),
+        ("hard", 100, {"human-s0": b"10.0", "sparse-s0": b"5.0"}),
+    ]
+    assert found["human-s0"].fitness == 10.0
+    assert found["human-s0"].env_steps == 6, "three a stage"
+
+
+def test_the_steps_that_are_asked_for_are_shared_out_in_proportion(tmp_path: Path):
+    trainer = StagedTrainer()
+    go(trainer, tmp_path, env_steps=1000)
+    assert [steps for _, steps, _ in trainer.asked] == [750, 250]
+
+
+def test_progress_counts_through_all_stages_and_only_the_last_tells_f(tmp_path: Path):
+    trainer = StagedTrainer()
+    events = [event for event in go(trainer, tmp_path) if isinstance(event, TrainingProgress)]
+    # ToyTrainer is in epoch 1 of 2. Stage 1 has 3/4 of the steps: 2 of 2.67 epochs; stage 2 the last quarter of 8.
+    assert [(event.epoch, event.epochs) for event in events] == [(1, 3), (7, 8)]
+
+
+@pytest.mark.parametrize("state", [TrainingState.DIVERGED, TrainingState.FAILED])
+def test_a_lane_that_ends_early_has_no_fitness_and_the_others_go_on(tmp_path: Path, state: TrainingState):
+    trainer = StagedTrainer(states={("easy", "human-s0"): state})
+    found = results(go(trainer, tmp_path))
+    assert trainer.asked[1] == ("hard", 100, {"sparse-s0": b"5.0"})
+    lost = found["human-s0"]
+    assert (lost.state, lost.fitness, lost.best_fitness, lost.best_reward) == (state, None, None, None)
+    assert lost.curves["fitness"] == (None, None, None)
+    assert lost.message == "Stage 1: why"
+    assert found["sparse-s0"].fitness == 5.0
+
+
+def test_nothing_is_trained_in_the_last_stage_when_no_lane_reaches_it(tmp_path: Path):
+    trainer = StagedTrainer(states={("easy", job.id): TrainingState.DIVERGED for job in JOBS})
+    assert results(go(trainer, tmp_path)).keys() == {"human-s0", "sparse-s0"}
+    assert [env for env, _, _ in trainer.asked] == ["easy"]
+
+
+def test_a_finished_stage_is_not_repeated_and_one_that_failed_is(tmp_path: Path):
+    go(StagedTrainer(states={("easy", "human-s0"): TrainingState.FAILED}), tmp_path)
+    again = StagedTrainer()
+    found = results(go(again, tmp_path))
+    assert again.asked == [
+        ("easy", 300, {"human-s0": None}),
+        ("hard", 100, {"human-s0": b"10.0", "sparse-s0": b"5.0"}),
+    ]
+    assert found["sparse-s0"].env_steps == 6
+
+
+def test_stages_of_another_training_are_overwritten(tmp_path: Path):
+    go(StagedTrainer(), tmp_path)
+    again = StagedTrainer()
+    go(again, tmp_path, resumes=False)
+    assert [set(starts) for _, _, starts in again.asked] == [{"human-s0", "sparse-s0"}] * 2
+
+
+class TestCurriculumTrainer(TrainerConformance):
+    """Two short stages of Cartpole with short episodes."""
+
+    env = "cartpole+episode_length=50"
+    budget = TrainBudget(env_steps=8192, worlds=16)
+    folder: Path
+
+    @pytest.fixture(autouse=True, scope="class")
+    @staticmethod
+    def _folder(tmp_path_factory: pytest.TempPathFactory) -> None:
+        TestCurriculumTrainer.folder = tmp_path_factory.mktemp("stages")
+
+    def make(self) -> CurriculumTrainer:
+        stages = (Stage(env="cartpole+episode_length=20", steps=1), Stage(env=self.env, steps=1))
+        return CurriculumTrainer(PopulationTrainer(threads=1), stages, StageFiles(self.folder, resumes=False))
+
+
+def test_a_warm_start_is_the_policy_with_its_statistics():
+    budget = TrainBudget(env_steps=16 * 32 * 2, worlds=32)
+    first = Population("cartpole", [TrainJob(id="a", program="human", seed=1)], budget, threads=1)
+    (before,) = results(first.train()).values()
+    policy = before.last
+    assert policy is not None
+    jobs = [TrainJob(id="warm", program="human", start=policy), TrainJob(id="cold", program="human")]
+    after = Population("cartpole", jobs, budget, threads=1)
+    warm, cold = (Policy.of("cartpole", after.ppo, lane) for lane in (0, 1))
+    assert warm.to_bytes() == policy
+    assert not torch.equal(cold.tensors["w0"], warm.tensors["w0"])
+    # One sample to begin with, and two epochs of 16 steps of 32 worlds.
+    counts = [policy.tensors[f"{name}_count"].item() for policy in (warm, cold) for name in ("observation", "value")]
+    assert counts == [1025.0, 1025.0, 1.0, 1.0]
+
+
+def test_pen_spinning_runs_from_end_to_end(tmp_path: Path):
+    stages = curriculum.find("shadow_hand_spin", "pen_spinning")
+    trainer = CurriculumTrainer(PopulationTrainer(threads=1), stages, StageFiles(tmp_path, resumes=True))
+    budget = TrainBudget(env_steps=2 * 16 * 4, worlds=4)
+    found = results(trainer.train("shadow_hand_spin", JOBS, budget))
+    assert {result.state for result in found.values()} == {TrainingState.FINISHED}
+    assert {result.env_steps for result in found.values()} == {2 * 16 * 4}
+    for job, result in found.items():
+        assert result.best_reward is not None
+        assert Policy.from_bytes(result.best_reward.policy).env == "shadow_hand_spin"
+        before = Policy.from_bytes((tmp_path / job / "stage1.safetensors").read_bytes())
+        assert before.env == "shadow_hand_spin+random_goals=true"
+        # The last stage is one epoch, so its peak is the policy that acted in it: where the first stage ended.
+        after = Policy.from_bytes(result.best_reward.policy)
+        torch.testing.assert_close(dict(after.tensors), dict(before.tensors))
