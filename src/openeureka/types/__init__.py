@@ -1,0 +1,65 @@
+"""The nouns of a run: frozen data, no behaviour that touches a file, a process or a tensor.
+
+World axis N, lane axis L and worlds per lane n are used throughout; N = L * n.
+"""
+
+from .remarks import Place, Remark, RemarkKind
+from .replies import GIVEN, Message, Prompt, Reply, Usage
+from .rewards import Arg, Candidate, CandidateId, Finding, Node, RewardGraph, Verdict, VerdictCode
+from .search import Generation, Glance, History, Opinion, PromptPlan, Sample, Scored
+from .tasks import StateKind, StateSpec, StateUse, StateVar, TaskContext
+from .training import (
+    NOMINAL,
+    Checkpoint,
+    Dynamics,
+    Evaluation,
+    RewardProgram,
+    TrainBudget,
+    Trainer,
+    TrainingProgress,
+    TrainingResult,
+    TrainingState,
+    TrainJob,
+)
+
+__all__ = [
+    "GIVEN",
+    "NOMINAL",
+    "Arg",
+    "Candidate",
+    "CandidateId",
+    "Checkpoint",
+    "Dynamics",
+    "Evaluation",
+    "Finding",
+    "Generation",
+    "Glance",
+    "History",
+    "Message",
+    "Node",
+    "Opinion",
+    "Place",
+    "Prompt",
+    "PromptPlan",
+    "Remark",
+    "RemarkKind",
+    "Reply",
+    "RewardGraph",
+    "RewardProgram",
+    "Sample",
+    "Scored",
+    "StateKind",
+    "StateSpec",
+    "StateUse",
+    "StateVar",
+    "TaskContext",
+    "TrainBudget",
+    "TrainJob",
+    "Trainer",
+    "TrainingProgress",
+    "TrainingResult",
+    "TrainingState",
+    "Usage",
+    "Verdict",
+    "VerdictCode",
+]

@@ -1,0 +1,118 @@
+"""How far a search has come."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from .remarks import Place, Remark
+from .replies import Usage
+from .rewards import Candidate, Verdict
+from .training import TrainingResult, TrainingState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sample:
+    """What became of one slot of a generation."""
+
+    generation: int
+    slot: int
+    candidate: Candidate | None
+    verdict: Verdict
+    attempts: int = 1
+    """Replies spent on the slot, repairs included."""
+
+    @property
+    def place(self) -> Place:
+        return Place(self.generation, self.slot)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scored:
+    """A slot with the result of its training (None: never trained) and the feedback text made of both."""
+
+    sample: Sample
+    result: TrainingResult | None
+    feedback: str
+
+    @property
+    def fitness(self) -> float | None:
+        return self.result.fitness if self.result is not None else None
+
+    @property
+    def trained(self) -> bool:
+        """Whether its training came to the end, with or without a defined F."""
+        return self.result is not None and self.result.state is TrainingState.FINISHED
+
+
+@dataclass(frozen=True, slots=True)
+class Generation:
+    index: int
+    entries: tuple[Scored, ...]
+    remarks: tuple[Remark, ...] = ()
+    """What a person said before the next generation was asked for."""
+
+    @property
+    def best(self) -> Scored | None:
+        """The entry of highest F; undefined F never wins, ties go to the earlier slot."""
+        scored = [entry for entry in self.entries if entry.fitness is not None]
+        return max(scored, key=lambda entry: entry.fitness or 0.0, default=None)
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """Everything a search strategy may look at; `search.Ranking` says who is ahead."""
+
+    generations: tuple[Generation, ...] = ()
+    judge: Literal["fitness", "votes"] = "fitness"
+
+    def grown(self, entries: Sequence[Scored]) -> History:
+        """With one more generation."""
+        generation = Generation(len(self.generations), tuple(entries))
+        return replace(self, generations=(*self.generations, generation))
+
+    def heard(self, remarks: Sequence[Remark]) -> History:
+        """With what a person said of the last generation."""
+        last = replace(self.generations[-1], remarks=tuple(remarks))
+        return replace(self, generations=(*self.generations[:-1], last))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Opinion:
+    """What a person thinks of the search so far, as a prompt shows it."""
+
+    words: tuple[str, ...] = ()
+    """All that was said, the newest last."""
+    chosen: bool = False
+    """The parent is the person's choice."""
+    won: int = 0
+    lost: int = 0
+    """Comparisons of the parent's policy with others."""
+    vetoed: tuple[Scored, ...] = ()
+    """Rejected programs, the newest veto last."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PromptPlan:
+    """One prompt to send: `count` samples that see `turns` (oldest first) as the conversation so far."""
+
+    count: int
+    turns: tuple[Scored, ...] = ()
+    """Each becomes the model's own earlier answer followed by its feedback; empty for the first generation."""
+    failures: tuple[Scored, ...] = ()
+    """Refused programs of a generation in which nothing trained: the model is told why."""
+    opinion: Opinion = Opinion()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Glance:
+    """How far a run has come, in numbers that cost nothing to read."""
+
+    generations: int
+    """Finished ones."""
+    fitness: float | None
+    """The best F among them."""
+    evaluations: int
+    """Held-out scores: they come last."""
+    usage: Usage

@@ -1,0 +1,64 @@
+"""What a language model may know of a task: the only names a reward may read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+StateKind = Literal["world", "constant", "float", "int", "num_envs"]
+StateUse = Literal["raw", "zero_centred", "directional", "point"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StateVar:
+    """One variable a reward may name as an argument."""
+
+    name: str
+    meaning: str
+    """What it is, with unit and frame, as the language model reads it."""
+    shape: tuple[int, ...] = ()
+    """Shape without the world axis: () for a per-world scalar (N,), (3,) for (N, 3)."""
+    kind: StateKind = "world"
+    """`world`: float32 tensor (N, *shape); `constant`: tensor `shape`, the same for all worlds, float32 (int64 where it
+    holds indices); `float`, `int`: a Python number; `num_envs`: the number of worlds, a Python int."""
+    use: StateUse = "raw"
+    """How the typed grammar may use it. `raw`: not offered (original variables of mixed content). `zero_centred`: good
+    when near zero, never a term by its sign. `directional`: more is meaningful (a speed, a projection). `point`: a
+    position, used in distances to other points of equal shape."""
+
+
+@dataclass(frozen=True, slots=True)
+class StateSpec:
+    """The ordered table of a task's state variables."""
+
+    variables: tuple[StateVar, ...]
+
+    def __post_init__(self) -> None:
+        names = self.names
+        if len(set(names)) != len(names):
+            raise ValueError(f"state variable named twice in {names}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(variable.name for variable in self.variables)
+
+    def __getitem__(self, name: str) -> StateVar:
+        for variable in self.variables:
+            if variable.name == name:
+                return variable
+        raise KeyError(name)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.names
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TaskContext:
+    """What a language model may know of a task."""
+
+    env: str
+    description: str
+    """The intent, one sentence."""
+    state: StateSpec
+    source: str
+    """The task's file without fitness, rewards, success thresholds and training defaults."""

@@ -1,0 +1,131 @@
+"""What is trained, what it left, and who trains."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Literal, Protocol
+
+from .rewards import RewardGraph
+
+RewardProgram = RewardGraph | Literal["human", "sparse"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainJob:
+    """One lane: a reward program and a seed."""
+
+    id: str
+    """Unique within a run, e.g. `<candidate>-s<seed>` or `human-s0`."""
+    program: RewardProgram
+    seed: int = 0
+    start: bytes | None = field(default=None, repr=False)
+    """Policy that training goes on from (safetensors, see `training.policy`); None begins anew."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainBudget:
+    """What each lane may spend, zero meaning the task's default, and under which rules."""
+
+    env_steps: int = 0
+    worlds: int = 0
+    bonus: bool = False
+    """Add the task's `success_bonus` to generated rewards, as the original does."""
+
+
+class TrainingState(StrEnum):
+    FINISHED = "finished"
+    DIVERGED = "diverged"  # non-finite or absurd reward, policy or physics: the lane was masked
+    FAILED = "failed"  # the worker died with it, more often than it may
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Checkpoint:
+    """A policy at one epoch. `policy` is a safetensors file (see `training.policy`)."""
+
+    epoch: int
+    value: float
+    """The quantity that peaked: fitness or the mean own reward per step."""
+    policy: bytes = field(repr=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainingResult:
+    """What one lane's training left."""
+
+    job: str
+    state: TrainingState
+    fitness: float | None
+    """Maximum over epochs of the task's F; None when F was never defined."""
+    curves: Mapping[str, tuple[float | None, ...]]
+    """Per-epoch means over the lane's worlds: `fitness`, `episode_length` [steps], `reward` (own, per step),
+    `human_reward` (per step), and `component/<name>` for each component. None where undefined in that epoch."""
+    env_steps: int
+    seconds: float
+    correlation: float | None = None
+    """Pearson correlation of own and human reward over the transitions of training; None when either is constant."""
+    best_fitness: Checkpoint | None = None
+    best_reward: Checkpoint | None = None
+    last: bytes | None = field(default=None, repr=False)
+    """Policy at the end of training, which a curriculum goes on from; None for a lane that ended early."""
+    message: str = ""
+    """Why the lane ended early, for people; empty otherwise."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainingProgress:
+    """Sent by a trainer between results, about once a second."""
+
+    epoch: int
+    epochs: int
+    env_steps_per_second: float
+    fitness: Mapping[str, float | None]
+    """Best F so far per job id."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dynamics:
+    """Factors on what a task's model says of the world; 1 is the task as it is."""
+
+    mass: float = 1.0
+    """On every body's mass and inertia."""
+    friction: float = 1.0
+    """On every contact's friction."""
+
+
+NOMINAL = Dynamics()
+"""The task's own world."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evaluation:
+    """Held-out score of one policy: deterministic actions, fresh episodes."""
+
+    job: str
+    fitness: float | None
+    episode_length: float
+    episodes: int
+    error: float | None = None
+    """Standard error of `fitness` over episodes; None where nobody measured it."""
+    concentration: float | None = None
+    """Share of the positive contributions to F that the highest twentieth of them makes; None without any."""
+
+
+class Trainer(Protocol):
+    """Trains lanes and scores policies, like `training.executor.PopulationTrainer`."""
+
+    def train(
+        self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget
+    ) -> Iterator[TrainingProgress | TrainingResult]:
+        """Train every job; exactly one result per job, in any order, progress in between."""
+        ...
+
+    def evaluate(
+        self, env: str, policies: Mapping[str, bytes], *, seed: int, dynamics: Mapping[str, Dynamics] | None = None
+    ) -> Iterator[Evaluation]:
+        """Held-out score of each policy (job id -> safetensors bytes), all on the same start states.
+
+        `dynamics` names the jobs that play in another world than the task's.
+        """
+        ...
