@@ -47,7 +47,7 @@ class RunConfig:
     repair: int = 0
     """Repair turns a refused candidate may take before its slot is sampled anew."""
     refill: int = 2
-    """Fresh samples a slot may take after refusals."""
+    """Fresh samples a slot may take after refusals, or when it repeats a program of the run."""
     temperature: float = 1.0
     curriculum: str = ""
     """Stages to train each candidate through: one of the task's own, or a YAML file; empty means the task alone."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -46,7 +46,9 @@ class Sampler:
     """Draws replies until each slot holds an accepted program or its attempts are spent.
 
     Attempt 0 is a fresh sample. A refused one may take `repair` repair turns, then the slot is sampled anew, `refill`
-    times. A reply is committed before anything else happens to it, so only one that is under way can be lost.
+    times; so is one that repeats a program of this run, which is kept if nothing else comes.
+
+    A reply is committed before anything else happens to it, so only one that is under way can be lost.
     """
 
     config: RunConfig
@@ -63,8 +65,12 @@ class Sampler:
             slots = range(len(samples), len(samples) + plan.count)
             prompt = prompts.render(self.context, plan, self.model.style)
             self.store.save_prompt(generation, slots.start, prompt)
-            samples += self._fill(generation, prompt, slots)
+            samples += self._fill(generation, prompt, slots, known=[*self._earlier(generation), *samples])
         return tuple(samples)
+
+    def _earlier(self, generation: int) -> list[Sample]:
+        finished = self.store.history().generations[:generation]
+        return [entry.sample for entries in finished for entry in entries.entries]
 
     def given(self) -> tuple[Sample, ...]:
         """Generation 0 of a run that begins with a given reward: that alone, kept as if it were a reply.
@@ -85,23 +91,25 @@ class Sampler:
         init = self.config.init
         return human.program(self.config.env) if init == "human" else files.read(Path(init)).source
 
-    def _fill(self, generation: int, prompt: Prompt, slots: Sequence[int]) -> list[Sample]:
+    def _fill(self, generation: int, prompt: Prompt, slots: Sequence[int], known: Sequence[Sample]) -> list[Sample]:
         filled: dict[int, Sample] = {}
         turns = 1 + self.config.repair
         for attempt in range(turns * (1 + self.config.refill)):
             vacant = [slot for slot in slots if slot not in filled or not filled[slot].verdict.accepted]
-            if not vacant:
-                break
             if attempt % turns == 0:
+                vacant = sorted({*vacant, *_repeating(filled, known)})
                 self._draw(prompt, generation, attempt, vacant)
             else:
                 for slot in vacant:
                     reply = self._reply(generation, attempt - 1, slot)
                     repair = prompts.repair(prompt, reply.text, filled[slot].verdict)
                     self._draw(repair, generation, attempt, [slot])
-            self.observer.phase(generation, "check")
+            if vacant:
+                self.observer.phase(generation, "check")
             for slot in vacant:
-                filled[slot] = self._check(generation, attempt, slot)
+                sample = self._check(generation, attempt, slot)
+                if slot not in filled or sample.verdict.accepted or not filled[slot].verdict.accepted:
+                    filled[slot] = sample
         return [filled[slot] for slot in slots]
 
     def _draw(self, prompt: Prompt, generation: int, attempt: int, slots: Sequence[int]) -> None:
@@ -153,6 +161,18 @@ class Sampler:
         reply = self.store.reply(generation, attempt, slot)
         assert reply is not None
         return reply
+
+
+def _repeating(filled: Mapping[int, Sample], known: Iterable[Sample]) -> list[int]:
+    """Slots whose accepted program computes what a known one, or that of a slot before, computes already."""
+    seen = {str(sample.verdict.graph) for sample in known}
+    repeating = []
+    for slot, sample in sorted(filled.items()):
+        program = str(sample.verdict.graph)
+        if sample.verdict.accepted and program in seen:
+            repeating.append(slot)
+        seen.add(program)
+    return repeating
 
 
 def request_seed(seed: int, generation: int, attempt: int, slot: int) -> int:

@@ -137,6 +137,23 @@ def test_programs_that_differ_in_a_comment_train_once_and_share_the_result(begin
     assert [job for job in one.trainer.trained if job.endswith("-s0")] == [lane(7, 0), "human-s0", "sparse-s0"]
 
 
+def test_a_program_that_repeats_another_of_the_run_is_sampled_anew(begin) -> None:
+    twin = reply(7).replace("return 7", "# the same\n    return 7")
+    one = begin([reply(7), twin, reply(8), reply(5), reply(7), reply(6)], iteration=2, refill=1)
+    one.go()
+    first, second = one.history().generations
+    assert [(entry.fitness, entry.sample.attempts) for entry in first.entries] == [(7, 1), (8, 2)]
+    assert [(entry.fitness, entry.sample.attempts) for entry in second.entries] == [(5, 1), (6, 2)]
+
+
+def test_a_repetition_is_kept_where_nothing_else_comes(begin) -> None:
+    one = begin([reply(7), reply(7), REFUSED], repair=1, refill=1)
+    one.go()
+    first, second = one.history().generations[0].entries
+    assert (first.fitness, second.fitness) == (7, 7)
+    assert one.model.said == 3  # its refill, and no repair turn, as nothing is wrong with it
+
+
 def test_a_refused_program_takes_its_repair_turns_before_its_slot_is_sampled_anew(begin) -> None:
     script = [REFUSED, reply(7), REFUSED + "1", REFUSED + "2", reply(8)]
     one = begin(script, repair=2, refill=1)

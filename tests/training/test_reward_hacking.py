@@ -7,44 +7,51 @@ import pytest
 import torch
 
 from openeureka import hacking
-from openeureka.hacking import Kind, Sign
+from openeureka.hacking import Kind, Sign, Trial
 from openeureka.training.evaluate import concentration, evaluate
 from openeureka.training.population import Population
-from openeureka.types import Node, RewardGraph, RewardProgram, TrainBudget, TrainingResult, TrainJob
+from openeureka.types import Evaluation, Node, RewardGraph, RewardProgram, TrainBudget, TrainingResult, TrainJob
 
 SPEED = RewardGraph(nodes=(Node("input", ("cart_velocity",)),), reward=0, components=())
 """The faster the cart runs off its rail, the better."""
 
 
-def signs(name: str, program: RewardProgram) -> tuple[Sign, ...]:
-    """Train one lane and look at it as a run does."""
-    budget = TrainBudget(env_steps=16 * 32 * 40, worlds=32)
-    population = Population("cartpole", [TrainJob(id=name, program=program, seed=1)], budget, threads=1)
-    (result,) = (message for message in population.train() if isinstance(message, TrainingResult))
-    policies = {"fitness": result.best_fitness, "reward": result.best_reward}
-    assert policies["fitness"] is not None and policies["reward"] is not None
-    (held_out,) = evaluate("cartpole", {name: policies["reward"].policy}, seed=5, worlds=32, threads=1)
-    trials = {trial.name: trial for trial in hacking.trials({name: result}, kept=name, peak="reward")}
-    scores = evaluate(
-        "cartpole",
-        {key: policies[trial.peak].policy for key, trial in trials.items()},  # pyright: ignore[reportOptionalMemberAccess]
-        seed=5,
-        dynamics={key: trial.dynamics for key, trial in trials.items()},
-        worlds=32,
-        threads=1,
-    )
-    found = {score.job: score for score in scores}
-    return hacking.signs(hacking.tried({name: result}, {name: held_out}, {name: found}, "reward"))
+@pytest.fixture(scope="module")
+def signs() -> dict[str, tuple[Sign, ...]]:
+    """What is found of each reward, trained and tried as a run does it, but less: a lane each, 32 held-out episodes."""
+    programs: dict[str, RewardProgram] = {"speed": SPEED, "human": "human"}
+    jobs = [TrainJob(id=name, program=program, seed=1) for name, program in programs.items()]
+    population = Population("cartpole", jobs, TrainBudget(env_steps=16 * 32 * 40, worlds=32), threads=1)
+    results = {message.job: message for message in population.train() if isinstance(message, TrainingResult)}
+    trials = {
+        f"{job} {trial.name}": trial
+        for job, result in results.items()
+        for trial in (
+            Trial(job=job, name="peak of own reward", peak="reward"),
+            *hacking.trials({job: result}, kept=job, peak="reward"),
+        )
+    }
+    peaks = {(job, "fitness"): result.best_fitness for job, result in results.items()}
+    peaks |= {(job, "reward"): result.best_reward for job, result in results.items()}
+    policies = {key: peak.policy for key, trial in trials.items() if (peak := peaks[trial.job, trial.peak])}
+    dynamics = {key: trial.dynamics for key, trial in trials.items()}
+    scores = evaluate("cartpole", policies, seed=5, dynamics=dynamics, worlds=32, threads=1)
+    found: dict[str, dict[str, Evaluation]] = {job: {} for job in results}
+    for score in scores:
+        found[trials[score.job].job][trials[score.job].name] = score
+    held_out = {job: found[job]["peak of own reward"] for job in results}
+    return {job: hacking.signs(hacking.tried({job: results[job]}, held_out, found, "reward")) for job in results}
 
 
-def test_a_hacked_reward_is_flagged():
-    (sign,) = signs("speed", SPEED)
+@pytest.mark.timeout(400)
+def test_a_hacked_reward_is_flagged(signs: dict[str, tuple[Sign, ...]]):
+    (sign,) = signs["speed"]
     assert sign.kind is Kind.DRIFT
     assert "the own reward rose from" in sign.sentence and "held-out F fell from" in sign.sentence
 
 
-def test_an_honest_reward_is_not():
-    assert signs("human", "human") == ()
+def test_an_honest_reward_is_not(signs: dict[str, tuple[Sign, ...]]):
+    assert signs["human"] == ()
 
 
 def test_concentration_is_the_share_of_the_highest_twentieth():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -258,10 +258,10 @@ class _Reader:
                 for (generation, slot), messages in asked.items()
                 if generation == index
             ]
-            drawn: dict[int, list[Reply]] = {}
-            for (generation, _, slot), reply in replies.items():
+            drawn: dict[int, dict[int, Reply]] = {}
+            for (generation, attempt, slot), reply in replies.items():
                 if generation == index:
-                    drawn.setdefault(slot, []).append(reply)
+                    drawn.setdefault(slot, {})[attempt] = reply
             parents = self._parents(index)
             candidates = [self._candidate(index, slot, drawn[slot], parents.get(slot)) for slot in sorted(drawn)]
             views.append(
@@ -282,7 +282,7 @@ class _Reader:
         parents = [plan.turns[-1].sample if plan.turns else None for plan in plans for _ in range(plan.count)]
         return {slot: parent for slot, parent in enumerate(parents) if parent is not None}
 
-    def _candidate(self, index: int, slot: int, replies: Sequence[Reply], parent: Sample | None) -> CandidateView:
+    def _candidate(self, index: int, slot: int, replies: Mapping[int, Reply], parent: Sample | None) -> CandidateView:
         attempts = self._attempts(replies)
         entry = self._entry(index, slot)
         candidate = entry.sample.candidate if entry is not None else attempts[-1].candidate
@@ -307,10 +307,10 @@ class _Reader:
             return None
         return next((e for e in self.history.generations[index].entries if e.sample.slot == slot), None)
 
-    def _attempts(self, replies: Sequence[Reply]) -> tuple[AttemptView, ...]:
+    def _attempts(self, replies: Mapping[int, Reply]) -> tuple[AttemptView, ...]:
         """In order; which of them were repairs follows from their number, as in `sampling`."""
         attempts: list[AttemptView] = []
-        for number, reply in enumerate(replies):
+        for number, reply in replies.items():
             repair: tuple[Message, ...] = ()
             if number % (1 + self.config.repair) and (refusal := attempts[-1].verdict) is not None:
                 repair = prompts.repair(Prompt(messages=()), attempts[-1].reply.text, refusal).messages

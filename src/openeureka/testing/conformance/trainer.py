@@ -14,6 +14,7 @@ import math
 from typing import ClassVar
 
 from openeureka.types import (
+    Dynamics,
     Evaluation,
     RewardProgram,
     TrainBudget,
@@ -97,6 +98,16 @@ class TrainerConformance:
         assert sorted(score.job for score in scores) == sorted(policies)
         assert all(score.episodes > 0 and score.episode_length > 0 for score in scores)
         assert list(trainer.evaluate(self.env, policies, seed=7)) == scores
+
+    def test_a_changed_world_leaves_the_tasks_own_beside_it_alone(self) -> None:
+        peaks = (result.best_reward for result in self._finished())
+        policy = next(peak.policy for peak in peaks if peak is not None)
+        policies, heavy = {"own": policy, "heavy": policy}, {"heavy": Dynamics(mass=1.1)}
+        scores = {s.job: s for s in self.make().evaluate(self.env, policies, seed=7, dynamics=heavy)}
+        assert set(scores) == {"own", "heavy"}
+        (alone,) = self.make().evaluate(self.env, {"own": policy}, seed=7)
+        assert scores["own"].episodes == alone.episodes
+        assert math.isclose(scores["own"].episode_length, alone.episode_length, rel_tol=0.05)
 
     def test_nothing_to_do_is_done_at_once(self) -> None:
         assert list(self.make().evaluate(self.env, {}, seed=0)) == []
