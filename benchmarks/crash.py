@@ -42,9 +42,10 @@ CONFIG = RunConfig(sample=3, iteration=3, repair=1, refill=1, seeds=2, feedback=
 SCRIPT = [
     *(reply(1), "no code at all", reply(2)),  # generation 0; its second slot takes a repair turn and a refill
     *("```python\nstill wrong\n```", reply(3)),
-    *(reply(2), reply(1.5), reply(1)),  # generation 1: nothing better
+    *(reply(2), reply(1.5), reply(1)),  # generation 1: two repeat earlier programs, one of them twice; nothing better
+    *(reply(1), reply(2.5)),
     *(reply(4), "nothing", reply(4)),  # generation 2: equal programs, and a slot that is given up
-    *("nothing", "nothing", "nothing"),
+    *("nothing", "nothing", reply(4), "nothing"),
 ]
 
 
@@ -77,8 +78,8 @@ class Person(EmptyDesk):
         say(self.store.directory, self.remarks[len(self.store.unheard())])
 
 
-REPLIES = 14
-"""Of the uninterrupted run: 3 + 1 + 1, 3, then 3 + 1 + 1 + 1."""
+REPLIES = 17
+"""Of the uninterrupted run: 3 + 1 + 1, 3 + 2, then 3 + 1 + 2 + 1."""
 
 
 class Countdown:

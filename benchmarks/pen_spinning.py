@@ -21,7 +21,7 @@ from typing import Any
 from baselines import machine, read, thinned, write
 
 from openeureka.cli.rewards import explain, judge
-from openeureka.cli.rewards import read as read_reward
+from openeureka.reward.files import read as read_reward
 from openeureka.score import mean
 from openeureka.store import StageFiles, artifacts
 from openeureka.tasks import curriculum
