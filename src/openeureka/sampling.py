@@ -60,17 +60,14 @@ class Sampler:
 
     def fill(self, generation: int, plans: Sequence[PromptPlan]) -> tuple[Sample, ...]:
         """One sample per slot; slots are numbered through the plans in order."""
+        earlier = [entry.sample for finished in self.store.history().generations for entry in finished.entries]
         samples: list[Sample] = []
         for plan in plans:
             slots = range(len(samples), len(samples) + plan.count)
             prompt = prompts.render(self.context, plan, self.model.style)
             self.store.save_prompt(generation, slots.start, prompt)
-            samples += self._fill(generation, prompt, slots, known=[*self._earlier(generation), *samples])
+            samples += self._fill(generation, prompt, slots, known=[*earlier, *samples])
         return tuple(samples)
-
-    def _earlier(self, generation: int) -> list[Sample]:
-        finished = self.store.history().generations[:generation]
-        return [entry.sample for entries in finished for entry in entries.entries]
 
     def given(self) -> tuple[Sample, ...]:
         """Generation 0 of a run that begins with a given reward: that alone, kept as if it were a reply.
