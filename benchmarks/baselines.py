@@ -3,6 +3,7 @@
     python benchmarks/baselines.py                               # all tasks, three seeds; hours on 2 cores
     python benchmarks/baselines.py --env ant --seeds 5           # one task; seeds that are there are not trained again
     python benchmarks/baselines.py --env ant --device cuda       # on all GPUs
+    python benchmarks/baselines.py --reward human --threads 1    # beside another such process, on other tasks
 
 The rewards and seeds of a task are lanes of one training. `benchmarks/results/baselines.json` is written after each
 task, and what it holds is not repeated; a training that is broken off leaves its state: the same command goes on. The
@@ -41,11 +42,11 @@ POINTS = 40  # of each curve in the file
 Record = dict[str, Any]
 
 
-def missing(entry: Record, seeds: int) -> list[TrainJob]:
+def missing(entry: Record, seeds: int, rewards: Sequence[str] = REWARDS) -> list[TrainJob]:
     """Lanes of a task that its record does not hold."""
     jobs = [
         TrainJob(id=f"{reward}-s{seed}", program=reward, seed=seed)  # pyright: ignore[reportArgumentType]
-        for reward in REWARDS
+        for reward in rewards
         for seed in range(seeds)
     ]
     return [job for job in jobs if job.id not in entry["lanes"]]
@@ -74,7 +75,8 @@ def learn(env: str, jobs: Sequence[TrainJob], budget: TrainBudget, device: str, 
             results.append(message)
     print()
     minutes = (time.perf_counter() - started) / 60
-    training = {"lanes": len(jobs), "minutes": round(minutes, 2), **machine(device)}
+    used = {"threads": threads} if threads else {}
+    training = {"lanes": len(jobs), **used, "minutes": round(minutes, 2), **machine(device)}
     return {job: {**found, "training": training} for job, found in scored(env, results, trainer).items()}
 
 
@@ -176,6 +178,7 @@ def write(path: Path, content: Record) -> None:
 def main(words: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--env", action="append", choices=registry.names(), help="a task; may be repeated")
+    parser.add_argument("--reward", action="append", choices=REWARDS, help="one of the two; may be repeated")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--steps", type=float, default=0, help="environment steps of a lane, 0 for the recipe's")
     parser.add_argument("--worlds", type=int, default=0, help="worlds of a lane, 0 for the recipe's")
@@ -193,7 +196,7 @@ def main(words: Sequence[str] | None = None) -> None:
         differing = [key for key in wanted if entry[key] != wanted[key]]
         if differing:
             raise SystemExit(f"{options.out} holds {env} with another {' and '.join(differing)}; --again replaces it.")
-        jobs = missing(entry, options.seeds)
+        jobs = missing(entry, options.seeds, options.reward or REWARDS)
         if not jobs:
             print(f"{env}: all is known")
             continue
@@ -201,7 +204,7 @@ def main(words: Sequence[str] | None = None) -> None:
         # What diverged is a result, and what died with its worker is none.
         lanes = entry["lanes"] | {job: lane for job, lane in learned.items() if lane["state"] != "failed"}
         entry["lanes"] = {job: lanes[job] for job in sorted(lanes, key=_place)}
-        write(options.out, dict(sorted({**found, env: entry}.items())))
+        write(options.out, dict(sorted({**read(options.out), env: entry}.items())))  # others may have written
         write(options.shipped, summary(read(options.out)))
         for job, lane in learned.items():
             held_out = lane["held_out_at_peak_of_fitness"]["fitness"]

@@ -48,7 +48,7 @@ def chosen(config: RunConfig) -> Baselines | None:
     if config.baselines != "known":
         return None
     found = known(config.env, search.make(config).checkpoint) if not config.curriculum else None
-    if found is None:
+    if found is None or not (found.human.training and found.sparse.training):
         what = f"{config.env} with a curriculum" if config.curriculum else config.env
         raise ConfigError(f"The baselines of {what} were not measured beforehand; use baselines=train.")
     return found
