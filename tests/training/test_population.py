@@ -113,8 +113,10 @@ def test_a_lane_whose_reward_is_absurd_is_masked_and_the_others_are_bit_identica
 
 
 def test_the_human_reward_balances_the_pole_within_a_quarter_of_a_million_steps():
-    result = results([TrainJob(id="a", program="human")], TrainBudget(env_steps=250_000))["a"]
-    assert result.fitness is not None and result.fitness > 300
+    jobs = [TrainJob(id=str(seed), program="human", seed=seed) for seed in range(3)]
+    found = results(jobs, TrainBudget(env_steps=250_000))
+    # The median: rounding alone moves the maximum of one seed between 290 and 460.
+    assert sorted(result.fitness or 0.0 for result in found.values())[1] > 350
 
 
 def test_a_lane_whose_policy_is_not_finite_is_masked_and_the_others_are_bit_identical():

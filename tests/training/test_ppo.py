@@ -122,6 +122,16 @@ def test_a_frozen_lane_does_not_move():
     assert not torch.equal(before[0], ppo.network.flat[0])
 
 
+def test_values_where_asked_are_the_values_there():
+    ppo = PPO([5, 9, 2], 3, 2, RECIPE, CPU)
+    observation = torch.randn(3, 6, 3, generator=torch.Generator().manual_seed(0))
+    where = torch.tensor([[0, 1, 0, 0, 1, 1], [0, 0, 0, 0, 0, 0], [1, 0, 0, 0, 0, 0]]).bool()
+    expected = ppo.value(observation) * where
+    assert expected.abs().sum() > 0
+    torch.testing.assert_close(ppo.value_where(observation, where), expected)
+    assert not ppo.value_where(observation, torch.zeros_like(where)).any()
+
+
 @pytest.mark.parametrize("seeds", [[3, 3], [3, 4]])
 def test_lanes_of_equal_seed_explore_alike(seeds: list[int]):
     action = PPO(seeds, 3, 2, RECIPE, CPU).act(torch.ones(2, 7, 3)).action

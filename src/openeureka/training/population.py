@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from ..tasks import registry
+from ..tasks.env import Step
 from ..types import (
     Checkpoint,
     TrainBudget,
@@ -90,10 +91,8 @@ class Population:
                 if (bonus := self.rewards.bonus(step.state)) is not None:
                     own = own + bonus
                 reward = own * self.recipe.reward_scale
-                # On a GPU, asking whether there is a time-out costs more than a value that nobody needs.
-                if self.recipe.bootstrap_timeouts and (self.env.masked or bool(step.timed_out.any())):
-                    beyond = self.ppo.value(self._split(step.final_observation))
-                    reward = reward + self.recipe.gamma * beyond * self._split(step.timed_out)
+                if self.recipe.bootstrap_timeouts:
+                    reward = reward + self.recipe.gamma * self._beyond(step)
                 self.rollout.store(t, observation, action, reward, self._split(step.done))
                 observation = self._split(step.observation)
             self.env.check()
@@ -110,6 +109,12 @@ class Population:
         seconds = self._seconds()
         for lane in range(self.lanes):
             yield self._result(lane, seconds)
+
+    def _beyond(self, step: Step) -> Tensor:
+        """(L, n) value of what follows a time-out, 0 where there is none."""
+        observation, timed_out = self._split(step.final_observation), self._split(step.timed_out)
+        # On a GPU, asking how many time-outs there are costs more than values that nobody needs.
+        return self.ppo.value(observation) * timed_out if self.env.masked else self.ppo.value_where(observation, timed_out)
 
     def state_dict(self) -> dict[str, Any]:
         """All that the next epoch depends on: nested dictionaries and lists of tensors, numbers and text."""

@@ -106,6 +106,16 @@ class PPO:
         """(L, n) state values in reward units."""
         return self._value(self.network(self.observations.normalize(observation)).value)
 
+    @torch.no_grad()
+    def value_where(self, observation: Tensor, where: Tensor) -> Tensor:
+        """`value` in worlds `where` (L, n) bool is set, 0 in the others; costs as much as the fullest lane has of them.
+
+        Asks how many those are, so on a GPU the host waits for it.
+        """
+        rows = where.float().topk(int(where.sum(1).amax()), dim=1, sorted=False).indices
+        chosen = observation.gather(1, rows[..., None].expand(-1, -1, observation.shape[2]))
+        return torch.zeros(where.shape, device=self.device).scatter_(1, rows, self.value(chosen)) * where
+
     def _value(self, normalised: Tensor) -> Tensor:
         return self.values.denormalize(normalised[..., None])[..., 0]
 
