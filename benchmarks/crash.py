@@ -75,7 +75,7 @@ class Person(EmptyDesk):
         self.remarks = [words, chosen, Remark(kind=RemarkKind.GO)]
 
     def listen(self, seconds: float) -> None:
-        say(self.store.directory, self.remarks[len(self.store.unheard())])
+        say(self.store.directory, self.remarks[len(self.store.remarks.unheard())])
 
 
 REPLIES = 17

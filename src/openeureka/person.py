@@ -53,24 +53,28 @@ class Hearing:
     def hear(self, history: History) -> History:
         """The history with the remarks on its last generation, where a person is to be heard and was not yet."""
         index = len(history.generations) - 1
-        if not 0 <= index < self.config.hearings or self.store.heard(index) is not None:
+        if not 0 <= index < self.config.hearings or self.store.remarks.heard(index) is not None:
             return history
         if self.config.model.startswith("replay:"):
             self._repeat(index)
         else:
             self._wait(history.generations[index])
-        return history.heard(self.store.hear(index))
+        return history.heard(self.store.remarks.hear(index))
 
     def _repeat(self, index: int) -> None:
         """Say what was said in the run that is replayed."""
         recorded = read_remarks(self.config.model.removeprefix("replay:")).get(index, ())
-        if not self.store.unheard():  # they are committed all or none: a replay that was killed here may have them
-            self.store.say(*recorded)
+        if (
+            not self.store.remarks.unheard()
+        ):  # they are committed all or none: a replay that was killed here may have them
+            self.store.remarks.say(*recorded)
 
     def _wait(self, generation: Generation) -> None:
         """Until somebody says `go`, or nobody did for too long."""
         self.observer.phase(generation.index, "feedback")
         self.desk.invite(generation)
         end = time.monotonic() + (self.config.feedback_timeout or math.inf)
-        while all(remark.kind is not RemarkKind.GO for remark in self.store.unheard()) and time.monotonic() < end:
+        while (
+            all(remark.kind is not RemarkKind.GO for remark in self.store.remarks.unheard()) and time.monotonic() < end
+        ):
             self.desk.listen(min(POLL, self.config.feedback_timeout or POLL))

@@ -25,7 +25,7 @@ def directory(tmp_path: Path) -> Path:
 
 def said(directory: Path) -> tuple[Remark, ...]:
     with Store.view(directory) as store:
-        return store.unheard()
+        return store.remarks.unheard()
 
 
 def test_marks_are_told_from_words() -> None:

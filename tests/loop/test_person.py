@@ -233,7 +233,7 @@ def test_a_remark_on_an_unknown_candidate_is_refused_with_those_there_are(begin)
     with pytest.raises(FeedbackError, match="g0s7 is no trained candidate .* there are g0s0, g0s1"):
         one.heard([words("kept together"), veto(0, 7)])
     with Store.view(one.directory) as store:
-        assert store.unheard() == ()  # all or none
+        assert store.remarks.unheard() == ()  # all or none
 
 
 def test_votes_need_someone_who_votes() -> None:

@@ -157,7 +157,7 @@ def test_words_are_stored_and_shown_and_refused_ones_explained(tmp_path):
     refused = client.post("/runs/run/remarks", data={"veto": "g7s7"})
     assert refused.status_code == 400 and "g7s7 is no trained candidate" in refused.text
     with Store.view(tmp_path / "run") as store:
-        assert [remark.kind for remark in store.unheard()] == ["words", "favourite", "vote"]
+        assert [remark.kind for remark in store.remarks.unheard()] == ["words", "favourite", "vote"]
 
 
 def test_buttons_to_judge_stand_only_where_a_run_listens(tmp_path):

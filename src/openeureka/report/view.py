@@ -169,7 +169,7 @@ class RunView:
                 evaluations=store.evaluations(),
                 trials=store.trials(),
                 usage=store.usage(),
-                unheard=store.unheard(),
+                unheard=store.remarks.unheard(),
                 videos=videos,
             )
 

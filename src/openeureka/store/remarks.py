@@ -24,7 +24,7 @@ def say(directory: Path | str, *remarks: Remark) -> None:
     with Store.view(directory) as store:  # an old run must not be migrated while its own process has it
         check(store, remarks)
     with Store.visit(directory) as store:
-        store.say(*remarks)
+        store.remarks.say(*remarks)
 
 
 def check(store: Store, remarks: Iterable[Remark]) -> None:
@@ -32,7 +32,7 @@ def check(store: Store, remarks: Iterable[Remark]) -> None:
     config = store.config
     if config.feedback != "human":
         raise FeedbackError(f"The run in {store.directory} does not wait for a person; start one with feedback=human.")
-    if store.heard(config.hearings - 1) is not None:
+    if store.remarks.heard(config.hearings - 1) is not None:
         raise FeedbackError(f"The run in {store.directory} has asked for its last generation; nothing more is heard.")
     trained = {e.sample.place for g in store.history().generations for e in g.entries if e.result is not None}
     for remark in remarks:

@@ -25,7 +25,6 @@ from ..types import (
     History,
     Message,
     Prompt,
-    Remark,
     Reply,
     Sample,
     Scored,
@@ -37,18 +36,17 @@ from . import artifacts
 from .codec import (
     DAMAGE,
     decode_digest,
-    decode_remark,
     decode_result,
     decode_verdict,
     digest,
     encode_evaluation,
-    encode_remark,
     encode_result,
     encode_verdict,
     finite,
     safe_text,
 )
 from .db import AGAIN, FILENAME, LOCK, LOG, Database, explained
+from .remark_log import RemarkLog
 
 T = TypeVar("T")
 Peak = Literal["fitness", "reward"]
@@ -68,12 +66,16 @@ class Store:
 
     Files come before the row that stands for them: a row whose file is missing cannot exist. Writing the same thing
     twice is a programming error and raises sqlite3.IntegrityError.
+
+    Attributes:
+        remarks: what a person says while the run goes on.
     """
 
     def __init__(self, directory: Path, database: Database, lock: FileLock | None) -> None:
         self.directory = directory
         self._database = database
         self._lock = lock
+        self.remarks = RemarkLog(database)
 
     @classmethod
     def open(cls, directory: Path | str, config: RunConfig) -> Store:
@@ -309,7 +311,9 @@ class Store:
         generations: dict[int, list[Scored]] = {}
         for row in self._database.rows("entries", order=("generation", "slot")):
             generations.setdefault(row["generation"], []).append(self._scored(row, results))
-        finished = [Generation(index, tuple(own), self.heard(index) or ()) for index, own in generations.items()]
+        finished = [
+            Generation(index, tuple(own), self.remarks.heard(index) or ()) for index, own in generations.items()
+        ]
         return History(tuple(finished), "votes" if self.config.judge == "votes" else "fitness")
 
     def _scored(self, row: sqlite3.Row, results: Mapping[str, TrainingResult]) -> Scored:
@@ -335,40 +339,6 @@ class Store:
             fitness=row["fitness"],
             evaluations=row["evaluations"],
             usage=_usage(row),
-        )
-
-    # --- remarks of a person -----------------------------------------------------------------------------------------
-
-    def say(self, *remarks: Remark) -> None:
-        """Commit what a person said; it counts for the generation that is asked for next."""
-        self._database.put("remarks", *map(encode_remark, remarks))
-
-    def unheard(self) -> tuple[Remark, ...]:
-        """What was said and entered no history yet."""
-        return self._remarks(self._last_heard())
-
-    def hear(self, generation: int) -> tuple[Remark, ...]:
-        """Close the remarks on a generation: what is unheard is part of its history from now on, later ones are not."""
-        rows = self._database.rows("remarks", order=("id",))
-        self._database.put("heard", {"generation": generation, "remarks": rows[-1]["id"] if rows else 0})
-        remarks = self.heard(generation)
-        assert remarks is not None
-        return remarks
-
-    def heard(self, generation: int) -> tuple[Remark, ...] | None:
-        """What a person said after a generation; None when it may still be added to."""
-        row = self._database.row("heard", generation=generation)
-        return self._remarks(self._last_heard(before=generation), row["remarks"]) if row is not None else None
-
-    def _last_heard(self, before: int | None = None) -> int:
-        """Id of the last remark that a generation (earlier than `before`) has heard; ids begin with 1."""
-        closed = self._database.rows("heard")
-        return max((r["remarks"] for r in closed if before is None or r["generation"] < before), default=0)
-
-    def _remarks(self, after: int, last: int | None = None) -> tuple[Remark, ...]:
-        rows = self._database.rows("remarks", order=("id",))
-        return tuple(
-            decode_remark(dict(row)) for row in rows if row["id"] > after and (last is None or row["id"] <= last)
         )
 
     # --- the best ----------------------------------------------------------------------------------------------------
