@@ -132,6 +132,17 @@ def test_values_where_asked_are_the_values_there():
     assert not ppo.value_where(observation, torch.zeros_like(where)).any()
 
 
+def test_a_value_where_asked_does_not_depend_on_how_much_is_asked_of_other_lanes():
+    ppo = PPO([5, 9], 300, 2, dataclasses.replace(RECIPE, hidden=(128, 64)), CPU)
+    generator = torch.Generator().manual_seed(0)
+    observation = torch.randn(2, 256, 300, generator=generator)
+    few = torch.rand(2, 256, generator=generator) < 0.05
+    for share in (0.0, 0.1, 0.5, 1.0):
+        others = few.clone()
+        others[1] = torch.rand(256, generator=generator) < share
+        assert torch.equal(ppo.value_where(observation, others)[0], ppo.value_where(observation, few)[0])
+
+
 @pytest.mark.parametrize("seeds", [[3, 3], [3, 4]])
 def test_lanes_of_equal_seed_explore_alike(seeds: list[int]):
     action = PPO(seeds, 3, 2, RECIPE, CPU).act(torch.ones(2, 7, 3)).action

@@ -11,6 +11,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from .normalize import ALL
+
 
 class Output(NamedTuple):
     mean: Tensor
@@ -42,12 +44,12 @@ class StackedActorCritic:
             self.parameters[name] = view.detach().requires_grad_()
             offset += size
 
-    def __call__(self, x: Tensor) -> Output:
-        """Evaluate normalised observations (L, B, O)."""
+    def __call__(self, x: Tensor, lanes: slice = ALL) -> Output:
+        """Evaluate normalised observations (L, B, O) of these lanes."""
         p = self.parameters
         for layer in range(len(self.sizes) - 1):
-            x = functional.elu(torch.baddbmm(p[f"b{layer}"], x, p[f"w{layer}"]))
-        heads = torch.baddbmm(p["head_b"], x, p["head_w"])
+            x = functional.elu(torch.baddbmm(p[f"b{layer}"][lanes], x, p[f"w{layer}"][lanes]))
+        heads = torch.baddbmm(p["head_b"][lanes], x, p["head_w"][lanes])
         return Output(heads[..., : self.actions], heads[..., self.actions])
 
     @property

@@ -10,6 +10,8 @@ from torch import Tensor
 
 EPSILON = 1e-5
 LIMIT = 5.0
+ALL = slice(None)
+"""Lanes."""
 
 
 class RunningNorm:
@@ -43,13 +45,13 @@ class RunningNorm:
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         self.mean, self.var, self.count = saved["mean"], saved["var"], saved["count"]
 
-    def normalize(self, x: Tensor) -> Tensor:
-        """(L, B, D) to zero mean and unit variance, clamped at +-5."""
-        return normalize(x, self.mean, self.var)
+    def normalize(self, x: Tensor, lanes: slice = ALL) -> Tensor:
+        """(L, B, D) of these lanes to zero mean and unit variance, clamped at +-5."""
+        return normalize(x, self.mean[lanes], self.var[lanes])
 
-    def denormalize(self, x: Tensor) -> Tensor:
+    def denormalize(self, x: Tensor, lanes: slice = ALL) -> Tensor:
         """Back to the original scale (clamped at +-5 standard deviations)."""
-        return x.clamp(-LIMIT, LIMIT) * torch.sqrt(self.var + EPSILON) + self.mean
+        return x.clamp(-LIMIT, LIMIT) * torch.sqrt(self.var[lanes] + EPSILON) + self.mean[lanes]
 
 
 def normalize(x: Tensor, mean: Tensor, var: Tensor) -> Tensor:

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from ..tasks.task import Recipe
 from .network import StackedActorCritic
-from .normalize import RunningNorm
+from .normalize import ALL, RunningNorm
 
 BOUND = 1.1  # action means beyond this are pulled back
 LEARNING_RATES = (1e-6, 1e-2)
@@ -102,22 +102,24 @@ class PPO:
         return Action(mean + log_std.exp() * noise, log_prob, mean, self._value(value))
 
     @torch.no_grad()
-    def value(self, observation: Tensor) -> Tensor:
-        """(L, n) state values in reward units."""
-        return self._value(self.network(self.observations.normalize(observation)).value)
+    def value(self, observation: Tensor, lanes: slice = ALL) -> Tensor:
+        """(L, n) state values in reward units of observations (L, n, O) of these lanes."""
+        output = self.network(self.observations.normalize(observation, lanes), lanes)
+        return self._value(output.value, lanes)
 
-    @torch.no_grad()
     def value_where(self, observation: Tensor, where: Tensor) -> Tensor:
-        """`value` in worlds `where` (L, n) bool is set, 0 in the others; costs as much as the fullest lane has of them.
+        """`value` in the worlds where `where` (L, n) is true, 0 in the others; the host waits to know which those are.
 
-        Asks how many those are, so on a GPU the host waits for it.
+        One lane at a time: in one product, how many worlds one lane has would round the values of the others.
         """
-        rows = where.float().topk(int(where.sum(1).amax()), dim=1, sorted=False).indices
-        chosen = observation.gather(1, rows[..., None].expand(-1, -1, observation.shape[2]))
-        return torch.zeros(where.shape, device=self.device).scatter_(1, rows, self.value(chosen)) * where
+        values = torch.zeros(where.shape, device=self.device)
+        for lane in where.any(1).nonzero().flatten().tolist():
+            chosen = where[lane]
+            values[lane, chosen] = self.value(observation[lane, chosen][None], slice(lane, lane + 1))[0]
+        return values
 
-    def _value(self, normalised: Tensor) -> Tensor:
-        return self.values.denormalize(normalised[..., None])[..., 0]
+    def _value(self, normalised: Tensor, lanes: slice = ALL) -> Tensor:
+        return self.values.denormalize(normalised[..., None], lanes)[..., 0]
 
     def update(self, rollout: Rollout, last_value: Tensor) -> None:
         """One PPO epoch on a rollout; `last_value` (L, n) is the value after its last step."""
