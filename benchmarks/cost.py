@@ -1,6 +1,6 @@
 """What a training step costs beside bare physics, part by part, in CPU time: a busy machine matters less.
 
-    python benchmarks/cost.py                                   # the two-handed tasks below; some minutes
+    python benchmarks/cost.py                                   # the tasks below; some minutes
     python benchmarks/cost.py --env ant --worlds 512 --repeats 5
 
 Bare physics and training take turns in one process; the ratio is that of the median costs of one environment step, all
@@ -31,7 +31,11 @@ from openeureka.training.population import Population
 from openeureka.types import TrainBudget, TrainJob
 
 RESULTS = Path(__file__).parent / "results" / "cost.json"
-TASKS = ("shadow_hand_over", "shadow_hand_door_open_outward", "shadow_hand_push_block", "shadow_hand_kettle")
+TASKS = (
+    *("cartpole", "ballbalance", "quadcopter", "ant", "humanoid", "anymal", "franka_cabinet"),
+    *("allegro_hand", "shadow_hand", "shadow_hand_spin"),
+    *("shadow_hand_over", "shadow_hand_door_open_outward", "shadow_hand_push_block", "shadow_hand_kettle"),
+)
 LANES = 2
 EPOCHS = 2
 RAW_STEPS = 32  # control steps of bare physics

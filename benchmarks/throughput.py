@@ -2,6 +2,7 @@
 
     python benchmarks/throughput.py                # needs the extra `bench`; about 15 minutes on 2 cores
     python benchmarks/throughput.py --tiny         # seconds, to see that it works
+    python benchmarks/throughput.py --only start --out benchmarks/results/processes.json    # lanes over processes
 
 Arms take turns, `--repeats` times over, so that a busy machine slows all of them alike; ratios are of medians. Every
 arm reports environment steps a second over its whole training, network updates included; building models and starting
@@ -18,16 +19,17 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import torch
 from mujoco.batch import Batch
 
 from openeureka.tasks import registry
+from openeureka.training import devices
 from openeureka.training.executor import PopulationTrainer
 from openeureka.training.population import Population
 from openeureka.types import TrainBudget, TrainingResult, TrainJob
@@ -37,6 +39,12 @@ LANES = 8
 RAW_EPISODE = 100  # control steps between resets of raw stepping: roughly the episodes of a policy that learns
 
 Arm = Callable[[], float]
+
+PROCESSES = {
+    "1 process, with its start": 1,
+    "a process a core, with their start": os.cpu_count() or 1,
+    "8 processes, with their start": LANES,
+}
 
 
 def raw(env: str, worlds: int, steps: int) -> float:
@@ -64,23 +72,18 @@ def lanes(env: str, count: int, worlds: int, epochs: int) -> float:
 
 
 def waited(env: str, processes: int, worlds: int, epochs: int) -> float:
-    """8 lanes spread over worker processes, with their start: what a person waits for."""
+    """8 lanes in worker processes that share all cores, with their start: what a person waits for."""
     budget = TrainBudget(worlds=worlds, env_steps=epochs * registry.get(env).recipe.horizon * worlds)
     jobs = [TrainJob(id=str(i), program="human", seed=i) for i in range(LANES)]
-    threads = 0 if processes == 1 else max(1, (os.cpu_count() or 1) // processes)
-
-    def train(share: list[TrainJob]) -> int:
-        messages = PopulationTrainer(threads=threads).train(env, share, budget)
-        results = [message for message in messages if isinstance(message, TrainingResult)]
-        failed = [result.message for result in results if not result.env_steps]
-        if failed:
-            raise SystemExit(failed[0])
-        return sum(result.env_steps for result in results)
-
     started = time.perf_counter()
-    with ThreadPoolExecutor(processes) as pool:
-        steps = sum(pool.map(train, [jobs[i::processes] for i in range(processes)]))
-    return steps / (time.perf_counter() - started)
+    cores = max(os.cpu_count() or 1, processes)
+    with patch.multiple(devices, usable_cores=lambda: cores, CPU_WORKERS=processes):
+        messages = list(PopulationTrainer().train(env, jobs, budget))
+    results = [message for message in messages if isinstance(message, TrainingResult)]
+    failed = [result.message for result in results if not result.env_steps]
+    if failed:
+        raise SystemExit(failed[0])
+    return sum(result.env_steps for result in results) / (time.perf_counter() - started)
 
 
 def stable_baselines(envs: int, steps: int, **options: object) -> float:
@@ -135,8 +138,8 @@ def arms(tiny: bool) -> dict[str, Arm]:
             }
     if "ant" in registry.names():
         found |= {
-            "ant/8 lanes, 1 process, with its start": lambda: waited("ant", 1, 128, max(1, 40 // scale)),
-            "ant/8 lanes, 8 processes, with their start": lambda: waited("ant", LANES, 128, max(1, 40 // scale)),
+            f"ant/8 lanes, {name}": lambda processes=processes: waited("ant", processes, 128, max(1, 40 // scale))
+            for name, processes in PROCESSES.items()
         }
     return found
 
@@ -155,9 +158,10 @@ RATIOS = {
     "training over raw stepping, ant": ("ant/8 lanes", "ant/raw"),
     "training over raw stepping, ant, 1 lane": ("ant/1 lane", "ant/raw"),
     "training over raw stepping, humanoid": ("humanoid/8 lanes", "humanoid/raw"),
-    "one process over eight": (
+    "one process over eight": ("ant/8 lanes, 1 process, with its start", "ant/8 lanes, 8 processes, with their start"),
+    "a process a core over one process": (
+        "ant/8 lanes, a process a core, with their start",
         "ant/8 lanes, 1 process, with its start",
-        "ant/8 lanes, 8 processes, with their start",
     ),
 }
 

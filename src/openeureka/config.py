@@ -63,7 +63,7 @@ class RunConfig:
     device: str = "cpu"
     """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
     threads: int = 0
-    """Simulation threads; 0 means all cores."""
+    """Cores to train on; 0 means all of them."""
     max_cost: float = 0.0
     """Stop before the spending on replies exceeds this many US dollars; 0 means no limit."""
     price: str = ""

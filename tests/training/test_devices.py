@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from openeureka.errors import ConfigError
-from openeureka.training.devices import devices
+from openeureka.training.devices import CPU_WORKERS, devices, workers
 from openeureka.training.executor import Message, PopulationTrainer
 from openeureka.types import TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
 
@@ -42,6 +42,44 @@ def test_a_setting_names_one_device_a_worker(gpus):
     assert devices("cuda:2") == ("cuda:2",)
     assert devices("cuda:0, cuda:2") == ("cuda:0", "cuda:2")
     assert devices("cuda:1,cuda:1") == ("cuda:1", "cuda:1")
+
+
+@pytest.mark.parametrize(
+    ("threads", "populations", "expected"),
+    [
+        (4, 1, [4]),
+        (4, 2, [2, 2]),
+        (4, 3, [1, 1, 1]),
+        (1, 7, [1]),
+        (CPU_WORKERS * 2, 100, [2] * CPU_WORKERS),
+    ],
+)
+def test_the_cores_of_a_cpu_are_dealt_to_workers(threads: int, populations: int, expected: list[int]):
+    assert [number for _, number in workers(("cpu",), threads, populations)] == expected
+
+
+def test_devices_that_are_named_get_a_worker_each():
+    assert workers(("cpu", "cpu"), 0, 1) == (("cpu", 0), ("cpu", 0))
+    assert workers(("cuda:0", "cuda:1"), 3, 9) == (("cuda:0", 3), ("cuda:1", 3))
+
+
+def test_lanes_on_a_cpu_train_side_by_side(monkeypatch: pytest.MonkeyPatch, gpus, signal: Path):
+    # Each of two workers waits until both are at work.
+    pids: set[float | None] = set()
+    for message in train(["patient0", "patient1", "patient2", "patient3"], "cpu", threads=2):
+        if isinstance(message, TrainingProgress):
+            pids |= set(message.fitness.values())
+        if len(pids) == 2:
+            signal.touch()
+    assert signal.exists()
+
+
+def test_worlds_of_all_workers_on_a_cpu_count(monkeypatch: pytest.MonkeyPatch, gpus):
+    populations: list[set[str]] = []
+    trainer = PopulationTrainer("cpu", threads=2, max_worlds=1024)  # 256 worlds a lane: two workers of two lanes
+    monkeypatch.setattr(trainer, "_train", lambda _, jobs, *rest: populations.append({job.id for job in jobs}) or ())
+    list(trainer.train("cartpole", [TrainJob(id=name, program="human") for name in "abcdef"], TrainBudget()))
+    assert populations == [{"a", "b"}, {"c", "d"}, {"e", "f"}]
 
 
 @pytest.mark.parametrize("setting", ["", "cpu,", "cpu,tpu"])

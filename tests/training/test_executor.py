@@ -73,6 +73,29 @@ def test_a_snapshot_that_helps_no_worker_is_forgotten(tmp_path: Path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_what_is_left_of_a_training_keeps_the_populations_that_left_a_snapshot(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    def populations(names: str) -> list[list[str]]:
+        found: list[list[str]] = []
+        trainer = PopulationTrainer(threads=2, snapshots=tmp_path)
+        monkeypatch.setattr(trainer, "_train", lambda _, jobs, *rest: found.append([job.id for job in jobs]) or ())
+        list(trainer.train("cartpole", [TrainJob(id=name, program="human") for name in names], TrainBudget(worlds=1)))
+        return found
+
+    def snapshot(env: str, names: str) -> Snapshot:
+        return Snapshot(tmp_path, {"env": env, "jobs": [{"id": name} for name in names]})
+
+    assert populations("abcdefg") == [["a", "b", "c", "d"], ["e", "f", "g"]]
+    snapshot("cartpole", "efg").write(b"state")
+    snapshot("ant", "f").write(b"state")
+    assert populations("efg") == [["e", "f", "g"]]
+    assert populations("adefg") == [["e", "f", "g"], ["a", "d"]]
+    assert populations("aef") == [["a", "e"], ["f"]]
+    snapshot("cartpole", "efg").remove()
+    assert populations("efg") == [["e", "f"], ["g"]]
+
+
 def test_another_training_does_not_go_on_from_this_snapshot(tmp_path: Path):
     Snapshot(tmp_path, {"worlds": 2}).write(b"state")
     assert Snapshot(tmp_path, {"worlds": 2}).read() == b"state"
@@ -104,7 +127,7 @@ def test_lanes_that_are_too_many_for_one_simulation_train_one_population_after_a
 
 
 def test_progress_of_one_population_after_another_counts_on(monkeypatch: pytest.MonkeyPatch):
-    trainer = PopulationTrainer(max_worlds=1)
+    trainer = PopulationTrainer(max_worlds=1, threads=1)
     step = TrainingProgress(epoch=2, epochs=4, env_steps_per_second=1.0, fitness={})
     monkeypatch.setattr(trainer, "_train", lambda *_: (message for message in [step]))
     jobs = [TrainJob(id=name, program="human") for name in "ab"]

@@ -14,7 +14,7 @@ from ..report import video
 from ..report.text import columns
 from ..report.video import VideoUnavailable
 from ..sandbox import confine
-from ..training.devices import devices
+from ..training.devices import devices, usable_cores
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ def _package(name: str) -> Finding:
 
 def cores() -> list[Finding]:
     """Cores this process may use: a container often offers fewer than the machine has."""
-    return [Finding("threads", True, f"{len(os.sched_getaffinity(0))} of {os.cpu_count()} cores usable")]
+    return [Finding("threads", True, f"{usable_cores()} of {os.cpu_count()} cores usable")]
 
 
 def gpus() -> list[Finding]:

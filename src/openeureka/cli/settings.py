@@ -35,7 +35,7 @@ class TrainConfig:
     device: str = "cpu"
     """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
     threads: int = 0
-    """Simulation threads; 0 means all cores."""
+    """Cores to train on; 0 means all of them."""
     dir: str = ""
     """Output directory; empty means `outputs/<time>_train_<env>`."""
     unsafe_no_sandbox: bool = False

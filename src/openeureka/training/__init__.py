@@ -1,1 +1,1 @@
-"""Lane-batched PPO: one process trains all candidates of a generation."""
+"""Lane-batched PPO: the candidates of a generation train side by side in one batch."""

@@ -1,4 +1,4 @@
-"""Runs training in worker processes, one a device, so that a crash of the simulator never takes a run down."""
+"""Runs training in worker processes, one a GPU or core, so that a crash of the simulator never takes a run down."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from ..errors import WorkerError
 from ..tasks import registry
 from ..types import Dynamics, Evaluation, TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
-from .devices import devices
+from . import snapshots
+from .devices import CPU, devices, workers
 from .snapshots import Snapshot
 from .wire import SNAPSHOT, pack_jobs, unpack
 
@@ -33,13 +34,13 @@ T = TypeVar("T")
 
 
 class PopulationTrainer:
-    """A `types.Trainer`: the jobs of a call are lanes of one population a device, or of several in turn when they are
+    """A `types.Trainer`: the jobs of a call are lanes of one population a worker, or of several in turn when they are
     too many for one simulation.
 
     Args:
-        device: where to train, see `devices`; each device named has a worker process of its own.
-        threads: simulation and tensor threads of a worker, 0 for all cores.
-        max_worlds: the most worlds of one population, over all its lanes; 0 for what the kind of device usually holds.
+        device: where to train, see `devices`; a GPU has one worker process, a CPU may have several, see `workers`.
+        threads: simulation and tensor threads, 0 for all cores.
+        max_worlds: the most worlds on a device at a time, over all lanes; 0 for what the kind of device usually holds.
         snapshots: folder in which trainings that take minutes leave their state, to go on from when this process or a
             worker is killed; None for trainings that begin anew.
         silence: [s] after which a worker that says nothing is ended and replaced.
@@ -73,21 +74,26 @@ class PopulationTrainer:
             TaskError: when there is no such environment.
         """
         recipe = registry.get(env).recipe
-        fitting = max(1, self._max_worlds // (budget.worlds or recipe.worlds))
-        populations = list(_split(jobs, max(len(self._devices), math.ceil(len(jobs) / fitting))))
+        worlds = budget.worlds or recipe.worlds
+        most = len(workers(self._devices, self._threads, len(jobs)))
+        room = self._max_worlds // most if self._devices == (CPU,) else self._max_worlds
+        kept = snapshots.groups(self._snapshots, env)
+        populations = _deal(jobs, kept, max(most, math.ceil(len(jobs) / max(1, room // worlds))))
         waiting = deque(enumerate(populations))
         tally = _Tally(len(populations))
 
-        def serve(device: str) -> Generator[Message | None]:
+        def serve(device: str, threads: int) -> Generator[Message | None]:
             while waiting:
                 number, population = waiting.popleft()
-                for message in self._train(env, population, budget, device):
+                for message in self._train(env, population, budget, device, threads):
                     yield tally.add(number, message) if isinstance(message, TrainingProgress) else message
                 tally.close(number)
 
-        yield from _interleave([serve(device) for device in self._devices])
+        yield from _interleave([serve(*worker) for worker in workers(self._devices, self._threads, len(populations))])
 
-    def _train(self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget, device: str) -> Generator[Message | None]:
+    def _train(
+        self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget, device: str, threads: int
+    ) -> Generator[Message | None]:
         """Messages of one population; None while there is nothing yet."""
         left = {job.id: job for job in jobs}
         reasons: dict[str, str] = {}
@@ -95,7 +101,7 @@ class PopulationTrainer:
         for groups in (1, 1, len(jobs)):
             for group in _split(list(left.values()), groups):
                 try:
-                    for message in self._train_in_one(pack_jobs(env, group, budget), device):
+                    for message in self._train_in_one(pack_jobs(env, group, budget), device, threads):
                         if isinstance(message, TrainingResult):
                             del left[message.job]
                         yield message
@@ -103,7 +109,7 @@ class PopulationTrainer:
                     reasons |= {job.id: str(error) for job in group}
         yield from (_failed(job, reasons[job.id]) for job in left.values())
 
-    def _train_in_one(self, request: Frame, device: str) -> Generator[Message | None]:
+    def _train_in_one(self, request: Frame, device: str, threads: int) -> Generator[Message | None]:
         """Messages of one worker, which goes on from where the one before it was."""
         kind = device.partition(":")[0]
         snapshot = Snapshot(self._snapshots, {**request.header, "device": kind})
@@ -112,7 +118,7 @@ class PopulationTrainer:
         header = {"do": "train", "snapshot_seconds": every, **request.header}
         blobs = {**request.blobs, **({SNAPSHOT: state} if state is not None else {})}
         try:
-            for frame in self._ask(Frame(header, blobs), device):
+            for frame in self._ask(Frame(header, blobs), device, threads):
                 if frame is not None and SNAPSHOT in frame.blobs:
                     snapshot.write(frame.blobs[SNAPSHOT])
                 else:
@@ -137,7 +143,7 @@ class PopulationTrainer:
             if not left:
                 return
             try:
-                for frame in self._ask(Frame(header, left), self._devices[0]):
+                for frame in self._ask(Frame(header, left), self._devices[0], self._threads):
                     if frame is not None and "score" in frame.header:
                         score = Evaluation(**frame.header["score"])
                         del left[score.job]
@@ -146,12 +152,12 @@ class PopulationTrainer:
                 if last and left:
                     raise
 
-    def _ask(self, request: Frame, device: str) -> Generator[Frame | None]:
+    def _ask(self, request: Frame, device: str, threads: int) -> Generator[Frame | None]:
         """Frames of one request, up to the one that says it is done; None while there is nothing yet."""
         # Idle OpenMP threads that spin would starve the simulator's threads, many times over on a busy machine.
         with Worker(self._module, env={"GOMP_SPINCOUNT": "0", **os.environ}) as worker:
             try:
-                worker.send({**request.header, "device": device, "threads": self._threads}, request.blobs)
+                worker.send({**request.header, "device": device, "threads": threads}, request.blobs)
                 heard = time.monotonic()
                 while True:
                     if worker.ready(POLL):
@@ -218,6 +224,13 @@ def _split(jobs: Sequence[TrainJob], groups: int) -> Iterator[Sequence[TrainJob]
     """`jobs` in at most `groups` parts; nothing when there are none."""
     size = max(1, -(-len(jobs) // groups))
     return (jobs[i : i + size] for i in range(0, len(jobs), size))
+
+
+def _deal(jobs: Sequence[TrainJob], kept: Sequence[Sequence[str]], count: int) -> list[Sequence[TrainJob]]:
+    """About `count` populations. What a snapshot was taken of stays together: no other population can go on from it."""
+    left = {job.id: job for job in jobs}
+    together = [[left.pop(name) for name in names] for names in kept if left.keys() >= set(names)]
+    return [*together, *_split(list(left.values()), max(1, count - len(together)))]
 
 
 def _failed(job: TrainJob, reason: str) -> TrainingResult:

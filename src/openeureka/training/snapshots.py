@@ -11,9 +11,17 @@ from typing import Any
 from .. import __version__
 from ..store import artifacts
 
+ABOUT = ".json"
+
+
+def groups(folder: Path | None, env: str) -> list[list[str]]:
+    """Ids of the jobs of each population of a task that has left a snapshot there."""
+    about = [json.loads(path.read_text()) for path in sorted(folder.glob(f"*{ABOUT}"))] if folder is not None else []
+    return [found["jobs"] for found in about if found["env"] == env]
+
 
 class Snapshot:
-    """The newest state of one population, in a file that exists while the training is unfinished.
+    """The newest state of one population, in a file that exists while the training is unfinished; beside it, its jobs.
 
     Args:
         folder: where the file is; None keeps nothing.
@@ -24,6 +32,7 @@ class Snapshot:
         text = json.dumps([__version__, request], sort_keys=True)
         name = hashlib.sha256(text.encode()).hexdigest()[:16]
         self._path = folder / f"{name}.pt" if folder is not None else None
+        self._about = {"env": request.get("env"), "jobs": [job["id"] for job in request.get("jobs", ())]}
         self._renewed = False
 
     def read(self) -> bytes | None:
@@ -34,6 +43,7 @@ class Snapshot:
     def write(self, state: bytes) -> None:
         """Raises StoreError when the disk is full; the old file is then still whole."""
         if self._path is not None:
+            artifacts.write(self._path.with_suffix(ABOUT), json.dumps(self._about))
             artifacts.write(self._path, state)
             self._renewed = True
 
@@ -46,5 +56,6 @@ class Snapshot:
         """The training is finished; the folder goes with the last file."""
         if self._path is not None and self._path.is_file():
             self._path.unlink()
+            self._path.with_suffix(ABOUT).unlink(missing_ok=True)
             if not any(self._path.parent.iterdir()):
                 self._path.parent.rmdir()
