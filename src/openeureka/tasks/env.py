@@ -89,7 +89,7 @@ class BatchedEnv:
         if stagger:
             self.task.progress = self.task.noise.uniform(worlds, 1, 0, self.task.episode_length - 1)[:, 0].long()
             self._whole = self.task.progress == 0
-        return self._clip(self.current_state()["obs_buf"])
+        return self._observe(self.current_state())
 
     def state_dict(self) -> dict[str, Any]:
         """All that the next step depends on, copied."""
@@ -122,7 +122,7 @@ class BatchedEnv:
         score = task.fitness(state, ended)
         score = Score(score.value, torch.where(bad, 0.0, score.weight))
         length = task.progress.clone()
-        final = self._clip(state["obs_buf"])
+        final = self._observe(state)
 
         observation = self._restart(done, final)
         self._bad += bad.sum()
@@ -133,13 +133,13 @@ class BatchedEnv:
         """Reset worlds (N,) that are done; returns the observation of all, which is `final` in the others."""
         if self.masked:
             self._reset_masked(done)
-            return torch.where(done[:, None], self._clip(self.current_state()["obs_buf"]), final)
+            return torch.where(done[:, None], self._observe(self.current_state()), final)
         worlds = done.nonzero().squeeze(-1)
         if not len(worlds):
             return final
         self._reset(worlds)
         observation = final.clone()
-        observation[worlds] = self._clip(self.current_state()["obs_buf"][worlds])
+        observation[worlds] = self._observe(self.current_state(), worlds)
         return observation
 
     def _reset(self, worlds: Tensor) -> None:
@@ -172,5 +172,5 @@ class BatchedEnv:
         state["obs_buf"] = self.task.observe(state)
         return state
 
-    def _clip(self, observation: Tensor) -> Tensor:
-        return observation.clamp(-self.task.clip_observations, self.task.clip_observations)
+    def _observe(self, state: State, worlds: Tensor | slice = slice(None)) -> Tensor:
+        return state["obs_buf"][worlds].clamp(-self.task.clip_observations, self.task.clip_observations)
