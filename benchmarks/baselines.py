@@ -204,8 +204,9 @@ def main(words: Sequence[str] | None = None) -> None:
         # What diverged is a result, and what died with its worker is none.
         lanes = entry["lanes"] | {job: lane for job, lane in learned.items() if lane["state"] != "failed"}
         entry["lanes"] = {job: lanes[job] for job in sorted(lanes, key=_place)}
-        write(options.out, dict(sorted({**read(options.out), env: entry}.items())))  # others may have written
-        write(options.shipped, summary(read(options.out)))
+        found = dict(sorted({**read(options.out), env: entry}.items()))  # others may have written
+        write(options.out, found)
+        write(options.shipped, summary(found))
         for job, lane in learned.items():
             held_out = lane["held_out_at_peak_of_fitness"]["fitness"]
             at_first, at_best = lane["fitness_at_first"], lane["fitness_max_over_epochs"]

@@ -74,12 +74,18 @@ def test_lanes_on_a_cpu_train_side_by_side(monkeypatch: pytest.MonkeyPatch, gpus
     assert signal.exists()
 
 
-def test_worlds_of_all_workers_on_a_cpu_count(monkeypatch: pytest.MonkeyPatch, gpus):
-    populations: list[set[str]] = []
-    trainer = PopulationTrainer("cpu", threads=2, max_worlds=1024)  # 256 worlds a lane: two workers of two lanes
-    monkeypatch.setattr(trainer, "_train", lambda _, jobs, *rest: populations.append({job.id for job in jobs}) or ())
+@pytest.mark.parametrize(
+    ("device", "expected"),
+    [("cpu", ["ab", "cd", "ef"]), ("cuda:1,cuda:1", ["ab", "cd", "ef"]), ("cuda:0,cuda:1", ["abc", "def"])],
+)
+def test_worlds_of_all_workers_on_a_device_count(monkeypatch: pytest.MonkeyPatch, gpus, device, expected):
+    populations: list[str] = []
+    trainer = PopulationTrainer(device, threads=2, max_worlds=1024)  # 256 worlds a lane: room for four on a device
+    monkeypatch.setattr(
+        trainer, "_train", lambda _, jobs, *rest: populations.append("".join(job.id for job in jobs)) or ()
+    )
     list(trainer.train("cartpole", [TrainJob(id=name, program="human") for name in "abcdef"], TrainBudget()))
-    assert populations == [{"a", "b"}, {"c", "d"}, {"e", "f"}]
+    assert populations == expected
 
 
 @pytest.mark.parametrize("setting", ["", "cpu,", "cpu,tpu"])

@@ -16,7 +16,7 @@ from ..tasks import registry
 from ..types import Dynamics, Evaluation, TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 from . import snapshots
-from .devices import CPU, devices, workers
+from .devices import devices, workers
 from .snapshots import Snapshot
 from .wire import SNAPSHOT, pack_jobs, unpack
 
@@ -75,10 +75,10 @@ class PopulationTrainer:
         """
         recipe = registry.get(env).recipe
         worlds = budget.worlds or recipe.worlds
-        most = len(workers(self._devices, self._threads, len(jobs)))
-        room = self._max_worlds // most if self._devices == (CPU,) else self._max_worlds
+        crew = [device for device, _ in workers(self._devices, self._threads, len(jobs))]
+        room = self._max_worlds // max(map(crew.count, crew))  # of one worker, where several share a device
         kept = snapshots.groups(self._snapshots, env)
-        populations = _deal(jobs, kept, max(most, math.ceil(len(jobs) / max(1, room // worlds))))
+        populations = _deal(jobs, kept, max(len(crew), math.ceil(len(jobs) / max(1, room // worlds))))
         waiting = deque(enumerate(populations))
         tally = _Tally(len(populations))
 
