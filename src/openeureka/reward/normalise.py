@@ -25,6 +25,8 @@ IGNORED_PACKAGES = frozenset({"typing", "typing_extensions", "__future__", "isaa
 """Their names are annotations, or helpers that are present without an import."""
 SHORT_NAMES = {"torch": "torch", "math": "math", "np": "numpy", "F": "torch.nn.functional", "nn": "torch.nn"}
 """Bound in every program, imported or not."""
+ACTORS, ROWS = "root_state_tensor", "_indices"
+"""A tensor whose rows were the actors of all worlds, and what names ended with that picked one of every world."""
 _ANNOTATION_NODES = (
     ast.Name, ast.Attribute, ast.Subscript, ast.Tuple, ast.List, ast.Constant, ast.BinOp, ast.BitOr, ast.Load,
 )  # fmt: skip
@@ -227,6 +229,18 @@ class Normaliser(ast.NodeTransformer):
             kept = self.visit(statement)
             body.extend(kept if isinstance(kept, list) else [kept])
         return body
+
+    def visit_Subscript(self, node: ast.Subscript) -> ast.Subscript:
+        self.generic_visit(node)
+        first, *rest = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        if isinstance(first, ast.Call) and isinstance(first.func, ast.Attribute) and first.func.attr in ("long", "to"):
+            first = first.func.value
+        picked = (dotted(first) or "").endswith(ROWS)
+        if picked and (dotted(node.value) or "").rpartition(".")[2] == ACTORS:
+            # The worlds are an axis of their own here, before that of the actors.
+            worlds = ast.copy_location(ast.Slice(), first)
+            node.slice = ast.copy_location(ast.Tuple([worlds, first, *rest], ast.Load()), node.slice)
+        return node
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
         self.generic_visit(node)
