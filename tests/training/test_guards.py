@@ -97,6 +97,23 @@ def test_a_score_that_is_not_a_number_stops_its_own_lane_only(env: str) -> None:
     assert_same_to_the_bit(good, undisturbed(env))
 
 
+@pytest.mark.parametrize("speed", [2000.0, float("inf")])
+def test_a_world_whose_physics_breaks_down_pays_nothing(speed: float) -> None:
+    one_a_step = program(Node("mul.Tensor", ({"ref": 1}, 0.0)), Node("add.Tensor", ({"ref": 2}, 1.0)))
+    population = Population("ant", [TrainJob(id="one", program=one_a_step)], BUDGET, threads=1)
+    honest, qvel = population.env.step, population.env.sim.bind("qvel")
+
+    def step(actions: torch.Tensor) -> Step:
+        qvel[3] = speed
+        population.env.sim.forward(torch.tensor([3]))
+        return honest(actions)
+
+    population.env.step = step
+    (result,) = (message for message in population.train() if isinstance(message, TrainingResult))
+    assert result.curves["reward"] == (15 / 16,) * 3
+    assert population.env.bad_total == 3 * HORIZON
+
+
 def test_rewards_are_judged_before_they_are_scaled() -> None:
     """Cartpole's are scaled by 0.1: 5e6 a step is absurd although half a million trains."""
     constant = (Node("mul.Tensor", ({"ref": 1}, 0.0)), Node("add.Tensor", ({"ref": 2}, 5e6)))

@@ -11,6 +11,9 @@ from torch import Tensor
 
 INPUT_FIELDS = ("ctrl", "qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
 STATE_FIELDS = ("qpos", "qvel", "act")
+MAX_SPEED = 1000.0
+"""[m/s] or [rad/s] of any degree of freedom; what is faster than any robot or thing has left the integrator's reach, and
+its numbers would outweigh those of all other worlds."""
 
 
 class Simulator(ABC):
@@ -22,8 +25,8 @@ class Simulator(ABC):
     Attributes:
         model: the compiled model; per-world values live in `expand`.
         num_worlds: N.
-        bad: (N,) bool, worlds whose physics broke down in the last `step` (not finite, or a MuJoCo warning); the caller
-            resets them.
+        bad: (N,) bool, worlds whose physics broke down in the last `step` (not finite, faster than `MAX_SPEED`, or a
+            MuJoCo warning); their state is already the default one, and the caller resets them.
 
     Worlds are named by their indices (k,) int64, or by a mask (N,) bool, which no device needs to be asked the size of.
     """

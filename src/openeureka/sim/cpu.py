@@ -10,7 +10,7 @@ import torch
 from mujoco.batch import Batch, SimulationError
 from torch import Tensor
 
-from .base import INPUT_FIELDS, STATE_FIELDS, Simulator
+from .base import INPUT_FIELDS, MAX_SPEED, STATE_FIELDS, Simulator
 
 _CURRENT = mujoco.mjtStage.mjSTAGE_VEL
 _ALL = slice(None)
@@ -37,7 +37,7 @@ class CpuSimulator(Simulator):
         self.model = self._batch.get_model(0)
         self._mirrors: dict[str, tuple[np.ndarray, Tensor]] = {}
         self._expanded: dict[str, tuple[np.ndarray, Tensor]] = {}
-        self._warning = self._batch.warning
+        self._warning, self._qvel = self._batch.warning, self._batch.bind("qvel")
         self._seen = self._warning[:, :, 1].copy()
 
     def bind(self, field: str) -> Tensor:
@@ -126,6 +126,10 @@ class CpuSimulator(Simulator):
         bad = (count > self._seen).any(axis=1)
         bad[failed] = True
         np.copyto(self._seen, count)
+        fast = np.flatnonzero(np.abs(self._qvel).max(axis=1, initial=0.0) > MAX_SPEED)
+        if len(fast):
+            bad[fast] = True
+            self._batch.reset(fast)
         self.bad.numpy()[:] = bad
 
 

@@ -15,13 +15,13 @@ import warp as wp  # pyright: ignore[reportMissingImports]
 from torch import Tensor
 
 from ..errors import TaskError
-from .base import INPUT_FIELDS, Simulator
+from .base import INPUT_FIELDS, MAX_SPEED, Simulator
 from .capacity import Capacity
 
 wp.config.log_level = wp.LOG_WARNING  # else a line for every kernel loaded
 
-LIMIT = 1e10
-"""Magnitude of a position or velocity above which MuJoCo calls a state bad."""
+LIMITS = {"qpos": 1e10, "qvel": MAX_SPEED, "ctrl": 1e10}  # an actuator's limits may swallow an input that is no number
+"""Magnitudes above which a world is bad; MuJoCo's own limit is 1e10."""
 _STATE = ("time", "qpos", "qvel", "act")
 _MEMORY = (*_STATE, "act_dot", "qacc", "qacc_warmstart", "userdata", "sensordata", *INPUT_FIELDS)
 """What `reset` writes: all that a step reads from the step before."""
@@ -234,8 +234,8 @@ class WarpSimulator(Simulator):
 
     def _note_bad(self) -> None:
         sound = torch.ones_like(self.bad)
-        for name in ("qpos", "qvel", "ctrl"):  # an actuator's limits may swallow an input that is not a number
-            sound &= (self._defaults[name][0].abs() <= LIMIT).all(dim=1)  # False for NaN
+        for name, limit in LIMITS.items():
+            sound &= (self._defaults[name][0].abs() <= limit).all(dim=1)  # False for NaN
         torch.logical_not(sound, out=self.bad)
 
 

@@ -48,7 +48,8 @@ class StackedActorCritic:
         """Evaluate normalised observations (L, B, O) of these lanes."""
         p = self.parameters
         for layer in range(len(self.sizes) - 1):
-            x = functional.elu(torch.baddbmm(p[f"b{layer}"][lanes], x, p[f"w{layer}"][lanes]))
+            # In place, because then the gradient comes from the result and needs no second exponential.
+            x = functional.elu(torch.baddbmm(p[f"b{layer}"][lanes], x, p[f"w{layer}"][lanes]), inplace=True)
         heads = torch.baddbmm(p["head_b"][lanes], x, p["head_w"][lanes])
         return Output(heads[..., : self.actions], heads[..., self.actions])
 

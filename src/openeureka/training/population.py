@@ -86,6 +86,8 @@ class Population:
                 action = self.ppo.act(observation)
                 step = self.env.step(action.action.flatten(0, 1))
                 own, human, means = self.rewards(step.state)
+                # What follows from the state of a world that broke down, and was put back, is nobody's merit.
+                own, human = (reward.masked_fill(self._split(step.bad), 0.0) for reward in (own, human))
                 self.curves.add(step, own, human, means)
                 self._watch(own)
                 if (bonus := self.rewards.bonus(step.state)) is not None:
