@@ -12,8 +12,8 @@ from torch import Tensor
 INPUT_FIELDS = ("ctrl", "qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
 STATE_FIELDS = ("qpos", "qvel", "act")
 MAX_SPEED = 1000.0
-"""[m/s] or [rad/s] of any degree of freedom; what is faster than any robot or thing has left the integrator's reach, and
-its numbers would outweigh those of all other worlds."""
+"""[m/s] or [rad/s] of any degree of freedom. Nothing that works is so fast: the integration has failed, and the numbers
+of such a world would outweigh those of all others."""
 
 
 class Simulator(ABC):
