@@ -19,8 +19,8 @@ DENSITY = 5.0  # [kg/m3]
 # PhysX averages the friction of a pair, robot 1.5 and ground 1.0; MuJoCo takes the larger, so both get the average.
 FRICTION = 1.25
 # PhysX clamps spin at 64 rad/s, where this cubic damping balances the torque of four legs. Without either, the
-# integrator feeds energy to a fast tumble until the robot flies apart, and rewards for mere speed lead there. At 8 rad/s
-# it is 0.1 N m, at 6 m/s 0.6 % of the weight.
+# integrator feeds energy to a fast tumble until the robot flies apart, and rewards for mere speed lead there. It is
+# 0.1 N m at 8 rad/s, 0.6 % of the weight at 6 m/s.
 SPIN_DAMPING = (0.0, 0.0, 2.3e-4)
 # Leg: direction of its diagonal in x and y, ankle axis, ankle range [deg].
 LEGS = {
