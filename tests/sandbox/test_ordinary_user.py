@@ -35,9 +35,7 @@ def as_nobody(*command: str, home: Path) -> subprocess.CompletedProcess[str]:
 def interpreter(workshop: Path) -> str | None:
     """A Python that nobody may run, in an environment that holds the packages of this one."""
     installed = shutil.which(f"python3.{sys.version_info.minor}", path="/usr/local/bin:/usr/bin")
-    for base in (os.path.realpath(sys.executable), installed):
-        if base is None:
-            continue
+    for base in {os.path.realpath(sys.executable), installed} - {None}:
         environment = workshop / f"environment-of-{base.replace('/', '-')}"
         packages = environment / "lib" / f"python3.{sys.version_info.minor}" / "site-packages"
         packages.mkdir(parents=True)
