@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import time
 import warnings
 
@@ -12,6 +13,9 @@ import mujoco.viewer
 
 from ..errors import EurekaError
 from .stage import Stage
+
+CLOSING = 10.0
+"""[s] that a window may take to close."""
 
 
 class ViewerUnavailable(EurekaError):
@@ -28,6 +32,7 @@ def has_display() -> bool:
 
 def window(stage: Stage) -> None:
     """Show the stage until its window is closed. Raises ViewerUnavailable."""
+    others = set(threading.enumerate())
     try:
         with mujoco.viewer.launch_passive(stage.model, stage.data, show_left_ui=False, show_right_ui=False) as viewer:
             view = stage.camera
@@ -41,3 +46,8 @@ def window(stage: Stage) -> None:
                 time.sleep(max(0.0, begun + stage.dt - time.monotonic()))
     except RuntimeError as error:
         raise ViewerUnavailable(f"No window can be opened ({error}); add --web, or out=FILE.mp4.") from None
+    finally:
+        # MuJoCo draws in a daemon thread. If it still does when the process ends, glfw takes the window from under it,
+        # and the process hangs.
+        for thread in set(threading.enumerate()) - others:
+            thread.join(CLOSING)
