@@ -18,7 +18,7 @@ run: $(VENV)/local ## Search for a reward with the embedded language model, no k
 	$(BIN)/eureka run $(RUN)
 
 test: $(VENV)/dev ## Run the tests
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadscope
 
 check: $(VENV)/dev ## Lint, types, import layers, the tree's own rules, generated pages; changes nothing
 	$(BIN)/ruff check

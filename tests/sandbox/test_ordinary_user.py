@@ -25,10 +25,20 @@ def workshop() -> Iterator[Path]:
         yield Path(name)
 
 
+# The `user=` of subprocess copies this whole process, which a machine may not have the memory for.
+STEP_DOWN = f"""
+import os, sys
+os.setgroups([])
+os.setgid({NOBODY})
+os.setuid({NOBODY})
+os.execv(sys.argv[1], sys.argv[1:])
+"""
+
+
 def as_nobody(*command: str, home: Path) -> subprocess.CompletedProcess[str]:
     environment = {"HOME": str(home), "TMPDIR": str(home), "PATH": os.environ["PATH"], "PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.run(
-        command, user=NOBODY, group=NOBODY, extra_groups=[], env=environment, cwd=home, capture_output=True, text=True
+        [sys.executable, "-I", "-c", STEP_DOWN, *command], env=environment, cwd=home, capture_output=True, text=True
     )
 
 
@@ -45,11 +55,8 @@ def interpreter(workshop: Path) -> str | None:
         paths = [sysconfig.get_path("purelib"), str(TESTS.parent / "src"), str(TESTS)]
         (packages / "shared.pth").write_text("\n".join(paths))
         python = str(environment / "bin" / "python")
-        try:
-            if as_nobody(python, "-c", "import torch, pytest, openeureka", home=workshop).returncode == 0:
-                return python
-        except PermissionError:
-            continue
+        if as_nobody(python, "-c", "import torch, pytest, openeureka", home=workshop).returncode == 0:
+            return python
     return None
 
 
