@@ -87,11 +87,12 @@ class Population:
                 step = self.env.step(action.action.flatten(0, 1))
                 own, human, means = self.rewards(step.state)
                 # What follows from the state of a world that broke down, and was put back, is nobody's merit.
-                own, human = (reward.masked_fill(self._split(step.bad), 0.0) for reward in (own, human))
+                bad = self._split(step.bad)
+                own, human = own.masked_fill(bad, 0.0), human.masked_fill(bad, 0.0)
                 self.curves.add(step, own, human, means)
                 self._watch(own)
                 if (bonus := self.rewards.bonus(step.state)) is not None:
-                    own = own + bonus
+                    own = own + bonus.masked_fill(bad, 0.0)
                 reward = own * self.recipe.reward_scale
                 if self.recipe.bootstrap_timeouts:
                     reward = reward + self.recipe.gamma * self._beyond(step)
