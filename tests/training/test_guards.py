@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Callable
 
@@ -10,6 +11,7 @@ import torch
 
 from openeureka.reward.validate import GraphError
 from openeureka.tasks.env import Step
+from openeureka.tasks.locomotion.ant import Ant
 from openeureka.tasks.task import Score
 from openeureka.training.population import Population
 from openeureka.training.wire import pack_jobs, unpack_jobs
@@ -98,9 +100,13 @@ def test_a_score_that_is_not_a_number_stops_its_own_lane_only(env: str) -> None:
 
 
 @pytest.mark.parametrize("speed", [2000.0, float("inf")])
-def test_a_world_whose_physics_breaks_down_pays_nothing(speed: float) -> None:
+def test_a_world_whose_physics_breaks_down_pays_nothing_and_no_bonus(
+    speed: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Ant, "success_bonus", lambda task, s: torch.full((len(s["dof_vel"]),), 250.0))
     one_a_step = program(Node("mul.Tensor", ({"ref": 1}, 0.0)), Node("add.Tensor", ({"ref": 2}, 1.0)))
-    population = Population("ant", [TrainJob(id="one", program=one_a_step)], BUDGET, threads=1)
+    budget = dataclasses.replace(BUDGET, bonus=True)
+    population = Population("ant", [TrainJob(id="one", program=one_a_step)], budget, threads=1)
     honest, qvel = population.env.step, population.env.sim.bind("qvel")
 
     def step(actions: torch.Tensor) -> Step:
@@ -112,6 +118,8 @@ def test_a_world_whose_physics_breaks_down_pays_nothing(speed: float) -> None:
     (result,) = (message for message in population.train() if isinstance(message, TrainingResult))
     assert result.curves["reward"] == (15 / 16,) * 3
     assert population.env.bad_total == 3 * HORIZON
+    paid = population.rollout.reward[0]
+    assert paid[3].tolist() == [0.0] * HORIZON and float(paid[4:].min()) > 0.0
 
 
 def test_rewards_are_judged_before_they_are_scaled() -> None:
