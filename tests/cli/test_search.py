@@ -1,14 +1,23 @@
+import os
+import threading
+import time
+
 import pytest
 import torch
+from filelock import FileLock
 
+from openeureka.cli import log, search, stop, trainer
 from openeureka.cli import main as command
-from openeureka.cli import search, trainer
+from openeureka.config import RunConfig
 from openeureka.errors import ModelError
 from openeureka.report import video
 from openeureka.sandbox import client, confine
 from openeureka.store import read_replies
+from openeureka.store.db import LOCK, LOG, STOP
+from openeureka.store.halt import ask_to_stop
 from openeureka.tasks import registry
 from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, reply
+from openeureka.types import Usage
 
 SETTINGS = ["env=cartpole", "model=scripted", "sample=2", "iteration=2", "seeds=1", "video=none"]
 SCRIPT = [reply(3.0), reply(8.0), reply(12.0), reply(4.0)]
@@ -188,3 +197,74 @@ def test_the_flag_must_be_typed_to_run_without_confinement(parts, tmp_path):
 def search_states(env: str) -> dict[str, object]:
     """Values for every variable of a task, without its physics."""
     return {variable.name: torch.zeros(4, *variable.shape) for variable in registry.get(env).spec.variables}
+
+
+def test_a_run_tells_its_log_how_it_goes_and_why_it_ended(parts, tmp_path, capsys):
+    parts.setattr(search, "open_model", lambda config, held: Failing(SCRIPT))
+    run("run", *SETTINGS, f"dir={tmp_path}/run")
+    parts.setattr(search, "open_model", lambda config, held: Interrupting(SCRIPT[2:]))
+    run("resume", f"{tmp_path}/run")
+    log = (tmp_path / "run" / LOG).read_text()
+    told = ["Generation 0: best F 8, 2 of 2 trained", "The endpoint refused the key", "Generation 1: best F 12"]
+    assert [log.find(line) for line in told] == sorted(log.index(line) for line in told)
+    assert "\x1b" not in log and log.count("Generation 0") == 2  # the second process found it in the store
+
+
+@pytest.mark.parametrize(("printed", "observers"), [(LOG, 0), ("elsewhere", 1)])
+def test_what_is_printed_into_the_log_is_not_written_there_twice(tmp_path, printed, observers):
+    stdout = os.dup(1)
+    try:
+        with (tmp_path / printed).open("wb") as file:
+            os.dup2(file.fileno(), 1)
+        with log.logged(tmp_path, RunConfig(env="cartpole"), Usage()) as found:
+            assert len(found) == observers
+    finally:
+        os.dup2(stdout, 1)
+        os.close(stdout)
+
+
+def test_a_search_does_not_stop_for_a_log_that_cannot_be_written(parts, tmp_path, capsys):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / LOG).symlink_to("/dev/full")
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 0
+
+
+def test_a_run_that_is_asked_to_stop_stops_as_by_ctrl_c_and_forgets_the_request(parts, tmp_path, capsys):
+    parts.setattr(search, "open_model", lambda config, held: Asking(SCRIPT, tmp_path / "run"))
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 130
+    assert f"eureka resume {tmp_path}/run" in capsys.readouterr().err
+    assert (tmp_path / "run" / LOG).read_text().endswith("Stopped\n")
+    (tmp_path / "run" / STOP).touch()  # asked again a moment too late
+    parts.setattr(search, "open_model", lambda config, held: ScriptedModel(SCRIPT[2:]))
+    assert run("resume", f"{tmp_path}/run") == 0
+
+
+class Asking(ScriptedModel):
+    """Has its run stopped by somebody else after two replies, while it waits for the third."""
+
+    def __init__(self, script, directory):
+        super().__init__(script)
+        self._directory = directory
+
+    def sample(self, prompt, *, n, seed):
+        if self.said == 2:
+            ask_to_stop(self._directory)
+            time.sleep(30)
+        yield from super().sample(prompt, n=n, seed=seed)
+
+
+def test_stop_waits_until_nobody_works_on_the_run(parts, tmp_path, capsys, monkeypatch):
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 0
+    assert run("stop", f"{tmp_path}/run") == 5
+    assert "so there is nothing to stop" in capsys.readouterr().err
+    assert run("stop", f"{tmp_path}/elsewhere") == 5
+    assert "is not a run" in capsys.readouterr().err
+
+    monkeypatch.setattr(stop, "PATIENCE", 0.2)
+    with FileLock(tmp_path / "run" / LOCK, thread_local=False) as held:
+        assert run("stop", f"{tmp_path}/run") == 5
+        assert "was asked to stop and goes on" in capsys.readouterr().err
+        monkeypatch.setattr(stop, "PATIENCE", 60.0)
+        threading.Timer(0.5, held.release).start()
+        assert run("stop", f"{tmp_path}/run") == 0
+    assert capsys.readouterr().out.startswith("Stopped, nothing is lost.")

@@ -4,12 +4,14 @@ import json
 import re
 
 import pytest
+from filelock import FileLock
 from report.scripted import search_in
 from report.test_html import ELEMENTS, HOSTILE, NamesComponents, Page
 
 from openeureka.observer import NullObserver
 from openeureka.report.view import RunView
 from openeureka.store import Store
+from openeureka.store.db import LOCK
 from openeureka.testing.scripted import ScriptedModel, reply
 
 from .serving import visitor
@@ -30,6 +32,20 @@ def test_the_list_names_each_run_with_state_task_model_and_best(tmp_path):
     assert "/runs/first/" in page.links()
     for cell in ("first", "finished", "toy", "local", "1 of 1", "2", "0.0200"):  # two replies of a cent
         assert f">{cell}</span>" in page.source
+
+
+def test_a_run_can_be_stopped_while_it_is_at_work_and_continued_when_it_was_stopped(tmp_path):
+    broken_off = ScriptedModel([reply(1)])
+    with pytest.raises(IndexError):
+        search_in(tmp_path / "run", model=broken_off, script=[])
+    client = visitor(tmp_path)
+    assert 'action="resume"' in shown(client, "/runs/run/").source
+    with FileLock(tmp_path / "run" / LOCK):
+        assert 'action="stop"' in shown(client, "/runs/run/").source
+    search_in(tmp_path / "done", [reply(1), reply(2)])
+    assert not {'action="stop"', 'action="resume"'} & set(
+        re.findall(r'action="\w+"', shown(client, "/runs/done/").source)
+    )
 
 
 def test_an_empty_folder_says_how_to_begin(tmp_path):

@@ -10,9 +10,13 @@ from collections.abc import Callable
 
 import httpx2
 import pytest
+from filelock import FileLock
+from report.scripted import search_in
 
 from openeureka.errors import ConfigError
-from openeureka.store.db import LOG
+from openeureka.store.db import LOCK, LOG
+from openeureka.store.halt import is_asked_to_stop
+from openeureka.testing.scripted import reply
 from openeureka.ui import launch, server
 
 from .serving import visitor
@@ -60,6 +64,28 @@ def test_a_started_run_has_the_settings_of_the_form_and_a_session_of_its_own(tmp
     session, words = log.read_text().split(" ", 1)
     assert int(session) != os.getsid(0)
     assert words == f"['run', 'env=ant', 'model=random', 'iteration=3', 'dir={tmp_path / name}']\n"
+
+
+def test_a_stopped_run_goes_on_and_its_log_grows(tmp_path, monkeypatch):
+    monkeypatch.setattr(launch, "_EUREKA", [sys.executable, "-c", "import sys; print(sys.argv[1:])"])
+    directory = search_in(tmp_path / "run", [reply(1), reply(2)], iteration=1)
+    (directory / LOG).write_text("earlier\n")
+    client = visitor(tmp_path)
+    assert client.post("/runs/run/resume").headers["location"] == "/runs/run/"
+    wait_for(lambda: (directory / LOG).read_text() == f"earlier\n['resume', '{directory}']\n")
+    with FileLock(directory / LOCK):
+        answer = client.post("/runs/run/resume")
+        assert answer.status_code == 400 and "is at work already" in answer.text
+
+
+def test_a_run_that_is_at_work_is_asked_to_stop(tmp_path):
+    directory = search_in(tmp_path / "run", [reply(1), reply(2)])
+    client = visitor(tmp_path)
+    answer = client.post("/runs/run/stop")
+    assert answer.status_code == 400 and "so there is nothing to stop" in answer.text
+    with FileLock(directory / LOCK):
+        assert client.post("/runs/run/stop").headers["location"] == "/runs/run/"
+    assert is_asked_to_stop(directory)
 
 
 @pytest.mark.parametrize(

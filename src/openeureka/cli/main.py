@@ -54,6 +54,17 @@ def resume(words: Words = None) -> None:
 
 
 @app.command()
+def stop(directory: RunDirectory) -> None:
+    """Stop a search from another shell, as Ctrl-C does in its own; `eureka resume` continues it.
+
+    Example: eureka stop outputs/2026-01-31_12-00-00_cartpole
+    """
+    from .stop import stop
+
+    stop(directory)
+
+
+@app.command()
 def feedback(directory: RunDirectory, words: Remarks = None) -> None:
     """Say something to a run with feedback=human: words for the model, favourite=, veto=, vote=, go.
 

@@ -23,8 +23,10 @@ from ..tasks.context import context
 from ..tasks.record import record_states
 from .desk import TerminalDesk
 from .live import view
+from .log import logged
 from .settings import only_path, split
 from .show import summary
+from .stop import stoppable
 from .trainer import trainer_of
 
 
@@ -63,11 +65,13 @@ def _search(config: RunConfig, directory: Path) -> None:
             Sandbox(known.state, record_states(config.env), unsafe=config.unsafe_no_sandbox) as checker,
             Store.open(directory, config) as store,
             _telling_how_to_continue(directory),
+            stoppable(directory),
+            logged(directory, config, store.usage()) as log,
             _filming(directory, config) as films,
             view(config, store.usage()) as table,
         ):
             desk = TerminalDesk(directory, config, films)
-            loop.run(config, store, model, checker, trainer, known, strategy, Observers(table, *films), desk)
+            loop.run(config, store, model, checker, trainer, known, strategy, Observers(table, *log, *films), desk)
     finally:
         model.close()
     _conclude(config, directory)

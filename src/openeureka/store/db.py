@@ -18,7 +18,9 @@ from ..errors import StoreError
 FILENAME = "run.sqlite"
 LOCK = "run.lock"
 LOG = "run.log"
-"""What a run printed that nobody watched."""
+"""How a run goes, in lines."""
+STOP = "run.stop"
+"""There while somebody wants the run to stop."""
 AGAIN = "start it again with the same `eureka run` command."
 
 _TABLES = """

@@ -45,7 +45,7 @@ from .codec import (
     finite,
     safe_text,
 )
-from .db import AGAIN, FILENAME, LOCK, LOG, Database, explained
+from .db import AGAIN, FILENAME, LOCK, LOG, STOP, Database, explained
 from .remark_log import RemarkLog
 
 T = TypeVar("T")
@@ -365,7 +365,7 @@ class Store:
 def _foreign(directory: Path) -> bool:
     """Whether the directory holds anything besides what a run killed at its very start leaves."""
     with explained(directory):
-        own = {LOCK, LOG, FILENAME, f"{FILENAME}-wal", f"{FILENAME}-shm"}
+        own = {LOCK, LOG, STOP, FILENAME, f"{FILENAME}-wal", f"{FILENAME}-shm"}
         return any(path.name not in own for path in directory.iterdir())
 
 

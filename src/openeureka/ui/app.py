@@ -21,6 +21,7 @@ from ..errors import EurekaError
 from ..report import inert
 from ..report.view import RunView
 from ..store import is_run, say
+from ..store.halt import ask_to_stop
 from . import folder, guard, pages, remarks
 from .follow import Fingerprint, Fresh, Parts, Version
 from .launch import Launcher
@@ -65,6 +66,8 @@ class Pages:
             Route("/runs/{name}/", self.overview),
             Route("/runs/{name}/candidates", self.candidates),
             Route("/runs/{name}/remarks", self.say, methods=["POST"]),
+            Route("/runs/{name}/stop", self.stop, methods=["POST"]),
+            Route("/runs/{name}/resume", self.resume, methods=["POST"]),
             Route("/runs/{name}/{path:path}", self.film),
             Route("/style.css", _constant("text/css", "report.css", "ui/page.css")),
             Route("/follow.js", _constant("text/javascript", "ui/follow.js")),
@@ -91,9 +94,20 @@ class Pages:
         return self._answer(request, self._about(request, "candidates.html", partial(pages.side_by_side, names), rest))
 
     async def say(self, request: Request) -> Response:
+        form = await _form(request)
+        return self._act(request, lambda directory: say(directory, *remarks.read(form)))
+
+    async def stop(self, request: Request) -> Response:
+        return self._act(request, ask_to_stop)
+
+    async def resume(self, request: Request) -> Response:
+        return self._act(request, self._launcher.resume)
+
+    def _act(self, request: Request, act: Callable[[Path], None]) -> Response:
+        """Do something about a run, and show it again."""
         name, directory = self._named(request)
         try:
-            say(directory, *remarks.read(await _form(request)))
+            act(directory)
         except EurekaError as error:
             return self._answer(request, self._about(request, "run.html", pages.overview), str(error))
         return RedirectResponse(_address(name), 303)

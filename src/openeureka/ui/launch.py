@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ..config import RunConfig, parse
-from ..errors import ConfigError
-from ..store import is_run
+from ..errors import ConfigError, StoreError
+from ..store import is_held, is_run
 from ..store.db import LOG, explained
 from ..store.paths import output_directory
 from ..tasks import registry
@@ -43,12 +43,22 @@ class Launcher:
         if config.env not in registry.names():
             raise ConfigError(f"`{config.env}` is not a task that can be started from here; use `eureka run`.")
         directory = output_directory("", config.env, root=self._root)
-        self._processes = [process for process in self._processes if process.poll() is None]
         with explained(directory):
             directory.mkdir(parents=True)  # takes the name
-            with (directory / LOG).open("xb") as log:
-                self._processes.append(_detached(["run", *words, f"dir={directory}"], log))
+        self._eureka(["run", *words, f"dir={directory}"], directory)
         return directory.name
+
+    def resume(self, directory: Path) -> None:
+        """Continue a search as `eureka resume` does. Raises StoreError when somebody works on it."""
+        if is_held(directory):
+            raise StoreError(f"The run in {directory} is at work already.")
+        self._eureka(["resume", str(directory)], directory)
+
+    def _eureka(self, words: Sequence[str], directory: Path) -> None:
+        """Call `eureka` with these words; what it prints ends up in the log of the run."""
+        self._processes = [process for process in self._processes if process.poll() is None]
+        with explained(directory), (directory / LOG).open("ab") as log:
+            self._processes.append(_detached(words, log))
 
 
 def _detached(words: Sequence[str], log: BinaryIO) -> subprocess.Popen[bytes]:

@@ -1,0 +1,57 @@
+"""`eureka stop`, and how a run hears of it."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..errors import StoreError
+from ..store import is_held
+from ..store.halt import ask_to_stop, is_asked_to_stop, withdraw
+
+POLL = 0.5
+"""[s] between two looks at whether the run is to stop."""
+PATIENCE = 60.0
+"""[s] in which a run that was asked must have stopped."""
+
+
+def stop(directory: Path) -> None:
+    """Stop the run and wait until it has. Raises StoreError when it is not running, or goes on."""
+    ask_to_stop(directory)
+    end = time.monotonic() + PATIENCE
+    while is_held(directory):
+        if time.monotonic() > end:
+            raise StoreError(f"The run in {directory} was asked to stop and goes on; end its process where it runs.")
+        time.sleep(0.1)
+    print(f"Stopped, nothing is lost. Continue with: eureka resume {directory}")
+
+
+@contextmanager
+def stoppable(directory: Path) -> Iterator[None]:
+    """In the main thread: raise KeyboardInterrupt, as Ctrl-C does, when the run is asked to stop.
+
+    SIGINT itself would not do: shells have processes in the background ignore it.
+    """
+    withdraw(directory)
+    over, listener = threading.Event(), threading.get_ident()
+
+    def watch() -> None:
+        while not over.wait(POLL):
+            if is_asked_to_stop(directory):
+                signal.pthread_kill(listener, signal.SIGUSR1)
+                return
+
+    before = signal.signal(signal.SIGUSR1, signal.default_int_handler)
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        over.set()
+        watcher.join()
+        signal.signal(signal.SIGUSR1, before)
+        withdraw(directory)
