@@ -204,6 +204,10 @@ class Channel:
         except WorkerDied:
             return None
 
+    def ready(self) -> bool:
+        """Whether `receive` has something to read, the end of the pipe included."""
+        return self._reader.ready(0.0)
+
     def send(self, header: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) -> None:
         data = memoryview(_encode(header, blobs or {}))
         while data:

@@ -62,6 +62,29 @@ def test_a_training_whose_worker_is_killed_goes_on_from_its_snapshot(monkeypatch
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_training_that_is_stopped_goes_on_from_where_it_was(tmp_path: Path):
+    jobs = [TrainJob(id="human", program="human"), TrainJob(id="angle", program=GRAPH, seed=1)]
+    budget = TrainBudget(env_steps=16 * 512 * 20, worlds=512)
+
+    def trained(folder: Path, stop: bool) -> list[TrainingProgress | TrainingResult]:
+        messages: list[TrainingProgress | TrainingResult] = []
+        training = PopulationTrainer(snapshots=folder, threads=1).train("cartpole", jobs, budget)
+        for message in training:
+            messages.append(message)
+            if stop:
+                training.close()
+        return messages
+
+    (seen,) = trained(tmp_path / "stopped", stop=True)
+    (kept,) = (tmp_path / "stopped").glob("*.pt")
+    first, *_, human, angle = trained(tmp_path / "stopped", stop=False)
+    assert isinstance(seen, TrainingProgress) and isinstance(first, TrainingProgress)
+    assert first.epoch > seen.epoch and not kept.exists()
+    undisturbed = trained(tmp_path / "undisturbed", stop=False)[-2:]
+    for result, expected in zip((human, angle), undisturbed, strict=True):
+        assert dataclasses.replace(result, seconds=0.0) == dataclasses.replace(expected, seconds=0.0)
+
+
 def test_a_snapshot_that_helps_no_worker_is_forgotten(tmp_path: Path):
     snapshot = Snapshot(tmp_path / "snapshots", {"what": "is trained"})
     assert snapshot.read() is None

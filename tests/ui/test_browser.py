@@ -44,7 +44,7 @@ class Paced(ScriptedModel):
 def running(directory: Path, script: Sequence[str], **settings: object) -> Iterator[Paced]:
     """A search that listens to a person, in a thread that is over soon after the context is left."""
     model = Paced(script)
-    settings |= {"model": model, "iteration": 2, "feedback": "human", "feedback_timeout": PATIENCE / 1000}
+    settings |= {"model": model, "iteration": 2, "feedback": "human", "feedback_timeout": 3 * PATIENCE / 1000}
     thread = threading.Thread(target=search_in, args=(directory, []), kwargs=settings)
     thread.start()
     try:

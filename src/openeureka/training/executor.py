@@ -8,6 +8,7 @@ import os
 import time
 from collections import deque
 from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TypeVar
 
@@ -26,6 +27,8 @@ MAX_WORLDS = {"cpu": 16384, "cuda": 65536}
 """A world costs about 0.15 MB, of which the model hardly matters (measured on Cartpole and Humanoid, on the CPU)."""
 SNAPSHOT_SECONDS = 300.0
 """[s] between two snapshots of a training; one takes a fraction of a second."""
+FAREWELL = 10.0
+"""[s] that a worker may take for a last snapshot when the training is stopped; it looks every second."""
 POLL = 0.05
 """[s] that one worker is waited for before the next gets a look."""
 
@@ -118,7 +121,7 @@ class PopulationTrainer:
         header = {"do": "train", "snapshot_seconds": every, **request.header}
         blobs = {**request.blobs, **({SNAPSHOT: state} if state is not None else {})}
         try:
-            for frame in self._ask(Frame(header, blobs), device, threads):
+            for frame in self._ask(Frame(header, blobs), device, threads, keep=snapshot if every else None):
                 if frame is not None and SNAPSHOT in frame.blobs:
                     snapshot.write(frame.blobs[SNAPSHOT])
                 else:
@@ -152,8 +155,11 @@ class PopulationTrainer:
                 if last and left:
                     raise
 
-    def _ask(self, request: Frame, device: str, threads: int) -> Generator[Frame | None]:
-        """Frames of one request, up to the one that says it is done; None while there is nothing yet."""
+    def _ask(self, request: Frame, device: str, threads: int, keep: Snapshot | None = None) -> Generator[Frame | None]:
+        """Frames of one request, up to the one that says it is done; None while there is nothing yet.
+
+        Where a training is stopped, by Ctrl-C or as nobody wants more, `keep` receives its state.
+        """
         # Idle OpenMP threads that spin would starve the simulator's threads, many times over on a busy machine.
         with Worker(self._module, env={"GOMP_SPINCOUNT": "0", **os.environ}) as worker:
             try:
@@ -169,11 +175,25 @@ class PopulationTrainer:
                         raise WorkerTimeout("The worker process did not answer in time.")
                     else:
                         yield None
+            except (KeyboardInterrupt, GeneratorExit):
+                if keep is not None:
+                    _part(worker, keep)
+                raise
             except (WorkerDied, WorkerTimeout) as error:
                 ending = worker.ending() if isinstance(error, WorkerDied) else ""
                 said = worker.stderr_tail().splitlines()[-1:]
                 parts = [f"Training stopped: {error}", ending, *said]
                 raise WorkerError(" ".join(part for part in parts if part)) from None
+
+
+def _part(worker: Worker, keep: Snapshot) -> None:
+    """Have the worker's state kept before it is ended, unless that takes too long."""
+    end = time.monotonic() + FAREWELL
+    with suppress(WorkerError):
+        worker.send({"do": "stop"})
+        while not (frame := worker.receive(max(0.0, end - time.monotonic()))).header.get("done"):
+            if SNAPSHOT in frame.blobs:
+                keep.write(frame.blobs[SNAPSHOT])
 
 
 class _Tally:

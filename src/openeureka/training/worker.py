@@ -38,17 +38,22 @@ def main() -> None:
 
 
 def _train(channel: Channel, request: Frame, population: Population) -> None:
-    """Stream messages and, now and then, a snapshot to go on from."""
+    """Stream messages and, now and then, a snapshot to go on from; end with one when the parent asks to stop."""
     if SNAPSHOT in request.blobs:
         population.load_state_dict(_load(request.blobs[SNAPSHOT], population.device))
     saved = time.monotonic()
     for message in population.train():
         frame = pack(message)
         channel.send(frame.header, frame.blobs)
-        every = request.header["snapshot_seconds"]
-        if every and isinstance(message, TrainingProgress) and time.monotonic() - saved > every:
+        if not isinstance(message, TrainingProgress):
+            continue
+        every, stopping = request.header["snapshot_seconds"], channel.ready()
+        if stopping or (every and time.monotonic() - saved > every):
             channel.send({}, {SNAPSHOT: _save(population.state_dict())})
             saved = time.monotonic()
+        if stopping:
+            channel.receive()
+            return
 
 
 def _save(state: dict[str, Any]) -> bytes:
