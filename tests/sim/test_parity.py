@@ -15,6 +15,7 @@ USUAL = {
     "franka_cabinet": 1e-5,
     "ballbalance": 1e-3,
     "ant": 1e-3,
+    "allegro_hand": 1e-3,
     "humanoid": 1e-2,  # feet's contact wrenches are the least exact
     "anymal": 1e-2,
 }
@@ -26,12 +27,14 @@ def test_a_step_on_warp_is_a_step_of_mujoco(env: str):
         assert difference.median <= MEDIAN and difference.usual <= USUAL[env], difference
 
 
-@pytest.mark.parametrize("env", ["allegro_hand", "shadow_hand"])
-def test_a_hand_on_warp_is_a_hand_of_mujoco_but_for_the_steps_in_which_a_box_gains_or_loses_a_contact(env: str):
-    for difference in compare(env, "warp-cpu", 50):
+def test_a_shadow_hand_on_warp_is_one_of_mujoco_but_for_the_steps_in_which_two_fingers_touch():
+    """Two capsules that meet end to end may do so at one point twice in MuJoCo; here they do once."""
+    for difference in compare("shadow_hand", "warp-cpu", 50):
         assert difference.median <= MEDIAN, difference
-        if difference.variable in ("shadow_hand_dof_pos", "object_pos"):  # velocities jump with a contact
-            assert difference.usual <= 2e-2, difference
+        if difference.variable in ("object_pos", "object_rot", "object_linvel", "object_angvel"):
+            assert difference.usual <= 1e-2, difference
+        if difference.variable == "shadow_hand_dof_pos":
+            assert difference.usual <= 2e-3, difference
 
 
 def test_a_simulator_agrees_with_itself_up_to_the_rounding_of_the_state_it_takes_over():
