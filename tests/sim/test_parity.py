@@ -1,4 +1,4 @@
-"""MuJoCo Warp against MuJoCo on the nine tasks of the Isaac suite; `benchmarks/gpu.py` repeats it on a GPU."""
+"""MuJoCo Warp against MuJoCo: the nine Isaac tasks and some others; `benchmarks/gpu.py` does it on a GPU."""
 
 import pytest
 
@@ -35,6 +35,12 @@ def test_a_shadow_hand_on_warp_is_one_of_mujoco_but_for_the_steps_in_which_two_f
             assert difference.usual <= 1e-2, difference
         if difference.variable == "shadow_hand_dof_pos":
             assert difference.usual <= 2e-3, difference
+
+
+@pytest.mark.parametrize("env", ["shadow_hand_push_block", "shadow_hand_door_open_outward", "shadow_hand_spin"])
+def test_other_suites_run_on_warp_too(env: str):
+    """A few steps of those whose kernels compile in seconds; all of them with `benchmarks/gpu.py --part parity`."""
+    assert all(difference.median <= MEDIAN for difference in compare(env, "warp-cpu", 5, worlds=2))
 
 
 def test_a_simulator_agrees_with_itself_up_to_the_rounding_of_the_state_it_takes_over():
