@@ -14,7 +14,7 @@ import typer
 from ..config import RunConfig
 from ..errors import EurekaError, StoreError
 from ..report.text import plain
-from .settings import CheckConfig, ContextConfig, PageConfig, PlayConfig, ReportConfig, TrainConfig, describe
+from .settings import CheckConfig, ContextConfig, NewConfig, PageConfig, PlayConfig, ReportConfig, TrainConfig, describe
 
 app = typer.Typer(
     name="eureka",
@@ -152,6 +152,17 @@ def context(words: Settings = None) -> None:
     from .tasks import context
 
     context(words or [])
+
+
+@app.command(epilog=describe(NewConfig))
+def new(words: Words = None) -> None:
+    """Draft a task of your own from a MuJoCo model: a file that trains as it is, and says what is yours to change.
+
+    Example: eureka new hopper.py model=hopper.xml intent="to hop forward as fast as possible"
+    """
+    from .new import new
+
+    new(words or [])
 
 
 @app.command()

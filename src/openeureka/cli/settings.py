@@ -109,6 +109,16 @@ class PageConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class NewConfig:
+    """A task file that is drafted from a robot."""
+
+    model: str = ""
+    """The robot and its scene: a MuJoCo XML file, or a URDF that names actuators."""
+    intent: str = ""
+    """What it should do, one sentence for the language model, such as `to hop forward as fast as possible`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ContextConfig:
     """Which task's context to print."""
 

@@ -62,7 +62,7 @@ class WarpSimulator(Simulator):
         with wp.ScopedDevice(self._device):
             self._model = mjw.put_model(model)
             self._data = mjw.make_data(model, nworld=num_worlds, nconmax=capacity.contacts, njmax=capacity.constraints)
-            # Boxes then meet by the code that MuJoCo has for them: the general one gives a box on its edge fewer contacts.
+            # Boxes then meet by code of their own, as in MuJoCo; the general one finds fewer contacts of an edge.
             self._model.opt.disableflags |= mjw.DisableBit.NATIVECCD
             self._model.opt.warn_overflow = 0  # `check` says it once, instead of every world on every step
             late = np.repeat(model.sensor_needstage == mujoco.mjtStage.mjSTAGE_ACC, model.sensor_dim)

@@ -1,0 +1,181 @@
+"""Tasks that `eureka new` drafts are whole tasks, whatever the robot."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+import torch
+
+from openeureka.errors import TaskError
+from openeureka.tasks.context import context
+from openeureka.tasks.draft import class_name, draft
+from openeureka.tasks.registry import get, make
+from openeureka.testing.conformance.task import TaskConformance
+
+_WHEEL = importlib.util.find_spec("gymnasium")
+assert _WHEEL is not None and _WHEEL.submodule_search_locations
+ROBOTS = Path(_WHEEL.submodule_search_locations[0]) / "envs" / "mujoco" / "assets"
+
+# Everything that models have besides hinges: names that clash or are missing, a ball joint, a tendon that is driven, a
+# thing that lies about, a keyframe, an input without a range, a joint at its limit.
+ODDITIES = """
+<mujoco>
+  <option timestep="0.004"/>
+  <worldbody>
+    <geom type="plane" size="2 2 0.1"/>
+    <body name="joint" pos="0 0 1">
+      <joint name="base turn" axis="0 0 1"/>
+      <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03"/>
+      <body pos="0.3 0 0">
+        <joint axis="0 1 0" range="0 90" limited="true"/>
+        <geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.03"/>
+        <body name="tip" pos="0.23 0 0"><joint type="ball"/><geom size="0.02"/></body>
+      </body>
+    </body>
+    <body name="tip_" pos="0.5 0.5 0.05"><freejoint/><geom type="box" size="0.05 0.05 0.05"/></body>
+  </worldbody>
+  <tendon><fixed name="both"><joint joint="base turn" coef="1"/></fixed></tendon>
+  <actuator>
+    <motor tendon="both"/>
+    <position joint="base turn" ctrlrange="-0.5 1.5" kp="2"/>
+  </actuator>
+  <keyframe><key qpos="0.3 0 1 0 0 0 0.5 0.5 0.05 1 0 0 0"/></keyframe>
+</mujoco>
+"""
+
+
+def drafted(folder: Path, robot: Path) -> str:
+    """`env=` of a task that is drafted there."""
+    path = folder / f"{robot.stem}.py"
+    path.write_text(draft(path, robot))
+    return f"{path}:{class_name(path)}"
+
+
+def odd(folder: Path) -> Path:
+    robot = folder / "odd.xml"
+    robot.write_text(ODDITIES)
+    return robot
+
+
+@pytest.mark.filterwarnings("ignore:compiler attribute")
+@pytest.mark.parametrize("robot", sorted(ROBOTS.glob("*.xml")), ids=lambda path: path.stem)
+def test_every_robot_of_gymnasium_becomes_a_task_that_steps(tmp_path: Path, robot: Path):
+    simulation = make(drafted(tmp_path, robot), worlds=4)
+    simulation.reset()
+    for _ in range(25):
+        step = simulation.step(torch.rand(4, simulation.task.num_actions) * 2.0 - 1.0)
+    assert simulation.bad_total == 0
+    assert bool(step.observation.isfinite().all()) and bool(simulation.task.human_reward(step.state).isfinite().all())
+
+
+class Drafted(TaskConformance):
+    robot: Path
+    start_overlap = 0.1  # how a robot stands is its author's
+
+    @pytest.fixture(autouse=True, scope="class")
+    @classmethod
+    def _draft(cls, tmp_path_factory: pytest.TempPathFactory):
+        cls.env = drafted(tmp_path_factory.mktemp("drafted"), cls.robot)
+
+
+class TestHopper(Drafted):
+    robot = ROBOTS / "hopper.xml"
+
+
+class TestAnt(Drafted):
+    robot = ROBOTS / "ant.xml"
+
+
+class TestReacher(Drafted):
+    robot = ROBOTS / "reacher.xml"
+
+
+class TestOddities(Drafted):
+    @pytest.fixture(autouse=True, scope="class")
+    @classmethod
+    def _draft(cls, tmp_path_factory: pytest.TempPathFactory):
+        folder = tmp_path_factory.mktemp("odd")
+        cls.env = drafted(folder, odd(folder))
+
+
+def test_runners_run_fall_and_start_where_the_model_stands(tmp_path: Path):
+    simulation = make(drafted(tmp_path, ROBOTS / "ant.xml"), worlds=2)
+    simulation.reset()
+    state = simulation.current_state()
+    assert {"forward_speed", "height", "upright", "torso_pos", "torso_quat", "joint_pos"} <= state.keys()
+    torch.testing.assert_close(state["height"], torch.full((2,), 0.75), atol=1e-3, rtol=0)
+    torch.testing.assert_close(state["upright"], torch.ones(2), atol=1e-3, rtol=0)
+    qvel = simulation.sim.bind("qvel")
+    qvel[:, 0] = torch.tensor([2.0, -1.0])
+    simulation.sim.forward(torch.arange(2))
+    state = simulation.current_state()
+    assert state["forward_speed"].tolist() == [2.0, -1.0]
+    assert simulation.task.sparse_reward(state).tolist() == [2.0, -1.0]
+    low = {**state, "height": torch.tensor([0.4, 0.5])}
+    assert simulation.task.terminated(low).tolist() == [True, False]
+
+
+def test_others_reach_for_a_point_that_they_can_reach(tmp_path: Path):
+    simulation = make(drafted(tmp_path, ROBOTS / "reacher.xml"), worlds=1)
+    simulation.reset()
+    state = simulation.current_state()
+    goal = state["goal_pos"][0]
+    assert float(goal[:2].norm()) < 0.22 and not bool(simulation.task.sparse_reward(state).any())
+    there = {**state, "fingertip_pos": state["goal_pos"] + 0.01}
+    assert bool(simulation.task.sparse_reward(there).all())
+    assert float(simulation.task.human_reward(there)) > float(simulation.task.human_reward(state))
+
+
+def test_odd_models_keep_their_names_ranges_and_pose(tmp_path: Path):
+    simulation = make(drafted(tmp_path, odd(tmp_path)), worlds=1)
+    task = simulation.task
+    assert {"joint_pos", "joint2_quat", "tip_pos", "tip__pos", "tip__quat"} <= set(task.spec.names)
+    assert "base_turn, joint1" in task.spec["joint_pos"].meaning
+    simulation.reset()
+    joints = simulation.current_state()["joint_pos"][0]
+    assert joints.tolist() == pytest.approx([0.3, 0.05], abs=0.051)  # the second is kept off its limit
+    simulation.step(torch.ones(1, 2))
+    assert simulation.sim.bind("ctrl")[0].tolist() == [1.0, 1.5]
+
+
+def test_the_language_model_sees_the_state_and_not_the_score(tmp_path: Path):
+    seen = context(drafted(tmp_path, ROBOTS / "hopper.xml"))
+    assert "foot_pos" in seen.state.names and "def observe" in seen.source
+    assert "FALLEN" not in seen.source and "sparse" not in seen.source
+
+
+def test_a_model_beside_its_task_moves_with_it(tmp_path: Path):
+    first, second = tmp_path / "first", tmp_path / "second"
+    first.mkdir()
+    drafted(first, odd(first))
+    first.rename(second)
+    assert get(f"{second / 'odd.py'}:Odd").compile_model().nu == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"), [("my_robot.py", "MyRobot"), ("2 legs.py", "Task2Legs"), ("a.b.py", "AB")]
+)
+def test_files_name_their_class(name: str, expected: str):
+    assert class_name(Path(name)) == expected
+
+
+def test_an_intent_is_taken_as_it_is_said(tmp_path: Path):
+    path = tmp_path / "odd.py"
+    path.write_text(draft(path, odd(tmp_path), 'to "wave"\n at people \\ dogs'))
+    assert get(f"{path}:Odd").description == "to 'wave' at people / dogs"
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (None, "There is no model"),
+        ("<mujoco><worldbody><body></worldbody></mujoco>", "MuJoCo cannot read"),
+        ("<mujoco><worldbody><body><joint/><geom size='1'/></body></worldbody></mujoco>", "has no actuators"),
+    ],
+)
+def test_a_model_that_will_not_do_is_refused_in_a_sentence(tmp_path: Path, text: str | None, problem: str):
+    robot = tmp_path / "robot.xml"
+    if text is not None:
+        robot.write_text(text)
+    with pytest.raises(TaskError, match=problem):
+        draft(tmp_path / "robot.py", robot)
