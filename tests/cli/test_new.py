@@ -6,11 +6,11 @@ from openeureka.tasks.registry import get
 CART = """
 <mujoco>
   <worldbody>
-    <body name="cart"><joint type="slide" axis="1 0 0" range="-1 1"/><geom size="0.1"/>
+    <body name="cart"><joint name="joint0" type="slide" axis="1 0 0" range="-1 1"/><geom size="0.1"/>
       <body name="pole"><joint axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 0.6" size="0.03"/></body>
     </body>
   </worldbody>
-  <actuator><motor joint="joint0"/></actuator>
+  <actuator><motor joint="joint0" gear="1"/></actuator>
 </mujoco>
 """
 
@@ -18,7 +18,7 @@ CART = """
 @pytest.fixture
 def robot(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "cart.xml").write_text(CART.replace("<joint type", '<joint name="joint0" type'))
+    (tmp_path / "cart.xml").write_text(CART)
     return tmp_path
 
 
@@ -34,6 +34,12 @@ def test_a_task_is_drafted_and_the_next_commands_are_named(robot, capsys):
     assert "Wrote cart.py: 10 observations, 1 actions, to balance the pole." in printed
     assert "  eureka run env=cart.py:Cart\n" in printed
     assert get(f"{robot}/cart.py:Cart").description == "to balance the pole"
+
+
+def test_a_robot_that_flies_apart_is_drafted_with_a_warning(robot, capsys):
+    (robot / "wild.xml").write_text(CART.replace('gear="1"', 'gear="1e9"'))
+    assert run("new", "wild.py", "model=wild.xml") == 0
+    assert "But its physics broke down" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,19 @@ ODDITIES = """
 </mujoco>
 """
 
+DRONE = """
+<mujoco>
+  <worldbody>
+    <body name="frame" pos="0 0 1"><freejoint/><geom type="box" size="0.1 0.1 0.02"/>
+      <site name="left" pos="0 0.1 0"/><site name="right" pos="0 -0.1 0"/>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor site="left" gear="0 0 1 0 0 0" ctrlrange="0 8"/><motor site="right" gear="0 0 1 0 0 0" ctrlrange="0 8"/>
+  </actuator>
+</mujoco>
+"""
+
 
 def drafted(folder: Path, robot: Path) -> str:
     """`env=` of a task that is drafted there."""
@@ -51,9 +64,9 @@ def drafted(folder: Path, robot: Path) -> str:
     return f"{path}:{class_name(path)}"
 
 
-def odd(folder: Path) -> Path:
+def odd(folder: Path, model: str = ODDITIES) -> Path:
     robot = folder / "odd.xml"
-    robot.write_text(ODDITIES)
+    robot.write_text(model)
     return robot
 
 
@@ -91,11 +104,17 @@ class TestReacher(Drafted):
 
 
 class TestOddities(Drafted):
+    model = ODDITIES
+
     @pytest.fixture(autouse=True, scope="class")
     @classmethod
     def _draft(cls, tmp_path_factory: pytest.TempPathFactory):
         folder = tmp_path_factory.mktemp("odd")
-        cls.env = drafted(folder, odd(folder))
+        cls.env = drafted(folder, odd(folder, cls.model))
+
+
+class TestDrone(TestOddities):
+    model = DRONE
 
 
 def test_runners_run_fall_and_start_where_the_model_stands(tmp_path: Path):

@@ -14,6 +14,8 @@ from ..tasks import registry
 from ..tasks.draft import class_name, draft
 from .settings import NewConfig, only_path, split
 
+TRIED, STEPS = 8, 25
+"""Worlds and steps of random play that a draft is tried with."""
 USAGE = "eureka new hopper.py model=hopper.xml"
 
 
@@ -36,11 +38,17 @@ def new(words: Sequence[str]) -> None:
         raise ConfigError(f"Name the robot, a MuJoCo XML file; for example: {USAGE}")
     write(path, draft(path, Path(config.model).expanduser(), config.intent))
     env = f"{path}:{class_name(path)}"
-    simulation = registry.make(env, worlds=2)
-    simulation.reset()
-    simulation.step(torch.zeros(2, simulation.task.num_actions))
+    simulation = registry.make(env, worlds=TRIED)
     task = simulation.task
+    simulation.reset()
+    for _ in range(STEPS):
+        simulation.step(torch.rand(TRIED, task.num_actions) * 2.0 - 1.0)
     print(f"Wrote {path}: {task.num_observations} observations, {task.num_actions} actions, {task.description}.")
+    if simulation.bad_total:
+        print(
+            f"But its physics broke down {simulation.bad_total} times in {TRIED} x {STEPS} steps under random actions:"
+        )
+        print("look at the pose it starts in, the range of its actuators, and try more substeps.")
     print("It trains as it is; read it, and say what you want of the robot. Then")
     for command in ("play", "train", "run"):
         print(f"  eureka {command} env={env}{' policy=random' if command == 'play' else ''}")
