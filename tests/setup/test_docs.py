@@ -8,7 +8,16 @@ import pytest
 
 from openeureka.cli.check import check
 from openeureka.cli.main import app
-from openeureka.cli.settings import CheckConfig, ContextConfig, PageConfig, PlayConfig, ReportConfig, TrainConfig, split
+from openeureka.cli.settings import (
+    CheckConfig,
+    ContextConfig,
+    NewConfig,
+    PageConfig,
+    PlayConfig,
+    ReportConfig,
+    TrainConfig,
+    split,
+)
 from openeureka.config import RunConfig
 from openeureka.types import RemarkKind
 
@@ -22,6 +31,7 @@ KINDS = {
     "play": PlayConfig,
     "report": ReportConfig,
     "context": ContextConfig,
+    "new": NewConfig,
     "ui": PageConfig,
 }
 COMMANDS = {info.callback.__name__ for info in app.registered_commands if info.callback}
