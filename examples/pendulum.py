@@ -2,8 +2,8 @@
 
 A whole task in one file; docs/guides/your-own-task.md walks through it.
 
-eureka train env=examples/pendulum.py:Pendulum reward=human,sparse
-eureka run env=examples/pendulum.py:Pendulum model=random
+eureka train env=examples/pendulum.py reward=human,sparse
+eureka run env=examples/pendulum.py model=random
 """
 
 from __future__ import annotations

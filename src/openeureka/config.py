@@ -25,7 +25,7 @@ class RunConfig:
     """One search. Zero means: the default of the task (steps, worlds) or of the kind of model (sample, iteration)."""
 
     env: str = "cartpole"
-    """A name of `eureka envs`, `FILE.py:Class` or `pkg.mod:Class`."""
+    """A name of `eureka envs`, `FILE.py` or `pkg.mod:Class`."""
     model: str = "local"
     """`local`, `local:PATH.gguf`, `random`, `replay:RUN`, or the name of a model at an OpenAI-compatible endpoint."""
     base_url: str = ""
@@ -117,11 +117,12 @@ class RunConfig:
 
 def short_name(env: str) -> str:
     """A task's name for files and titles: that of `some/where/pendulum.py:Pendulum` is `pendulum`."""
-    return re.sub(r"\W+", "_", env.rpartition(":")[2]).lower()
+    name = env.rpartition(":")[2]
+    return re.sub(r"\W+", "_", Path(name).stem if name.endswith(".py") else name).lower()
 
 
 _FILES = {
-    "env": r"(.+\.py)(:.*)?",
+    "env": r"(.+\.py)([:+].*)?",
     "init": r"(.+\.py)()",
     "curriculum": r"(.+\.ya?ml)()",
 }

@@ -32,8 +32,8 @@ def test_a_task_is_drafted_and_the_next_commands_are_named(robot, capsys):
     assert run("new", "cart.py", "model=cart.xml", "intent=to balance the pole") == 0
     printed = capsys.readouterr().out
     assert "Wrote cart.py: 10 observations, 1 actions, to balance the pole." in printed
-    assert "  eureka run env=cart.py:Cart\n" in printed
-    assert get(f"{robot}/cart.py:Cart").description == "to balance the pole"
+    assert "  eureka run env=cart.py\n" in printed
+    assert get(f"{robot}/cart.py").description == "to balance the pole"
 
 
 def test_a_robot_that_flies_apart_is_drafted_with_a_warning(robot, capsys):

@@ -137,3 +137,11 @@ def test_the_best_video_is_in_the_page_and_others_are_beside_it(tmp_path):
 )
 def test_a_text_is_cut_at_its_limit(text, shown):
     assert inert.cut(text, 3) == shown
+
+
+@pytest.mark.parametrize("name", ["{}", "{}+gain=2", "{}:Task"])
+def test_a_report_imports_no_file_to_say_what_a_task_is_about(tmp_path, name):
+    file = tmp_path / "theirs.py"
+    file.write_text("raise SystemExit('imported')\n")
+    assert html.intent(name.format(file)) == ""
+    assert html.intent("cartpole+episode_length=9").startswith("to balance a pole")

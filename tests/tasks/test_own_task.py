@@ -62,9 +62,19 @@ def test_what_is_wrong_with_a_file_is_said(tmp_path, source, name, says):
     assert says in str(caught.value) and str(file) in str(caught.value)
 
 
-def test_a_file_without_a_class_is_told_how_to_name_one():
-    with pytest.raises(TaskError, match=r"env=pendulum\.py:MyTask"):
-        get("pendulum.py")
+def test_a_file_alone_names_its_only_task(tmp_path):
+    assert get(str(FILE)) is get(ENV)
+    assert get(f"{FILE}+episode_length=7").episode_length == 7
+    file = tmp_path / "several.py"
+    file.write_text(FILE.read_text() + "\n\nclass Other(Pendulum):\n    pass\n")
+    with pytest.raises(TaskError, match=r"several\.py holds Pendulum, Other; say which, for example env=.*:Pendulum"):
+        get(str(file))
+    file = tmp_path / "none.py"
+    file.write_text("from openeureka.tasks.classic.cartpole import Cartpole\n")
+    with pytest.raises(TaskError, match="There is no task in"):
+        get(str(file))
+    with pytest.raises(TaskError, match="There is no file"):
+        get("nowhere.py")
 
 
 def test_a_repaired_file_can_be_imported_in_the_same_process(tmp_path):
@@ -79,9 +89,13 @@ def test_a_repaired_file_can_be_imported_in_the_same_process(tmp_path):
 def test_settings_keep_the_whole_path_and_outputs_a_short_name(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     assert parse(RunConfig, ["env=tasks/mine.py:Mine"]).env == f"{tmp_path.resolve()}/tasks/mine.py:Mine"
+    assert parse(RunConfig, ["env=mine.py+gain=2"]).env == f"{tmp_path.resolve()}/mine.py+gain=2"
     assert parse(RunConfig, ["env=my_package.mine:Mine"]).env == "my_package.mine:Mine"
     assert parse(RunConfig, ["env=ant"]).env == "ant"
-    assert [short_name(env) for env in ("a b/c:d/mine.py:Mine", "my_package.mine:Mine", "ant", "lab/ant-2")] == [
+    assert [
+        short_name(env) for env in ("a b/c:d/mine.py:Mine", "c:d/mine.py", "my_package.mine:Mine", "ant", "lab/ant-2")
+    ] == [
+        "mine",
         "mine",
         "mine",
         "ant",

@@ -11,7 +11,7 @@ from ..config import parse
 from ..errors import ConfigError
 from ..store.artifacts import write
 from ..tasks import registry
-from ..tasks.draft import class_name, draft
+from ..tasks.draft import draft
 from .settings import NewConfig, only_path, split
 
 TRIED, STEPS = 8, 25
@@ -37,8 +37,7 @@ def new(words: Sequence[str]) -> None:
     if not config.model:
         raise ConfigError(f"Name the robot, a MuJoCo XML file; for example: {USAGE}")
     write(path, draft(path, Path(config.model).expanduser(), config.intent))
-    env = f"{path}:{class_name(path)}"
-    simulation = registry.make(env, worlds=TRIED)
+    simulation = registry.make(str(path), worlds=TRIED)
     task = simulation.task
     simulation.reset()
     for _ in range(STEPS):
@@ -51,4 +50,4 @@ def new(words: Sequence[str]) -> None:
         print("look at the pose it starts in, the range of its actuators, and try more substeps.")
     print("It trains as it is; read it, and say what you want of the robot. Then")
     for command in ("play", "train", "run"):
-        print(f"  eureka {command} env={env}{' policy=random' if command == 'play' else ''}")
+        print(f"  eureka {command} env={path}{' policy=random' if command == 'play' else ''}")

@@ -39,9 +39,9 @@ def report(run: RunView, directory: Path) -> str:
 
 
 def intent(env: str) -> str:
-    """The sentence of a task that comes with openeureka; a report does not import other people's files."""
+    """The sentence of a task that is installed; a report does not import other people's files."""
     try:
-        return registry.get(env).description if ":" not in env else ""
+        return registry.get(env).description if env.partition("+")[0] in registry.names() else ""
     except TaskError:
         return ""
 

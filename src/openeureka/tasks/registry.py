@@ -1,5 +1,5 @@
 """Finds tasks by name: the built-in ones, those of installed packages (entry point group `openeureka.tasks`), import
-strings `pkg.mod:Class` and files `path/to/file.py:Class`.
+strings `pkg.mod:Class` and files `path/to/file.py`, or `path/to/file.py:Class` where a file holds several.
 `NAME+attribute=value` is a task with another class attribute."""
 
 from __future__ import annotations
@@ -97,9 +97,9 @@ def _changed(task: type[Task], settings: Mapping[str, str]) -> type[Task]:
 def _named(env: str) -> type[Task]:
     installed = {point.name: point.value for point in entry_points(group="openeureka.tasks")}
     target = env if ":" in env else _BUILT_IN.get(env) or installed.get(env)
+    if env.endswith(".py"):
+        target = f"{env}:{_only_task(env)}"
     if target is None:
-        if env.endswith(".py"):
-            raise TaskError(f"Name the class in {env} too, for example env={env}:MyTask.")
         raise TaskError(f"There is no environment `{env}`.{nearest(env, names())} `eureka envs` lists them all.")
     place, _, name = target.rpartition(":")
     module = _import(place)
@@ -114,11 +114,23 @@ def _named(env: str) -> type[Task]:
     return task
 
 
+def _only_task(file: str) -> str:
+    """The name of the task that a file defines."""
+    module = _import(file)
+    own = [value for value in vars(module).values() if isinstance(value, type) and value.__module__ == module.__name__]
+    tasks = [value.__name__ for value in own if issubclass(value, Task)]
+    if not tasks:
+        raise TaskError(f"There is no task in {file}: no class of it is a subclass of openeureka.tasks.task.Task.")
+    if len(tasks) > 1:
+        raise TaskError(f"{file} holds {', '.join(tasks)}; say which, for example env={file}:{tasks[0]}.")
+    return tasks[0]
+
+
 def _import(place: str) -> ModuleType:
     """The module of a dotted name or of a file. Raises TaskError whatever a person's code raises on import."""
     file = Path(place).resolve() if place.endswith(".py") else None
     if file and not file.is_file():
-        raise TaskError(f"There is no file {file}; env=FILE.py:Class names a task in a file.")
+        raise TaskError(f"There is no file {file}; env=FILE.py names a task in a file.")
     try:
         return _import_file(file) if file else importlib.import_module(place)
     except Exception as error:
