@@ -129,6 +129,7 @@ def _stepper(env: str, worlds: int, device: str) -> Callable[[], None]:
     place = wp.get_device("cpu" if device == "warp-cpu" else device)
     with wp.ScopedDevice(place):
         warp_model = mjw.put_model(model)
+        warp_model.opt.disableflags |= mjw.DisableBit.NATIVECCD  # the same contacts as in `sim/warp.py`
         data = mjw.make_data(model, nworld=worlds, nconmax=room.contacts, njmax=room.constraints)
     ctrl = wp.to_torch(data.ctrl)
     calls = 0
