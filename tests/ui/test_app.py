@@ -1,5 +1,6 @@
 """The pages without a browser: what they hold, and that nothing hostile in it is more than text."""
 
+import contextlib
 import json
 import re
 
@@ -11,7 +12,7 @@ from report.test_html import ELEMENTS, HOSTILE, NamesComponents, Page
 from openeureka.observer import NullObserver
 from openeureka.report.view import RunView
 from openeureka.store import Store
-from openeureka.store.db import LOCK
+from openeureka.store.db import LOCK, LOG
 from openeureka.testing.scripted import ScriptedModel, reply
 
 from .serving import visitor
@@ -46,6 +47,17 @@ def test_a_run_can_be_stopped_while_it_is_at_work_and_continued_when_it_was_stop
     assert not {'action="stop"', 'action="resume"'} & set(
         re.findall(r'action="\w+"', shown(client, "/runs/done/").source)
     )
+
+
+def test_the_log_is_unfolded_until_the_run_is_finished(tmp_path):
+    for name, script in (("done", [reply(1), reply(2)]), ("stopped", [reply(1)])):
+        with contextlib.suppress(IndexError):
+            search_in(tmp_path / name, script)
+        (tmp_path / name / LOG).write_text("how it went\n")
+    client = visitor(tmp_path)
+    pages = {name: shown(client, f"/runs/{name}/").source for name in ("done", "stopped")}
+    assert "<details><summary>What it printed last" in pages["done"]
+    assert "<details open><summary>What it printed last" in pages["stopped"]
 
 
 def test_an_empty_folder_says_how_to_begin(tmp_path):

@@ -80,7 +80,9 @@ def test_a_damaged_run_is_named_and_does_not_hide_the_others(tmp_path):
 
 def test_only_the_end_of_a_long_log_is_read(tmp_path):
     (tmp_path / LOG).write_bytes(b"\xff" * 10_000 + b"end")
-    assert folder.log(tmp_path, characters=5) == "\ufffd\ufffdend"
+    assert folder.log(tmp_path, size=5) == "\ufffd\ufffdend"
+    (tmp_path / LOG).write_text("".join(f"line {n}\n" for n in range(100)))
+    assert folder.log(tmp_path, lines=2) == "line 98\nline 99\n"
 
 
 def test_the_fingerprint_changes_with_a_commit_a_film_and_a_log_and_not_by_looking(tmp_path):

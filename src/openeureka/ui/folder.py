@@ -21,7 +21,7 @@ class Standing(StrEnum):
     RUNNING = "running"
     FINISHED = "finished"
     STOPPED = "stopped"  # `eureka resume` continues it
-    UNBEGUN = "not begun"  # started from the page; its log says how far it is
+    UNBEGUN = "not begun"  # started from the page; its log says why
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,11 +94,12 @@ def _left(config: RunConfig, glance: Glance) -> Standing:
     return Standing.FINISHED if done else Standing.STOPPED
 
 
-def log(directory: Path, characters: int = 4000) -> str:
-    """The end of what a run that was started from the page printed."""
+def log(directory: Path, lines: int = 15, size: int = 4000) -> str:
+    """The last lines of a run's log, at most `size` bytes."""
     try:
         with (directory / LOG).open("rb") as file:
-            file.seek(max(0, file.seek(0, os.SEEK_END) - characters))
-            return file.read().decode(errors="replace")
+            file.seek(max(0, file.seek(0, os.SEEK_END) - size))
+            text = file.read().decode(errors="replace")
+            return "".join(text.splitlines(keepends=True)[-lines:])
     except FileNotFoundError:
         return ""

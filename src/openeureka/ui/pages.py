@@ -12,7 +12,7 @@ from ..report.view import CandidateView, PromptView, RunView
 from ..store import is_run
 from ..tasks import registry
 from . import folder, remarks
-from .folder import Entry
+from .folder import Entry, Standing
 from .follow import Parts, Version
 
 
@@ -36,10 +36,11 @@ def listing(entries: Sequence[Entry]) -> Parts:
 def overview(directory: Path, run: RunView) -> Parts:
     """A whole run: how it stands, and a card for each candidate."""
     piece = _pieces(run=run)
+    entry = folder.entry("", directory)
     parts = {
-        "head": piece.head(folder.entry("", directory), html.intent(run.config.env)),
+        "head": piece.head(entry, html.intent(run.config.env)),
         "said": piece.said(*remarks.ear(directory)),
-        "log": piece.log(folder.log(directory)),
+        "log": piece.log(folder.log(directory), entry.standing is not Standing.FINISHED),
         "result": piece.result(),
     }
     for generation in reversed(run.generations):
@@ -65,7 +66,7 @@ def unreadable(directory: Path, problem: str) -> Parts:
     if not is_run(directory):
         problem = "The run has not begun; what it printed so far says why."
     piece = _pieces()
-    return {"problem": piece.problem(problem), "log": piece.log(folder.log(directory))}
+    return {"problem": piece.problem(problem), "log": piece.log(folder.log(directory), True)}
 
 
 def _prompt(run: RunView, candidate: CandidateView) -> PromptView | None:
