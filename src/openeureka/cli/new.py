@@ -43,11 +43,11 @@ def new(words: Sequence[str]) -> None:
     for _ in range(STEPS):
         simulation.step(torch.rand(TRIED, task.num_actions) * 2.0 - 1.0)
     print(f"Wrote {path}: {task.num_observations} observations, {task.num_actions} actions, {task.description}.")
-    if simulation.bad_total:
+    if (bad := simulation.bad_total) > 0:
         print(
-            f"But its physics broke down {simulation.bad_total} times in {TRIED} x {STEPS} steps under random actions:"
+            f"But its physics broke down {bad} times in {TRIED} x {STEPS} steps under random actions: look at the pose"
         )
-        print("look at the pose it starts in, the range of its actuators, and try more substeps.")
-    print("It trains as it is; read it, and say what you want of the robot. Then")
+        print("that it starts in and at the range of its actuators, and try more substeps.")
+    print("Read it, and say what you want of the robot. Then")
     for command in ("play", "train", "run"):
         print(f"  eureka {command} env={path}{' policy=random' if command == 'play' else ''}")
