@@ -133,7 +133,7 @@ class Survey:
             body = int(self.model.jnt_bodyid[joint])
             if self.model.jnt_type[joint] == _FREE:
                 state = f"root_state(self.qpos[:, {place}:{place + 7}], self.qvel[:, {dof}:{dof + 6}])"
-                parts = [f"{state}[:, {columns}]" for columns in ("0:3", "3:7", "7:10", "10:13")]
+                parts = [f"{state}[:, {part}]" for part in ("0:3", "3:7", "7:10", "10:13")]
                 called, where = named(self.model, "BODY", body), "in the world frame"
                 yield from self._pose_and_speed(called, where, parts, seen=(body != self.base, True))
             elif self.model.jnt_type[joint] == _BALL:
