@@ -91,10 +91,8 @@ def _read(robot: Path) -> mujoco.MjModel:
 
 def _declared(variable: Variable) -> str:
     """Its line, or lines, of the state table."""
-    meaning = f'meaning="{variable.meaning}"'
-    if variable.name == "joint_pos":
-        meaning = f"meaning=f\"{variable.meaning.replace('JOINTS', 'the joints')}: {{', '.join(JOINTS)}}\""
-    words = [f'name="{variable.name}"', meaning]
+    kind = "f" if "{" in variable.meaning else ""
+    words = [f'name="{variable.name}"', f'meaning={kind}"{variable.meaning}"']
     words[1:1] = [f"shape=({variable.size},)"] if variable.size else []
     words += [f'use="{variable.use}"'] if variable.use != "raw" else []
     line = f"StateVar({', '.join(words)}),"

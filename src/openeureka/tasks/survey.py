@@ -40,6 +40,7 @@ class Variable:
     value: str
     """Python for it, (N, size), or (N,) where size is 0."""
     meaning: str
+    """May hold Python in braces."""
     size: int = 0
     use: StateUse = "raw"
     seen: Sequence[int] = ()
@@ -75,6 +76,7 @@ class Survey:
         self.model = model
         self._data = mujoco.MjData(model)
         self._pose(home(model))
+        self._driven = driven_joints(model)
         self._taken: set[str] = set()
         self.base = base(model)
         self._links = {body: self._beginning(named(model, "BODY", body)) for body in self._ends()}
@@ -116,7 +118,8 @@ class Survey:
         dof = columns([int(self.model.jnt_dofadr[joint]) for joint in joints])
         # How far along x and y a robot has come says nothing about what to do next.
         seen = [i for i, joint in enumerate(joints) if not self._travels(joint)]
-        value, meaning = f"self.qpos[:, {place}].clone()", f"positions of JOINTS [{unit}], in this order"
+        value = f"self.qpos[:, {place}].clone()"
+        meaning = f"positions of the joints [{unit}], in this order: {{', '.join(JOINTS)}}"
         yield Variable(name="joint_pos", value=value, meaning=meaning, size=len(joints), seen=seen)
         value, meaning = f"self.qvel[:, {dof}].clone()", f"velocities of the joints [{rate}], in the same order"
         size = len(joints)
@@ -135,16 +138,14 @@ class Survey:
                 state = f"root_state(self.qpos[:, {place}:{place + 7}], self.qvel[:, {dof}:{dof + 6}])"
                 parts = [f"{state}[:, {part}]" for part in ("0:3", "3:7", "7:10", "10:13")]
                 called, where = named(self.model, "BODY", body), "in the world frame"
-                yield from self._pose_and_speed(called, where, parts, seen=(body != self.base, True))
+                yield from self._pose_and_speed(called, where, parts, placed=body != self.base)
             elif self.model.jnt_type[joint] == _BALL:
                 parts = ["", f"xyzw(self.qpos[:, {place}:{place + 4}])", "", f"self.qvel[:, {dof}:{dof + 3}].clone()"]
                 called, where = named(self.model, "JOINT", joint), "in its child's frame"
-                yield from self._pose_and_speed(called, where, parts, seen=(False, True))
+                yield from self._pose_and_speed(called, where, parts, placed=False)
 
-    def _pose_and_speed(
-        self, called: str, where: str, values: Sequence[str], *, seen: tuple[bool, bool]
-    ) -> Iterator[Variable]:
-        """Variables of a body or ball joint, those that have a value; `seen`: its position, the rest."""
+    def _pose_and_speed(self, called: str, where: str, values: Sequence[str], *, placed: bool) -> Iterator[Variable]:
+        """Variables of a body or ball joint, those that have a value; `placed`: its position is observed too."""
         name = self._beginning(called)
         meanings: tuple[tuple[str, int, StateUse], ...] = (
             (f"position of {called} [m]", 3, "point"),
@@ -153,21 +154,20 @@ class Survey:
             (f"angular velocity of {called} {where} [rad/s]", 3, "zero_centred"),
         )
         for part, value, (meaning, size, use) in zip(_OF_BODIES, values, meanings, strict=True):
-            shown = range(size) if seen[part != "pos"] else ()
+            seen = range(size) if placed or part != "pos" else ()
             if value:
-                yield Variable(name=f"{name}_{part}", value=value, meaning=meaning, size=size, use=use, seen=shown)
+                yield Variable(name=f"{name}_{part}", value=value, meaning=meaning, size=size, use=use, seen=seen)
 
     def _ends(self) -> list[int]:
         """Ends of the limbs, those behind most driven joints first."""
         model, parents = self.model, set(self.model.body_parentid[1:].tolist())
         behind = {body: self._behind(body) for body in range(1, model.nbody) if body not in parents}
-        return sorted((body for body, count in behind.items() if count), key=lambda body: (-behind[body], body))[
-            :MOST_LINKS
-        ]
+        ends = [body for body, count in behind.items() if count]
+        return sorted(ends, key=lambda body: (-behind[body], body))[:MOST_LINKS]
 
     def _behind(self, body: int) -> int:
         """Driven joints between a body and the world."""
-        bodies, count = [int(self.model.jnt_bodyid[joint]) for joint in driven_joints(self.model)], 0
+        bodies, count = [int(self.model.jnt_bodyid[joint]) for joint in self._driven], 0
         while body:
             count += bodies.count(body)
             body = int(self.model.body_parentid[body])
@@ -187,9 +187,9 @@ class Survey:
             )
         body, name = next(iter(self._links.items()))
         start, random, places = self._data.xipos[body].copy(), np.random.default_rng(0), []
+        pose = home(self.model)
         for _ in range(POSES):
-            pose = home(self.model)
-            for joint in driven_joints(self.model):
+            for joint in self._driven:
                 if self.model.jnt_type[joint] in (_SLIDE, _HINGE):
                     low, high = self.model.jnt_range[joint] if self.model.jnt_limited[joint] else (-1.0, 1.0)
                     pose[self.model.jnt_qposadr[joint]] = random.uniform(low, high)
@@ -266,10 +266,9 @@ def _along_x(model: mujoco.MjModel, body: int) -> int | None:
 
 def _rises(model: mujoco.MjModel, body: int) -> bool:
     """Whether a body's own joints let it up and down."""
-    upward = [abs(model.jnt_axis[joint][2]) > 0.5 for joint in range(model.njnt)]
-    kinds = model.jnt_type
     return any(
-        kinds[joint] == _FREE or (kinds[joint] == _SLIDE and upward[joint]) for joint in _own_joints(model, body)
+        model.jnt_type[joint] == _FREE or (model.jnt_type[joint] == _SLIDE and abs(model.jnt_axis[joint][2]) > 0.5)
+        for joint in _own_joints(model, body)
     )
 
 
