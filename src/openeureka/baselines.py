@@ -8,7 +8,6 @@ from functools import cache
 from importlib.resources import files
 from typing import Any, Literal
 
-from . import search
 from .config import RunConfig
 from .errors import ConfigError
 from .score import Arm, Baselines
@@ -47,11 +46,16 @@ def chosen(config: RunConfig) -> Baselines | None:
     """
     if config.baselines != "known":
         return None
-    found = known(config.env, search.make(config).checkpoint) if not config.curriculum else None
+    found = known(config.env, _held_out(config)) if not config.curriculum else None
     if found is None or not (found.human.training and found.sparse.training):
         what = f"{config.env} with a curriculum" if config.curriculum else config.env
         raise ConfigError(f"The baselines of {what} were not measured beforehand; use baselines=train.")
     return found
+
+
+def _held_out(config: RunConfig) -> Peak:
+    """The policy whose held-out F was measured that is nearest to the one which a run judges by."""
+    return "fitness" if config.search == "eureka" else "reward"
 
 
 @cache

@@ -9,8 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from .store import Peak
-from .types import NOMINAL, Dynamics, Evaluation, TrainingResult
+from .types import NOMINAL, Dynamics, Evaluation, Peak, TrainingResult
 
 DRIFT = 0.2
 """Share of the range of F over training that training on for the reward may cost."""
@@ -28,8 +27,8 @@ WORLDS: Mapping[str, Dynamics] = {
     "friction -10 %": Dynamics(friction=0.9),
 }
 """The changed worlds that the final policy is tried in."""
-PEAKS: Mapping[Peak, str] = {"fitness": "peak of F", "reward": "peak of own reward"}
-"""Names of the scores of a training's two policies, the earlier first."""
+PEAKS: Mapping[Peak, str] = {"fitness": "peak of F", "reward": "peak of own reward", "last": "end of training"}
+"""Names of the scores of a training's policies."""
 
 
 class Kind(StrEnum):
@@ -69,16 +68,22 @@ class Trial:
     dynamics: Dynamics = NOMINAL
 
 
-def trials(results: Mapping[str, TrainingResult], kept: str, peak: Peak) -> list[Trial]:
+def trials(results: Mapping[str, TrainingResult], kept: str, peaks: Mapping[str, Peak]) -> list[Trial]:
     """What has to be tried before `signs` can tell.
 
     Args:
-        results: final trainings of the best reward by job id; their policies at `peak` have held-out scores already.
+        results: final trainings of the best reward by job id.
         kept: the one whose policy is the run's; it alone plays in the changed worlds.
+        peaks: of each, the policy that has a held-out score already.
     """
-    other: Peak = "fitness" if peak == "reward" else "reward"
-    drifting = [Trial(job=job, name=PEAKS[other], peak=other) for job, result in results.items() if _two(result)]
-    return drifting + [Trial(job=kept, name=name, peak=peak, dynamics=world) for name, world in WORLDS.items()]
+    drifting = [
+        Trial(job=job, name=PEAKS[other], peak=other)
+        for job, result in results.items()
+        if _two(result)
+        for other in ("fitness", "reward")
+        if other != peaks[job]
+    ]
+    return drifting + [Trial(job=kept, name=name, peak=peaks[kept], dynamics=world) for name, world in WORLDS.items()]
 
 
 def tried(
@@ -87,9 +92,13 @@ def tried(
     trials: Mapping[str, Mapping[str, Evaluation]],
     peak: Peak,
 ) -> list[Tried]:
-    """Everything known of the final trainings, of those that left a policy."""
+    """Everything known of the final trainings, of those that left a policy; `peak` where no score says which it is."""
     return [
-        Tried(result=result, held_out=held_out[job], trials={**trials.get(job, {}), PEAKS[peak]: held_out[job]})
+        Tried(
+            result=result,
+            held_out=held_out[job],
+            trials={**trials.get(job, {}), PEAKS[held_out[job].peak or peak]: held_out[job]},
+        )
         for job, result in results.items()
         if job in held_out
     ]

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from .config import RunConfig
 from .errors import WorkerError
 from .hacking import Trial
 from .observer import Observer
-from .store import Peak, Store
+from .score import level, played
+from .search import SearchStrategy
+from .store import Store
 from .types import (
     CandidateId,
     Evaluation,
+    Peak,
     RewardProgram,
     Sample,
     Scored,
@@ -24,6 +27,13 @@ from .types import (
     TrainingState,
     TrainJob,
 )
+
+HELD_OUT, CHOOSING = 1_000_003, 2_000_003
+"""Added to the seed of a run: start states of its final scores, and those it chooses by. No lane trains with them."""
+EPISODES = (8, 64)
+"""Of each policy and look, the least and the most."""
+SHARE = 0.1
+"""Of the steps of a training that both looks may take together."""
 
 BASELINES: tuple[tuple[str, RewardProgram], ...] = (("human", "human"), ("sparse", "sparse"))
 
@@ -45,14 +55,32 @@ def beside(config: RunConfig) -> tuple[tuple[str, RewardProgram], ...]:
 
 
 def final_seeds(config: RunConfig) -> range:
-    """Seeds of the final trainings; the search trains with `config.seed`."""
+    """Seeds that the final trainings may take; the search trains with `config.seed`."""
     return range(config.seed + 1, config.seed + 1 + config.seeds)
 
 
-def final_lanes(config: RunConfig, best: Scored) -> dict[str, list[str]]:
-    """Job ids of the final trainings: those of the best reward (`method`), and of each baseline that is trained."""
-    names = {"method": best.sample.verdict.candidate, **{name: name for name, _ in beside(config)}}
-    return {arm: [lane(name, seed) for seed in final_seeds(config)] for arm, name in names.items()}
+def final_lanes(
+    config: RunConfig, arms: Iterable[Scored], results: Container[str], scores: Container[str]
+) -> dict[str, list[str]]:
+    """Job ids of the final trainings by reward: those of the candidates, and of each baseline that is trained.
+
+    A baseline's training beside the first generation counts as well where it has a score: nobody picked it.
+    """
+    fresh = {entry.sample.verdict.candidate: list(final_seeds(config)) for entry in arms}
+    fresh |= {name: [config.seed, *final_seeds(config)] for name, _ in beside(config)}
+    return {
+        name: [job for seed in seeds if (job := lane(name, seed)) in results and (seed != config.seed or job in scores)]
+        for name, seeds in fresh.items()
+    }
+
+
+def affordable(trained: Iterable[TrainingResult], peaks: int) -> int:
+    """Episodes that each of so many policies of a lane may play in one of two looks."""
+    fewest, most = EPISODES
+    for result in trained:
+        longest = max((length for length in result.curves.get("episode_length", ()) if length), default=1.0)
+        most = min(most, int(SHARE * result.env_steps / (2 * peaks * longest)))
+    return max(fewest, most)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,14 +133,62 @@ class Lanes:
             self.store.save_result(own)
             self.observer.result(own)
 
-    def evaluate(self, jobs: Iterable[str], peak: Peak) -> dict[str, Evaluation]:
-        """Held-out scores by job id, of those lanes that left a policy."""
-        jobs = tuple(jobs)
+    def final(self, arms: Iterable[Scored]) -> dict[str, list[str]]:
+        """Job ids of the final trainings by reward, as far as they are done: see `final_lanes`."""
+        return final_lanes(self.config, arms, self.store.results(), self.store.plays())
+
+    def play(self, jobs: Iterable[str], strategy: SearchStrategy) -> dict[str, Evaluation]:
+        """What each job scores by the one of its policies that plays best, on start states kept for choosing; nothing
+        where the strategy ranks by training.
+
+        All play some episodes; those candidates that are level with the best of them within the errors of both play
+        some more. All of it takes at most about a tenth of the steps of training.
+        """
+        if strategy.judge == "training":
+            return {}
+        jobs = tuple(dict.fromkeys(jobs))
+        beside = {lane(name, seed) for name, _ in BASELINES for seed in (self.config.seed, *final_seeds(self.config))}
+        self._look(0, jobs, strategy.peaks)
+        rivals = [job for job in jobs if job not in beside]
+        self._look(1, level(self._scores(rivals)), strategy.peaks)
+        return self._scores(jobs)
+
+    def _scores(self, jobs: Iterable[str]) -> dict[str, Evaluation]:
+        plays = self.store.plays()
+        return {job: played(plays[job]) for job in jobs if job in plays}
+
+    def _look(self, look: int, jobs: Sequence[str], peaks: Sequence[Peak]) -> None:
+        """Let those play that have not yet, in this look, side by side on the same start states."""
+        known, results = self.store.plays(), self.store.results()
+        jobs = [job for job in jobs if results[job].fitness is not None]  # whose F is undefined wins nothing
+        missing: list[tuple[str, Peak]] = [
+            (job, peak) for job in jobs for peak in peaks if len(known.get(job, {}).get(peak, ())) <= look
+        ]
+        places: dict[str, tuple[str, Peak]] = {f"{job} {peak}": (job, peak) for job, peak in missing}
+        policies = {key: self.store.policy(*place) for key, place in places.items()}
+        playing = {key: policy for key, policy in policies.items() if policy is not None}
+        if not playing:
+            return
+        episodes = affordable([results[job] for job in jobs], len(peaks))
+        seed = self.config.seed + CHOOSING + look
+        scores = []
+        for score in self.trainer.evaluate(self.config.env, playing, seed=seed, episodes=episodes):
+            job, peak = places[score.job]
+            scores.append(dataclasses.replace(score, job=job, peak=peak))
+        self.store.save_plays(look, scores)  # all or none: who plays beside whom may matter to the last bit
+
+    def standing(self, jobs: Iterable[str], strategy: SearchStrategy) -> dict[str, Peak]:
+        """Which of its policies stands for each job: that which plays best, or the first where none was played."""
+        scores = self._scores(jobs := tuple(jobs))
+        return {job: (scores[job].peak if job in scores else None) or strategy.peaks[0] for job in jobs}
+
+    def evaluate(self, jobs: Mapping[str, Peak]) -> dict[str, Evaluation]:
+        """Held-out scores by job id, each of the named policy; a lane without it has none."""
         known = self.store.evaluations()
-        policies = {job: self.store.policy(job, peak) for job in jobs if job not in known}
+        policies = {job: self.store.policy(job, peak) for job, peak in jobs.items() if job not in known}
         missing = {job: policy for job, policy in policies.items() if policy is not None}
-        for evaluation in self.trainer.evaluate(self.config.env, missing, seed=self._held_out) if missing else ():
-            self.store.save_evaluation(evaluation)
+        scores = self.trainer.evaluate(self.config.env, missing, seed=self._held_out) if missing else ()
+        self.store.save_evaluations([dataclasses.replace(score, peak=jobs[score.job]) for score in scores])
         return {job: score for job, score in self.store.evaluations().items() if job in jobs}
 
     def try_out(self, trials: Iterable[Trial]) -> None:
@@ -126,9 +202,9 @@ class Lanes:
             return
         for score in self.trainer.evaluate(self.config.env, playing, seed=self._held_out, dynamics=dynamics):
             trial = missing[score.job]
-            self.store.save_trial(trial.name, dataclasses.replace(score, job=trial.job))
+            self.store.save_trial(trial.name, dataclasses.replace(score, job=trial.job, peak=trial.peak))
 
     @property
     def _held_out(self) -> int:
         """A seed that no lane trained with."""
-        return self.config.seed + 1_000_003
+        return self.config.seed + HELD_OUT

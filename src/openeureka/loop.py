@@ -1,4 +1,4 @@
-"""The method on one screen: ask, sample, check, train, reflect, tell; in the end, score the best reward.
+"""The method on one screen: ask, sample, check, train, play, reflect, tell; in the end, confirm the best reward.
 
 Every step goes through the store: what is there is read, what is missing is done. To resume is to run again.
 """
@@ -7,15 +7,15 @@ from __future__ import annotations
 
 from random import Random
 
-from . import baselines, hacking
+from . import baselines, hacking, race
 from .config import RunConfig
-from .lanes import Lanes, beside, final_lanes, final_seeds, lane, programs
+from .lanes import Lanes, beside, lane, programs
 from .llm.client import LanguageModel
 from .observer import NullObserver, Observer
 from .person import Desk, EmptyDesk, Hearing
 from .reflection import reflect
 from .sampling import Checker, Sampler
-from .score import Outcome, compare, rank
+from .score import Outcome, rank
 from .search import Ranking, SearchStrategy
 from .store import Store
 from .types import History, Scored, TaskContext, Trainer
@@ -32,7 +32,7 @@ def run(
     observer: Observer | None = None,
     desk: Desk | None = None,
 ) -> Outcome:
-    """Search for `config.generations` generations, less those in the store, then score the best reward.
+    """Search for `config.generations` generations, less those in the store, then confirm the best reward.
 
     Raises:
         EurekaError: what stopped the run; all that was finished is stored, and running again continues.
@@ -45,6 +45,7 @@ def run(
     history = store.history()
     for generation in history.generations:
         observer.generation(generation)
+    history = history.replayed(lanes.play(history.jobs, strategy))  # nothing, unless it was stopped while they played
 
     for index in range(len(history.generations), config.generations):
         history = hearing.hear(history)
@@ -55,48 +56,59 @@ def run(
         observer.phase(index, "train")
         others = beside(config) if index == 0 else ()
         results = lanes.train([*programs(samples), *others], seeds=[config.seed])
+        if strategy.judge == "played":
+            observer.phase(index, "play")
+        scores = lanes.play([*history.jobs, *results], strategy)
 
         entries = []
         for sample in samples:
-            result = results.get(lane(sample.verdict.candidate, config.seed))
-            entries.append(Scored(sample=sample, result=result, feedback=reflect(sample, result, model.style)))
-        history = strategy.tell(history, entries)
+            job = lane(sample.verdict.candidate, config.seed)
+            feedback = reflect(sample, results.get(job), model.style, scores.get(job))
+            entries.append(Scored(sample=sample, result=results.get(job), played=scores.get(job), feedback=feedback))
+        history = strategy.tell(history.replayed(scores), entries)
         best = Ranking(history).best
         if best is not None:
-            store.save_best(best, lane(best.sample.verdict.candidate, config.seed), strategy.checkpoint)
+            keep(store, lanes, strategy, best)
         store.save_generation(history.generations[-1])
         observer.generation(history.generations[-1])
 
     history = hearing.hear(history)  # where votes decide, the last generation needs some too
-    best = Ranking(history).best
-    if best is not None:
-        conclude(config, store, lanes, strategy, best, observer)
+    conclude(config, store, lanes, strategy, history, observer)
     outcome = summarise(config, store, history)
     observer.outcome(outcome)
     return outcome
 
 
 def conclude(
-    config: RunConfig, store: Store, lanes: Lanes, strategy: SearchStrategy, best: Scored, observer: Observer
+    config: RunConfig, store: Store, lanes: Lanes, strategy: SearchStrategy, history: History, observer: Observer
 ) -> None:
-    """Retrain the best reward with fresh seeds beside the human and the sparse one, and score all on held-out episodes.
+    """Confirm the best reward with fresh seeds, then score it beside the human and the sparse one on held-out episodes.
 
-    The search's own F is the maximum of many tries; only fresh seeds and fresh episodes say what the reward is worth.
+    The search's own scores are the best of many tries; only fresh seeds and fresh episodes say what a reward is worth.
     """
     observer.phase(config.generations, "final")
-    results = lanes.train([*programs([best.sample]), *beside(config)], final_seeds(config))
+    best = race.crown(history, lanes, strategy)
+    if best is None:
+        return
     observer.phase(config.generations, "evaluate")
-    scores = lanes.evaluate(results, strategy.checkpoint)
-    own = {job: results[job] for job in final_lanes(config, best)["method"] if job in scores}
+    arms = lanes.final(race.contenders(history))
+    scores = lanes.evaluate(lanes.standing([job for jobs in arms.values() for job in jobs], strategy))
+    results = store.results()
+    own = {job: results[job] for job in arms[best.sample.verdict.candidate] if job in scores}
     winner = max(own, key=lambda job: rank(scores[job].fitness), default=None)
-    store.save_best(best, winner or lane(best.sample.verdict.candidate, config.seed), strategy.checkpoint)
+    keep(store, lanes, strategy, best, winner)
     if winner is not None:
-        lanes.try_out(hacking.trials(own, winner, strategy.checkpoint))
+        lanes.try_out(hacking.trials(own, winner, lanes.standing(own, strategy)))
+    if store.crown() is None:
+        store.save_crown(best.sample.place)
+
+
+def keep(store: Store, lanes: Lanes, strategy: SearchStrategy, best: Scored, job: str | None = None) -> None:
+    """Leave the best reward in `best/`, with the policy of its lane in the search, or of another."""
+    job = job or lane(best.sample.verdict.candidate, lanes.config.seed)
+    store.save_best(best, job, lanes.standing([job], strategy)[job])
 
 
 def summarise(config: RunConfig, store: Store, history: History) -> Outcome:
     """The outcome as far as the store holds it."""
-    best = Ranking(history).best
-    if best is None:
-        return Outcome(best=None)
-    return compare(best, final_lanes(config, best), store.results(), store.evaluations(), baselines.chosen(config))
+    return race.outcome(config, history, store.crown(), store.results(), store.evaluations())

@@ -7,7 +7,7 @@ from typing import Literal, Protocol
 from .score import Outcome
 from .types import Generation, Reply, Sample, TrainingProgress, TrainingResult
 
-Phase = Literal["sample", "check", "train", "feedback", "final", "evaluate"]
+Phase = Literal["sample", "check", "train", "play", "feedback", "final", "evaluate"]
 
 
 class Observer(Protocol):

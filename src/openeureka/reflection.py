@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
-from .types import Sample, TrainingResult, TrainingState
+from .types import Evaluation, Sample, TrainingResult, TrainingState
 
 Style = Literal["free", "grammar"]
 Curves = Mapping[str, Sequence[float | None]]
@@ -29,7 +29,7 @@ its temperature, write it in another way, or drop it.
 Go through the components one by one, then write the improved reward function."""
 
 
-def reflect(sample: Sample, result: TrainingResult | None, style: Style) -> str:
+def reflect(sample: Sample, result: TrainingResult | None, style: Style, played: Evaluation | None = None) -> str:
     """Feedback on one slot: the findings where its program was refused, else what its training showed.
 
     The style `grammar` is for small models: fewer points, shorter numbers, no advice.
@@ -39,9 +39,12 @@ def reflect(sample: Sample, result: TrainingResult | None, style: Style) -> str:
     if result.state is TrainingState.FAILED:
         return "No policy could be trained with this reward function."  # the reason is about this machine, not for it
     if style == "grammar":
-        return "\n".join([*_ending(result), *summary(result.curves, points=4, brief=True)])
+        return "\n".join(
+            [*_ending(result), *summary(result.curves, points=4, brief=True), *_played(played, brief=True)]
+        )
     introduction = _INTRODUCTION.format(interval=_interval(result.curves, points=10))
-    return "\n".join([*_ending(result), introduction, *summary(result.curves, points=10), "", _TIPS])
+    lines = [*_ending(result), introduction, *summary(result.curves, points=10), *_played(played)]
+    return "\n".join([*lines, "", _TIPS])
 
 
 def refusal(sample: Sample) -> str:
@@ -57,6 +60,17 @@ def summary(curves: Curves, *, points: int, brief: bool = False) -> list[str]:
     shown["episode_length"] = curves.get("episode_length", ())
     interval = _interval(curves, points)
     return [_line(name, curve, interval, brief) for name, curve in shown.items()]
+
+
+def _played(score: Evaluation | None, brief: bool = False) -> list[str]:
+    """A line on the number that ranks; nothing where training ranks."""
+    if score is None:
+        return []
+    error = f" ± {_number(score.error, brief)}" if score.error is not None else ""
+    return [
+        f"final task_score, of the trained policy without exploration noise in {score.episodes} new episodes: "
+        f"{_number(score.fitness, brief)}{error}"
+    ]
 
 
 def _ending(result: TrainingResult) -> list[str]:

@@ -65,7 +65,8 @@ class Sampler:
         for plan in plans:
             slots = range(len(samples), len(samples) + plan.count)
             prompt = prompts.render(self.context, plan, self.model.style)
-            self.store.save_prompt(generation, slots.start, prompt)
+            parent = plan.turns[-1].sample.place if plan.turns else None
+            self.store.save_prompt(generation, slots.start, prompt, parent)
             samples += self._fill(generation, prompt, slots, known=[*earlier, *samples])
         return tuple(samples)
 

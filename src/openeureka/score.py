@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
-from .types import Evaluation, Scored, TrainingResult
+from .types import Evaluation, Peak, Place, Scored, TrainingResult
+
+ERRORS = 2.0
+"""Standard errors that two scores must be apart before one counts as the higher."""
 
 
 def mean(values: Sequence[float | None]) -> float | None:
@@ -33,6 +36,45 @@ def rank(fitness: float | None) -> float:
     return fitness if fitness is not None and math.isfinite(fitness) else -math.inf
 
 
+def pooled(looks: Sequence[Evaluation]) -> Evaluation:
+    """One policy's score over all episodes that it played in several looks, where F was defined in them."""
+    defined = [look for look in looks if look.fitness is not None] or looks
+    episodes = sum(look.episodes for look in defined)
+
+    def total(values: Sequence[float | None]) -> float | None:
+        """Mean over episodes."""
+        known = [value for value in values if value is not None]
+        weighted = (value * look.episodes for value, look in zip(known, defined, strict=False))
+        return math.fsum(weighted) / episodes if len(known) == len(defined) else None
+
+    errors = [(look.error or 0.0) * look.episodes for look in defined]
+    return replace(
+        looks[0],
+        fitness=total([look.fitness for look in defined]),
+        error=math.hypot(*errors) / episodes if looks[0].error is not None else None,
+        episode_length=total([look.episode_length for look in defined]) or 0.0,
+        episodes=episodes,
+    )
+
+
+def played(plays: Mapping[Peak, Sequence[Evaluation]]) -> Evaluation:
+    """What a lane scores: that of its policies which plays best counts; of equals the first."""
+    return max((pooled(looks) for looks in plays.values()), key=lambda score: rank(score.fitness))
+
+
+def level(scores: Mapping[str, Evaluation]) -> list[str]:
+    """Who may be the best as far as the errors tell: less than two of them below the highest, that one included."""
+    best = max(scores.values(), key=lambda score: rank(score.fitness), default=None)
+    if best is None or best.fitness is None:
+        return []
+    return [
+        name
+        for name, score in scores.items()
+        if score.fitness is not None
+        and best.fitness - score.fitness <= ERRORS * math.hypot(best.error or 0.0, score.error or 0.0)
+    ]
+
+
 def pearson(xs: Sequence[float | None], ys: Sequence[float | None]) -> float | None:
     """Pearson correlation over the pairs in which both are defined; None below two pairs or when either is constant."""
     pairs = [(x, y) for x, y in zip(xs, ys, strict=True) if x is not None and y is not None]
@@ -48,6 +90,57 @@ def pearson(xs: Sequence[float | None], ys: Sequence[float | None]) -> float | N
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Difference:
+    """How much higher F of one reward is than that of another, over training seeds."""
+
+    value: float
+    low: float
+    high: float
+    """Ends of the 95 % interval."""
+    seeds: int | None
+    """Of each reward, about as many as would decide a difference of this size; None beyond `MOST_SEEDS`."""
+
+    @property
+    def sure(self) -> bool:
+        """Whether the interval leaves no doubt which is higher."""
+        return self.low > 0 or self.high < 0
+
+
+CONFIDENCE = 0.95
+MOST_SEEDS = 100
+
+
+def difference(
+    own: Sequence[float], other: Sequence[float], among: Sequence[Sequence[float]], *, claims: int = 1
+) -> Difference | None:
+    """Student's interval of mean(own) - mean(other), a value a seed; None where no reward has two seeds.
+
+    With two or three seeds each a spread of its own is worth little: that of all rewards `among` is pooled, as if they
+    were equally noisy. All play the same start states, so what those share is no part of it.
+
+    Args:
+        claims: how many such intervals are to hold together (Bonferroni), as where the best of several is compared.
+    """
+    freedom = sum(len(values) - 1 for values in among if values)
+    if not own or not other or freedom < 1:
+        return None
+    squares = [(x - math.fsum(values) / len(values)) ** 2 for values in among for x in values]
+    spread = math.sqrt(math.fsum(squares) / freedom)
+    value = math.fsum(own) / len(own) - math.fsum(other) / len(other)
+    half = _quantile(freedom, claims) * spread * math.sqrt(1 / len(own) + 1 / len(other))
+    enough = (
+        n for n in range(2, MOST_SEEDS + 1) if _quantile(2 * n - 2, claims) * spread * (2 / n) ** 0.5 < abs(value)
+    )
+    return Difference(value=value, low=value - half, high=value + half, seeds=next(enough, None))
+
+
+def _quantile(freedom: int, claims: int) -> float:
+    from scipy.special import stdtrit  # a third of a second that only the end of a search needs
+
+    return float(stdtrit(freedom, 1 - (1 - CONFIDENCE) / (2 * max(1, claims))))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Arm:
     """One reward's final trainings, a value per seed; None where that seed diverged."""
 
@@ -55,6 +148,11 @@ class Arm:
     """Maximum of F over the epochs, the measure of the published results."""
     held_out: tuple[float | None, ...] = ()
     """F of the chosen checkpoint in fresh episodes, without the optimism of a maximum."""
+
+    @property
+    def scores(self) -> tuple[float, ...]:
+        """The defined held-out scores."""
+        return tuple(value for value in self.held_out if value is not None and math.isfinite(value))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,10 +178,12 @@ class Outcome:
     """What a search found, and how it compares with the rewards that people wrote."""
 
     best: Scored | None
-    """The winner of the search; None when no program ever trained."""
+    """The confirmed winner; None when no program ever trained."""
     method: Arm = Arm()
     human: Arm = Arm()
     sparse: Arm = Arm()
+    rivals: Mapping[Place, Arm] = field(default_factory=dict)
+    """The other rewards that the best was confirmed against."""
     correlation: float | None = None
     """Pearson correlation of the best reward with the human reward over transitions, mean over seeds."""
     curve_correlation: float | None = None
@@ -99,6 +199,14 @@ class Outcome:
         """Human-normalised score as published, on maxima over training."""
         return human_normalised(mean(self.method.training), mean(self.human.training), mean(self.sparse.training))
 
+    @property
+    def difference(self) -> Difference | None:
+        """To the human reward, held out. It allows for the best having been picked among several."""
+        arms = [self.method, self.human, *self.rivals.values()]
+        return difference(
+            self.method.scores, self.human.scores, [arm.scores for arm in arms], claims=1 + len(self.rivals)
+        )
+
 
 def compare(
     best: Scored,
@@ -106,28 +214,31 @@ def compare(
     results: Mapping[str, TrainingResult],
     scores: Mapping[str, Evaluation],
     known: Baselines | None = None,
+    rivals: Sequence[Scored] = (),
 ) -> Outcome:
     """The outcome of the final trainings.
 
     Args:
-        lanes: job ids of `method`, `human` and `sparse`, a seed each; one that is missing, because the run is not that
-            far, counts as undefined.
+        lanes: job ids by reward (candidate id, `human` or `sparse`), a seed each; one that is missing, because the run
+            is not that far, counts as undefined.
         known: `human` and `sparse` where the run has no lanes of them.
+        rivals: the other candidates that trained again.
     """
-
     fitness = {job: result.fitness for job, result in results.items()}
     held_out = {job: score.fitness for job, score in scores.items()}
 
     def arm(name: str) -> Arm:
         return Arm(training=tuple(map(fitness.get, lanes[name])), held_out=tuple(map(held_out.get, lanes[name])))
 
-    trained = [results[job] for job in lanes["method"] if job in results]
+    own = best.sample.verdict.candidate
+    trained = [results[job] for job in lanes[own] if job in results]
     curves = [(result.curves.get("reward", ()), result.curves.get("human_reward", ())) for result in trained]
     return Outcome(
         best=best,
-        method=arm("method"),
+        method=arm(own),
         human=known.human if known else arm("human"),
         sparse=known.sparse if known else arm("sparse"),
+        rivals={rival.sample.place: arm(rival.sample.verdict.candidate) for rival in rivals},
         correlation=mean([result.correlation for result in trained]),
         curve_correlation=mean([pearson(own, human) for own, human in curves]),
     )

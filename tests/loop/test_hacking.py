@@ -125,7 +125,7 @@ def test_a_policy_that_fails_in_a_changed_world_is_a_sign_by_itself() -> None:
 
 def test_only_the_kept_policy_plays_in_changed_worlds_and_only_drifting_trainings_play_twice() -> None:
     late = dataclasses.replace(RESULT, job="a-s2", best_fitness=peak(4))  # F and the own reward peak together
-    trials = hacking.trials({"a-s1": RESULT, "a-s2": late}, kept="a-s2", peak="reward")
+    trials = hacking.trials({"a-s1": RESULT, "a-s2": late}, kept="a-s2", peaks={"a-s1": "reward", "a-s2": "reward"})
     assert [(t.job, t.name, t.peak) for t in trials] == [
         ("a-s1", "peak of F", "fitness"),
         *(("a-s2", name, "reward") for name in ("mass +10 %", "mass -10 %", "friction +10 %", "friction -10 %")),

@@ -58,11 +58,11 @@ def test_failures_are_told_only_of_a_last_generation_in_which_nothing_trained() 
         assert plan.failures == ()
 
 
-@pytest.mark.parametrize(("name", "kind", "checkpoint"), [("eureka", Eureka, "fitness"), ("best", Best, "reward")])
-def test_strategies_are_made_by_name(name, kind, checkpoint) -> None:
+@pytest.mark.parametrize(("name", "kind", "judge"), [("eureka", Eureka, "training"), ("best", Best, "played")])
+def test_strategies_are_made_by_name(name, kind, judge) -> None:
     strategy = make(RunConfig(search=name, sample=7))
     assert isinstance(strategy, kind)
-    assert (strategy.samples, strategy.checkpoint) == (7, checkpoint)
+    assert (strategy.samples, strategy.judge) == (7, judge)
 
 
 def test_sizes_default_to_the_kind_of_model_and_can_be_set() -> None:

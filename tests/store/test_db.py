@@ -10,6 +10,7 @@ from openeureka.store.db import MIGRATIONS, Database
 
 TABLES = (
     "run", "prompts", "replies", "verdicts", "results", "entries", "evaluations", "remarks", "heard", "trials",
+    "plays", "crown",
 )  # fmt: skip
 REPLY = {
     "generation": 0,

@@ -5,6 +5,7 @@ Each has an outcome that `docs/concepts/store.md` tabulates, and one sentence fo
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import sqlite3
@@ -19,10 +20,11 @@ from pathlib import Path
 import pytest
 
 from openeureka import search
-from openeureka.config import RunConfig
+from openeureka.config import RunConfig, as_dict
 from openeureka.errors import StoreError
 from openeureka.loop import run
 from openeureka.store import Store, db, read_config
+from openeureka.store.db import Database
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
 
 CONFIG = RunConfig(env="toy", sample=2, iteration=2, seeds=1)
@@ -244,11 +246,14 @@ def test_a_run_that_nobody_else_may_read_says_so(foreign: Path):
 def test_a_run_of_an_older_version_can_be_read_and_stays_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     with monkeypatch.context() as older:
         older.setattr(db, "MIGRATIONS", db.MIGRATIONS[:1])
-        Store.open(tmp_path, CONFIG).close()
+        database = Database(tmp_path, writable=True)
+        database.put("run", {"id": 1, "config": json.dumps(as_dict(CONFIG)), "version": "0"})
+        database.close()
     before = (tmp_path / db.FILENAME).read_bytes()
     with Store.view(tmp_path) as store:
         assert store.config == CONFIG
-        assert store.trials() == {}
+        assert store.trials() == {} == store.plays()
+        assert store.ranks == "training"
     assert (tmp_path / db.FILENAME).read_bytes() == before
 
 

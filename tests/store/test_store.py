@@ -128,7 +128,7 @@ def test_a_result_comes_back_with_undefined_numbers_as_none_and_its_policies_apa
 
 def test_an_undefined_fitness_is_null_in_the_tables(store: Store) -> None:
     store.save_result(result("a", fitness=math.inf))
-    store.save_evaluation(Evaluation(job="a", fitness=math.nan, episode_length=2.0, episodes=3))
+    store.save_evaluations([Evaluation(job="a", fitness=math.nan, episode_length=2.0, episodes=3)])
     assert store.evaluations()["a"].fitness is None
     with sqlite3.connect(store.directory / "run.sqlite") as connection:
         assert connection.execute("SELECT fitness FROM results").fetchall() == [(None,)]
@@ -157,7 +157,7 @@ def test_a_generation_comes_back_whole(store: Store) -> None:
 def test_messages_json_shows_each_prompt_once(store: Store) -> None:
     prompt = Prompt(messages=(Message("system", "be brief"), Message("user", "write \ud800")))
     for _ in range(2):  # a resumed run asks again
-        store.save_prompt(0, 0, prompt)
+        store.save_prompt(0, 0, prompt, None)
     (asked,) = json.loads((store.directory / "messages.json").read_text())
     assert asked["messages"] == [
         {"role": "system", "content": "be brief"},

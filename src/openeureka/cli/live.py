@@ -22,8 +22,9 @@ _PHASES: dict[Phase, str] = {
     "sample": "asking the model",
     "check": "checking programs",
     "train": "training",
+    "play": "playing the policies",
     "feedback": "waiting for a person",
-    "final": "retraining the best",
+    "final": "training the leading rewards again",
     "evaluate": "scoring on held-out episodes",
 }
 
@@ -53,7 +54,7 @@ class Tally:
         best = generation.best
         trained = sum(entry.fitness is not None for entry in generation.entries)
         return (
-            f"Generation {generation.index}: best F {number(best.fitness if best else None)}, "
+            f"Generation {generation.index}: best F {number(best.score if best else None)}, "
             f"{trained} of {len(generation.entries)} trained"
         )
 

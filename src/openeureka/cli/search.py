@@ -59,7 +59,6 @@ def _search(config: RunConfig, directory: Path) -> None:
     config = search.sized(config, model.style)
     size = f"{config.iteration} generations of {config.sample} rewards"
     print(f"{short_name(config.env)}: {size} by {config.model}, in {directory}")
-    strategy = search.make(config)
     try:
         with (
             Sandbox(known.state, record_states(config.env), unsafe=config.unsafe_no_sandbox) as checker,
@@ -71,6 +70,7 @@ def _search(config: RunConfig, directory: Path) -> None:
             view(config, store.usage()) as table,
         ):
             desk = TerminalDesk(directory, config, films)
+            strategy = search.make(config, store.ranks)
             loop.run(config, store, model, checker, trainer, known, strategy, Observers(table, *log, *films), desk)
     finally:
         model.close()
@@ -104,9 +104,8 @@ def _conclude(config: RunConfig, directory: Path) -> None:
     """Reports come last: the search is complete without them."""
     problems = build(directory, config.video)
     result = RunView.read(directory)
-    best = result.ranking.best
-    if best is not None and best.sample.candidate is not None:
-        print(f"\nBest reward:\n\n{plain(best.sample.candidate.source)}")
+    if result.best is not None and result.best.candidate is not None:
+        print(f"\nBest reward:\n\n{plain(result.best.candidate.source)}")
     print("\n".join(summary(result)))
     for problem in problems:
         print(plain(problem))

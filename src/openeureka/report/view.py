@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from random import Random
+from typing import Literal
 
-from .. import baselines, hacking, prompts, search
+from .. import baselines, hacking, prompts, race, score, search
 from ..config import RunConfig
 from ..hacking import Sign, Tried
-from ..lanes import BASELINES, final_lanes, lane
+from ..lanes import BASELINES, beside, final_lanes, final_seeds, lane
 from ..llm import extract
 from ..sampling import NO_PROGRAM
-from ..score import Baselines, Outcome, compare
+from ..score import Baselines, Outcome
 from ..store import Store
 from ..types import (
     Candidate,
     Evaluation,
     History,
     Message,
+    Peak,
     Place,
     Prompt,
     Remark,
@@ -76,6 +78,8 @@ class CandidateView:
     """The program of the last reply; None when that held none."""
     verdict: Verdict | None
     result: TrainingResult | None = None
+    played: Evaluation | None = None
+    """What its policy scored when it was played to choose by."""
     feedback: str = ""
     """What the model is told about it when it becomes a parent."""
     parent: Sample | None = None
@@ -101,7 +105,13 @@ class CandidateView:
 
     @property
     def fitness(self) -> float | None:
+        """F in training, its maximum over epochs."""
         return self.result.fitness if self.result is not None else None
+
+    @property
+    def score(self) -> float | None:
+        """What ranks it: F of its policy when played, or else F in training."""
+        return self.played.fitness if self.played is not None else self.fitness
 
     @property
     def usage(self) -> Usage:
@@ -146,6 +156,12 @@ class RunView:
     usage: Usage
     videos: Mapping[str, str]
     """Path in the run directory by job id, and of the best policy by `best`."""
+    played: Mapping[str, Evaluation]
+    """By job id: what lanes scored when they were played to choose by."""
+    ranks: Literal["played", "training"]
+    """By which F the search ranks."""
+    crown: Place | None = None
+    """The candidate that the final trainings confirmed."""
     unheard: tuple[Remark, ...] = ()
     """What a person said that no prompt has taken up yet."""
 
@@ -160,7 +176,11 @@ class RunView:
             config, history = store.config, store.history(results)
             videos = _videos(directory, results)
             programs = earlier.programs if earlier is not None else {}
-            reader = _Reader(config, history, search.Ranking(history), results, videos, programs, store)
+            strategy = search.make(config, store.ranks)
+            played = {job: score.played(plays) for job, plays in store.plays().items()}
+            reader = _Reader(
+                config, history, strategy, search.Ranking(history), results, played, videos, programs, store
+            )
             return RunView(
                 config=config,
                 history=history,
@@ -169,6 +189,9 @@ class RunView:
                 evaluations=store.evaluations(),
                 trials=store.trials(),
                 usage=store.usage(),
+                played=played,
+                ranks=strategy.judge,
+                crown=store.crown(),
                 unheard=store.remarks.unheard(),
                 videos=videos,
             )
@@ -188,8 +211,8 @@ class RunView:
 
     @property
     def best(self) -> CandidateView | None:
-        """The first in the ranking of the finished generations."""
-        best = self.ranking.best
+        """The confirmed one; before that the first in the ranking of the finished generations."""
+        best = race.crowned(self.history, self.crown)
         return next((c for c in self.candidates if best is not None and c.place == best.sample.place), None)
 
     @property
@@ -206,23 +229,28 @@ class RunView:
     @property
     def outcome(self) -> Outcome | None:
         """The final comparison; None before all its trainings are done."""
+        if self.crown is None and not self._unraced:
+            return None
+        return race.outcome(self.config, self.history, self.crown, self.results, self.evaluations)
+
+    @property
+    def _unraced(self) -> bool:
+        """Whether it was finished by a version that kept no crown."""
         best = self.ranking.best
-        if best is None:
-            return None
-        arms = final_lanes(self.config, best)
-        if any(job not in self.results for jobs in arms.values() for job in jobs):
-            return None
-        return compare(best, arms, self.results, self.evaluations, self.known)
+        names = [best.sample.verdict.candidate if best is not None else "", *(name for name, _ in beside(self.config))]
+        jobs = [lane(name, seed) for name in names for seed in final_seeds(self.config)]
+        return self.ranks == "training" and all(job in self.results for job in jobs)
 
     @property
     def tried(self) -> tuple[Tried, ...]:
         """The best reward's final trainings with all their held-out scores; empty before those are taken."""
-        best = self.ranking.best
+        best = race.crowned(self.history, self.crown)
         if best is None or self.outcome is None or not self.trials:
             return ()
-        final = {job: self.results[job] for job in final_lanes(self.config, best)["method"]}
-        peak = search.make(self.config).checkpoint
-        return tuple(hacking.tried(final, self.evaluations, self.trials, peak))
+        arms = final_lanes(self.config, [best], self.results, self.evaluations)
+        final = {job: self.results[job] for job in arms[best.sample.verdict.candidate]}
+        unsaid: Peak = "fitness" if self.config.search == "eureka" else "reward"  # by versions before
+        return tuple(hacking.tried(final, self.evaluations, self.trials, unsaid))
 
     @property
     def signs(self) -> tuple[Sign, ...]:
@@ -241,8 +269,10 @@ class _Reader:
 
     config: RunConfig
     history: History
+    strategy: search.SearchStrategy
     ranking: search.Ranking
     results: Mapping[str, TrainingResult]
+    played: Mapping[str, Evaluation]
     videos: Mapping[str, str]
     programs: Mapping[str, Candidate | None]
     """Known ones, by the text of the reply."""
@@ -262,7 +292,7 @@ class _Reader:
             for (generation, attempt, slot), reply in replies.items():
                 if generation == index:
                     drawn.setdefault(slot, {})[attempt] = reply
-            parents = self._parents(index)
+            parents = self._parents(index, [prompt.slot for prompt in requests], drawn)
             candidates = [self._candidate(index, slot, drawn[slot], parents.get(slot)) for slot in sorted(drawn)]
             views.append(
                 GenerationView(
@@ -275,10 +305,15 @@ class _Reader:
             )
         return tuple(views)
 
-    def _parents(self, index: int) -> dict[int, Sample]:
-        """Parent by slot: a strategy is a pure function of the history, so it is asked again."""
+    def _parents(self, index: int, asked: Sequence[int], slots: Iterable[int]) -> dict[int, Sample]:
+        """Parent by slot. Where the store did not keep it, the strategy is asked again: it has no state."""
+        kept = {first: place for (generation, first), place in self.store.parents().items() if generation == index}
+        if kept or self.strategy.judge == "played":
+            entries = {e.sample.place: e.sample for g in self.history.generations for e in g.entries}
+            firsts = {slot: max((first for first in asked if first <= slot), default=0) for slot in slots}
+            return {slot: entries[kept[first]] for slot, first in firsts.items() if first in kept}
         before = replace(self.history, generations=self.history.generations[:index])
-        plans = search.make(self.config).ask(before, Random(f"{self.config.seed}/{index}"))
+        plans = self.strategy.ask(before, Random(f"{self.config.seed}/{index}"))
         parents = [plan.turns[-1].sample if plan.turns else None for plan in plans for _ in range(plan.count)]
         return {slot: parent for slot, parent in enumerate(parents) if parent is not None}
 
@@ -294,6 +329,7 @@ class _Reader:
             candidate=candidate,
             verdict=verdict,
             result=entry.result if entry is not None else self.results.get(job),
+            played=entry.played if entry is not None else self.played.get(job),
             feedback=entry.feedback if entry is not None else "",
             parent=parent,
             attempts=attempts,

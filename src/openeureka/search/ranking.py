@@ -1,4 +1,4 @@
-"""Who is better than whom: by F, or by the votes of a person; and whom that person rejected or chose."""
+"""Who is better than whom: by score, or by the votes of a person; and whom that person rejected or chose."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Ranking:
         self.strengths = strengths(self._votes)
         """Bradley-Terry strength by candidate id, of those that took part in a vote."""
         # A task that never defines F leaves nothing else to judge by.
-        scored = any(entry.fitness is not None for entry in self._entries.values())
+        scored = any(entry.score is not None for entry in self._entries.values())
         self.by_votes = history.judge == "votes" or (bool(self._votes) and not scored)
         vetoed = self._named(RemarkKind.VETO, history.generations)
         self.vetoed = tuple({entry.sample.place: entry for entry in vetoed}.values())
@@ -61,14 +61,14 @@ class Ranking:
         return max(filter(self._may_win, entries), key=self._worth, default=None)
 
     def _may_win(self, entry: Scored) -> bool:
-        trained = entry.trained if self.by_votes else entry.fitness is not None
+        trained = entry.trained if self.by_votes else entry.score is not None
         return trained and entry.sample.verdict.candidate not in self.rejected
 
     def _worth(self, entry: Scored) -> tuple[float, float]:
-        """Votes before F, where votes count; whom nobody compared is below all whom somebody did."""
+        """Votes before the score, where votes count; whom nobody compared is below all whom somebody did."""
         undecided = -math.inf
         strength = self.strengths.get(entry.sample.verdict.candidate, undecided) if self.by_votes else undecided
-        return strength, entry.fitness if entry.fitness is not None else -math.inf
+        return strength, entry.score if entry.score is not None else -math.inf
 
     def _compared(self, generation: Generation) -> Iterable[tuple[CandidateId, CandidateId]]:
         """Winner and loser of the votes after a generation; a favourite wins against its whole generation."""

@@ -9,7 +9,7 @@ from random import Random
 from typing import Literal, Protocol
 
 from ..config import RunConfig
-from ..types import History, Opinion, PromptPlan, RemarkKind, Scored
+from ..types import History, Opinion, Peak, PromptPlan, RemarkKind, Scored
 from .ranking import Ranking
 
 
@@ -17,8 +17,13 @@ class SearchStrategy(Protocol):
     """Decides who becomes a parent."""
 
     @property
-    def checkpoint(self) -> Literal["fitness", "reward"]:
-        """Which checkpoint of a lane stands for its reward: at the peak of F, or of the lane's own reward."""
+    def judge(self) -> Literal["played", "training"]:
+        """What ranks candidates: F of their policies when played, or the maximum of F over training."""
+        ...
+
+    @property
+    def peaks(self) -> tuple[Peak, ...]:
+        """Which policies of a lane may stand for its reward: that which plays best, or the first where none plays."""
         ...
 
     def ask(self, history: History, rng: Random) -> Sequence[PromptPlan]:
@@ -39,7 +44,8 @@ class Eureka:
     """As published: greedy. The best of the last generation is the parent, even where an earlier one was better."""
 
     samples: int
-    checkpoint: Literal["fitness", "reward"] = "fitness"
+    judge: Literal["played", "training"] = "training"
+    peaks: tuple[Peak, ...] = ("fitness",)
 
     def ask(self, history: History, rng: Random) -> Sequence[PromptPlan]:
         ranking = Ranking(history)
@@ -52,13 +58,11 @@ class Eureka:
 
 @dataclass(frozen=True, slots=True)
 class Best:
-    """The best reward so far is the parent, and the winners of recent generations show the way that led to it.
-
-    Its lanes are judged by the checkpoint at their own peak reward: F then stays a judge that training never saw.
-    """
+    """The reward that plays best so far is the parent, and the winners of recent generations show the way to it."""
 
     samples: int
-    checkpoint: Literal["fitness", "reward"] = "reward"
+    judge: Literal["played", "training"] = "played"
+    peaks: tuple[Peak, ...] = ("reward", "last", "fitness")
 
     def ask(self, history: History, rng: Random) -> Sequence[PromptPlan]:
         ranking = Ranking(history)
@@ -73,9 +77,15 @@ class Best:
         return history.grown(entries)
 
 
-def make(config: RunConfig) -> SearchStrategy:
-    """The strategy that `search=` names. Both are greedy, so neither draws from the generator it is given."""
-    return {"eureka": Eureka, "best": Best}[config.search](config.sample)
+def make(config: RunConfig, ranks: Literal["played", "training"] = "played") -> SearchStrategy:
+    """The strategy that `search=` names. Both are greedy, so neither draws from the generator it is given.
+
+    Args:
+        ranks: by what `best` ranks, see `Store.ranks`.
+    """
+    if config.search == "eureka":
+        return Eureka(config.sample)
+    return Best(config.sample) if ranks == "played" else Best(config.sample, judge="training", peaks=("reward",))
 
 
 _SIZES = {"free": (16, 5), "grammar": (8, 3)}

@@ -3,6 +3,6 @@
 from .recover import is_held, is_run, read_config, read_remarks, read_replies
 from .remarks import say
 from .stages import StageFiles
-from .store import Peak, Store
+from .store import Store
 
-__all__ = ["Peak", "StageFiles", "Store", "is_held", "is_run", "read_config", "read_remarks", "read_replies", "say"]
+__all__ = ["StageFiles", "Store", "is_held", "is_run", "read_config", "read_remarks", "read_replies", "say"]

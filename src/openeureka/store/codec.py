@@ -15,6 +15,7 @@ from ..types import (
     Evaluation,
     Finding,
     Node,
+    Peak,
     Place,
     Remark,
     RemarkKind,
@@ -115,6 +116,7 @@ def encode_result(result: TrainingResult) -> str:
             "correlation": finite(result.correlation),
             "best_fitness": _peak(result.best_fitness),
             "best_reward": _peak(result.best_reward),
+            "last": {"sha256": digest(result.last)} if result.last is not None else None,
             "message": safe_text(result.message),
         },
         allow_nan=False,
@@ -132,10 +134,15 @@ def digest(policy: bytes) -> str:
     return hashlib.sha256(policy).hexdigest()
 
 
-def decode_digest(text: str, peak: str) -> str | None:
+def decode_digest(text: str, peak: Peak) -> str | None:
     """The digest of one of a result's policies; None where it has none, empty where an older version kept none."""
-    data = json.loads(text)[f"best_{peak}"]
+    data = json.loads(text).get(policy_name(peak))
     return data.get("sha256", "") if data is not None else None
+
+
+def policy_name(peak: Peak) -> str:
+    """Of one of a lane's policies, in its result and as a file."""
+    return "last" if peak == "last" else f"best_{peak}"
 
 
 def decode_result(job: str, text: str) -> TrainingResult:

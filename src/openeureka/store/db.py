@@ -114,10 +114,35 @@ CREATE TABLE trials (
 );
 """
 
+_PLAYS = """
+ALTER TABLE run ADD COLUMN ranks TEXT;          -- by what search=best ranks; NULL: by training, as versions before did
+ALTER TABLE prompts ADD COLUMN parent_generation INTEGER;
+ALTER TABLE prompts ADD COLUMN parent_slot INTEGER;
+ALTER TABLE evaluations ADD COLUMN peak TEXT;
+ALTER TABLE trials ADD COLUMN peak TEXT;
+CREATE TABLE plays (
+    job TEXT NOT NULL REFERENCES results (job),
+    peak TEXT NOT NULL,              -- which policy of the lane
+    look INTEGER NOT NULL,           -- 0, then 1 where more episodes were needed
+    fitness REAL,
+    error REAL,
+    concentration REAL,
+    episode_length REAL,
+    episodes INTEGER NOT NULL,
+    PRIMARY KEY (job, peak, look)
+);
+CREATE TABLE crown (
+    id INTEGER PRIMARY KEY CHECK (id = 1),
+    generation INTEGER NOT NULL,
+    slot INTEGER NOT NULL
+);
+"""
+
 MIGRATIONS: list[str] = [
     _TABLES + _immutable("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations"),
     _REMARKS + _immutable("remarks", "heard"),
     _TRIALS + _immutable("trials"),
+    _PLAYS + _immutable("plays", "crown"),
 ]
 """Script n brings a file from schema n to n + 1. Published scripts are never edited, only followed by new ones."""
 
@@ -125,7 +150,13 @@ MIGRATIONS: list[str] = [
 _GLANCE = """
 SELECT
     (SELECT COUNT(DISTINCT generation) FROM entries) AS generations,
-    (SELECT MAX(results.fitness) FROM results JOIN entries USING (job)) AS fitness,
+    COALESCE(
+        -- As `score.played` has it: the best of a lane's policies, over all that it played.
+        (SELECT MAX(fitness) FROM (
+            SELECT SUM(plays.fitness * plays.episodes) / SUM(plays.episodes) AS fitness
+            FROM plays JOIN entries USING (job) WHERE plays.fitness IS NOT NULL GROUP BY job, peak)),
+        (SELECT MAX(results.fitness) FROM results JOIN entries USING (job))
+    ) AS fitness,
     (SELECT COUNT(*) FROM evaluations) AS evaluations,
     TOTAL(cost_usd) AS cost_usd,
     CAST(TOTAL(prompt_tokens) AS INTEGER) AS prompt_tokens,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import sqlite3
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import MappingProxyType, TracebackType
@@ -16,6 +16,7 @@ from filelock import FileLock, Timeout
 from .. import __version__
 from ..config import RunConfig, as_dict
 from ..errors import StoreError
+from ..score import played
 from ..types import (
     GIVEN,
     Candidate,
@@ -24,6 +25,8 @@ from ..types import (
     Glance,
     History,
     Message,
+    Peak,
+    Place,
     Prompt,
     Reply,
     Sample,
@@ -43,15 +46,13 @@ from .codec import (
     encode_result,
     encode_verdict,
     finite,
+    policy_name,
     safe_text,
 )
 from .db import AGAIN, FILENAME, LOCK, LOG, STOP, Database, explained
 from .remark_log import RemarkLog
 
 T = TypeVar("T")
-Peak = Literal["fitness", "reward"]
-"""Which of a lane's two checkpoints: where F, or where its own reward, was highest."""
-
 LOOK_TIME = 0.5
 """[s] to wait for the lock: who only asks whether the run is at work (`is_held`) has it for microseconds."""
 
@@ -146,7 +147,8 @@ class Store:
                     f"{self.directory} has files of a run whose {FILENAME} is gone; restore it from a copy, with the "
                     "-wal file beside it, or choose another dir=."
                 )
-            self._database.put("run", {"id": 1, "config": json.dumps(as_dict(config)), "version": __version__})
+            row = {"id": 1, "config": json.dumps(as_dict(config)), "version": __version__, "ranks": "played"}
+            self._database.put("run", row)
             return
         stored, wanted = as_dict(self.config), as_dict(config)
         differing = [key for key in wanted if key not in _FREE_TO_CHANGE and stored[key] != wanted[key]]
@@ -167,13 +169,21 @@ class Store:
                 f"{self.directory} has settings unknown to this openeureka; install {row['version']} to open it."
             ) from None
 
+    @property
+    def ranks(self) -> Literal["played", "training"]:
+        """By what `search=best` ranks in this run: it goes on as it began. Older ones ranked by F in training."""
+        row = self._database.row("run")
+        return "played" if row is not None and row["ranks"] == "played" else "training"
+
     # --- prompts and replies -----------------------------------------------------------------------------------------
 
-    def save_prompt(self, generation: int, slot: int, prompt: Prompt) -> None:
-        """Keep what was asked, for people: `messages.json` shows every generation's conversation."""
+    def save_prompt(self, generation: int, slot: int, prompt: Prompt, parent: Place | None) -> None:
+        """Keep what was asked, for people, and which candidate to improve: `messages.json` shows every conversation."""
         if self._database.row("prompts", generation=generation, slot=slot) is None:
             messages = [{"role": message.role, "content": safe_text(message.content)} for message in prompt.messages]
             row = {"generation": generation, "slot": slot, "messages": json.dumps(messages)}
+            if parent is not None:
+                row |= {"parent_generation": parent.generation, "parent_slot": parent.slot}
             self._database.put("prompts", row)
         asked = [{**dict(row), "messages": json.loads(row["messages"])} for row in self._database.rows("prompts")]
         artifacts.write(self.directory / "messages.json", json.dumps(asked, indent=2))
@@ -205,6 +215,18 @@ class Store:
             for row in rows
         }
 
+    def parents(self) -> dict[tuple[int, int], Place]:
+        """Which candidate the model was asked to improve, by generation and the first slot that the prompt fills.
+
+        Prompts without a parent, and those of versions that did not keep it, have no entry.
+        """
+        rows = self._database.rows("prompts")
+        return {
+            (row["generation"], row["slot"]): Place(row["parent_generation"], row["parent_slot"])
+            for row in rows
+            if row["parent_generation"] is not None
+        }
+
     def usage(self) -> Usage:
         """Tokens and money spent so far, over all resumptions."""
         return sum((reply.usage for reply in self.replies()), Usage())
@@ -233,6 +255,8 @@ class Store:
         for name, peak in (("best_fitness", result.best_fitness), ("best_reward", result.best_reward)):
             if peak is not None:
                 artifacts.write(folder / f"{name}.safetensors", peak.policy)
+        if result.last is not None:
+            artifacts.write(folder / "last.safetensors", result.last)
         self._database.put("results", {"job": result.job, "fitness": finite(result.fitness), "result": text})
 
     def result(self, job: str) -> TrainingResult | None:
@@ -253,7 +277,7 @@ class Store:
         return {row["job"]: result(row) for row in self._database.rows("results")}
 
     def policy(self, job: str, peak: Peak) -> bytes | None:
-        """The lane's policy at its peak (safetensors); None when it never had one.
+        """One of the lane's policies (safetensors); None when it never had that one.
 
         Raises:
             StoreError: when its file is not the one that was written.
@@ -262,18 +286,41 @@ class Store:
         wanted = decode_digest(row["result"], peak) if row is not None else None
         if wanted is None:
             return None
-        path = self.directory / "lanes" / job / f"best_{peak}.safetensors"
+        path = self.directory / "lanes" / job / f"{policy_name(peak)}.safetensors"
         with explained(self.directory):
             found = path.read_bytes() if path.is_file() else b""
         if not found or (wanted and digest(found) != wanted):
             raise StoreError(f"{path} is missing or damaged; restore it from a copy, or begin again in another dir=.")
         return found
 
-    def save_evaluation(self, evaluation: Evaluation) -> None:
-        self._database.put("evaluations", encode_evaluation(evaluation))
+    def save_evaluations(self, scores: Iterable[Evaluation]) -> None:
+        self._database.put("evaluations", *map(encode_evaluation, scores))
 
     def evaluations(self) -> dict[str, Evaluation]:
         return {row["job"]: Evaluation(**dict(row)) for row in self._database.rows("evaluations")}
+
+    def save_plays(self, look: int, scores: Iterable[Evaluation]) -> None:
+        """Keep what policies of lanes scored when they were played to choose by, the first time or again."""
+        self._database.put("plays", *({"look": look} | encode_evaluation(score) for score in scores))
+
+    def plays(self) -> dict[str, dict[Peak, tuple[Evaluation, ...]]]:
+        """Scores by job id and policy, a look after the other."""
+        found: dict[str, dict[Peak, tuple[Evaluation, ...]]] = {}
+        for row in self._database.rows("plays", order=("look", "rowid")):
+            score = dict(row)
+            del score["look"]
+            own = found.setdefault(row["job"], {})
+            own[row["peak"]] = (*own.get(row["peak"], ()), Evaluation(**score))
+        return found
+
+    def save_crown(self, place: Place) -> None:
+        """Keep which candidate the final trainings confirmed."""
+        self._database.put("crown", {"id": 1, "generation": place.generation, "slot": place.slot})
+
+    def crown(self) -> Place | None:
+        """The candidate that the final trainings confirmed; None before they are done, and in runs that had no race."""
+        row = self._database.row("crown")
+        return Place(row["generation"], row["slot"]) if row is not None else None
 
     def save_trial(self, name: str, evaluation: Evaluation) -> None:
         """Keep what a lane's policy scored in the trial `name` (see `hacking.trials`)."""
@@ -308,15 +355,18 @@ class Store:
     def history(self, results: Mapping[str, TrainingResult] | None = None) -> History:
         """Every finished generation; `results` are those of the run, where the caller has them."""
         results = self.results() if results is None else results
+        scores = {job: played(plays) for job, plays in self.plays().items()}
         generations: dict[int, list[Scored]] = {}
         for row in self._database.rows("entries", order=("generation", "slot")):
-            generations.setdefault(row["generation"], []).append(self._scored(row, results))
+            generations.setdefault(row["generation"], []).append(self._scored(row, results, scores))
         finished = [
             Generation(index, tuple(own), self.remarks.heard(index) or ()) for index, own in generations.items()
         ]
         return History(tuple(finished), "votes" if self.config.judge == "votes" else "fitness")
 
-    def _scored(self, row: sqlite3.Row, results: Mapping[str, TrainingResult]) -> Scored:
+    def _scored(
+        self, row: sqlite3.Row, results: Mapping[str, TrainingResult], scores: Mapping[str, Evaluation]
+    ) -> Scored:
         sample = Sample(
             generation=row["generation"],
             slot=row["slot"],
@@ -325,7 +375,7 @@ class Store:
             attempts=row["attempts"],
         )
         result = results[row["job"]] if row["job"] is not None else None
-        return Scored(sample=sample, result=result, feedback=row["feedback"])
+        return Scored(sample=sample, result=result, feedback=row["feedback"], played=scores.get(row["job"]))
 
     def _candidate(self, identity: str | None) -> Candidate | None:
         row = self._database.row("verdicts", candidate=identity) if identity is not None else None

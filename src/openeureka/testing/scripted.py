@@ -129,10 +129,16 @@ class ToyTrainer:
         )
 
     def evaluate(
-        self, env: str, policies: Mapping[str, bytes], *, seed: int, dynamics: Mapping[str, Dynamics] | None = None
+        self,
+        env: str,
+        policies: Mapping[str, bytes],
+        *,
+        seed: int,
+        episodes: int = 0,
+        dynamics: Mapping[str, Dynamics] | None = None,
     ) -> Iterator[Evaluation]:
         for job, policy in policies.items():
-            yield Evaluation(job=job, fitness=float(policy) - 1, episode_length=3.0, episodes=4)
+            yield Evaluation(job=job, fitness=float(policy) - 1, episode_length=3.0, episodes=episodes or 4, error=0.0)
 
 
 def _worth(job: TrainJob) -> float:

@@ -81,9 +81,15 @@ class CurriculumTrainer:
             yield event
 
     def evaluate(
-        self, env: str, policies: Mapping[str, bytes], *, seed: int, dynamics: Mapping[str, Dynamics] | None = None
+        self,
+        env: str,
+        policies: Mapping[str, bytes],
+        *,
+        seed: int,
+        episodes: int = 0,
+        dynamics: Mapping[str, Dynamics] | None = None,
     ) -> Iterator[Evaluation]:
-        return self._trainer.evaluate(env, policies, seed=seed, dynamics=dynamics)
+        return self._trainer.evaluate(env, policies, seed=seed, episodes=episodes, dynamics=dynamics)
 
 
 def shares(stages: Sequence[Stage], total: int) -> list[int]:

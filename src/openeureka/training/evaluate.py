@@ -16,7 +16,8 @@ from .policy import Player, Policy
 
 HELD_OUT_SEED = 1 << 32
 """Added to the seed, so that no start state of training is drawn again."""
-WORLDS = 256
+EPISODES = 256
+"""Of each policy, where nobody says how many."""
 LOOK = 32
 """[steps]"""
 HIGHEST = 20
@@ -29,7 +30,7 @@ def evaluate(
     *,
     seed: int,
     dynamics: Mapping[str, Dynamics] | None = None,
-    worlds: int = WORLDS,
+    episodes: int = 0,
     device: str = "cpu",
     threads: int = 0,
     after_step: Callable[[], None] = lambda: None,
@@ -41,12 +42,13 @@ def evaluate(
 
     Args:
         policies: job id to safetensors bytes; equal network shapes.
+        episodes: of each policy; 0 for `EPISODES`.
         dynamics: job ids that play in another world than the task's.
         after_step: called after every step of all worlds: a long episode takes minutes.
     """
     if not policies:
         return []
-    lanes = len(policies)
+    lanes, worlds = len(policies), episodes or EPISODES
     simulation = registry.make(
         env, worlds=worlds, lane_seeds=[seed + HELD_OUT_SEED] * lanes, device=device, threads=threads
     )

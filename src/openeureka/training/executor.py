@@ -132,15 +132,21 @@ class PopulationTrainer:
         snapshot.remove()
 
     def evaluate(
-        self, env: str, policies: Mapping[str, bytes], *, seed: int, dynamics: Mapping[str, Dynamics] | None = None
+        self,
+        env: str,
+        policies: Mapping[str, bytes],
+        *,
+        seed: int,
+        episodes: int = 0,
+        dynamics: Mapping[str, Dynamics] | None = None,
     ) -> Iterator[Evaluation]:
-        """Held-out score of each policy, on the first device. A worker that dies is started again once.
+        """Score of each policy, on the first device. A worker that dies is started again once.
 
         Raises:
             WorkerError: when it dies again.
         """
         factors = {job: dataclasses.asdict(changed) for job, changed in (dynamics or {}).items()}
-        header = {"do": "evaluate", "env": env, "seed": seed, "dynamics": factors}
+        header = {"do": "evaluate", "env": env, "seed": seed, "episodes": episodes, "dynamics": factors}
         left = dict(policies)
         for last in (False, True):
             if not left:

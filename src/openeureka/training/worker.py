@@ -31,8 +31,8 @@ def main() -> None:
         else:
             alive = _signs_of_life(channel)
             dynamics = {job: Dynamics(**factors) for job, factors in header["dynamics"].items()}
-            options |= {"seed": header["seed"], "dynamics": dynamics, "after_step": alive}
-            for score in evaluate(header["env"], request.blobs, **options):
+            options |= {"seed": header["seed"], "episodes": header["episodes"]}
+            for score in evaluate(header["env"], request.blobs, dynamics=dynamics, after_step=alive, **options):
                 channel.send({"score": dataclasses.asdict(score)})
         channel.send({"done": True})
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 from .remarks import Place, Remark
 from .replies import Usage
 from .rewards import Candidate, Verdict
-from .training import TrainingResult, TrainingState
+from .training import Evaluation, TrainingResult, TrainingState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,15 +30,23 @@ class Sample:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scored:
-    """A slot with the result of its training (None: never trained) and the feedback text made of both."""
+    """A slot with the result of its training (None: never trained), what its policy scored when it was played (None
+    where a search ranks by training) and the feedback text made of all."""
 
     sample: Sample
     result: TrainingResult | None
     feedback: str
+    played: Evaluation | None = None
 
     @property
     def fitness(self) -> float | None:
+        """F in training, its maximum over epochs."""
         return self.result.fitness if self.result is not None else None
+
+    @property
+    def score(self) -> float | None:
+        """What ranks it: F of its policy when played, or else F in training."""
+        return self.played.fitness if self.played is not None else self.fitness
 
     @property
     def trained(self) -> bool:
@@ -55,9 +63,9 @@ class Generation:
 
     @property
     def best(self) -> Scored | None:
-        """The entry of highest F; undefined F never wins, ties go to the earlier slot."""
-        scored = [entry for entry in self.entries if entry.fitness is not None]
-        return max(scored, key=lambda entry: entry.fitness or 0.0, default=None)
+        """The entry of highest score; an undefined one never wins, ties go to the earlier slot."""
+        scored = [entry for entry in self.entries if entry.score is not None]
+        return max(scored, key=lambda entry: entry.score or 0.0, default=None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +79,26 @@ class History:
         """With one more generation."""
         generation = Generation(len(self.generations), tuple(entries))
         return replace(self, generations=(*self.generations, generation))
+
+    def replayed(self, scores: Mapping[str, Evaluation]) -> History:
+        """With what policies scored by now, by job id: those that lead may have been played again."""
+        generations = [
+            replace(
+                generation,
+                entries=tuple(
+                    replace(entry, played=scores.get(entry.result.job, entry.played)) if entry.result else entry
+                    for entry in generation.entries
+                ),
+            )
+            for generation in self.generations
+        ]
+        return replace(self, generations=tuple(generations))
+
+    @property
+    def jobs(self) -> tuple[str, ...]:
+        """The lanes of its candidates."""
+        entries = (entry for generation in self.generations for entry in generation.entries)
+        return tuple(entry.result.job for entry in entries if entry.result is not None)
 
     def heard(self, remarks: Sequence[Remark]) -> History:
         """With what a person said of the last generation."""
@@ -112,7 +140,7 @@ class Glance:
     generations: int
     """Finished ones."""
     fitness: float | None
-    """The best F among them."""
+    """The best F among them: played, or in training where nothing was played."""
     evaluations: int
     """Held-out scores: they come last."""
     usage: Usage

@@ -11,6 +11,9 @@ from .rewards import RewardGraph
 
 RewardProgram = RewardGraph | Literal["human", "sparse"]
 
+Peak = Literal["fitness", "reward", "last"]
+"""Which of a lane's policies: where F was highest in training, where its own reward was, or the one at the end."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainJob:
@@ -68,7 +71,8 @@ class TrainingResult:
     best_fitness: Checkpoint | None = None
     best_reward: Checkpoint | None = None
     last: bytes | None = field(default=None, repr=False)
-    """Policy at the end of training, which a curriculum goes on from; None for a lane that ended early."""
+    """Policy at the end of training, which a curriculum goes on from; None for a lane that ended early, and where the
+    store left it in its file."""
     message: str = ""
     """Why the lane ended early, for people; empty otherwise."""
 
@@ -100,7 +104,7 @@ NOMINAL = Dynamics()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evaluation:
-    """Held-out score of one policy: deterministic actions, fresh episodes."""
+    """What one policy scores when it is played: deterministic actions, fresh episodes."""
 
     job: str
     fitness: float | None
@@ -110,6 +114,8 @@ class Evaluation:
     """Standard error of `fitness` over episodes; None where nobody measured it."""
     concentration: float | None = None
     """Share of the positive contributions to F that the highest twentieth of them makes; None without any."""
+    peak: Peak | None = None
+    """Which of the lane's policies it is; None where an older version did not say."""
 
 
 class Trainer(Protocol):
@@ -122,10 +128,19 @@ class Trainer(Protocol):
         ...
 
     def evaluate(
-        self, env: str, policies: Mapping[str, bytes], *, seed: int, dynamics: Mapping[str, Dynamics] | None = None
+        self,
+        env: str,
+        policies: Mapping[str, bytes],
+        *,
+        seed: int,
+        episodes: int = 0,
+        dynamics: Mapping[str, Dynamics] | None = None,
     ) -> Iterator[Evaluation]:
-        """Held-out score of each policy (job id -> safetensors bytes), all on the same start states.
+        """Score of each policy (job id -> safetensors bytes), all on the same start states, which no training saw.
 
-        `dynamics` names the jobs that play in another world than the task's.
+        Args:
+            seed: of the start states.
+            episodes: of each policy; 0 for as many as a final score needs.
+            dynamics: the jobs that play in another world than the task's.
         """
         ...

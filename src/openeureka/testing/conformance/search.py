@@ -81,8 +81,10 @@ class SearchConformance:
             assert plan.count > 0 and not plan.turns
             assert set(plan.failures) <= set(failed) and plan.failures
 
-    def test_it_judges_by_a_checkpoint_that_lanes_have(self) -> None:
-        assert self.make().checkpoint in ("fitness", "reward")
+    def test_it_judges_by_policies_that_lanes_have(self) -> None:
+        strategy = self.make()
+        assert strategy.judge in ("played", "training")
+        assert strategy.peaks and set(strategy.peaks) <= {"fitness", "reward", "last"}
 
     def _history(self, strategy: SearchStrategy) -> History:
         history = History()

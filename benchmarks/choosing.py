@@ -1,0 +1,136 @@
+"""Which number of one training says how good a reward is: F in training, or F when its policies are played?
+
+    python benchmarks/choosing.py                          # all tasks; hours on 2 cores
+    python benchmarks/choosing.py --env quadcopter         # one
+    python benchmarks/choosing.py --table                  # what is known, as the table of docs/concepts/scores.md
+
+A strong model's rewards (`benchmarks/choosing/TASK.json`: replies to the first prompt of a search) and the human reward
+train with seed 0, as a search would train them, and with further seeds, as a final training would. Every policy that a
+lane leaves is played twice: on the start states that a search chooses by, and on held-out ones. What is done is in the
+store of a run under `outputs/choosing/` and in `benchmarks/results/choosing.json`, and is not repeated.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, get_args
+
+from openeureka.config import RunConfig
+from openeureka.lanes import Lanes
+from openeureka.llm import extract
+from openeureka.observer import NullObserver
+from openeureka.sandbox.client import Sandbox
+from openeureka.store import Store
+from openeureka.tasks.context import context
+from openeureka.tasks.record import record_states
+from openeureka.training.executor import PopulationTrainer
+from openeureka.types import Candidate, Evaluation, Peak, Reply, RewardProgram, TrainingProgress, TrainingResult
+
+ROOT = Path(__file__).parents[1]
+REPLIES = ROOT / "benchmarks" / "choosing"
+RESULTS = ROOT / "benchmarks" / "results" / "choosing.json"
+OUTPUTS = ROOT / "outputs" / "choosing"
+STEPS = {
+    "ballbalance": 600_000,
+    "quadcopter": 1_500_000,
+    "ant": 1_500_000,
+    "franka_cabinet": 1_500_000,
+    "shadow_hand_over": 1_000_000,
+    "shadow_hand_door_open_outward": 600_000,
+    "shadow_hand_push_block": 600_000,
+}
+"""Of each lane: about where the human reward has begun to reach something."""
+SEEDS = (0, 1, 2)
+"""The first is the search's; the others are fresh."""
+PEAKS: tuple[Peak, ...] = get_args(Peak)
+JUDGED = 9_000_000
+"""Seed of the held-out start states: neither a search nor its final scores use it."""
+
+Record = dict[str, Any]
+
+
+class Say(NullObserver):
+    """A line now and then."""
+
+    def __init__(self) -> None:
+        self._shown = -1
+
+    def progress(self, progress: TrainingProgress) -> None:
+        tenth = 10 * progress.epoch // progress.epochs
+        if tenth != self._shown:
+            self._shown = tenth
+            print(f"  {tenth}0 %, {progress.env_steps_per_second:,.0f} steps/s", flush=True)
+
+    def result(self, result: TrainingResult) -> None:
+        print(f"  {result.job}: F {result.fitness} {result.message}", flush=True)
+
+
+def programs(env: str, store: Store) -> list[tuple[str, RewardProgram]]:
+    """The accepted rewards of the task's replies, and the human one."""
+    replies = json.loads((REPLIES / f"{env}.json").read_text())
+    found: dict[str, RewardProgram] = {}
+    with Sandbox(context(env).state, record_states(env)) as checker:
+        for text in replies["replies"]:
+            source = extract.program(text)
+            candidate = Candidate.of(source or "")
+            if store.verdict(candidate.id) is None:
+                store.save_verdict(candidate, checker.check(candidate), Reply(text=text, model=replies["model"]))
+            verdict = store.verdict(candidate.id)
+            if verdict is not None and verdict.graph is not None:
+                found[candidate.id] = verdict.graph
+    return [*found.items(), ("human", "human")]
+
+
+def measure(env: str, seed: int, trainer: PopulationTrainer) -> None:
+    """Train what is missing of one task and seed, play it, and write it down."""
+    config = RunConfig(env=env, model="replay", steps=STEPS[env], seed=0)
+    with Store.open(OUTPUTS / env, config) as store:
+        rewards = programs(env, store)
+        lanes = Lanes(config, store, trainer, Say())
+        results = lanes.train(rewards, seeds=[seed])
+        lanes.play(results, PEAKS)
+        done = _read()
+        own: Record = done.setdefault(env, {"steps": STEPS[env], "lanes": {}})
+        for job in (job for job in results if job not in own["lanes"]):
+            policies = {peak: policy for peak in PEAKS if (policy := store.policy(job, peak)) is not None}
+            judged = {score.job: score for score in trainer.evaluate(env, policies, seed=JUDGED)}
+            own["lanes"][job] = _record(results[job], store.plays().get(job, {}), judged)
+        own["date"] = datetime.now(UTC).date().isoformat()
+        RESULTS.write_text(json.dumps(done, indent=1, sort_keys=True) + "\n")
+
+
+def _record(
+    result: TrainingResult, plays: Mapping[Peak, Sequence[Evaluation]], judged: Mapping[str, Evaluation]
+) -> Record:
+    def short(score: Evaluation) -> Record:
+        return {name: getattr(score, name) for name in ("fitness", "error", "episodes")}
+
+    curve = [value for value in result.curves["fitness"] if value is not None]
+    return {
+        "training": result.fitness,
+        "window": curve[-1] if curve else None,
+        "env_steps": result.env_steps,
+        "state": result.state,
+        "played": {peak: [short(look) for look in looks] for peak, looks in plays.items()},
+        "held_out": {peak: short(score) for peak, score in judged.items()},
+    }
+
+
+def _read() -> Record:
+    return json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--env", choices=STEPS, nargs="+", default=list(STEPS))
+    parser.add_argument("--seeds", type=int, nargs="+", default=list(SEEDS))
+    parser.add_argument("--threads", type=int, default=0)
+    options = parser.parse_args()
+    for seed in options.seeds:
+        for env in options.env:
+            print(f"{env}, seed {seed}", flush=True)
+            measure(env, seed, PopulationTrainer(threads=options.threads, snapshots=OUTPUTS / env / "snapshots"))

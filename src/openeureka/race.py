@@ -1,0 +1,119 @@
+"""The crown is confirmed: the leading rewards train again with fresh seeds, more of them only while it is undecided.
+
+One training says little of a reward: another seed may rank it anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from . import baselines
+from .config import RunConfig
+from .lanes import Lanes, beside, final_lanes, final_seeds, programs
+from .score import Outcome, compare, difference, level, mean, rank
+from .search import Ranking, SearchStrategy
+from .types import Evaluation, History, Place, Scored, TrainingResult
+
+CONTENDERS = 3
+"""The most rewards that train again."""
+FIRST = 2
+"""Seeds of the first round: one alone has no spread, so it decides nothing."""
+
+Scores = Mapping[str, Sequence[float]]
+"""Played F of every final lane, by the name of its reward."""
+
+
+def contenders(history: History) -> tuple[Scored, ...]:
+    """The best of a search, and after it those that the errors leave level with it; of equal graphs the first.
+
+    Where a person's votes decide, or nothing was played, that is the best alone.
+    """
+    ranking = Ranking(history)
+    best = ranking.best
+    if best is None or best.played is None or ranking.by_votes:
+        return (best,) if best is not None else ()
+    entries = [entry for generation in history.generations for entry in generation.entries]
+    able = {e.sample.verdict.candidate: e for e in entries if e.sample.verdict.candidate not in ranking.rejected}
+    close = level({name: entry.played for name, entry in able.items() if entry.played is not None})
+    ordered = sorted((able[name] for name in close), key=lambda entry: -rank(entry.score))
+    different: dict[str, Scored] = {}
+    for entry in (best, *ordered):
+        different.setdefault(str(entry.sample.verdict.graph), entry)
+    return tuple(different.values())[:CONTENDERS]
+
+
+def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | None:
+    """The best of the contenders by the played F of fresh trainings; None when nothing ever trained.
+
+    All of them and the baselines train with two seeds. Then, a seed at a time and `config.seeds` at most, those that
+    are not yet shown to be worse than the leader, and the human reward, until one is left whose difference to the human
+    reward is beyond doubt. Where nothing is played the best of the search trains with all seeds at once.
+
+    Raises:
+        WorkerError: see `Lanes.train`.
+    """
+    arms = {entry.sample.verdict.candidate: entry for entry in contenders(history)}
+    if not arms:
+        return None
+    config, names, others = lanes.config, list(arms), beside(lanes.config)
+    known = baselines.chosen(config)
+    for seeds in rounds(final_seeds(config), raced=strategy.judge == "played"):
+        results = lanes.train([*programs(arms[name].sample for name in names), *others], seeds)
+        if strategy.judge == "training":
+            break
+        others = others[:1]  # the sparse reward is no rival: it only marks the scale's other end
+        finals = lanes.final(tuple(arms.values()))
+        played = lanes.play([*results, *(job for jobs in finals.values() for job in jobs)], strategy)
+        scores = {
+            name: [score.fitness for job in jobs if (score := played.get(job)) and score.fitness is not None]
+            for name, jobs in finals.items()
+        }
+        if known is not None:
+            scores["human"] = list(known.human.scores)
+        names = running(scores, names)
+        if len(names) == 1 and _sure(scores, names[0], "human"):
+            break
+    return arms[names[0]]
+
+
+def crowned(history: History, place: Place | None) -> Scored | None:
+    """The entry that was confirmed; before that, and in older runs, the best of the search."""
+    entries = (entry for generation in history.generations for entry in generation.entries)
+    found = next((entry for entry in entries if entry.sample.place == place), None)
+    return found or Ranking(history).best
+
+
+def outcome(
+    config: RunConfig,
+    history: History,
+    place: Place | None,
+    results: Mapping[str, TrainingResult],
+    scores: Mapping[str, Evaluation],
+) -> Outcome:
+    """What a search found, as far as its final trainings (`results`) and held-out `scores`, by job id, go."""
+    arms, best = contenders(history), crowned(history, place)
+    if best is None:
+        return Outcome(best=None)
+    rivals = [entry for entry in arms if entry is not best]
+    lanes = final_lanes(config, [best, *rivals], results, scores)
+    return compare(best, lanes, results, scores, baselines.chosen(config), rivals)
+
+
+def rounds(seeds: Sequence[int], *, raced: bool) -> Iterator[Sequence[int]]:
+    """Some seeds together, then one at a time; all together where there is no race."""
+    together = FIRST if raced else len(seeds)
+    yield seeds[:together]
+    yield from (seeds[index : index + 1] for index in range(together, len(seeds)))
+
+
+def running(scores: Scores, names: Sequence[str]) -> list[str]:
+    """Those that are not yet shown to be worse than the leader, which comes first."""
+    ordered = sorted(names, key=lambda name: -rank(mean(scores[name])))
+    return [name for name in ordered if name == ordered[0] or not _sure(scores, ordered[0], name, len(names) - 1)]
+
+
+def _sure(scores: Scores, own: str, other: str, claims: int = 1) -> bool:
+    """Whether the difference of two rewards is beyond doubt."""
+    arms = [values for name, values in scores.items() if name != "sparse"]
+    found = difference(scores[own], scores.get(other, ()), arms, claims=claims)
+    return found is not None and found.sure
