@@ -38,7 +38,8 @@ from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrain
 from openeureka.types import Generation, Place, Prompt, Remark, RemarkKind, Reply
 
 RESULT = Path(__file__).parent / "results" / "crash.json"
-CONFIG = RunConfig(sample=3, iteration=3, repair=1, refill=1, seeds=2, feedback="human")
+CONFIG = RunConfig(sample=3, iteration=3, repair=1, refill=1, seeds=3, feedback="human")
+"""With what the trainer says of its errors two rewards are level with the best one: they play again, and race."""
 SCRIPT = [
     *(reply(1), "no code at all", reply(2)),  # generation 0; its second slot takes a repair turn and a refill
     *("```python\nstill wrong\n```", reply(3)),
@@ -138,7 +139,7 @@ def whole_run(directory: Path) -> None:
     """The search from wherever the directory has it to its end."""
     with Store.open(directory, CONFIG) as store:
         model = MeteredModel(SCRIPT, store=store)
-        run(CONFIG, store, model, ToyChecker(), ToyTrainer(), TOY, search.make(CONFIG), None, Person(store))
+        run(CONFIG, store, model, ToyChecker(), ToyTrainer(error=0.5), TOY, search.make(CONFIG), None, Person(store))
 
 
 def in_child(work: Callable[[], None]) -> int:

@@ -70,7 +70,7 @@ def assert_inert(shown: Page) -> None:
 def test_the_page_holds_every_candidate_with_its_code_diff_replies_and_prompts(tmp_path):
     replies = [reply(7), "```python\ndef compute_reward(x):\n    return x\n```", reply(8), reply(9)]
     shown = page(search_in(tmp_path / "run", replies, iteration=2))
-    assert "Generation 0, slot 0: trained, F 7" in shown.text
+    assert "Generation 0, slot 0: trained, F 6" in shown.text
     assert "Generation 0, slot 1: refused" in shown.text
     assert "line 1: nothing is returned [no-number]; return a number" in shown.text
     assert "-    return 7\n" in shown.text and "+    return 8\n" in shown.text

@@ -7,19 +7,27 @@ from .scripted import search_in
 from .search import BASELINES, HISTORY, finished, refused, run, trained
 
 
-def test_the_report_opens_with_the_best_reward_against_the_baselines():
-    head = report(finished()).split("## ")[0]
-    assert "| best generated reward | 50 |" in head
-    assert "| human reward | 60 |" in head
-    assert "| sparse reward | 20 |" in head
+def test_the_report_opens_with_the_verdict_of_the_final_scores():
+    head, *_ = report(finished()).split("## ")
+    # 44 and 48 against 58 and 60: the spread of both together is sqrt((8 + 2 + 0) / 2) = 2.24, the difference -13.
+    assert "The generated reward is worse than the human one: F 46 ± 2 (2 seeds) against 59 ± 1 (2 seeds)" in head
+    assert "It pays for" not in head and "The generated reward pays for: $upright." in head
+
+
+def test_the_search_comes_second_under_a_name_that_says_what_it_is():
+    search = report(finished()).split("## The search\n")[1]
+    assert "| best generated reward | 50 |" in search
+    assert "| human reward | 60 |" in search
+    assert "| sparse reward | 20 |" in search
+    assert "only the final scores compare rewards" in search
 
 
 def test_the_final_scores_are_means_over_fresh_seeds():
     text = report(finished())
-    assert "Mean ± standard deviation, fresh seeds: 2." in text
+    assert "Mean ± standard deviation over seeds." in text
     # 46 and 50: mean 48, sample deviation sqrt(8) = 2.8; two less when held out.
-    assert "| best generated reward | 48 ± 2.8 | 46 ± 2.8 |" in text
-    assert "| sparse reward | 20 (1 undefined) | 18 (1 undefined) |" in text
+    assert "| best generated reward | 48 ± 2.8 | 46 ± 2.8 | 2 |" in text
+    assert "| sparse reward | 20 (1 undefined) | 18 (1 undefined) | 2 |" in text
     assert "held out | 0.6829 |" in text  # (46 - 18) / (59 - 18)
 
 
@@ -47,7 +55,7 @@ def test_what_a_model_wrote_cannot_leave_its_cell_or_its_fence():
 def test_the_report_holds_every_candidate_with_its_diff_prompts_and_replies(tmp_path):
     replies = [reply(7), "```python\ndef compute_reward(x):\n    return x\n```", reply(8), reply(9)]
     text = report(RunView.read(search_in(tmp_path / "run", replies, iteration=2)))
-    assert "### Generation 0, slot 0: trained, F 7" in text
+    assert "### Generation 0, slot 0: trained, F 6" in text
     assert "### Generation 0, slot 1: refused, F -" in text
     assert "- line 1: nothing is returned \\[no-number]; return a number" in text
     assert "-    return 7\n+    return 8\n" in text

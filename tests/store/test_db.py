@@ -99,6 +99,8 @@ def test_a_finished_row_never_changes(tmp_path: Path, database: Database, table:
         "evaluations": {"job": "a-s0", "fitness": 1.0, "episode_length": 1.0, "episodes": 1},
         "remarks": {"kind": "words", "text": "too jerky"},
         "heard": {"generation": 0, "remarks": 1},
+        "crown": {"id": 1, "generation": 0, "slot": 0},
+        "plays": {"job": "a-s0", "peak": "last", "look": 0, "episode_length": 1.0, "episodes": 1},
         "trials": {"job": "a-s0", "name": "mass +10 %", "fitness": 1.0, "episode_length": 1.0, "episodes": 1},
     }
     database.put("results", rows["results"])

@@ -31,7 +31,7 @@ def test_the_list_names_each_run_with_state_task_model_and_best(tmp_path):
     search_in(tmp_path / "first", [reply(1), reply(2)])
     page = shown(visitor(tmp_path), "/")
     assert "/runs/first/" in page.links()
-    for cell in ("first", "finished", "toy", "local", "1 of 1", "2", "0.0200"):  # two replies of a cent
+    for cell in ("first", "finished", "toy", "local", "1 of 1", "1", "0.0200"):  # two replies of a cent
         assert f">{cell}</span>" in page.source
 
 
@@ -67,7 +67,7 @@ def test_an_empty_folder_says_how_to_begin(tmp_path):
 def test_a_folder_that_is_a_run_opens_it_and_starts_no_other(tmp_path):
     client = visitor(search_in(tmp_path / "run", [reply(1), reply(2)]))
     assert client.get("/").headers["location"] == "/runs/run/"
-    assert "g0s1: trained, F 2" in shown(client, "/runs/run/").text
+    assert "g0s1: trained, F 1" in shown(client, "/runs/run/").text
     assert "This page is about one run" in client.post("/start", data={"env": "ant"}).text
 
 
@@ -75,7 +75,7 @@ def test_a_run_shows_a_card_for_each_candidate_and_the_prompts(tmp_path):
     search_in(tmp_path / "run", [reply(7), "nothing", reply(8), reply(9)], iteration=2)
     page = shown(visitor(tmp_path), "/runs/run/")
     text = " ".join(page.text.split())
-    assert "g0s0: trained, F 7" in text and "g0s1: refused" in text and "g1s1: trained, F 9 best" in text
+    assert "g0s0: trained, F 6" in text and "g0s1: refused" in text and "g1s1: trained, F 8 best" in text
     assert "Do the thing." in text  # the prompt
     assert "4 of 4" not in text and "2 of 2 generations done" in text
     assert page.elements["article"] == 4

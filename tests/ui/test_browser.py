@@ -77,7 +77,7 @@ def test_a_person_follows_a_run_and_their_words_are_in_the_next_prompt(page: Pag
         model.allowed.release()
         expect(page.locator("#g0s0")).to_contain_text("drawn")  # it appeared without a reload
         model.allowed.release()
-        expect(page.locator("#g0s1")).to_contain_text("trained, F 8")
+        expect(page.locator("#g0s1")).to_contain_text("trained, F 7")
         expect(page.get_by_text("The run waits for a person.")).to_be_visible()
 
         film(tmp_path / "run", slot=1)
@@ -92,7 +92,7 @@ def test_a_person_follows_a_run_and_their_words_are_in_the_next_prompt(page: Pag
         page.get_by_role("button", name="Say, and go on").click()
 
         model.allowed.release(2)
-        expect(page.locator("#g1s1")).to_contain_text("trained, F 5")
+        expect(page.locator("#g1s1")).to_contain_text("trained, F 4")
         page.get_by_text("What the model was asked").first.click()
         expect(page.locator("details pre", has_text="Too jerky: <b>keep</b> the torso upright")).to_be_visible()
 
@@ -125,7 +125,7 @@ def test_what_a_person_types_opens_and_chooses_survives_the_news(page: Page, tmp
         page.get_by_text("What the model was asked").click()
         page.locator("#g0s0").get_by_label("compare").check()
         model.allowed.release()
-        expect(page.locator("#g0s0")).to_contain_text("trained, F 7")  # its card was renewed
+        expect(page.locator("#g0s0")).to_contain_text("trained, F 6")  # its card was renewed
         expect(page.get_by_label("What should be different?")).to_have_value("half a sen")
         expect(page.locator("pre", has_text="Do the thing.")).to_be_visible()
         expect(page.locator("#g0s0").get_by_label("compare")).to_be_checked()
@@ -145,7 +145,7 @@ def test_nothing_that_others_wrote_runs(page: Page, tmp_path: Path):
         expect(page.locator(".listens")).to_contain_text("<script>window.hacked=1</script>")  # came with the page
         page.get_by_role("button", name="Say, and go on").click()
         model.allowed.release(2)
-        expect(page.locator("#g1s1")).to_contain_text("trained, F 2")  # came by following
+        expect(page.locator("#g1s1")).to_contain_text("trained, F 1")  # came by following
         page.get_by_role("link", name="g0s0").click()
         expect(page.get_by_text("Reward code")).to_be_visible()
         assert page.evaluate("window.hacked") is None

@@ -46,7 +46,7 @@ class TerminalDesk:
             if entry.result is not None:
                 video = self._directory / "lanes" / lane(entry.sample.verdict.candidate, self._config.seed) / VIDEO
                 shown = str(video) if video.is_file() else "none"
-                yield str(entry.sample.place), number(entry.fitness), shown
+                yield str(entry.sample.place), number(entry.score), shown
 
     def listen(self, seconds: float) -> None:
         if not self._listening:

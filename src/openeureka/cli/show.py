@@ -9,7 +9,8 @@ from ..config import parse
 from ..report import tables
 from ..report.build import build
 from ..report.stats import by_generation
-from ..report.text import columns, number, plain, spread
+from ..report.text import columns, number, plain, scored, spread
+from ..report.verdict import verdict
 from ..report.view import RunView
 from ..score import Outcome
 from ..types import CandidateId, Generation, Scored
@@ -26,12 +27,12 @@ def show(directory: Path) -> None:
     strengths = run.ranking.strengths
     slots = [_slot(entry, strengths) for generation in run.history.generations for entry in generation.entries]
     votes = ["votes"] if strengths else []
-    print(columns([("generation", "slot", "candidate", "try", "F", *votes, "verdict"), *slots]))
+    titles = ("generation", "slot", "candidate", "try", "F played", "F in training", *votes, "verdict")
+    print(columns([titles, *slots]))
     print("".join(_heard(generation) for generation in run.history.generations))
     print("\n".join(summary(run)))
-    best = run.ranking.best
-    if best is not None and best.sample.candidate is not None:
-        print(f"\nBest reward ({best.sample.candidate.id}):\n\n{plain(best.sample.candidate.source)}")
+    if run.best is not None and run.best.candidate is not None:
+        print(f"\nBest reward ({run.best.candidate.id}):\n\n{plain(run.best.candidate.source)}")
 
 
 def _heard(generation: Generation) -> str:
@@ -45,16 +46,17 @@ def _slot(entry: Scored, strengths: Mapping[CandidateId, float]) -> tuple[str, .
     name = sample.candidate.id if sample.candidate else "-"
     place = (str(sample.generation), str(sample.slot), name, str(sample.attempts))
     votes = [number(strengths.get(name), 3)] if strengths else []
-    return (*place, number(entry.fitness), *votes, verdict_line(sample))
+    return (*place, scored(entry.played), number(entry.fitness), *votes, verdict_line(sample))
 
 
 def summary(run: RunView) -> list[str]:
     """The result in a few lines."""
     lines = [f"Generation {g.index}: best F {number(g.best)}, {g.trained} of {g.slots} trained"
              for g in by_generation(run.history)]  # fmt: skip
-    lines += [f"{name.capitalize()} reward: F {number(result.fitness)}" for name, result in run.baselines.items()]
+    lines += [f"{name.capitalize()} reward: F {number(run.baseline_score(name))}" for name in run.baselines]
     if run.outcome is not None:
         lines += final(run.outcome)
+        lines.append(verdict(run))
         lines += [run.known.sentence()] if run.known is not None else []
         lines += [f"Suspected reward hacking: {sign.kind}. {sign.sentence}" for sign in run.signs]
     elif len(run.history.generations) < run.config.generations:
@@ -65,7 +67,9 @@ def summary(run: RunView) -> list[str]:
 
 def final(outcome: Outcome) -> list[str]:
     """The final comparison as aligned text."""
-    arms = {"best generated": outcome.method, "human": outcome.human, "sparse": outcome.sparse}
+    arms = {"best generated": outcome.method}
+    arms |= {f"runner-up {place}": arm for place, arm in outcome.rivals.items()}
+    arms |= {"human": outcome.human, "sparse": outcome.sparse}
     rows = [(name, spread(arm.training), spread(arm.held_out)) for name, arm in arms.items()]
     table = columns([("final, fresh seeds", "F in training", "F held out"), *rows])
     return [*table.splitlines(), f"Human-normalised score, held out: {number(outcome.normalised)}"]

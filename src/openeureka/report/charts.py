@@ -68,18 +68,20 @@ class _Series:
 
 def progress(run: RunView) -> Chart | None:
     """F of every candidate by generation, the best so far, and the rewards that came with the task."""
-    dots = tuple((float(c.generation), c.fitness) for c in run.candidates if c.fitness is not None)
+    dots = tuple((float(c.generation), c.score) for c in run.candidates if c.score is not None)
     best = tuple((float(index), value) for index, value in enumerate(best_so_far(run.history)))
+    scores = {name: run.baseline_score(name) for name in run.baselines}
     last = float(max(1, len(run.generations) - 1))
     series = [
         _Series(name="candidate", points=dots, color=0, dots=True),
         _Series(name="best so far", points=best, color=0),
         *(
-            _Series(name=f"{name} reward", points=((0.0, r.fitness), (last, r.fitness)), color=color, dashed=True)
-            for color, (name, r) in enumerate(run.baselines.items(), start=1)
+            _Series(name=f"{name} reward", points=((0.0, score), (last, score)), color=color, dashed=True)
+            for color, (name, score) in enumerate(scores.items(), start=1)
         ),
     ]
-    return _chart("F of every candidate", "generation", series)
+    title = "F when played" if run.ranks == "played" else "F in training"
+    return _chart(f"{title}, every candidate", "generation", series)
 
 
 def learning(candidate: CandidateView, baselines: Mapping[str, TrainingResult]) -> Chart | None:

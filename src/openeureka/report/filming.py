@@ -17,8 +17,9 @@ from types import TracebackType
 from ..config import RunConfig
 from ..errors import EurekaError
 from ..observer import NullObserver
+from ..score import played
 from ..store import Store, artifacts, is_run
-from ..types import TrainingResult
+from ..types import Generation, Peak
 from . import video
 from .view import VIDEO
 
@@ -29,10 +30,12 @@ TIMEOUT = 3600.0
 
 
 def missing(directory: Path, config: RunConfig) -> dict[str, bytes]:
-    """Policies by job id, of the lanes of the search that are trained and not filmed."""
+    """By job id, the policies that count of those lanes of the search that are trained and not filmed."""
     with Store.view(directory) as store:
         jobs = [job for job in store.results() if _of_the_search(job, config)]
-        policies = {job: store.policy(job, "fitness") for job in jobs if not _place(directory, job).is_file()}
+        plays = store.plays()
+        peaks: dict[str, Peak] = {job: (played(plays[job]).peak if job in plays else None) or "fitness" for job in jobs}
+        policies = {job: store.policy(job, peak) for job, peak in peaks.items() if not _place(directory, job).is_file()}
     return {job: policy for job, policy in policies.items() if policy is not None}
 
 
@@ -69,6 +72,7 @@ class Filming(NullObserver):
     def __init__(self, directory: Path, config: RunConfig) -> None:
         self._directory, self._config = directory, config
         self._policies: Queue[tuple[str, bytes] | None] = Queue()
+        self._queued: set[str] = set()
         self._stopped = False
         self._thread = Thread(target=self._work, name="filming", daemon=True)
 
@@ -93,15 +97,18 @@ class Filming(NullObserver):
         """Policies that nobody has begun to film."""
         return self._policies.qsize()
 
-    def result(self, result: TrainingResult) -> None:
-        if result.best_fitness is not None and _of_the_search(result.job, self._config):
-            self._policies.put((result.job, result.best_fitness.policy))
+    def generation(self, generation: Generation) -> None:
+        self._queue()  # which policy of a lane counts is known when all have played
+
+    def _queue(self) -> None:
+        left = missing(self._directory, self._config) if is_run(self._directory) else {}
+        for job in left.keys() - self._queued:
+            self._queued.add(job)
+            self._policies.put((job, left[job]))
 
     def __enter__(self) -> Filming:
         self._thread.start()
-        left = missing(self._directory, self._config) if is_run(self._directory) else {}
-        for job, policy in left.items():
-            self._policies.put((job, policy))
+        self._queue()
         return self
 
     def __exit__(

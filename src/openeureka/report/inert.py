@@ -12,8 +12,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from ..types import Sample
-from . import charts, diff, tables
-from .text import duration, number, plain
+from . import charts, diff, tables, verdict
+from .text import duration, number, plain, scored
 from .view import CandidateView
 
 LIMITS = {"TEXT": 30_000, "CELL": 400, "NAME": 60}
@@ -31,8 +31,15 @@ def environment() -> Environment:
         lstrip_blocks=True,
         finalize=_inert,
     )
-    environment.filters |= {"cut": cut, "number": number, "duration": duration}
-    environment.globals |= {"tables": tables, "charts": charts, "diff": diff, "anchor": anchor, "name": tables.name}
+    environment.filters |= {"cut": cut, "number": number, "scored": scored, "duration": duration}
+    environment.globals |= {
+        "tables": tables,
+        "verdict": verdict,
+        "charts": charts,
+        "diff": diff,
+        "anchor": anchor,
+        "name": tables.name,
+    }
     environment.globals |= LIMITS | {key: getattr(charts, key) for key in ("WIDTH", "HEIGHT", "LEFT", "RIGHT")}
     return environment
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from ..config import short_name
 from ..types import Message, Remark, Verdict
-from . import diff, tables
+from . import diff, tables, verdict
 from .tables import Table
 from .text import number, one_line, plain
 from .view import AttemptView, CandidateView, GenerationView, RunView
@@ -19,10 +19,13 @@ def report(run: RunView) -> str:
     """The whole file."""
     sections = (
         f"# {short_name(run.config.env)}: search for a reward",
-        _table(tables.search(run)),
-        "![Summary](summary.png)",
+        f"**{_cell(verdict.verdict(run))}**",
+        _cell(verdict.why(run)),
         _final(run),
+        "![Summary](summary.png)",
         _hacking(run),
+        "## The search",
+        _table(tables.search(run)),
         "## Generations",
         _table(tables.generations(run)),
         _best(run.best),
@@ -74,7 +77,7 @@ def _remarks(title: str, remarks: Sequence[Remark]) -> Iterable[str]:
 
 def _candidate(candidate: CandidateView) -> Iterable[str]:
     place = tables.name(candidate.generation, candidate.slot).capitalize()
-    yield f"### {place}: {candidate.state}, F {number(candidate.fitness)}"
+    yield f"### {place}: {candidate.state}, F {number(candidate.score)}"
     yield _table(tables.facts(candidate))
     yield _findings(candidate.verdict)
     if candidate.video:

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ..config import short_name
-from ..types import History, TrainingResult
+from ..types import TrainingResult
 from .stats import best_so_far
 from .view import RunView
 
@@ -21,9 +21,8 @@ def summary(run: RunView) -> bytes:
     """A PNG of three panels: the search, how the best reward's policy learnt, and the components of that reward."""
     figure = Figure(figsize=(15, 4.5), layout="constrained")
     search, learning, components = figure.subplots(1, 3)
-    _search(search, run.history, run.baselines)
-    best = run.ranking.best
-    result = best.result if best else None
+    _search(search, run)
+    result = run.best.result if run.best else None
     _learning(learning, result, run.baselines)
     _components(components, result)
     figure.suptitle(short_name(run.config.env))
@@ -32,16 +31,19 @@ def summary(run: RunView) -> bytes:
     return buffer.getvalue()
 
 
-def _search(axes: Axes, history: History, baselines: Mapping[str, TrainingResult]) -> None:
-    points = [(g.index, e.fitness) for g in history.generations for e in g.entries if e.fitness is not None]
+def _search(axes: Axes, run: RunView) -> None:
+    history = run.history
+    points = [(g.index, e.score) for g in history.generations for e in g.entries if e.score is not None]
     axes.scatter([x for x, _ in points], [y for _, y in points], s=18, alpha=0.6, label="candidate")
     indices = [generation.index for generation in history.generations]
     axes.plot(indices, _gaps(best_so_far(history)), marker="o", markersize=4, label="best so far")
-    for name, result in baselines.items():
-        if result.fitness is not None:
+    for name in run.baselines:
+        score = run.baseline_score(name)
+        if score is not None:
             color, style = _BASELINE_STYLE.get(name, ("black", "--"))
-            axes.axhline(result.fitness, color=color, linestyle=style, label=f"{name} reward")
-    axes.set(title="Search", xlabel="generation", ylabel="F", xticks=indices)
+            axes.axhline(score, color=color, linestyle=style, label=f"{name} reward")
+    label = "F when played" if run.ranks == "played" else "F in training"
+    axes.set(title="Search", xlabel="generation", ylabel=label, xticks=indices)
     axes.legend(fontsize="small")
 
 

@@ -20,7 +20,7 @@ class GenerationStats:
     replies: int
     """Replies spent, repairs and refills included."""
     trained: int
-    """Slots whose training finished with a fitness."""
+    """Slots whose training finished with a score."""
     best: float | None
     mean: float | None
     """Over the trained slots."""
@@ -33,26 +33,26 @@ def by_generation(history: History) -> tuple[GenerationStats, ...]:
 
 def _of(generation: Generation) -> GenerationStats:
     finished = [e for e in generation.entries if e.result is not None and e.result.state is TrainingState.FINISHED]
-    scores = [entry.fitness for entry in finished if entry.fitness is not None]
+    scores = [entry.score for entry in finished if entry.score is not None]
     return GenerationStats(
         index=generation.index,
         slots=len(generation.entries),
         verdicts=Counter(entry.sample.verdict.code for entry in generation.entries),
         replies=sum(entry.sample.attempts for entry in generation.entries),
         trained=len(scores),
-        best=generation.best.fitness if generation.best else None,
+        best=generation.best.score if generation.best else None,
         mean=mean(scores),
     )
 
 
 def best_so_far(history: History) -> tuple[float | None, ...]:
-    """Highest F up to and including each generation."""
+    """Highest score up to and including each generation."""
     best: float | None = None
     curve = []
     for generation in history.generations:
-        fitness = generation.best.fitness if generation.best else None
-        if fitness is not None:
-            best = fitness if best is None else max(best, fitness)
+        score = generation.best.score if generation.best else None
+        if score is not None:
+            best = score if best is None else max(best, score)
         curve.append(best)
     return tuple(curve)
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from ..config import as_dict
 from ..hacking import PEAKS, WORLDS, Kind
 from ..score import Baselines, Outcome
-from ..types import Remark, RemarkKind
+from ..types import Evaluation, Remark, RemarkKind
 from .stats import by_generation, trained_share
-from .text import duration, number, spread
+from .text import duration, number, scored, spread
 from .view import CandidateView, RunView
 
 
@@ -27,21 +27,29 @@ class Table:
 def search(run: RunView) -> Table:
     """The best of the search against the rewards that came with the task."""
     best = run.ranking.best
-    rows = [("best generated reward", number(best.fitness if best else None))]
-    rows += [(f"{name} reward", number(result.fitness)) for name, result in run.baselines.items()]
-    note = "F is the task's own score, its maximum over training. The best of many flatters: see the final scores."
-    return Table(("search", "F"), rows, note)
+    trained = {"best generated reward": best.result if best else None}
+    trained |= {f"{name} reward": result for name, result in run.baselines.items()}
+    note = "One training each. The best of many tries flatters: only the final scores compare rewards."
+    if run.ranks == "training":
+        rows = [(name, number(result.fitness if result else None)) for name, result in trained.items()]
+        return Table(("during the search", "F, maximum over training"), rows, note)
+    rows = [
+        (name, scored(run.played.get(result.job)) if result else "-", number(result.fitness if result else None))
+        for name, result in trained.items()
+    ]
+    return Table(("during the search", "F when played", "F in training"), rows, note)
 
 
 def final(outcome: Outcome, known: Baselines | None) -> Table:
     """The best reward against the others with fresh seeds."""
-    arms = {"best generated reward": outcome.method, "human reward": outcome.human, "sparse reward": outcome.sparse}
-    rows = [(name, spread(arm.training), spread(arm.held_out)) for name, arm in arms.items()]
-    seeds = len(outcome.method.training)
-    note = f"Mean ± standard deviation, fresh seeds: {seeds}. Held out: deterministic actions, fresh episodes."
+    arms = {"best generated reward": outcome.method}
+    arms |= {f"runner-up {place}": arm for place, arm in outcome.rivals.items()}
+    arms |= {"human reward": outcome.human, "sparse reward": outcome.sparse}
+    rows = [(name, spread(arm.training), spread(arm.held_out), str(len(arm.training))) for name, arm in arms.items()]
+    note = "Mean ± standard deviation over seeds. Held out: deterministic actions, fresh episodes."
     if known is not None:
         note += f" {known.sentence()}"
-    return Table(("", "F, maximum over training", "F, held out"), rows, note)
+    return Table(("", "F, maximum over training", "F, held out", "seeds"), rows, note)
 
 
 def measures(outcome: Outcome) -> Table:
@@ -66,7 +74,7 @@ def exploits(run: RunView) -> Table:
 def worlds(run: RunView) -> Table:
     """Held-out F of the kept policy in slightly changed worlds."""
     rows = [
-        (name, f"{number(score.fitness)} ± {number(score.error, 2)}")
+        (name, scored(score))
         for lane in run.tried
         if not WORLDS.keys().isdisjoint(lane.trials)
         for name, score in {"as the task has it": lane.held_out, **lane.trials}.items()
@@ -102,7 +110,8 @@ def facts(candidate: CandidateView) -> Table:
         ("program", candidate.candidate.id if candidate.candidate else "none"),
         ("parent", name(candidate.parent.generation, candidate.parent.slot) if candidate.parent else "none"),
         ("state", candidate.state),
-        ("F, maximum over training", number(candidate.fitness)),
+        ("F when played", _episodes(candidate.played)),
+        ("F in training, maximum over epochs", number(candidate.fitness)),
         ("replies", str(len(candidate.attempts))),
         ("tokens", f"{usage.prompt_tokens:,} read, {usage.completion_tokens:,} written"),
         ("cost", f"US$ {usage.cost_usd:.4f}"),
@@ -118,6 +127,10 @@ def facts(candidate: CandidateView) -> Table:
             *([("why it ended", result.message)] if result.message else []),
         ]
     return Table(("", ""), rows)
+
+
+def _episodes(score: Evaluation | None) -> str:
+    return f"{scored(score)}, {score.episodes} episodes" if score is not None else "-"
 
 
 def components(candidate: CandidateView) -> Table:

@@ -7,6 +7,8 @@ import statistics
 import unicodedata
 from collections.abc import Sequence
 
+from ..types import Evaluation
+
 # Whole escape sequences first, so that their printable rest (`[31m`, a window title) goes too.
 _ESCAPES = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b[\]PX^_].*?(?:\x07|\x1b\\|$)|\x1b.?", re.DOTALL)
 _HIDDEN = {"Cc", "Cf", "Cs", "Co"}  # controls, bidirectional and zero-width marks, surrogates, private use
@@ -27,6 +29,13 @@ def one_line(text: str, width: int = 100) -> str:
 def number(value: float | None, digits: int = 4) -> str:
     """A score for a table; a dash where there is none."""
     return "-" if value is None else f"{value:.{digits}g}"
+
+
+def scored(score: Evaluation | None) -> str:
+    """What a policy scored, with its standard error over episodes."""
+    if score is None or score.error is None:
+        return number(score.fitness if score is not None else None)
+    return f"{number(score.fitness)} ± {number(score.error, 2)}"
 
 
 def spread(values: Sequence[float | None]) -> str:

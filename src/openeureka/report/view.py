@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from random import Random
@@ -156,9 +156,9 @@ class RunView:
     usage: Usage
     videos: Mapping[str, str]
     """Path in the run directory by job id, and of the best policy by `best`."""
-    played: Mapping[str, Evaluation]
+    played: Mapping[str, Evaluation] = field(default_factory=dict)
     """By job id: what lanes scored when they were played to choose by."""
-    ranks: Literal["played", "training"]
+    ranks: Literal["played", "training"] = "training"
     """By which F the search ranks."""
     crown: Place | None = None
     """The candidate that the final trainings confirmed."""
@@ -220,6 +220,12 @@ class RunView:
         """The trainings of `human` and `sparse` that the candidates were compared with, as far as they are done."""
         jobs = {name: lane(name, self.config.seed) for name, _ in BASELINES}
         return {name: self.results[job] for name, job in jobs.items() if job in self.results}
+
+    def baseline_score(self, name: str) -> float | None:
+        """What a baseline scored beside the search, as candidates are ranked: played, or in training."""
+        result = self.baselines[name]
+        played = self.played.get(result.job)
+        return played.fitness if played is not None else result.fitness
 
     @property
     def known(self) -> Baselines | None:

@@ -93,9 +93,12 @@ class ToyChecker:
 
 @dataclass
 class ToyTrainer:
-    """F is the number a program returns plus seed / 100; the human reward is worth 10, the sparse one 5."""
+    """F is the number a program returns plus seed / 100, one less when played; the human reward is worth 10, the sparse
+    one 5."""
 
     trained: list[str] = field(default_factory=list)
+    error: float = 0.0
+    """Standard error of what is played: rewards nearer than two of both are level."""
 
     def train(
         self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget
@@ -138,7 +141,7 @@ class ToyTrainer:
         dynamics: Mapping[str, Dynamics] | None = None,
     ) -> Iterator[Evaluation]:
         for job, policy in policies.items():
-            yield Evaluation(job=job, fitness=float(policy) - 1, episode_length=3.0, episodes=episodes or 4, error=0.0)
+            yield Evaluation(job=job, fitness=float(policy) - 1, episode_length=3.0, episodes=episodes or 4, error=self.error)
 
 
 def _worth(job: TrainJob) -> float:

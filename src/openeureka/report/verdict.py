@@ -1,0 +1,69 @@
+"""What came of a search, in one sentence that opens every account of it."""
+
+from __future__ import annotations
+
+from ..lanes import beside
+from ..score import Arm, Difference, mean
+from .text import number
+from .view import RunView
+
+
+def verdict(run: RunView) -> str:
+    """Whether the generated reward is better than the human one, from held-out scores of fresh trainings."""
+    outcome = run.outcome
+    if run.best is None:
+        return "No reward has been trained yet."
+    if outcome is None:
+        return "Not decided yet: the final trainings are not done."
+    generated, human = outcome.method, outcome.human
+    if not generated.scores:
+        return "The generated reward lost: none of its final trainings left a policy that could be scored."
+    if not human.scores:
+        return f"The generated reward reaches F {_arm(generated)}, held out; there is no human reward to compare with."
+    between = f"F {_arm(generated)} against {_arm(human)}, held out"
+    found = outcome.difference
+    if found is None:
+        return f"Not decided: {between}. One seed says nothing of the next; seeds=3 would say more."
+    if found.sure and found.value > 0:
+        return f"The generated reward is better than the human one: {between}; {_interval(found)}."
+    if found.sure:
+        return f"The generated reward is worse than the human one: {between}; {_interval(found)}."
+    return f"Not decided: {between}; {_interval(found)}. {_needed(found, len(generated.scores))}"
+
+
+def why(run: RunView) -> str:
+    """What the best reward pays for, by its components; empty before anything trained."""
+    result = run.best.result if run.best is not None else None
+    prefix = "component/"
+    names = [name.removeprefix(prefix) for name in (result.curves if result else {}) if name.startswith(prefix)]
+    return f"The generated reward pays for: {', '.join(names)}." if names else ""
+
+
+def nexts(run: RunView) -> list[str]:
+    """What to type next: the command, and what it does."""
+    found = run.outcome.difference if run.outcome is not None else None
+    if run.outcome is None:
+        return ["eureka resume DIR: go on where it was"]
+    more = [] if beside(run.config) == () or (found and found.sure) else ["eureka run ... seeds=10: decide it"]
+    return [*more, "eureka play DIR: watch the policy"]
+
+
+def _arm(arm: Arm) -> str:
+    """Mean over seeds, its standard error where there are several, and how many there are."""
+    values = arm.scores
+    middle = mean(values) or 0.0
+    count = f"{len(values)} seed{'s' if len(values) > 1 else ''}"
+    if len(values) < 2:
+        return f"{number(middle)} ({count})"
+    error = (sum((value - middle) ** 2 for value in values) / (len(values) - 1) / len(values)) ** 0.5
+    return f"{number(middle)} ± {number(error, 2)} ({count})"
+
+
+def _interval(found: Difference) -> str:
+    return f"difference {found.value:+.3g}, 95 % interval {found.low:+.3g} to {found.high:+.3g}"
+
+
+def _needed(found: Difference, seeds: int) -> str:
+    if found.seeds is None:
+        return "So small a difference would take more than 100 seeds of each to decide."
+    return f"About {max(found.seeds, seeds + 1)} seeds of each would decide a difference of this size."

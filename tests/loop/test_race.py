@@ -1,0 +1,142 @@
+"""The crown is confirmed: who trains again, how often, and who wins in the end."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from openeureka import race, search
+from openeureka.config import RunConfig
+from openeureka.loop import run
+from openeureka.score import Outcome
+from openeureka.store import Store
+from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
+from openeureka.types import Candidate, Checkpoint, Evaluation, Place, TrainJob
+
+
+@dataclass
+class Lucky(ToyTrainer):
+    """F of some lanes, by job id, is what is said here, in training and when played; of the others as usual."""
+
+    said: dict[str, float] = field(default_factory=dict)
+
+    def _result(self, job: TrainJob):
+        result = super()._result(job)
+        value = self.said.get(job.id)
+        if value is None:
+            return result
+        policy = str(value + 1).encode()  # what is played scores one less
+        peak = Checkpoint(epoch=1, value=value, policy=policy)
+        return dataclasses.replace(result, best_fitness=peak, best_reward=peak, last=policy)
+
+
+def job(worth: float, seed: int) -> str:
+    return f"{Candidate.of(program(worth)).id}-s{seed}"
+
+
+def go(directory: Path, trainer: ToyTrainer, worths: list[float], **settings) -> Outcome:
+    config = RunConfig(sample=len(worths), iteration=1, repair=0, refill=0, **settings)
+    model = ScriptedModel([reply(worth) for worth in worths])
+    with Store.open(directory, config) as store:
+        return run(config, store, model, ToyChecker(), trainer, TOY, search.make(config))
+
+
+def test_the_one_that_fresh_seeds_prefer_is_crowned(tmp_path: Path) -> None:
+    # In the search 8 plays best, by luck; fresh seeds say that 7 is worth 20.
+    trainer = Lucky(error=1.0, said={job(7, 1): 20.0, job(7, 2): 21.0})
+    outcome = go(tmp_path, trainer, [7, 8, 1], seeds=2)
+    assert outcome.best is not None and outcome.best.sample.place == Place(0, 0)
+    assert outcome.method.held_out == (20.0, 21.0)
+    assert outcome.rivals[Place(0, 1)].held_out == pytest.approx((7.01, 7.02))
+    assert (tmp_path / "best" / "reward.py").read_text() == program(7)
+    with Store.view(tmp_path) as store:
+        assert store.crown() == Place(0, 0)
+
+
+def test_only_those_level_with_the_best_train_again_and_at_most_three(tmp_path: Path) -> None:
+    trainer = ToyTrainer(error=1.0)
+    # Played one less: 9 is 2 above 7, within two errors of both (2.83); 4 is not.
+    go(tmp_path, trainer, [4, 7, 8, 8.5, 9], seeds=2)
+    again = {name for name in trainer.trained if name.endswith("-s1")}
+    assert again == {job(8, 1), job(8.5, 1), job(9, 1), "human-s1", "sparse-s1"}
+
+
+def test_a_clear_winner_trains_alone_and_no_longer_than_needed(tmp_path: Path) -> None:
+    trainer = ToyTrainer()  # nothing varies but a hundredth a seed: two seeds decide
+    outcome = go(tmp_path, trainer, [7, 8], seeds=5)
+    assert [name for name in trainer.trained if not name.endswith("-s0")] == [
+        *(job(8, 1), job(8, 2), "human-s1", "human-s2", "sparse-s1", "sparse-s2")
+    ]
+    assert outcome.difference is not None and outcome.difference.sure
+
+
+def test_more_seeds_train_while_it_is_undecided_and_the_sparse_reward_takes_no_part(tmp_path: Path) -> None:
+    noisy = {job(10, seed): 9.0 + (-1) ** seed * 5 for seed in range(1, 9)} | {f"human-s{s}": 9.0 for s in range(9)}
+    trainer = Lucky(said=noisy)
+    outcome = go(tmp_path, trainer, [10, 1], seeds=4)
+    last = [name for name in trainer.trained if name.endswith(("-s3", "-s4"))]
+    assert last == [job(10, 3), "human-s3", job(10, 4), "human-s4"]
+    assert outcome.difference is not None and not outcome.difference.sure
+
+
+def test_one_that_is_shown_to_be_worse_leaves_the_race() -> None:
+    scores = {"a": [10.0, 10.2], "b": [9.9, 10.3], "c": [1.0, 1.2], "human": [5.0, 5.1]}
+    assert race.running(scores, ["b", "a", "c"]) == ["b", "a"]  # both mean 10.1: of equals the first leads
+
+
+def test_where_training_ranks_the_best_trains_with_all_seeds_at_once(tmp_path: Path) -> None:
+    trainer = ToyTrainer(error=1.0)
+    go(tmp_path, trainer, [7, 8], seeds=3, search="eureka")
+    assert trainer.trained[4:7] == [job(8, 1), job(8, 2), job(8, 3)]
+    with Store.view(tmp_path) as store:
+        assert store.plays() == {}
+        assert store.crown() == Place(0, 1)
+
+
+def test_a_lane_is_judged_by_that_of_its_policies_which_plays_best(tmp_path: Path) -> None:
+    class Peaked(ToyTrainer):
+        def _result(self, job: TrainJob):
+            return dataclasses.replace(super()._result(job), last=b"100")
+
+    go(tmp_path, Peaked(), [7, 8], seeds=1)
+    with Store.view(tmp_path) as store:
+        (generation,) = store.history().generations
+        assert [entry.score for entry in generation.entries] == [99.0, 99.0]
+        assert {score.peak for score in store.evaluations().values()} == {"last"}
+    assert (tmp_path / "best" / "policy.safetensors").read_bytes() == b"100"
+
+
+def test_policies_that_are_level_play_again_and_their_looks_are_pooled(tmp_path: Path) -> None:
+    class Noisy(ToyTrainer):
+        def evaluate(self, env, policies, *, seed, episodes=0, dynamics=None):
+            for score in super().evaluate(env, policies, seed=seed, episodes=episodes, dynamics=dynamics):
+                shift = 3.0 if seed % 1000 == 4 else 0.0  # the second look
+                yield dataclasses.replace(score, fitness=(score.fitness or 0.0) + shift)
+
+    go(tmp_path, Noisy(error=1.0), [1, 7, 8], seeds=1)
+    with Store.view(tmp_path) as store:
+        looks = {name: len(plays["reward"]) for name, plays in store.plays().items() if name.endswith("-s0")}
+        assert looks == {job(1, 0): 1, job(7, 0): 2, job(8, 0): 2, "human-s0": 1, "sparse-s0": 1}
+        (generation,) = store.history().generations
+        played = generation.entries[2].played
+        # Looks of 7 and 10 with error 1 each, equally long: mean 8.5, error sqrt(2) / 2.
+        assert played is not None and played.fitness == pytest.approx(8.5)
+        assert played.error == pytest.approx(0.7071, abs=1e-4)
+
+
+def test_a_run_of_a_version_that_ranked_by_training_goes_on_as_it_began(tmp_path: Path) -> None:
+    config = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=1)
+    with Store.open(tmp_path, config) as store:
+        store._database._connection.executescript("DROP TRIGGER run_UPDATE; UPDATE run SET ranks = NULL;")
+        assert store.ranks == "training"
+        model = ScriptedModel([reply(7), reply(8)])
+        run(config, store, model, ToyChecker(), ToyTrainer(), TOY, search.make(config, store.ranks))
+        assert store.plays() == {} and store.evaluations()["human-s1"].peak == "reward"
+
+
+def test_the_error_of_a_score_that_nobody_measured_leaves_no_one_level() -> None:
+    alone = Evaluation(job="a", fitness=2.0, episode_length=1.0, episodes=4)
+    assert race.level({"a": alone, "b": dataclasses.replace(alone, fitness=1.9)}) == ["a"]
