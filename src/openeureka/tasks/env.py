@@ -87,7 +87,7 @@ class BatchedEnv:
         worlds = torch.arange(self.num_worlds, device=self.sim.device)
         self._reset(worlds)
         if stagger:
-            self.task.progress = self.task.noise.uniform(worlds, 1, 0, self.task.episode_length - 1)[:, 0].long()
+            self.task.progress = self.task.noise.uniform(worlds, 1, 0, self.task.time_limit())[:, 0].long()
             self._whole = self.task.progress == 0
         return self._observe(self.current_state())
 
@@ -116,7 +116,7 @@ class BatchedEnv:
         bad = self.sim.bad.clone()
         state = self.current_state()
         terminated = task.terminated(state) | bad
-        timed_out = (task.progress >= task.episode_length - 1) & ~terminated
+        timed_out = (task.progress >= task.time_limit()) & ~terminated
         done = terminated | timed_out
         ended = done & self._whole
         score = task.fitness(state, ended)

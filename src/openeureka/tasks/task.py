@@ -92,7 +92,9 @@ class Task(ABC):
     description: ClassVar[str]
     """The intent, one sentence, as the language model reads it."""
     episode_length: ClassVar[int]
-    """[steps]; a time-out is raised when `progress` reaches episode_length - 1."""
+    """[steps]"""
+    time_out_early: ClassVar[int] = 1
+    """[steps] by which the time-out comes before episode_length: 1 in the originals of `isaac`, 0 in `dexterity`'s."""
     control_dt: ClassVar[float]
     """[s] between two actions."""
     substeps: ClassVar[int]
@@ -176,6 +178,11 @@ class Task(ABC):
     def ghosts(self) -> Mapping[str, Tensor]:
         """Where bodies of the model are wanted now, for pictures: position and quaternion (N, 7) by the body's name."""
         return {}
+
+    @classmethod
+    def time_limit(cls) -> int:
+        """Steps after which an episode is cut off: the `progress` at which a time-out is raised."""
+        return cls.episode_length - cls.time_out_early
 
     @classmethod
     def compile_model(cls) -> mujoco.MjModel:

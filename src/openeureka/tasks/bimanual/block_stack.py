@@ -11,7 +11,7 @@ from torch import Tensor
 from ..task import State, View
 from .common import dexterity_recipe, distance
 from .handles import HAND_VARIABLES, Handles, when_near
-from .objects import Cube
+from .objects import CUBE_START, Cube
 from .scene import Placed, Pose, Scene, Table
 from .variables import goal_variables, point_variables, thing_variables, two_handed
 
@@ -36,10 +36,20 @@ class ShadowHandBlockStack(Handles):
         hands_touch=True,
         table=Table(size=(0.5, 1, 0.6), friction=0.225),
         things={
-            "object": Placed(thing=Cube(friction=0.375), pos=(0, 0.1, 0.625), points={"block_right_handle": (0, 0, 0)}),
-            "block": Placed(thing=Cube(friction=0.375), pos=(0, -0.1, 0.625), points={"block_left_handle": (0, 0, 0)}),
+            "object": Placed(
+                thing=Cube(friction=0.375),
+                pos=(0, 0.1, 0.625),
+                euler=CUBE_START,
+                points={"block_right_handle": (0, 0, 0)},
+            ),
+            "block": Placed(
+                thing=Cube(friction=0.375),
+                pos=(0, -0.1, 0.625),
+                euler=CUBE_START,
+                points={"block_left_handle": (0, 0, 0)},
+            ),
         },
-        goals={"goal": Pose(pos=(0, 0.1, 0.625))},
+        goals={"goal": Pose(pos=(0, 0.1, 0.625), euler=CUBE_START)},
     )
     spec = two_handed(
         num_observations,

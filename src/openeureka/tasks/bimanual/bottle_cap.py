@@ -40,7 +40,7 @@ class ShadowHandBottleCap(TwoHands):
                 points={"bottle": (0, 0, 0), "bottle_cap": (0, 0, 0.15)},
             )
         },
-        goals={"goal": Pose(pos=(0, -0.6, 5.5))},
+        goals={"goal": Pose(pos=(0, -0.6, 1.5), euler=(0, -0.7, 0))},
         angles={
             f"{side}_{joint}": angle
             for side in SIDES
@@ -50,7 +50,7 @@ class ShadowHandBottleCap(TwoHands):
     spec = two_handed(
         num_observations,
         *thing_variables("object", "bottle"),
-        *goal_variables("unused, far above the bottle", use="raw"),
+        *goal_variables("unused, above the bottle", use="raw"),
         *FINGERTIPS,
         *PALMS,
         *RIGHT_FINGERS,

@@ -41,6 +41,7 @@ class TwoHands(Task):
     suite = "dexterity"
     control_dt = CONTROL_DT
     substeps = 2
+    time_out_early = 0
     view = View(azimuth=160.0, elevation=-25.0)
     scene: ClassVar[Scene]
     transition_scale: ClassVar[float] = 0.0

@@ -25,7 +25,9 @@ DOOR_VARIABLES = (
 )
 
 
-def door_scene(*, towards_hands: bool, angle: float = 0.0, hand_x: float = 0.55, hand_y: float = 0.2) -> Scene:
+def door_scene(
+    *, towards_hands: bool, angle: float = 0.0, hand_x: float = 0.55, hand_y: float = 0.2, goal_z: float = 10.7
+) -> Scene:
     """Doors across the x axis and hands at its positive side, thumbs pointing up (right) and down (left).
 
     Args:
@@ -33,16 +35,16 @@ def door_scene(*, towards_hands: bool, angle: float = 0.0, hand_x: float = 0.55,
         angle: of both doors, at the start and where their springs rest [rad].
         hand_x: distance between hands and doors [m].
         hand_y: of each hand from the middle [m].
+        goal_z: height of the goal, which plays no part [m].
     """
+    turn = (0, math.pi if towards_hands else 0, 0)
     door = DoubleDoor(hands_at=-1 if towards_hands else 1, spring_angle=angle)
     return Scene(
         right=Pose(pos=(hand_x, hand_y, 0.6), euler=(math.pi, SIDEWAYS, SIDEWAYS)),
         left=Pose(pos=(hand_x, -hand_y, 0.6), euler=(math.pi, -SIDEWAYS, SIDEWAYS)),
         hands_touch=True,
-        things={
-            "object": Placed(thing=door, pos=(0, 0, 0.7), euler=(0, math.pi if towards_hands else 0, 0), fixed=True)
-        },
-        goals={"goal": Pose(pos=(0, 0, 5.7))},
+        things={"object": Placed(thing=door, pos=(0, 0, 0.7), euler=turn, fixed=True)},
+        goals={"goal": Pose(pos=(0, 0, goal_z), euler=turn)},
         angles={"door_right_hinge": angle, "door_left_hinge": angle},
     )
 

@@ -13,7 +13,7 @@ from .variables import two_handed
 class ShadowHandDoorOpenOutward(Doors):
     env = "shadow_hand_door_open_outward"
     description = "to make the two hands open the closed double door by pushing its handles away from them"
-    scene = door_scene(towards_hands=False)
+    scene = door_scene(towards_hands=False, goal_z=5.7)
     spec = two_handed(Doors.num_observations, *DOOR_VARIABLES)
     recipe = dexterity_recipe(env_steps=5_000_000)
 

@@ -8,7 +8,7 @@ from torch import Tensor
 from ..task import State
 from .common import dexterity_recipe, distance
 from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
-from .objects import Bucket, Cube
+from .objects import CUBE_START, Bucket, Cube
 from .scene import Placed, Pose, Scene, Table
 from .variables import point_variables, thing_variables, two_handed
 
@@ -27,8 +27,10 @@ class ShadowHandGraspAndPlace(Handles):
         left=PALM_DOWN_LEFT,
         table=Table(size=(1, 1, 0.6)),
         things={
-            "object": Placed(thing=Bucket(), pos=(0, 0.2, 0.653), points={"block_right_handle": (0, 0, 0)}),
-            "block": Placed(thing=Cube(), pos=(0, -0.2, 0.625), points={"block_left_handle": (0, 0, 0)}),
+            "object": Placed(thing=Bucket(), pos=(0, 0.2, 0.653), link_points={"block_right_handle": (0, 0, 0)}),
+            "block": Placed(
+                thing=Cube(), pos=(0, -0.2, 0.625), euler=CUBE_START, points={"block_left_handle": (0, 0, 0)}
+            ),
         },
         goals={"goal": Pose(pos=(-0.3, 0, 0.6))},
     )

@@ -39,7 +39,7 @@ class ShadowHandKettle(Handles):
             ),
             "bucket": Placed(thing=Bucket(), pos=(0, -0.3, 0.453), points={"bucket_handle": (0, 0, -0.1)}),
         },
-        goals={"goal": Pose(pos=(0, 0, 5.4))},
+        goals={"goal": Pose(pos=(0, 0, 10.5), euler=(0, 0, math.pi / 2))},
     )
     spec = two_handed(
         num_observations,

@@ -51,6 +51,10 @@ class Egg:
         )
 
 
+CUBE_START: Vector = (math.pi / 2, math.pi / 2, 0)
+"""How the original turns cubes that start on a table [rad]; they look as if unturned."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cube:
     mass: float = 0.0709
@@ -113,9 +117,9 @@ class DoubleDoor:
     def build(self, body: mujoco.MjsBody) -> None:
         for z in (-0.444, 0.481):
             add_box(body, (-0.0022, -0.88, z - 0.0022), (0.0022, 0.88, z + 0.0022), friction=self.friction)
-        self._add_leaf(body, "right", side=1, hinge=(-0.0085, 0.4265), edges=(0.007, 0.4475), handle=(0.034, 0.070))
+        self._add_leaf(body, "right", side=1, hinge=(-0.008462, 0.426527), edges=(0.007, 0.4475), handle=(0.034, 0.070))
         self._add_leaf(
-            body, "left", side=-1, hinge=(-0.0056, -0.4204), edges=(-0.4436, -0.003), handle=(-0.062, -0.026)
+            body, "left", side=-1, hinge=(-0.005600, -0.420407), edges=(-0.4436, -0.003), handle=(-0.062, -0.026)
         )
 
     def _add_leaf(
@@ -145,7 +149,7 @@ class DoubleDoor:
             add_loop(
                 leaf, surface, reach, (-0.193, 0.107), y=y, width=width, mass=self.handle_mass, friction=self.friction
             )
-        point = (hinge[0] + 0.04 * self.hands_at, hinge[1] - 0.39 * side, -0.017)
+        point = (hinge[0] + 0.04 * self.hands_at, hinge[1] - 0.39 * side, -0.016708)
         leaf.add_site(name=f"door_{name}_handle", pos=point, quat=LINK)
 
 
@@ -156,8 +160,9 @@ class Bottle:
     mass: float = 0.35
     cap_mass: float = 0.0026
     stiffness: float = 5.0
-    """Of the slide [N/m]."""
+    """Of the slide [N/m] and of the turn [N m/rad]: the original gives both joints the same numbers."""
     damping: float = 1.0
+    """[N s/m] and [N m s/rad]"""
     friction: float = 5.0
     """The original's is 50; both hold the bottle like glue."""
 
@@ -167,14 +172,15 @@ class Bottle:
         add_cylinder(body, (*axis, 0.106), (*axis, 0.134), 0.024, mass=0.04 * self.mass, friction=self.friction)
         add_cylinder(body, (*axis, 0.134), (*axis, 0.149), 0.011, mass=0.01 * self.mass, friction=self.friction)
         cap = body.add_body(name="bottle_cap")
-        pivot = (-0.0075, -0.0070, 0)
+        pivot = (-0.007542, -0.007006, 0)
         add_slide(cap, "bottle_cap_slide", (0, 0, 1), (0, 0.064), stiffness=self.stiffness, damping=self.damping)
         cap.add_joint(
             name="bottle_cap_turn",
             type=mujoco.mjtJoint.mjJNT_HINGE,
             axis=[0, 0, 1],
             pos=pivot,
-            damping=[1e-4, 0, 0],
+            stiffness=[self.stiffness, 0, 0],
+            damping=[self.damping, 0, 0],
             armature=1e-5,
         )
         add_cylinder(cap, (*axis, 0.139), (*axis, 0.150), 0.0128, mass=self.cap_mass, friction=self.friction)
@@ -196,7 +202,7 @@ class CappedPen:
         add_slide(cap, "pen_cap_slide", (0, 0, -1), (0, 0.492), stiffness=self.stiffness, damping=self.damping)
         add_cylinder(cap, (0.001, 0, -0.172), (0.001, 0, -0.0405), 0.0115, mass=0.9 * self.cap_mass)
         add_box(cap, (-0.0165, -0.0065, -0.150), (-0.0105, 0.0065, -0.051), mass=0.1 * self.cap_mass)
-        cap.add_site(name="pen_right_handle", pos=(0, 0, -0.1))
+        cap.add_site(name="pen_right_handle", pos=(0, 0, -0.1), quat=LINK)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -298,7 +304,7 @@ class Scissors:
         self._add_half(body, ((-0.04, 0), (0.058, 0.304)), (-0.005, 0), ring=(-0.0745, -0.0675), ring_z=-0.002)
         body.add_site(name="scissors_left_handle", pos=(-0.1, -0.15, 0), quat=LINK)
         half = body.add_body(name="scissors_half")
-        pivot = (-0.0034, 0.0698, 0)
+        pivot = (-0.003420, 0.069825, 0)
         add_hinge(
             half,
             "scissors_hinge",
@@ -352,7 +358,7 @@ class RockerSwitch:
     def build(self, body: mujoco.MjsBody) -> None:
         add_box(body, (-0.043, -0.05, -0.0725), (0.060, 0.05, 0.0725))
         rocker = body.add_body(name=f"switch_{self.side}_rocker")
-        pivot = (-0.0417, 0, -0.0109)
+        pivot = (-0.041670, -0.050228, -0.010859)
         add_hinge(rocker, f"switch_{self.side}_rocker", (0, 1, 0), (0, 0.5585), pos=pivot, damping=0.002, armature=1e-5)
         rocker.add_geom(
             type=mujoco.mjtGeom.mjGEOM_BOX,
@@ -363,4 +369,4 @@ class RockerSwitch:
             rgba=PLASTIC,
             **MATTER,
         )
-        rocker.add_site(name=f"switch_{self.side}_handle", pos=(pivot[0], 0, pivot[2] - 0.02), quat=LINK)
+        rocker.add_site(name=f"switch_{self.side}_handle", pos=(pivot[0], pivot[1] + 0.05, pivot[2] - 0.02), quat=LINK)

@@ -15,6 +15,7 @@ from .scene import Placed, Pose, Scene, Table
 from .variables import goal_variables, point_variables, thing_variables, two_handed
 
 OFF = 0.3  # [m] between the points to grasp on cap and pen; 0.17 when closed
+LYING = (math.pi / 2, math.pi / 2, 0)  # [rad] along y, cap towards +y
 
 
 class ShadowHandPen(Handles):
@@ -33,11 +34,11 @@ class ShadowHandPen(Handles):
             "object": Placed(
                 thing=CappedPen(),
                 pos=(0, 0, 0.612),
-                euler=(math.pi / 2, math.pi / 2, 0),
-                points={"pen_left_handle": (0, 0, 0.07)},
+                euler=LYING,
+                link_points={"pen_left_handle": (0, 0, 0.07)},
             )
         },
-        goals={"goal": Pose(pos=(0, 0, 5.6))},
+        goals={"goal": Pose(pos=(0, 0, 10.6), euler=LYING)},
     )
     spec = two_handed(
         num_observations,

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import math
-
 import torch
 from torch import Tensor
 
 from ..task import State
 from .common import dexterity_recipe, distance
 from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
-from .objects import Cube
+from .objects import CUBE_START, Cube
 from .scene import Placed, Pose, Scene, Table
 from .variables import point_variables, thing_variables, two_handed
 
 ARRIVED = 0.1  # [m] between a cube and its target
-UPRIGHT = (math.pi / 2, math.pi / 2, 0)  # a cube looks the same as if unturned
 
 
 class ShadowHandPushBlock(Handles):
@@ -31,13 +28,16 @@ class ShadowHandPushBlock(Handles):
         table=Table(size=(1, 1, 0.6), friction=0.75),
         things={
             "object": Placed(
-                thing=Cube(), pos=(0, 0.2, 0.625), euler=UPRIGHT, points={"block_right_handle": (0, 0, 0)}
+                thing=Cube(), pos=(0, 0.2, 0.625), euler=CUBE_START, points={"block_right_handle": (0, 0, 0)}
             ),
             "block_left": Placed(
-                thing=Cube(), pos=(0, -0.2, 0.625), euler=UPRIGHT, points={"block_left_handle": (0, 0, 0)}
+                thing=Cube(), pos=(0, -0.2, 0.625), euler=CUBE_START, points={"block_left_handle": (0, 0, 0)}
             ),
         },
-        goals={"right_goal": Pose(pos=(-0.2, 0.2, 0.625)), "left_goal": Pose(pos=(-0.2, -0.2, 0.625))},
+        goals={
+            "right_goal": Pose(pos=(-0.2, 0.2, 0.625), euler=CUBE_START),
+            "left_goal": Pose(pos=(-0.2, -0.2, 0.625), euler=CUBE_START),
+        },
     )
     spec = two_handed(
         num_observations,

@@ -11,7 +11,7 @@ from ..hands.shadow import FINGERS, FINGERTIPS, add_shadow_hand
 from ..sensors import add_wrench_sensors
 from .frames import add_body_sensors, add_site_sensors
 from .objects import Thing
-from .shapes import MATTER, Vector, quaternion
+from .shapes import LINK, MATTER, Vector, quaternion
 
 SIDES = ("right", "left")
 TIPS = tuple(f"{side}_{tip}" for side in SIDES for tip in FINGERTIPS)
@@ -46,6 +46,8 @@ class Placed:
     fixed: bool = False
     points: Mapping[str, Vector] = field(default_factory=dict)
     """Points of interest in the thing's base frame [m], by the name of their state variables."""
+    link_points: Mapping[str, Vector] = field(default_factory=dict)
+    """The same, where the original turns them like its links."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,6 +157,8 @@ def _add_thing(spec: mujoco.MjSpec, name: str, placed: Placed) -> None:
     placed.thing.build(body)
     for point, pos in placed.points.items():
         body.add_site(name=point, pos=pos)
+    for point, pos in placed.link_points.items():
+        body.add_site(name=point, pos=pos, quat=LINK)
     if not placed.fixed:
         body.add_freejoint(name=name)
         return

@@ -16,6 +16,8 @@ from .scene import Placed, Pose, Scene, Table
 from .variables import goal_variables, point_variables, thing_variables, two_handed
 
 CLOSED, OPEN = -0.59, -0.3  # [rad]
+CRUSHED = -0.69  # [rad] beyond the joint limit, which is soft
+NEAR = 0.7  # [m] summed over the fingers of a hand
 
 
 class ShadowHandScissors(Handles):
@@ -31,7 +33,7 @@ class ShadowHandScissors(Handles):
         hands_touch=True,
         table=Table(size=(0.5, 1, 0.6)),
         things={"object": Placed(thing=Scissors(), pos=(0, 0, 0.608), euler=(0, 0, math.pi / 2))},
-        goals={"goal": Pose(pos=(0, 0, 5.6))},
+        goals={"goal": Pose(pos=(0, 0, 10.6), euler=(0, 0, math.pi / 2))},
         angles={"scissors_hinge": CLOSED},
     )
     spec = two_handed(
@@ -47,12 +49,16 @@ class ShadowHandScissors(Handles):
     def observe(self, s: State) -> Tensor:
         return torch.cat((super().observe(s), s["scissors_right_handle_pos"], s["scissors_left_handle_pos"]), dim=-1)
 
+    def terminated(self, s: State) -> Tensor:
+        crushed = when_near(self.reaches(s), NEAR, self._angle(s)) < CRUSHED
+        return super().terminated(s) | crushed
+
     def success(self, s: State) -> Tensor:
         return self._angle(s) > OPEN
 
     def human_reward(self, s: State) -> Tensor:
         right, left = self.reaches(s)
-        return 2.0 - right - left + when_near((right, left), 0.7, 5.0 * (self._angle(s) - CLOSED))
+        return 2.0 - right - left + when_near((right, left), NEAR, 5.0 * (self._angle(s) - CLOSED))
 
     def _angle(self, s: State) -> Tensor:
         """(N,) [rad] of the hinge, which turns the right half about the y axis of the left handle."""

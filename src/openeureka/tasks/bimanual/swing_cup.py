@@ -42,10 +42,11 @@ class ShadowHandSwingCup(Handles):
                 thing=Cup(),
                 pos=(0, 0, 0.685),
                 euler=(0, 0, math.pi / 2),
-                points={"cup_right_handle": (0.062, 0, 0), "cup_left_handle": (-0.06, 0, 0)},
+                points={"cup_right_handle": (0.062, 0, 0)},
+                link_points={"cup_left_handle": (-0.06, 0, 0)},
             )
         },
-        goals={"goal": Pose(pos=(0, 0, 5.6), euler=(0, 0, -math.pi / 2))},
+        goals={"goal": Pose(pos=(0, 0, 1.6), euler=(0, 0, 1.5 * math.pi))},
     )
     spec = two_handed(
         num_observations,

@@ -39,7 +39,7 @@ class ShadowHandSwitch(Handles):
             "object": Placed(thing=RockerSwitch(side="right"), pos=(0, 0.2, 0.65), euler=FACE_UP, fixed=True),
             "switch_left": Placed(thing=RockerSwitch(side="left"), pos=(0, -0.2, 0.65), euler=FACE_UP, fixed=True),
         },
-        goals={"goal": Pose(pos=(0, 0, 5.65))},
+        goals={"goal": Pose(pos=(0, 0.2, 10.65), euler=FACE_UP)},
         angles={"switch_right_rocker": RAISED, "switch_left_rocker": RAISED},
     )
     spec = two_handed(

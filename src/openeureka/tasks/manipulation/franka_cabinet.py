@@ -316,7 +316,7 @@ class FrankaCabinet(Task):
         Each weighs its full length, step by step and the rest on success: among the finished ones alone, those that
         succeed early would at first have no others beside them.
         """
-        full = self.episode_length - 1
+        full = self.time_limit()
         opened = self.terminated(s) & ended
         weight = torch.where(opened, full + 1 - self.progress, 1).clamp(min=1).to(torch.float32)
         return Score(torch.where(opened, full / weight, 0.0), weight)

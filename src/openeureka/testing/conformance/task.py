@@ -48,7 +48,7 @@ class TaskConformance:
     def test_recorded_values_do_not_change_when_the_simulation_goes_on(self) -> None:
         simulation = self._make(worlds=8)
         simulation.reset()
-        simulation.task.progress[::2] = simulation.task.episode_length - 2  # half of the worlds are reset at once
+        simulation.task.progress[::2] = simulation.task.time_limit() - 1  # half of the worlds are reset at once
         recorded = _random_steps(simulation, 1)[0]
         kept = {name: tensor.clone() for name, tensor in _tensors(recorded).items()}
         _random_steps(simulation, 5)
@@ -82,7 +82,7 @@ class TaskConformance:
         first.reset(stagger=True)
         second.reset()
         _random_steps(first, 5)
-        first.task.progress[0] = first.task.episode_length - 2  # a reset is among what follows
+        first.task.progress[0] = first.task.time_limit() - 1  # a reset is among what follows
         second.load_state_dict(first.state_dict())
         left, right = (_random_steps(simulation, 3) for simulation in (first, second))
         assert torch.equal(left[-1].observation, right[-1].observation)
@@ -114,7 +114,7 @@ class TaskConformance:
             assert torch.equal(after.observation[others], expected.observation[others])
 
         for simulation in (broken, sound):
-            simulation.task.progress[others] = simulation.task.episode_length
+            simulation.task.progress[others] = simulation.task.time_limit()
         after, expected = broken.step(actions), sound.step(actions)
         assert torch.equal(after.observation[others], expected.observation[others]), "their next episodes differ"
 
@@ -123,7 +123,7 @@ class TaskConformance:
         by_mask.masked = True  # as on a GPU
         for simulation in (by_index, by_mask):
             simulation.reset()
-            simulation.task.progress[1::2] = simulation.task.episode_length - 4
+            simulation.task.progress[1::2] = simulation.task.time_limit() - 3
         for a, b in zip(_random_steps(by_index, 8), _random_steps(by_mask, 8), strict=True):
             expected, found = _tensors(a), _tensors(b)
             different = [name for name, tensor in expected.items() if not torch.equal(found[name], tensor)]
@@ -133,7 +133,7 @@ class TaskConformance:
         simulation = self._make(worlds=4)
         simulation.masked = True
         simulation.reset()
-        simulation.task.progress[::2] = simulation.task.episode_length - 2
+        simulation.task.progress[::2] = simulation.task.time_limit() - 1
         actions = torch.zeros(4, simulation.task.num_actions)
 
         def step() -> None:
@@ -143,10 +143,10 @@ class TaskConformance:
 
         assert waits(step, uploads=True) == [], "each of these would stall a GPU"
 
-    def test_an_episode_is_cut_off_one_step_before_its_length(self) -> None:
+    def test_an_episode_is_cut_off_at_its_time_limit(self) -> None:
         simulation = self._make(worlds=4)
         simulation.reset()
-        limit = simulation.task.episode_length - 1
+        limit = simulation.task.time_limit()
         simulation.task.progress[:] = torch.tensor([limit - 3, limit - 2, limit - 1, limit])
         step = simulation.step(torch.zeros(4, simulation.task.num_actions))
         assert step.timed_out.tolist() == [False, False, True, True]
