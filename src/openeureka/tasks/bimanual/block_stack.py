@@ -52,6 +52,7 @@ class ShadowHandBlockStack(Handles):
         goals={"goal": Pose(pos=(0, 0.1, 0.625), euler=CUBE_START)},
     )
     spec = two_handed(
+        scene,
         num_observations,
         *thing_variables("object", "right block"),
         *goal_variables("0.1 m in y beside the place of the lower, right block"),

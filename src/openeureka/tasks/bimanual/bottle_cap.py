@@ -48,6 +48,7 @@ class ShadowHandBottleCap(TwoHands):
         },
     )
     spec = two_handed(
+        scene,
         num_observations,
         *thing_variables("object", "bottle"),
         *goal_variables("unused, above the bottle", use="raw"),

@@ -32,7 +32,7 @@ class ShadowHandCatchAbreast(Catch):
         goals={"goal": Pose(pos=(-0.39, -1.15, 0.54))},
     )
     drop_height = 0.2
-    spec = two_handed(num_observations, *EGG_VARIABLES, *PALMS)
+    spec = two_handed(scene, num_observations, *EGG_VARIABLES, *PALMS)
     recipe = dexterity_recipe(env_steps=5_000_000)
 
     def __init__(self, *args) -> None:

@@ -34,7 +34,7 @@ class ShadowHandCatchOver2Underarm(Catch):
     )
     drop_height = 0.3
     distance_weight = 20.0
-    spec = two_handed(num_observations, *EGG_VARIABLES)
+    spec = two_handed(scene, num_observations, *EGG_VARIABLES)
     recipe = dexterity_recipe(env_steps=5_000_000)
 
     def __init__(self, *args) -> None:

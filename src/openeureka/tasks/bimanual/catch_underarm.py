@@ -28,5 +28,5 @@ class ShadowHandCatchUnderarm(Catch):
     joint_noise = 0.2
     position_noise = 0.01
     drop_height = 0.1
-    spec = two_handed(num_observations, *EGG_VARIABLES)
+    spec = two_handed(scene, num_observations, *EGG_VARIABLES)
     recipe = dexterity_recipe(env_steps=5_000_000)

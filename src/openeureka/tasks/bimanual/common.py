@@ -16,8 +16,8 @@ from ..joints import scaled, unscaled
 from ..rotations import conjugate, multiply, rotation_distance, xyzw
 from ..sensors import contact_wrenches
 from ..task import Recipe, Score, State, Task, View, mean_over_episodes
-from .frames import Frames
-from .scene import SIDES, TIPS, Scene
+from .frames import Bodies, Frames
+from .scene import HAND_BODIES, SIDES, TIPS, Pose, Scene
 from .shapes import quaternion
 
 JOINTS = 24  # of one hand
@@ -78,8 +78,13 @@ class TwoHands(Task):
         self.start = _float32(model.qpos0, device)
         for name, value in self.scene.angles.items():
             self.start[int(model.joint(name).qposadr[0])] = value
-        goals = [(*goal.pos, *quaternion(*goal.euler)) for goal in self.scene.goals.values()]  # w, x, y, z
-        self.goal_poses = _float32(goals, device).view(-1, 7)[:, [0, 1, 2, 4, 5, 6, 3]].repeat(self.num_envs, 1, 1)
+        goals = torch.stack([_pose(goal, device) for goal in self.scene.goals.values()])
+        self.goal_poses = goals.repeat(self.num_envs, 1, 1)
+        self.marker = _pose(self.scene.marker or Pose(pos=(0, 0, 0)), device).repeat(self.num_envs, 1)
+        self.bodies = Bodies(
+            self.sim, 2 * HAND_BODIES, {name: placed.thing.bodies for name, placed in self.scene.things.items()}
+        )
+        self.fingertip_handles = torch.tensor([model.body(tip).id - 1 for tip in TIPS], device=device)
         self.successes = torch.zeros(self.num_envs, device=device)
         self.outcome = self.successes
 
@@ -109,11 +114,21 @@ class TwoHands(Task):
             "vec_sensor_tensor": contact_wrenches(self.sensors, len(TIPS)).flatten(1),
             "actions": self.actions.clone(),
             "num_envs": self.num_envs,
+            "rigid_body_states": self.bodies.read(),
+            "fingertip_handles": self.fingertip_handles[:5],
+            "fingertip_another_handles": self.fingertip_handles[5:],
+            "root_state_tensor": torch.stack(
+                [frames[f"{actor}_state"] for actor in ("right_base", "left_base", *self.scene.things)], dim=1
+            ),
+            **{f"{name}_indices": row for row, name in enumerate(self.scene.things, start=2)},
         }
         for name, pose in zip(self.scene.goals, self.goal_poses.clone().unbind(dim=1), strict=True):
             values |= {f"{name}_pose": pose, f"{name}_pos": pose[:, :3], f"{name}_rot": pose[:, 3:]}
+            values[f"{name}_states"] = torch.nn.functional.pad(pose, (0, 6))
             if (thing_rot := frames.get(f"{name.replace('goal', 'object')}_rot")) is not None:
                 values[name.replace("goal", "rotation_distance")] = rotation_distance(thing_rot, pose[:, 3:])
+        if self.scene.marker:
+            values["goal_states"] = torch.nn.functional.pad(self.marker, (0, 6))
         return {name: values[name] for name in self.spec.names if name in values}  # the original exposes no more
 
     def observe(self, s: State) -> Tensor:
@@ -212,6 +227,12 @@ def distance(a: Tensor, b: Tensor) -> Tensor:
 def towards_goal(s: State, thing: str = "object", goal: str = "goal") -> Tensor:
     """What is observed of a goal (N, 11): its pose and the turn that is left."""
     return torch.cat((s[f"{goal}_pose"], multiply(s[f"{thing}_rot"], conjugate(s[f"{goal}_rot"]))), dim=-1)
+
+
+def _pose(pose: Pose, device: torch.device) -> Tensor:
+    """(7,)"""
+    w, *vector = quaternion(*pose.euler)
+    return _float32((*pose.pos, *vector, w), device)
 
 
 def _float32(values: Any, device: torch.device) -> Tensor:

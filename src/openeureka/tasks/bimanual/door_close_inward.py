@@ -14,7 +14,7 @@ class ShadowHandDoorCloseInward(Doors):
     env = "shadow_hand_door_close_inward"
     description = "to make the two hands close the double door, open towards them, by pushing its handles away"
     scene = door_scene(towards_hands=True, angle=SIDEWAYS, hand_x=0.9, hand_y=0.5)
-    spec = two_handed(Doors.num_observations, *DOOR_VARIABLES)
+    spec = two_handed(scene, Doors.num_observations, *DOOR_VARIABLES)
     recipe = dexterity_recipe(env_steps=5_000_000)
 
     def success(self, s: State) -> Tensor:

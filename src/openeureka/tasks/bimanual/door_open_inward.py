@@ -14,7 +14,7 @@ class ShadowHandDoorOpenInward(Doors):
     env = "shadow_hand_door_open_inward"
     description = "to make the two hands open the closed double door by pulling its handles towards them"
     scene = door_scene(towards_hands=True)
-    spec = two_handed(Doors.num_observations, *DOOR_VARIABLES)
+    spec = two_handed(scene, Doors.num_observations, *DOOR_VARIABLES)
     recipe = dexterity_recipe(env_steps=5_000_000)
 
     def success(self, s: State) -> Tensor:

@@ -14,7 +14,7 @@ class ShadowHandDoorOpenOutward(Doors):
     env = "shadow_hand_door_open_outward"
     description = "to make the two hands open the closed double door by pushing its handles away from them"
     scene = door_scene(towards_hands=False, goal_z=5.7)
-    spec = two_handed(Doors.num_observations, *DOOR_VARIABLES)
+    spec = two_handed(scene, Doors.num_observations, *DOOR_VARIABLES)
     recipe = dexterity_recipe(env_steps=5_000_000)
 
     def success(self, s: State) -> Tensor:

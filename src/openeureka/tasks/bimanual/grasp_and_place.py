@@ -33,8 +33,10 @@ class ShadowHandGraspAndPlace(Handles):
             ),
         },
         goals={"goal": Pose(pos=(-0.3, 0, 0.6))},
+        marker=Pose(pos=(0, 0.2, 10.6)),
     )
     spec = two_handed(
+        scene,
         num_observations,
         *thing_variables("object", "bucket"),
         *point_variables("goal", "unused, a fixed point of the table", use="raw"),

@@ -42,6 +42,7 @@ class ShadowHandKettle(Handles):
         goals={"goal": Pose(pos=(0, 0, 10.5), euler=(0, 0, math.pi / 2))},
     )
     spec = two_handed(
+        scene,
         num_observations,
         *thing_variables("object", "kettle"),
         *goal_variables("unused, far above the kettle", use="raw"),

@@ -42,6 +42,7 @@ class ShadowHandLiftUnderarm(TwoHands):
         goals={"goal": Pose(pos=(0, -0.6, 0.85))},
     )
     spec = two_handed(
+        scene,
         num_observations,
         *thing_variables("object", "pot"),
         *goal_variables("where the pot should be lifted to"),

@@ -35,6 +35,9 @@ from .shapes import (
 class Thing(Protocol):
     """An object without a place."""
 
+    bodies: ClassVar[int]
+    """Of the original: an empty base, the body and its parts; 1 for what is but one piece."""
+
     def build(self, body: mujoco.MjsBody) -> None:
         """Add geoms, moving parts and sites to an empty body."""
         ...
@@ -44,6 +47,7 @@ class Thing(Protocol):
 class Egg:
     mass: float = 0.0754
     semi_axes: Vector = (0.03, 0.03, 0.04)
+    bodies: ClassVar[int] = 1
 
     def build(self, body: mujoco.MjsBody) -> None:
         body.add_geom(
@@ -61,6 +65,7 @@ class Cube:
     """At the 567 kg/m3 of the original's file."""
     friction: float = 1.0
     edge: float = 0.05
+    bodies: ClassVar[int] = 1
 
     def build(self, body: mujoco.MjsBody) -> None:
         half = self.edge / 2
@@ -76,6 +81,7 @@ class Pot:
     inertia: Vector = (0.4, 0.4, 0.2)
     """Of the body and of the lid, each [kg m2]."""
     friction: float = 2.0
+    bodies: ClassVar[int] = 3
 
     def build(self, body: mujoco.MjsBody) -> None:
         set_inertia(body, self.mass, self.inertia)
@@ -113,13 +119,21 @@ class DoubleDoor:
     leaf_mass: float = 3.6
     handle_mass: float = 0.33
     friction: float = 0.55
+    bodies: ClassVar[int] = 4
 
     def build(self, body: mujoco.MjsBody) -> None:
         for z in (-0.444, 0.481):
             add_box(body, (-0.0022, -0.88, z - 0.0022), (0.0022, 0.88, z + 0.0022), friction=self.friction)
-        self._add_leaf(body, "right", side=1, hinge=(-0.008462, 0.426527), edges=(0.007, 0.4475), handle=(0.034, 0.070))
         self._add_leaf(
-            body, "left", side=-1, hinge=(-0.005600, -0.420407), edges=(-0.4436, -0.003), handle=(-0.062, -0.026)
+            body, "right", side=1, hinge=(-0.008462, 0.426527, 0.483292), edges=(0.007, 0.4475), handle=(0.034, 0.070)
+        )
+        self._add_leaf(
+            body,
+            "left",
+            side=-1,
+            hinge=(-0.005600, -0.420407, 0.483292),
+            edges=(-0.4436, -0.003),
+            handle=(-0.062, -0.026),
         )
 
     def _add_leaf(
@@ -128,7 +142,7 @@ class DoubleDoor:
         name: str,
         *,
         side: int,
-        hinge: tuple[float, float],
+        hinge: Vector,
         edges: tuple[float, float],
         handle: tuple[float, float],
     ) -> None:
@@ -138,7 +152,7 @@ class DoubleDoor:
             f"door_{name}_hinge",
             (0, 0, -side),
             (0, math.pi / 2),
-            pos=(*hinge, 0),
+            pos=hinge,
             stiffness=self.stiffness,
             springref=self.spring_angle,
             damping=self.damping,
@@ -149,7 +163,7 @@ class DoubleDoor:
             add_loop(
                 leaf, surface, reach, (-0.193, 0.107), y=y, width=width, mass=self.handle_mass, friction=self.friction
             )
-        point = (hinge[0] + 0.04 * self.hands_at, hinge[1] - 0.39 * side, -0.016708)
+        point = (hinge[0] + 0.04 * self.hands_at, hinge[1] - 0.39 * side, hinge[2] - 0.5)
         leaf.add_site(name=f"door_{name}_handle", pos=point, quat=LINK)
 
 
@@ -165,6 +179,7 @@ class Bottle:
     """[N s/m] and [N m s/rad]"""
     friction: float = 5.0
     """The original's is 50; both hold the bottle like glue."""
+    bodies: ClassVar[int] = 4
 
     def build(self, body: mujoco.MjsBody) -> None:
         axis = (-0.001, -0.001)
@@ -195,6 +210,7 @@ class CappedPen:
     cap_mass: float = 0.027
     stiffness: float = 1.0
     damping: float = 0.5
+    bodies: ClassVar[int] = 3
 
     def build(self, body: mujoco.MjsBody) -> None:
         add_rod(body, (0.001, 0, -0.1485), (0.001, 0, 0.1895), 0.0105, mass=self.mass)
@@ -212,6 +228,7 @@ class Cup:
     mass: float = 0.55
     lid_mass: float = 0.05
     friction: float = 0.75
+    bodies: ClassVar[int] = 3
 
     def build(self, body: mujoco.MjsBody) -> None:
         axis = (0.006, -0.003)
@@ -232,7 +249,7 @@ class Cup:
                 mass=0.05 * self.mass,
             )
         lid = body.add_body(name="cup_lid")
-        add_slide(lid, "cup_lid", (0, 0, 1), (0, 0.108))
+        add_slide(lid, "cup_lid", (0, 0, 1), (0, 0.108), pos=(0.006226, 0.001301, 0))
         add_cylinder(lid, (*axis, 0.064), (*axis, 0.0745), 0.05, mass=self.lid_mass)
 
 
@@ -242,6 +259,7 @@ class Kettle:
 
     mass: float = 1.0
     lid_mass: float = 0.1
+    bodies: ClassVar[int] = 3
 
     def build(self, body: mujoco.MjsBody) -> None:
         for bottom, top, radius, share in (
@@ -268,6 +286,7 @@ class Bucket:
     top: float = 0.0445
     thickness: float = 0.004
     STAVES: ClassVar = 10
+    bodies: ClassVar[int] = 2
 
     def build(self, body: mujoco.MjsBody) -> None:
         outer = self.bottom_radius + self.thickness
@@ -299,6 +318,7 @@ class Scissors:
     half_mass: float = 0.104
     hinge_friction: float = 0.005
     """[N m] Without it, the scissors open by themselves: lying, they are tilted by 0.01 rad."""
+    bodies: ClassVar[int] = 3
 
     def build(self, body: mujoco.MjsBody) -> None:
         self._add_half(body, ((-0.04, 0), (0.058, 0.304)), (-0.005, 0), ring=(-0.0745, -0.0675), ring_z=-0.002)
@@ -354,6 +374,7 @@ class RockerSwitch:
     side: str
     """`right` or `left`."""
     rocker_mass: float = 0.042
+    bodies: ClassVar[int] = 3
 
     def build(self, body: mujoco.MjsBody) -> None:
         add_box(body, (-0.043, -0.05, -0.0725), (0.060, 0.05, 0.0725))

@@ -27,5 +27,5 @@ class ShadowHandOver(Catch):
     joint_noise = 0.2
     position_noise = 0.01
     drop_height = 0.2
-    spec = two_handed(num_observations, *EGG_VARIABLES, bases_move=False)
+    spec = two_handed(scene, num_observations, *EGG_VARIABLES)
     recipe = dexterity_recipe(env_steps=5_000_000)

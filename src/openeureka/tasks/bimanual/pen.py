@@ -41,6 +41,7 @@ class ShadowHandPen(Handles):
         goals={"goal": Pose(pos=(0, 0, 10.6), euler=LYING)},
     )
     spec = two_handed(
+        scene,
         num_observations,
         *thing_variables("object", "pen"),
         *goal_variables("unused, far above the pen", use="raw"),

@@ -38,8 +38,10 @@ class ShadowHandPushBlock(Handles):
             "right_goal": Pose(pos=(-0.2, 0.2, 0.625), euler=CUBE_START),
             "left_goal": Pose(pos=(-0.2, -0.2, 0.625), euler=CUBE_START),
         },
+        marker=Pose(pos=(0, 0.2, 10.6), euler=CUBE_START),
     )
     spec = two_handed(
+        scene,
         num_observations,
         *thing_variables("object", "right block"),
         *HAND_VARIABLES,

@@ -40,7 +40,7 @@ class ShadowHandReOrientation(Pair):
     joint_noise = 0.2
     position_noise = 0.01
     drop_height = 0.2
-    spec = two_handed(num_observations, *pair_variables("cube", "pose to hold"), bases_move=False)
+    spec = two_handed(scene, num_observations, *pair_variables("cube", "pose to hold"))
     recipe = dexterity_recipe(env_steps=5_000_000)
 
     def __init__(self, *args) -> None:

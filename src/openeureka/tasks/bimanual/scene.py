@@ -17,6 +17,8 @@ SIDES = ("right", "left")
 TIPS = tuple(f"{side}_{tip}" for side in SIDES for tip in FINGERTIPS)
 """Bodies of the fingertips, in the order of every array."""
 
+HAND_BODIES = 26
+
 PALM_POINT: Vector = (0, -0.02, 0.08)
 """Where a hand's position is measured, in the palm's frame [m]."""
 
@@ -74,6 +76,8 @@ class Scene:
     """By the name of their state variables; `object` is the main one."""
     goals: Mapping[str, Pose] = field(default_factory=dict)
     """Start values of the goals' state variables, by name: `goal` is that of `object`; only pictures show them."""
+    marker: Pose | None = None
+    """What `goal_states` holds where it is not the state of `goal`."""
     table: Table | None = None
     hands_move: bool = True
     """Whether forces drive the hands' bases; else they are fixed."""

@@ -37,6 +37,7 @@ class ShadowHandScissors(Handles):
         angles={"scissors_hinge": CLOSED},
     )
     spec = two_handed(
+        scene,
         num_observations,
         *thing_variables("object", "left half of the scissors"),
         *goal_variables("unused, far above the scissors", use="raw"),

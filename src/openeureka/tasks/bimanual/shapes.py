@@ -107,6 +107,7 @@ def add_slide(
     axis: Vector,
     travel: tuple[float, float],
     *,
+    pos: Vector = (0, 0, 0),
     stiffness: float = 0.0,
     damping: float = 0.0,
 ) -> None:
@@ -114,6 +115,7 @@ def add_slide(
         name=name,
         type=mujoco.mjtJoint.mjJNT_SLIDE,
         axis=axis,
+        pos=pos,
         range=travel,
         limited=True,
         stiffness=[stiffness, 0, 0],

@@ -49,6 +49,7 @@ class ShadowHandSwingCup(Handles):
         goals={"goal": Pose(pos=(0, 0, 1.6), euler=(0, 0, 1.5 * math.pi))},
     )
     spec = two_handed(
+        scene,
         num_observations,
         *thing_variables("object", "cup"),
         *goal_variables("orientation the cup should be turned to, far above it", use="raw"),

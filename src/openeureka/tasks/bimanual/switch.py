@@ -43,6 +43,7 @@ class ShadowHandSwitch(Handles):
         angles={"switch_right_rocker": RAISED, "switch_left_rocker": RAISED},
     )
     spec = two_handed(
+        scene,
         num_observations,
         *thing_variables("object", "housing of the right switch, which is fixed"),
         *goal_variables("unused, far above the switches", use="raw"),

@@ -35,7 +35,7 @@ class ShadowHandTwoCatchUnderarm(Pair):
     joint_noise = 0.2
     position_noise = 0.01
     drop_height = 0.2
-    spec = two_handed(num_observations, *pair_variables("egg", "where it should come to rest, goal"))
+    spec = two_handed(scene, num_observations, *pair_variables("egg", "where it should come to rest, goal"))
     recipe = dexterity_recipe(env_steps=5_000_000)
 
     def success(self, s: State) -> Tensor:

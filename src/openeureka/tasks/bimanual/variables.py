@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from ...types import StateSpec, StateUse, StateVar
 from ..hands.shadow import FINGERS
-from .scene import SIDES
+from .scene import HAND_BODIES, SIDES, Scene
 
 _POSE = "position [m], quaternion x y z w"
 _MOVING = f"{_POSE}, linear velocity [m/s], angular velocity [rad/s]"
@@ -64,18 +66,56 @@ ROTATION_DISTANCE = StateVar(
 )
 
 
-def two_handed(observations: int, *groups: StateVar, bases_move: bool = True) -> StateSpec:
+def raw_variables(scene: Scene, things: Collection[str]) -> tuple[StateVar, ...]:
+    """The tensors that published rewards may read the other variables from, and the rows that `things` are at."""
+    names = " and ".join(scene.things)
+    parts = ", ".join(f"{placed.thing.bodies} of {name}" for name, placed in scene.things.items())
+    bodies = 2 * HAND_BODIES + sum(placed.thing.bodies for placed in scene.things.values())
+    goals = ("goal", *(name for name in scene.goals if name.startswith("goal_")))
+    return (
+        StateVar(
+            name="rigid_body_states",
+            shape=(bodies, 13),
+            meaning=f"bodies, each {_MOVING}: {HAND_BODIES} of the right hand, {HAND_BODIES} of the left, {parts}",
+        ),
+        *(
+            StateVar(
+                name=f"{name}_handles",
+                shape=(5,),
+                kind="constant",
+                meaning=f"rows of {name}_state in rigid_body_states, as integers",
+            )
+            for name in ("fingertip", "fingertip_another")
+        ),
+        StateVar(
+            name="root_state_tensor",
+            shape=(2 + len(scene.things), 13),
+            meaning=f"right hand, left hand, {names}, each {_MOVING}",
+        ),
+        *(
+            StateVar(name=f"{name}_indices", kind="int", meaning=f"row of {name} in root_state_tensor, {row}")
+            for row, name in enumerate(scene.things, start=2)
+            if name in things
+        ),
+        *(
+            StateVar(name=f"{name}_states", shape=(13,), meaning=f"{_POSE}, then zeros, as the original has {name}")
+            for name in goals
+        ),
+    )
+
+
+def two_handed(scene: Scene, observations: int, *groups: StateVar) -> StateSpec:
     """What a task exposes: its own groups, and what every task observes of the hands."""
     joints = "the 24 joints of the right, then of the left hand"
     inputs = "target angles of 20 joints (-1 at the lower limit, 1 at the upper)"
-    if bases_move:
+    if scene.hands_move:
         inputs = f"force and torque on the base, {inputs}"
-    actions = 52 if bases_move else 40
+    actions = 52 if scene.hands_move else 40
     return StateSpec(
         (
             StateVar(name="obs_buf", shape=(observations,), meaning="observation of the policy"),
             *groups,
-            *(BASES if bases_move else ()),
+            *(BASES if scene.hands_move else ()),
             StateVar(name="dof_pos", shape=(48,), meaning=f"angles of {joints} [rad]"),
             StateVar(name="dof_vel", shape=(48,), meaning=f"rates of {joints} [rad/s]", use="zero_centred"),
             StateVar(name="dof_lower_limits", shape=(48,), kind="constant", meaning="lower joint limits [rad]"),
@@ -92,6 +132,7 @@ def two_handed(observations: int, *groups: StateVar, bases_move: bool = True) ->
                 meaning=f"last action, of the right, then of the left hand: {inputs}",
                 use="zero_centred",
             ),
+            *raw_variables(scene, {group.name.removesuffix("_pose") for group in groups}),
             StateVar(name="num_envs", kind="num_envs", meaning="number of environments"),
         )
     )
