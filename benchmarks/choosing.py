@@ -2,7 +2,7 @@
 
     python benchmarks/choosing.py                          # all tasks; hours on 2 cores
     python benchmarks/choosing.py --env quadcopter         # one
-    python benchmarks/choosing.py --table                  # what is known, as the table of docs/concepts/scores.md
+    make docs                                              # what is known, as tables in docs/concepts/scores.md
 
 A strong model's rewards (`benchmarks/choosing/TASK.json`: replies to the first prompt of a search) and the human reward
 train with seed 0, as a search would train them, and with further seeds, as a final training would. Every policy that a
@@ -19,11 +19,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, get_args
 
+from scipy.stats import spearmanr
+
 from openeureka.config import RunConfig
-from openeureka.lanes import Lanes
+from openeureka.lanes import Lanes, lane
 from openeureka.llm import extract
 from openeureka.observer import NullObserver
+from openeureka.report.text import number
 from openeureka.sandbox.client import Sandbox
+from openeureka.score import mean, rank
 from openeureka.store import Store
 from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
@@ -118,6 +122,75 @@ def _record(
         "played": {peak: [short(look) for look in looks] for peak, looks in plays.items()},
         "held_out": {peak: short(score) for peak, score in judged.items()},
     }
+
+
+def ranking(measured: Record) -> list[tuple[str, ...]]:
+    """A row a task: rank correlation of F in training, and of F when played, with held-out F of the same policy and of
+    fresh trainings; and held-out F in fresh trainings of the reward that each would crown."""
+    return [_ranking(env, measured[env]["lanes"]) for env in STEPS if env in measured]
+
+
+def _ranking(env: str, lanes: Mapping[str, Record]) -> tuple[str, ...]:
+    names = sorted({job.rpartition("-s")[0] for job in lanes} - {"human"})
+    first = {name: lanes[lane(name, SEEDS[0])] for name in names}
+    names = [name for name in names if first[name]["held_out"] and first[name]["training"] is not None]
+    training = [first[name]["training"] for name in names]
+    played = [_score(first[name], _standing(first[name])) for name in names]
+    cells = [
+        _correlation(training, [first[name]["held_out"]["reward"]["fitness"] for name in names]),
+        _correlation(played, [first[name]["held_out"][_standing(first[name])]["fitness"] for name in names]),
+    ]
+    fresh = {name: _fresh(lanes, name) for name in [*names, "human"]}
+    known = [name for name in names if fresh[name] is not None]
+    if not known:
+        return (env, str(len(names)), *cells, *("-" for _ in range(6)))
+    by_training = dict(zip(names, training, strict=True))
+    by_played = dict(zip(names, played, strict=True))
+    again = [fresh[name] for name in known]
+    cells += [_correlation([by[name] for name in known], again) for by in (by_training, by_played)]
+    crowned = [fresh[max(known, key=by.__getitem__)] for by in (by_training, by_played)]
+    seeds = len(_seeds(lanes, known[0]))
+    return (env, str(len(names)), *cells, str(seeds), *map(number, [*crowned, max(again, key=rank), fresh["human"]]))
+
+
+def _standing(record: Record) -> Peak:
+    """The policy that plays best."""
+    return max(record["played"], key=lambda peak: _score(record, peak))
+
+
+def _score(record: Record, peak: Peak) -> float:
+    """Played F over all looks."""
+    looks = record["played"][peak]
+    return sum(look["fitness"] * look["episodes"] for look in looks) / sum(look["episodes"] for look in looks)
+
+
+def _seeds(lanes: Mapping[str, Record], name: str) -> list[int]:
+    """Further ones that are done."""
+    return [seed for seed in SEEDS[1:] if lane(name, seed) in lanes]
+
+
+def _fresh(lanes: Mapping[str, Record], name: str) -> float | None:
+    """Held-out F of further trainings, mean over seeds; None where there are none."""
+    done = [lanes[lane(name, seed)] for seed in _seeds(lanes, name)]
+    return mean([one["held_out"][_standing(one)]["fitness"] for one in done if one["held_out"]])
+
+
+def _correlation(xs: Sequence[float | None], ys: Sequence[float | None]) -> str:
+    """Spearman's; a dash where one side is constant."""
+    if len(set(xs)) < 2 or len(set(ys)) < 2:
+        return "-"
+    return f"{float(spearmanr(xs, ys).statistic):.2f}"
+
+
+def checkpoints(measured: Record) -> list[tuple[str, ...]]:
+    """A row a task: held-out F by the policy that stands for a lane, mean over all lanes of all seeds."""
+    rows = []
+    for env in (env for env in STEPS if env in measured):
+        lanes = [one for one in measured[env]["lanes"].values() if set(one["held_out"]) == set(PEAKS)]
+        means = [mean([one["held_out"][peak]["fitness"] for one in lanes]) for peak in PEAKS]
+        best = mean([one["held_out"][_standing(one)]["fitness"] for one in lanes])
+        rows.append((env, str(len(lanes)), *map(number, [*means, best])))
+    return rows
 
 
 def _read() -> Record:

@@ -151,7 +151,9 @@ class Lanes:
         self._look(0, jobs, strategy.peaks)
         rivals = [job for job in jobs if job not in beside]
         self._look(1, level(self._scores(rivals)), strategy.peaks)
-        return self._scores(jobs)
+        scores = self._scores(jobs)
+        self.observer.played(scores)
+        return scores
 
     def _scores(self, jobs: Iterable[str]) -> dict[str, Evaluation]:
         plays = self.store.plays()

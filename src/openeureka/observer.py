@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal, Protocol
 
 from .score import Outcome
-from .types import Generation, Reply, Sample, TrainingProgress, TrainingResult
+from .types import Evaluation, Generation, Reply, Sample, TrainingProgress, TrainingResult
 
 Phase = Literal["sample", "check", "train", "play", "feedback", "final", "evaluate"]
 
@@ -29,6 +30,10 @@ class Observer(Protocol):
 
     def result(self, result: TrainingResult) -> None:
         """A lane's training ended and is stored."""
+        ...
+
+    def played(self, scores: Mapping[str, Evaluation]) -> None:
+        """What lanes score by now, by job id, since their policies were played; the stored ones come again."""
         ...
 
     def generation(self, generation: Generation) -> None:
@@ -64,6 +69,10 @@ class Observers:
         for observer in self._observers:
             observer.result(result)
 
+    def played(self, scores: Mapping[str, Evaluation]) -> None:
+        for observer in self._observers:
+            observer.played(scores)
+
     def generation(self, generation: Generation) -> None:
         for observer in self._observers:
             observer.generation(generation)
@@ -81,5 +90,6 @@ class NullObserver:
     def verdict(self, sample: Sample) -> None: ...
     def progress(self, progress: TrainingProgress) -> None: ...
     def result(self, result: TrainingResult) -> None: ...
+    def played(self, scores: Mapping[str, Evaluation]) -> None: ...
     def generation(self, generation: Generation) -> None: ...
     def outcome(self, outcome: Outcome) -> None: ...

@@ -8,6 +8,7 @@ from openeureka.cli.live import PlainView, TerminalView, view
 from openeureka.config import RunConfig
 from openeureka.types import (
     Candidate,
+    Evaluation,
     Finding,
     Generation,
     Reply,
@@ -37,6 +38,8 @@ REFUSED = Sample(
 LANE = f"{PROGRAM.id}-s0"
 RESULT = TrainingResult(job=LANE, state=TrainingState.FINISHED, fitness=321.0, curves={}, env_steps=1, seconds=1.0)
 
+PLAYED = Evaluation(job=LANE, fitness=300.0, error=12.0, episode_length=300.0, episodes=64)
+
 
 def play(shown: PlainView | TerminalView) -> None:
     """One generation, as the loop reports it."""
@@ -47,7 +50,8 @@ def play(shown: PlainView | TerminalView) -> None:
     shown.phase(0, "train")
     shown.progress(TrainingProgress(epoch=1, epochs=4, env_steps_per_second=5000.0, fitness={LANE: 12.5}))
     shown.result(RESULT)
-    entries = (Scored(sample=ACCEPTED, result=RESULT, feedback=""), Scored(sample=REFUSED, result=None, feedback=""))
+    shown.played({LANE: PLAYED})
+    entries = (Scored(sample=ACCEPTED, result=RESULT, feedback="", played=PLAYED), Scored(sample=REFUSED, result=None, feedback=""))
     shown.generation(Generation(0, entries))
 
 
@@ -75,14 +79,15 @@ def test_plain_lines_tell_the_story_of_a_generation():
     assert lines[0].startswith("cartpole · generation 0 (0 to 1) · asking the model")
     assert f"  slot 0, try 1, {PROGRAM.id}: accepted" in lines
     assert any(line.startswith("Training: epoch 1 of 4, 5,000 steps/s") for line in lines)
-    assert f"  {LANE}: F 321" in lines
-    assert lines[-1] == "Generation 0: best F 321, 1 of 2 trained"
+    assert f"  {LANE}: F 321 in training" in lines
+    assert f"  {LANE}: F 300 ± 12 played" in lines
+    assert lines[-1] == "Generation 0: best F 300, 1 of 2 trained"
 
 
 def test_the_table_shows_verdict_and_fitness_of_each_slot_and_all_tokens():
     text = terminal_text()
     rows = {line.split()[0]: line for line in text.splitlines() if line[:1].isdigit()}
-    assert PROGRAM.id in rows["0"] and "accepted" in rows["0"] and "321" in rows["0"]
+    assert PROGRAM.id in rows["0"] and "accepted" in rows["0"] and rows["0"].split()[-4:] == ["321", "300", "±", "12"]
     assert "refused: line 1:" in rows["1"]
     assert "1,334 tokens" in text  # 100 of an earlier process and 1234 of this one
     assert "epoch 1 of 4, 5,000 steps/s" in text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from types import TracebackType
 
 from rich.console import Console, Group
@@ -13,9 +14,9 @@ from rich.text import Text
 from ..config import RunConfig, short_name
 from ..lanes import BASELINES, lane
 from ..observer import Phase
-from ..report.text import duration, number, one_line
+from ..report.text import duration, number, one_line, scored
 from ..score import Outcome
-from ..types import Generation, Reply, Sample, TrainingProgress, TrainingResult, TrainingState, Usage
+from ..types import Evaluation, Generation, Reply, Sample, TrainingProgress, TrainingResult, TrainingState, Usage
 from .progress import ProgressLine
 
 _PHASES: dict[Phase, str] = {
@@ -95,6 +96,7 @@ class PlainView:
         self._console = console
         self._tally = Tally(config, usage)
         self._line = ProgressLine(console)
+        self._played: dict[str, Evaluation] = {}
 
     def __enter__(self) -> PlainView:
         return self
@@ -123,7 +125,12 @@ class PlainView:
 
     def result(self, result: TrainingResult) -> None:
         state = "" if result.state is TrainingState.FINISHED else f" {result.state}: {one_line(result.message, 80)}"
-        self._say(f"  {result.job}: F {number(result.fitness)}{state}")
+        self._say(f"  {result.job}: F {number(result.fitness)} in training{state}")
+
+    def played(self, scores: Mapping[str, Evaluation]) -> None:
+        for job in scores.keys() - self._played.keys():
+            self._say(f"  {job}: F {scored(scores[job])} played")
+        self._played |= scores
 
     def generation(self, generation: Generation) -> None:
         self._say(self._tally.generation_done(generation))
@@ -139,6 +146,7 @@ class TerminalView:
         self._samples: dict[int, Sample] = {}
         self._replied: set[int] = set()
         self._fitness: dict[str, float | None] = {}
+        self._played: dict[str, Evaluation] = {}
         self._epochs = ""
         self._done: list[str] = []
         self._live = Live(console=console, get_renderable=self.render, refresh_per_second=4)
@@ -178,6 +186,9 @@ class TerminalView:
     def result(self, result: TrainingResult) -> None:
         self._fitness[result.job] = result.fitness
 
+    def played(self, scores: Mapping[str, Evaluation]) -> None:
+        self._played |= scores
+
     def generation(self, generation: Generation) -> None:
         self._done.append(self._tally.generation_done(generation))
 
@@ -188,26 +199,29 @@ class TerminalView:
         return Group(*lines, self._slots() if self._tally.index < self._tally.config.generations else self._lanes())
 
     def _slots(self) -> Table:
-        table = Table("slot", "candidate", "try", "verdict", "F", box=None, pad_edge=False)
+        table = Table("slot", "candidate", "try", "verdict", "F in training", "F played", box=None, pad_edge=False)
         seed = self._tally.config.seed
         for slot in range(self._tally.config.sample):
             sample = self._samples.get(slot)
             if sample is None:
-                table.add_row(str(slot), "", "", "replied" if slot in self._replied else "", "")
+                table.add_row(str(slot), "", "", "replied" if slot in self._replied else "", "", "")
                 continue
             name = sample.candidate.id if sample.candidate else "-"
-            fitness = number(self._fitness.get(lane(name, seed)))
-            table.add_row(str(slot), name, str(sample.attempts), Text(verdict_line(sample)), fitness)
+            scores = self._scores(lane(name, seed))
+            table.add_row(str(slot), name, str(sample.attempts), Text(verdict_line(sample)), *scores)
         for name, _ in BASELINES:
             if lane(name, seed) in self._fitness:
-                table.add_row("", f"{name} reward", "", "", number(self._fitness[lane(name, seed)]))
+                table.add_row("", f"{name} reward", "", "", *self._scores(lane(name, seed)))
         return table
 
     def _lanes(self) -> Table:
-        table = Table("training", "F", box=None, pad_edge=False)
-        for job, fitness in self._fitness.items():
-            table.add_row(Text(job), number(fitness))
+        table = Table("training", "F in training", "F played", box=None, pad_edge=False)
+        for job in self._fitness:
+            table.add_row(Text(job), *self._scores(job))
         return table
+
+    def _scores(self, job: str) -> tuple[str, str]:
+        return number(self._fitness.get(job)), scored(self._played.get(job))
 
 
 def view(config: RunConfig, usage: Usage, console: Console | None = None) -> PlainView | TerminalView:

@@ -141,7 +141,9 @@ class ToyTrainer:
         dynamics: Mapping[str, Dynamics] | None = None,
     ) -> Iterator[Evaluation]:
         for job, policy in policies.items():
-            yield Evaluation(job=job, fitness=float(policy) - 1, episode_length=3.0, episodes=episodes or 4, error=self.error)
+            yield Evaluation(
+                job=job, fitness=float(policy) - 1, episode_length=3.0, episodes=episodes or 4, error=self.error
+            )
 
 
 def _worth(job: TrainJob) -> float:
