@@ -45,9 +45,10 @@ def contenders(history: History) -> tuple[Scored, ...]:
 def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | None:
     """The best of the contenders by the played F of fresh trainings; None when nothing ever trained.
 
-    All of them and the baselines train with two seeds. Then, a seed at a time and `config.seeds` at most, those that
-    are not yet shown to be worse than the leader, and the human reward, until one is left whose difference to the human
-    reward is beyond doubt. Where nothing is played the best of the search trains with all seeds at once.
+    All of them and the human reward train with two seeds. Then, a seed at a time and `config.seeds` at most, those that
+    are not yet shown to be worse than the leader, and the human reward, until one is left whose difference to it is
+    beyond doubt. The sparse reward is no rival: its training beside the first generation marks the scale's other end.
+    Where nothing is played the best of the search and both baselines train with all seeds at once.
 
     Raises:
         WorkerError: see `Lanes.train`.
@@ -55,13 +56,12 @@ def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | 
     arms = {entry.sample.verdict.candidate: entry for entry in contenders(history)}
     if not arms:
         return None
-    config, names, others = lanes.config, list(arms), beside(lanes.config)
-    known = baselines.chosen(config)
-    for seeds in rounds(final_seeds(config), raced=strategy.judge == "played"):
+    config, names, raced = lanes.config, list(arms), strategy.judge == "played"
+    known, others = baselines.chosen(config), beside(config)[: 1 if raced else None]
+    for seeds in rounds(final_seeds(config), raced=raced):
         results = lanes.train([*programs(arms[name].sample for name in names), *others], seeds)
-        if strategy.judge == "training":
+        if not raced:
             break
-        others = others[:1]  # the sparse reward is no rival: it only marks the scale's other end
         finals = lanes.final(tuple(arms.values()))
         played = lanes.play([*results, *(job for jobs in finals.values() for job in jobs)], strategy)
         scores = {

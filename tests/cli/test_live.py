@@ -51,7 +51,10 @@ def play(shown: PlainView | TerminalView) -> None:
     shown.progress(TrainingProgress(epoch=1, epochs=4, env_steps_per_second=5000.0, fitness={LANE: 12.5}))
     shown.result(RESULT)
     shown.played({LANE: PLAYED})
-    entries = (Scored(sample=ACCEPTED, result=RESULT, feedback="", played=PLAYED), Scored(sample=REFUSED, result=None, feedback=""))
+    entries = (
+        Scored(sample=ACCEPTED, result=RESULT, feedback="", played=PLAYED),
+        Scored(sample=REFUSED, result=None, feedback=""),
+    )
     shown.generation(Generation(0, entries))
 
 

@@ -61,19 +61,19 @@ def test_only_those_level_with_the_best_train_again_and_at_most_three(tmp_path: 
     # Played one less: 9 is 2 above 7, within two errors of both (2.83); 4 is not.
     go(tmp_path, trainer, [4, 7, 8, 8.5, 9], seeds=2)
     again = {name for name in trainer.trained if name.endswith("-s1")}
-    assert again == {job(8, 1), job(8.5, 1), job(9, 1), "human-s1", "sparse-s1"}
+    assert again == {job(8, 1), job(8.5, 1), job(9, 1), "human-s1"}
 
 
 def test_a_clear_winner_trains_alone_and_no_longer_than_needed(tmp_path: Path) -> None:
     trainer = ToyTrainer()  # nothing varies but a hundredth a seed: two seeds decide
     outcome = go(tmp_path, trainer, [7, 8], seeds=5)
     assert [name for name in trainer.trained if not name.endswith("-s0")] == [
-        *(job(8, 1), job(8, 2), "human-s1", "human-s2", "sparse-s1", "sparse-s2")
+        *(job(8, 1), job(8, 2), "human-s1", "human-s2")
     ]
     assert outcome.difference is not None and outcome.difference.sure
 
 
-def test_more_seeds_train_while_it_is_undecided_and_the_sparse_reward_takes_no_part(tmp_path: Path) -> None:
+def test_more_seeds_train_while_it_is_undecided_beside_the_human_reward(tmp_path: Path) -> None:
     noisy = {job(10, seed): 9.0 + (-1) ** seed * 5 for seed in range(1, 9)} | {f"human-s{s}": 9.0 for s in range(9)}
     trainer = Lucky(said=noisy)
     outcome = go(tmp_path, trainer, [10, 1], seeds=4)
