@@ -374,6 +374,139 @@ def kettle(s):
     return 1 - right - left + up, s["bucket_handle_pos"][:, 2] <= 0.2, apart < 0.05
 
 
+# --- states on either side of every bound: f is a little below or above 1 ---
+
+
+def moved(point: Array, *offset: float) -> Array:
+    return point + np.array(offset)
+
+
+def at_height(point: Array, z: float) -> Array:
+    return np.concatenate((point[:, :2], np.full((len(point), 1), z)), axis=1)
+
+
+def turned_by(s, angle: float, thing: str = "object", goal: str = "goal") -> dict[str, Array]:
+    rot = mul(np.tile(about((0, 0, 1), angle), (len(s[f"{goal}_rot"]), 1)), s[f"{goal}_rot"])
+    name = goal.replace("goal", "rotation_distance")
+    return {f"{thing}_rot": rot, name: np.full(len(rot), angle)}
+
+
+def catch_edges(floor: float):
+    return lambda s, f: [
+        {"object_pos": moved(s["goal_pos"], 0.03 * f, 0, 0)}, {"object_pos": at_height(s["goal_pos"], floor * f)}
+    ]  # fmt: skip
+
+
+def over2underarm_edges(s, f):
+    here = np.zeros_like(s["goal_pos"])
+    bases = [
+        {"right_base_pos": moved(here, 0.1 * f, 0, 0.5)},
+        {"left_base_pos": moved(here, 0, 0.1 * f - 0.8, 0.5)},
+    ]
+    return [*catch_edges(0.3)(s, f), *bases]
+
+
+def abreast_edges(s, f):
+    here = {side: turn(s[f"{side}_hand_rot"], np.tile((0, -0.02, 0.08), (len(s["goal_pos"]), 1))) for side in
+            ("right", "left")}  # fmt: skip
+    home = {"right": np.array((-0.3, -0.55, 0.5)), "left": np.array((-0.3, -1.15, 0.5))}
+    still = {f"{side}_hand_pos": home[side] + here[side] for side in here}
+    strays = [{**still, f"{side}_hand_pos": home[side] + here[side] + (0, 0.1 * f, 0)} for side in here]
+    return [*({**still, **edge} for edge in catch_edges(0.2)(s, f)), *strays]
+
+
+def pair_edges(s, f):
+    there = {"object_pos": s["goal_pos"], "object_another_pos": s["goal_another_pos"]}
+    gaps = {name: moved(point, 0, 0.03 * f, 0) for name, point in there.items()}
+    drops = [{**there, name: at_height(point, 0.2 * f)} for name, point in there.items()]
+    turns = [turned_by(s, 0.1 * f), turned_by(s, 0.1 * f, "object_another", "goal_another")]
+    apart = {**turned_by(s, 1.0), **turned_by(s, 1.0, "object_another", "goal_another")}
+    return [gaps, *drops, *({**apart, **turn} for turn in turns)]
+
+
+def lift_edges(s, f):
+    return [{"object_pos": moved(s["goal_pos"], 0, 0, -0.05 * f)}, {"object_pos": at_height(s["goal_pos"], 0.3 * f)}]
+
+
+def scissors_edges(s, f):
+    found = []
+    for q in (-0.3 * f, -0.69 * f):
+        rot = mul(s["scissors_left_handle_rot"], np.tile(about((0, 1, 0), q), (len(s["goal_pos"]), 1)))
+        found.append({"scissors_right_handle_rot": rot, "scissors_hinge": np.full(len(rot), q)})
+    return found
+
+
+def stack_edges(s, f):
+    lower, upper = s["goal_pos"] + (0, -0.1, 0), s["goal_pos"] + (0, -0.1, 0.05)
+    there = {"block_right_handle_pos": lower, "block_left_handle_pos": upper}
+    shifts = [{name: moved(point, 0.07 * f, 0, 0)} for name, point in there.items()]
+    return [{**there, **shift} for shift in [*shifts, {"block_left_handle_pos": moved(upper, 0, 0, 0.03 * f)}]]
+
+
+def push_edges(s, f):
+    there = {f"block_{side}_handle_pos": s[f"{side}_goal_pos"] for side in ("right", "left")}
+    return [{**there, name: moved(point, 0.1 * f, 0, 0)} for name, point in there.items()]
+
+
+def apart(one: str, other: str, bound: float):
+    return lambda s, f: [{one: moved(s[other], 0, bound * f, 0)}]
+
+
+def bottle_edges(s, f):
+    return [
+        {"bottle_cap_up": moved(s["bottle_pos"], 0, 0.03 * f, 0)},
+        {"bottle_cap_pos": at_height(s["bottle_cap_pos"], 0.5 * f)},
+    ]
+
+
+def swing_edges(s, f):
+    return [turned_by(s, 0.785 * f), {"object_pos": at_height(s["object_pos"], 0.3 * f)}]
+
+
+def switch_edges(s, f):
+    names = ("switch_right_handle_pos", "switch_left_handle_pos")
+    return [{name: at_height(s[name], 0.7 - 0.006 * f) for name in names}]
+
+
+def kettle_edges(s, f):
+    spout = s["kettle_spout_pos"]
+    drop = {"bucket_handle_pos": at_height(s["bucket_handle_pos"], 0.2 * f)}
+    return [{"bucket_handle_pos": moved(spout, 0, 0.05 * f, 0)}, drop]
+
+
+EDGES: Mapping[str, Callable[[Mapping[str, Array], float], list[dict[str, Array]]]] = {
+    "shadow_hand_over": catch_edges(0.2),
+    "shadow_hand_catch_underarm": catch_edges(0.1),
+    "shadow_hand_catch_over2underarm": over2underarm_edges,
+    "shadow_hand_catch_abreast": abreast_edges,
+    "shadow_hand_two_catch_underarm": pair_edges,
+    "shadow_hand_re_orientation": pair_edges,
+    "shadow_hand_lift_underarm": lift_edges,
+    "shadow_hand_bottle_cap": bottle_edges,
+    "shadow_hand_push_block": push_edges,
+    "shadow_hand_swing_cup": swing_edges,
+    "shadow_hand_grasp_and_place": apart("block_left_handle_pos", "block_right_handle_pos", 0.2),
+    "shadow_hand_block_stack": stack_edges,
+    "shadow_hand_scissors": scissors_edges,
+    "shadow_hand_switch": switch_edges,
+    "shadow_hand_pen": apart("pen_left_handle_pos", "pen_right_handle_pos", 0.3),
+    "shadow_hand_kettle": kettle_edges,
+    **{
+        f"shadow_hand_door_{kind}": apart("door_left_handle_pos", "door_right_handle_pos", 0.5)
+        for kind in ("open_inward", "open_outward", "close_inward", "close_outward")
+    },
+}
+# Sums of finger distances (of palms in LiftUnderarm and for the bottle) at which a reward or an end sets in.
+REACHES: Mapping[str, tuple[float, ...]] = {
+    "shadow_hand_lift_underarm": (0.08, 0.2), "shadow_hand_door_open_inward": (0.5, 1.5),
+    "shadow_hand_door_open_outward": (0.5, 1.5), "shadow_hand_door_close_inward": (0.5, 1.5),
+    "shadow_hand_door_close_outward": (0.5, 3.0), "shadow_hand_bottle_cap": (0.2, 0.3, 0.5),
+    "shadow_hand_push_block": (1.2,), "shadow_hand_swing_cup": (0.4,), "shadow_hand_grasp_and_place": (1.5,),
+    "shadow_hand_block_stack": (0.5, 0.75), "shadow_hand_scissors": (0.7, 1.75), "shadow_hand_pen": (0.75, 1.5),
+    "shadow_hand_kettle": (0.7,),
+}  # fmt: skip
+
+
 # --- the tasks ---
 
 AHEAD = (((0, 0, 0.5), (0, 0, 0)), ((0, -1.15, 0.5), (0, 0, pi)))

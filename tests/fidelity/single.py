@@ -63,6 +63,10 @@ class Published:
     def variants(self, s: State) -> list[dict[str, Array]]:
         return [dict(s)]
 
+    def edges(self, s: State, f: float) -> list[dict[str, Array]]:
+        """What is different a little below or above each bound, for f a little below or above 1."""
+        raise NotImplementedError
+
 
 class Cartpole(Published):
     steps = 499
@@ -85,6 +89,13 @@ class Cartpole(Published):
         failed = (np.abs(x) > 3) | (np.abs(theta) > pi / 2)
         reward = np.where(failed, -2, 1 - theta**2 - 0.01 * np.abs(v) - 0.005 * np.abs(rate))
         return reward, failed, np.where(failed, 0.0, 1.0)
+
+    def edges(self, s, f):
+        ends = [(3 * f, 0.1), (0.1, -pi / 2 * f)]
+        return [
+            {"dof_pos": np.tile(end, (N, 1)), "cart_position": np.full(N, end[0]), "pole_angle": np.full(N, end[1])}
+            for end in ends
+        ]
 
 
 class Quadcopter(Published):
@@ -116,6 +127,9 @@ class Quadcopter(Published):
         spin = np.abs(s["root_angvels"][:, 2])
         reward = 1 / (1 + d**2) * (1 + 1 / (1 + tilt**2) + 1 / (1 + spin**2))
         return reward, (d > 3) | (s["root_positions"][:, 2] < 0.3), -d
+
+    def edges(self, s, f):
+        return [{"root_positions": everywhere(3 * f, 0, 1)}, {"root_positions": everywhere(0, 0, 0.3 * f)}]
 
 
 class BallBalance(Published):
@@ -153,6 +167,9 @@ class BallBalance(Published):
         failed = s["ball_positions"][:, 2] < 0.15
         return 1 / (1 + away) * 1 / (1 + speed), failed, np.where(failed, 0.0, 1.0)
 
+    def edges(self, s, f):
+        return [{"ball_positions": everywhere(0.1, 0, 0.15 * f)}]
+
 
 class Runner(Published):
     steps = 999
@@ -162,6 +179,9 @@ class Runner(Published):
     rate_scale: float
     force_scale: float
     heights: tuple[float, float]
+    fall: float
+    bend: float
+    """Of a joint's range, from -1 to 1, beyond which it is penalised."""
 
     def poses(self, w):
         low, high = self.heights
@@ -205,6 +225,19 @@ class Runner(Published):
         heading = np.where(s["heading_proj"] > 0.8, 0.5, 0.5 * s["heading_proj"] / 0.8)
         return heading + np.where(s["up_proj"] > 0.93, 0.1, 0)
 
+    def edges(self, s, f):
+        low = s["root_states"].copy()
+        low[:, 2] = self.fall * f
+        up = {"torso_height": np.ones(N), "root_states": s["root_states"] + np.eye(13)[2]}  # alive, whatever the pose
+        bent = s["dof_pos"].copy()
+        bent[:] = sum(self.limits) / 2 + (self.limits[1] - self.limits[0]) / 2 * (1 - (1 - self.bend) / f)
+        return [
+            {"root_states": low, "torso_height": low[:, 2]},
+            {**up, "heading_proj": np.full(N, 0.8 * f)},
+            {**up, "up_proj": np.full(N, 0.93 * f)},
+            {**up, "dof_pos": bent, "dof_pos_scaled": to_unit_range(bent, *self.limits)},
+        ]
+
 
 class Ant(Runner):
     joints = tuple(f"{part}_{leg}" for leg in range(1, 5) for part in ("hip", "ankle"))
@@ -213,7 +246,7 @@ class Ant(Runner):
         np.radians([40.0, 100, 40, -30, 40, -30, 40, 100]),
     )
     feet = ("front_left_foot", "front_right_foot", "left_back_foot", "right_back_foot")
-    rate_scale, force_scale, heights = 0.2, 0.1, (0.2, 0.6)
+    rate_scale, force_scale, heights, fall, bend = 0.2, 0.1, (0.2, 0.6), 0.31, 0.99
 
     def state(self, w, task, before):
         return {**super().state(w, task, before), "up_axis_idx": 2}
@@ -259,7 +292,7 @@ class Humanoid(Runner):
         np.radians([45.0, 30, 35, *[15, 35, 45, 2, 50, 50] * 2, *[70, 70, 50] * 2]),
     )
     feet = ("right_foot", "left_foot")
-    rate_scale, force_scale, heights = 0.1, 0.01, (0.5, 1.5)
+    rate_scale, force_scale, heights, fall, bend = 0.1, 0.01, (0.5, 1.5), 0.8, 0.98
 
     def state(self, w, task, before):
         s = super().state(w, task, before)
@@ -344,6 +377,14 @@ class Anymal(Published):
         failed = (force[:, 0] > 1) | (force[:, 2::3] > 1).any(axis=1)
         return reward, failed, -(away + yaw)
 
+    def edges(self, s, f):
+        found = []
+        for row in range(13):
+            forces = np.zeros((N, 13, 3))
+            forces[:, row, 1] = f
+            found.append({"contact_forces": forces})
+        return found
+
 
 class FrankaCabinet(Published):
     steps = 499
@@ -422,6 +463,19 @@ class FrankaCabinet(Published):
         through = (s["franka_lfinger_pos"][:, 0] < edge) | (s["franka_rfinger_pos"][:, 0] < edge)
         return np.where(through, -1, reward), q > 0.39, (q > 0.39).astype(float)
 
+    def edges(self, s, f):
+        held, handle = self.variants(s)[1], s["drawer_grasp_pos"]
+        found = [{**held, "franka_grasp_pos": handle + np.array((0.02 * f, 0, 0))}]
+        for opening in (0.01, 0.2, 0.39):
+            doors = s["cabinet_dof_pos"].copy()
+            doors[:, 3] = opening * f
+            found.append({**held, "cabinet_dof_pos": doors, "drawer_opening": doors[:, 3]})
+        for finger in ("franka_lfinger_pos", "franka_rfinger_pos"):
+            at = held[finger].copy()
+            at[:, 0] = handle[:, 0] - 0.04 * f
+            found.append({**held, finger: at})
+        return found
+
 
 class InHand(Published):
     steps = 599
@@ -474,6 +528,11 @@ class InHand(Published):
         hit = theta <= self.tolerance
         effort = (s["actions"] ** 2).sum(axis=1)
         return self.weight * d + 1 / (theta + 0.1) - 0.0002 * effort + 250 * hit, d >= 0.24, hit.astype(float)
+
+    def edges(self, s, f):
+        rot = mul(about(X, np.full(N, self.tolerance * f)), s["goal_rot"])
+        turned = {"object_rot": rot, "rotation_distance": np.full(N, self.tolerance * f)}
+        return [turned, {"object_pos": s["goal_pos"] + np.array((0, 0, 0.24 * f))}]
 
 
 class AllegroHand(InHand):

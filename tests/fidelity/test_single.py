@@ -74,7 +74,8 @@ def test_reward_reset_and_f_are_the_originals(case: Case) -> None:
     task, ended = case.simulation.task, torch.arange(N) % 2 == 0
     original = doubled(case)
     failures, parts, rewards = [], [], []
-    for variant in case.published.variants(original):
+    edges = [{**original, **edge} for f in (0.97, 1.03) for edge in case.published.edges(original, f)]
+    for variant in [*case.published.variants(original), *edges]:
         s = as_state(case, variant, original)
         reward, failed, part = case.published.judge(variant)
         # A speed is the difference of two potentials, each rounded to 4e-3 in float32.

@@ -14,8 +14,8 @@ from openeureka.tasks.bimanual.common import TwoHands
 from openeureka.tasks.env import BatchedEnv
 from openeureka.tasks.registry import get, make
 
-from .dexterity import FINGERS, LOWER, MOUNT, ORIGINALS, UPPER, Original, observation, state
-from .raw import Array, Worlds, about, conj, differences, euler, mul, prepared, put, same_signs, turn
+from .dexterity import EDGES, FINGERS, LOWER, MOUNT, ORIGINALS, REACHES, UPPER, Original, observation, state
+from .raw import Array, Worlds, about, conj, differences, euler, mul, norm, prepared, put, same_signs, turn
 
 N = 9
 # From the start to the end of what the task is about; the last world has dropped what it holds.
@@ -157,6 +157,32 @@ def altered(case: Case) -> list[dict[str, Array]]:
     return variants
 
 
+def on_edges(case: Case) -> list[dict[str, Array]]:
+    """States a little below and above every bound that the original compares with."""
+    variants, s = [], case.expected
+    points = {side: s.get(f"{name}_pos") for side, name in handles(case.original).items()}
+    for f in (0.97, 1.03):
+        variants += [{**s, **edge} for edge in EDGES[case.env](s, f)]
+        for bound in REACHES.get(case.env, ()):
+            for near in ("right", "left"):  # the other hand is a tenth nearer
+                variant = dict(s)
+                for side in ("right", "left"):
+                    reach = bound * f * (1.0 if side == near else 0.9)
+                    variant |= at_reach(variant, side, points[side], reach)
+                variants.append(variant)
+    return variants
+
+
+def at_reach(s: Mapping[str, Array], side: str, point: Array | None, reach: float) -> dict[str, Array]:
+    """The fingers of one hand at a summed distance [m] from a point, and the palm at that distance."""
+    assert point is not None
+    names = [f"{side}_hand_{finger}_pos" for finger in FINGERS if f"{side}_hand_{finger}_pos" in s]
+    total = sum((norm(s[name] - point) for name in names), np.zeros(N))
+    moved = {name: point + (reach / total)[:, None] * (s[name] - point) for name in names}
+    palm = s[f"{side}_hand_pos"] - point
+    return {**moved, f"{side}_hand_pos": point + reach * palm / norm(palm)[:, None]}
+
+
 def handles(original: Original) -> dict[str, str]:
     names = list(original.handles)
     if not names:
@@ -177,7 +203,7 @@ def as_state(case: Case, variant: Mapping[str, Array]) -> dict[str, Any]:
 def test_reward_reset_and_success_are_the_originals(case: Case) -> None:
     task = case.task
     failures, successes, rewards = [], [], []
-    for variant in altered(case):
+    for variant in [*altered(case), *on_edges(case)]:
         s = as_state(case, variant)
         reward, failed, success = case.original.judge(variant)
         assert task.human_reward(s).tolist() == pytest.approx(reward.tolist(), rel=2e-4, abs=2e-4)
