@@ -162,7 +162,13 @@ def on_edges(case: Case) -> list[dict[str, Array]]:
     variants, s = [], case.expected
     points = {side: s.get(f"{name}_pos") for side, name in handles(case.original).items()}
     for f in (0.97, 1.03):
-        variants += [{**s, **edge} for edge in EDGES[case.env](s, f)]
+        for edge in EDGES[case.env](s, f):
+            variants.append({**s, **edge})
+            if case.env in REACHES:  # the same with both hands at their handles
+                near = {**s, **edge}
+                for side, name in handles(case.original).items():
+                    near |= at_reach(near, side, near[f"{name}_pos"], 0.05)
+                variants.append(near)
         for bound in REACHES.get(case.env, ()):
             for near in ("right", "left"):  # the other hand is a tenth nearer
                 variant = dict(s)
