@@ -155,3 +155,13 @@ def test_fitness_is_the_share_of_time_upright_and_the_human_reward_by_hand():
     assert task.fitness(state, torch.zeros(2, dtype=torch.bool)).value.tolist() == [1.0, 0.0]
     # cos 0.1 - 0.01 * 4 - 0.001 = 0.954; cos 0.3 = 0.9553
     assert task.human_reward(state).tolist() == pytest.approx([0.9540, 0.9553], abs=1e-4)
+
+
+@pytest.mark.parametrize("value", ["self.qvel[:, 0]", "self.qpos[:, 0].view(-1)"])
+def test_a_forgotten_clone_is_named_before_anything_is_recorded(tmp_path, value):
+    file = tmp_path / "mine.py"
+    file.write_text(FILE.read_text().replace("self.qvel[:, 0].clone()", value))
+    with pytest.raises(
+        TaskError, match=r"`angular_velocity` of the task `pendulum` would change .* with \.clone\(\)\."
+    ):
+        make(str(file), worlds=2).reset()

@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
+from ..errors import TaskError
 from ..sim import open_simulator
 from ..sim.capacity import Capacity
 from .noise import WorldNoise
-from .task import Score, State, Task
+from .task import Score, State, Task, mean_over_steps
 
 
 class Step(NamedTuple):
@@ -54,6 +55,7 @@ class BatchedEnv:
         threads: simulation threads, 0 for all cores (CPU only).
 
     Attributes:
+        scored: compute the score of each step; else it is zero, so that a task can be watched before its F is written.
         masked: reset by mask, which never waits for a GPU to say which worlds are done; by index where that is cheaper.
     """
 
@@ -64,6 +66,7 @@ class BatchedEnv:
         room = Capacity(task.max_contacts, task.max_constraints)
         self.sim = open_simulator(task.compile_model(), self.num_worlds, device=device, threads=threads, room=room)
         self.task = task(self.sim, WorldNoise(lane_seeds, worlds, self.sim.device))
+        self.scored = True
         self.masked = device != "cpu"
         self._bad = torch.zeros((), dtype=torch.int64, device=self.sim.device)
         self._whole = torch.ones(self.num_worlds, dtype=torch.bool, device=self.sim.device)
@@ -80,6 +83,8 @@ class BatchedEnv:
     def reset(self, *, stagger: bool = False) -> Tensor:
         """Start an episode in every world; returns the first observation (N, O).
 
+        Raises TaskError when a state variable is a view of the simulator's memory.
+
         Args:
             stagger: let the first episodes be cut off after a random part of the episode length. Worlds that all start
                 together also time out together: F would then follow the phase of the episode rather than the policy.
@@ -89,7 +94,21 @@ class BatchedEnv:
         if stagger:
             self.task.progress = self.task.noise.uniform(worlds, 1, 0, self.task.time_limit())[:, 0].long()
             self._whole = self.task.progress == 0
-        return self._observe(self.current_state())
+        state = self.current_state()
+        self._refuse_views(state)
+        return self._observe(state)
+
+    def _refuse_views(self, state: State) -> None:
+        """Raises TaskError where a state variable is the simulator's own memory: what was recorded would change."""
+        own = {value.untyped_storage().data_ptr() for value in self.sim.memory().values()}
+        tensors = {name: value for name, value in state.items() if isinstance(value, Tensor) and value.numel()}
+        views = [name for name, value in tensors.items() if value.untyped_storage().data_ptr() in own]
+        if views:
+            called = ", ".join(f"`{name}`" for name in views)
+            raise TaskError(
+                f"{called} of the task `{self.task.env}` would change after it was recorded, being the simulator's own"
+                " memory; in `compute_state`, end what comes from `bind` with .clone()."
+            )
 
     def state_dict(self) -> dict[str, Any]:
         """All that the next step depends on, copied."""
@@ -119,7 +138,7 @@ class BatchedEnv:
         timed_out = (task.progress >= task.time_limit()) & ~terminated
         done = terminated | timed_out
         ended = done & self._whole
-        score = task.fitness(state, ended)
+        score = task.fitness(state, ended) if self.scored else mean_over_steps(torch.zeros(len(bad), device=bad.device))
         score = Score(score.value, torch.where(bad, 0.0, score.weight))
         length = task.progress.clone()
         final = self._observe(state)

@@ -53,7 +53,7 @@ class TaskConformance:
         kept = {name: tensor.clone() for name, tensor in _tensors(recorded).items()}
         _random_steps(simulation, 5)
         changed = [name for name, tensor in _tensors(recorded).items() if not torch.equal(tensor, kept[name])]
-        assert not changed, f"{changed} share memory with the simulator or the task"
+        assert not changed, f"{changed} share memory with the simulator or the task: end them with .clone()"
 
     def test_observations_are_clipped_and_obs_buf_is_not(self) -> None:
         simulation = self._make(worlds=6)
