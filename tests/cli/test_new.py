@@ -1,6 +1,7 @@
 import pytest
 
 from openeureka.cli import main as command
+from openeureka.report.stage import Stage
 from openeureka.tasks.registry import get
 
 CART = """
@@ -31,9 +32,35 @@ def run(*words: str) -> int:
 def test_a_task_is_drafted_and_the_next_commands_are_named(robot, capsys):
     assert run("new", "cart.py", "model=cart.xml", "intent=to balance the pole") == 0
     printed = capsys.readouterr().out
-    assert "Wrote cart.py: 10 observations, 1 actions, to balance the pole." in printed
+    assert "Wrote cart.py: 4 observations, 1 actions, to balance the pole." in printed
+    assert 'F is not written: the draft does not guess, as it does not know what "balance"' in printed
+    line = (robot / "cart.py").read_text().splitlines().index("    def sparse_reward(self, s: State) -> Tensor:") + 1
+    assert f"`sparse_reward`, cart.py line {line}" in printed and "object=NAME goal=NAME" in printed
     assert "  eureka run env=cart.py\n" in printed
     assert get(f"{robot}/cart.py").description == "to balance the pole"
+
+
+def test_what_f_measures_is_said_to_be_a_guess(robot, capsys):
+    assert run("new", "cart.py", "model=cart.xml") == 0
+    printed = capsys.readouterr().out
+    assert "F is the share of time that pole is within " in printed
+    assert ": a guess from the model; intent= says what you want.\n" in printed
+    assert "so the point is made up" in printed and "F ranks the rewards, whatever the intent says" in printed
+    (robot / "goal.xml").write_text(CART.replace("</worldbody>", '<site name="goal" pos="1 0 0"/></worldbody>'))
+    assert run("new", "goal.py", "model=goal.xml", "object=cart", "intent=to tidy up") == 0
+    assert (
+        "F is the share of time that cart is within 0.2 m of goal: a guess from what you said."
+        in capsys.readouterr().out
+    )
+
+
+def test_a_draft_without_an_f_is_played_and_not_searched_for(robot, capsys):
+    assert run("new", "cart.py", "model=cart.xml", "intent=to balance the pole") == 0
+    assert run("run", "env=cart.py", "model=random", "sample=2") == 2
+    assert (
+        capsys.readouterr().err.strip().endswith("cart.py does not say yet what F measures: write its `sparse_reward`.")
+    )
+    Stage(f"{robot}/cart.py", "zero", 0).step()
 
 
 def test_a_robot_that_flies_apart_is_drafted_with_a_warning(robot, capsys):
@@ -52,6 +79,8 @@ def test_a_robot_that_flies_apart_is_drafted_with_a_warning(robot, capsys):
         (["nowhere/cart.py", "model=cart.xml"], 2, "There is no folder nowhere"),
         (["cart.py", "model=other.xml"], 2, "There is no model other.xml"),
         (["cart.py", "modle=cart.xml"], 2, "modle"),
+        (["cart.py", "model=cart.xml", "object=cat"], 2, "Did you mean `cart`?"),
+        (["cart.py", "model=cart.xml", "floating=true"], 2, "`floating` is for a URDF"),
     ],
 )
 def test_what_does_not_fit_is_refused_in_a_sentence_and_nothing_is_written(robot, capsys, words, code, problem):

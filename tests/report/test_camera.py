@@ -20,7 +20,7 @@ TWO_CUBES = """
 
 def look(model: mujoco.MjModel, view: View = ALONG_X) -> mujoco.MjvCamera:
     data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+    mujoco.mj_forward(model, data)
     return camera(model, data, view)
 
 
@@ -44,10 +44,46 @@ def test_a_robot_that_can_leave_is_followed_and_two_hands_are_not():
     assert _followed("shadow_hand_catch_underarm") is None
 
 
-def test_a_camera_of_the_model_goes_first():
-    own = TWO_CUBES.replace("<worldbody>", '<worldbody><camera pos="0 0 9"/>')
-    eye = look(mujoco.MjModel.from_xml_string(own))
-    assert (eye.type, eye.fixedcamid) == (mujoco.mjtCamera.mjCAMERA_FIXED, 0)
+@pytest.mark.parametrize(
+    ("cameras", "chosen"),
+    [
+        # The cubes reach 4 m to either side, and 5.5 m high: from 4 / (4/3) = 3 m above that they just fit.
+        ('<camera pos="3 0 8.6" euler="0 0 90" fovy="90"/>', 0),
+        ('<camera pos="3 0 8.4" euler="0 0 90" fovy="90"/>', None),
+        ('<camera pos="3 0 2" euler="0 0 90" fovy="90"/>', None),  # looks down, and they are above
+        ('<camera pos="3 0 90" euler="0 0 90" fovy="90"/>', None),  # 4 / (4/3 * 84.5) of the way to the edge: too small
+        ('<camera pos="3 0 2" fovy="90"/><camera pos="3 0 9" euler="0 0 90" fovy="90"/>', 1),
+    ],
+)
+def test_a_camera_of_the_model_goes_first_if_it_has_all_in_sight_that_moves(cameras: str, chosen: int | None):
+    eye = look(mujoco.MjModel.from_xml_string(TWO_CUBES.replace("<worldbody>", f"<worldbody>{cameras}")))
+    fixed = eye.fixedcamid if eye.type == mujoco.mjtCamera.mjCAMERA_FIXED else None
+    assert fixed == chosen
+
+
+@pytest.mark.parametrize(("mode", "chosen"), [("fixed", False), ("trackcom", True)])
+def test_a_camera_on_what_moves_counts_if_it_keeps_its_direction(mode: str, chosen: bool):
+    carried = TWO_CUBES.replace(
+        'size=".5 .5 .5"/></body>',
+        f'size=".5 .5 .5"/><camera mode="{mode}" pos="0 -3.5 4" \
+        euler="0 0 90" fovy="90"/></body>',
+        2,
+    )
+    eye = look(mujoco.MjModel.from_xml_string(carried))
+    assert (eye.type == mujoco.mjtCamera.mjCAMERA_FIXED) == chosen
+
+
+def test_a_swept_view_has_an_arm_in_sight_wherever_it_turns():
+    arm = """
+    <mujoco><worldbody>
+      <body><joint axis="0 0 1" range="-180 180" limited="true"/>
+        <geom type="capsule" fromto="0 0 0 1 0 0" size="0.1"/></body>
+    </worldbody></mujoco>
+    """
+    model = mujoco.MjModel.from_xml_string(arm)
+    at_start, swept = look(model), look(model, View(azimuth=0.0, elevation=0.0, swept=True))
+    assert at_start.lookat == pytest.approx([0.5, 0.0, 0.0])
+    assert swept.lookat == pytest.approx([0.0, 0.0, 0.0], abs=0.1) and swept.distance > 2.0 * at_start.distance
 
 
 def _followed(env: str) -> str | None:

@@ -1,6 +1,7 @@
 """Tasks that `eureka new` drafts are whole tasks, whatever the robot."""
 
 import importlib.util
+import math
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import torch
 from openeureka.errors import TaskError
 from openeureka.tasks.context import context
 from openeureka.tasks.draft import class_name, draft
+from openeureka.tasks.record import record_states
 from openeureka.tasks.registry import get, make
 from openeureka.testing.conformance.task import TaskConformance
 
@@ -57,10 +59,41 @@ DRONE = """
 """
 
 
-def drafted(folder: Path, robot: Path) -> str:
+# An arm, a puck on slides with a touch sensor, a goal that is moved by hand, and sensors of every awkward kind.
+TABLE = """
+<mujoco>
+  <option timestep="0.005"/>
+  <worldbody>
+    <geom type="plane" size="2 2 0.1"/>
+    <body name="arm" pos="0 0 0.03">
+      <joint name="turn" axis="0 0 1"/>
+      <geom type="capsule" fromto="0.05 0 0 0.4 0 0" size="0.02"/>
+      <site name="imu" pos="0.2 0 0"/>
+    </body>
+    <body name="puck" pos="0.3 0.2 0.03">
+      <joint name="puck_x" type="slide" axis="1 0 0"/><joint name="puck_y" type="slide" axis="0 1 0"/>
+      <geom type="cylinder" size="0.04 0.02"/><site name="rim" type="cylinder" size="0.05 0.03"/>
+    </body>
+    <body name="goal" mocap="true" pos="0.3 -0.2 0.03">
+      <geom type="cylinder" size="0.04 0.001" contype="0" conaffinity="0"/>
+    </body>
+  </worldbody>
+  <actuator><motor joint="turn" ctrlrange="-1 1" ctrllimited="true"/></actuator>
+  <sensor>
+    <touch name="puck touch" site="rim"/>
+    <gyro name="actions" site="imu"/>
+    <framequat name="arm_turn" objtype="xbody" objname="arm"/>
+    <framepos objtype="body" objname="puck" reftype="xbody" refname="arm"/>
+    <user name="nothing" dim="2"/>
+  </sensor>
+</mujoco>
+"""
+
+
+def drafted(folder: Path, robot: Path, intent: str = "") -> str:
     """`env=` of a task that is drafted there."""
     path = folder / f"{robot.stem}.py"
-    path.write_text(draft(path, robot))
+    path.write_text(draft(path, robot, intent).text)
     return f"{path}:{class_name(path)}"
 
 
@@ -117,6 +150,11 @@ class TestDrone(TestOddities):
     model = DRONE
 
 
+class TestTable(TestOddities):
+    model = TABLE
+    random_worlds = 16
+
+
 def test_runners_run_fall_and_start_where_the_model_stands(tmp_path: Path):
     simulation = make(drafted(tmp_path, ROBOTS / "ant.xml"), worlds=2)
     simulation.reset()
@@ -143,6 +181,59 @@ def test_others_reach_for_a_point_that_they_can_reach(tmp_path: Path):
     there = {**state, "fingertip_pos": state["goal_pos"] + 0.01}
     assert bool(simulation.task.sparse_reward(there).all())
     assert float(simulation.task.human_reward(there)) > float(simulation.task.human_reward(state))
+
+
+def test_an_object_on_slides_is_brought_to_the_goal(tmp_path: Path):
+    simulation = make(drafted(tmp_path, odd(tmp_path, TABLE)), worlds=2)
+    task = simulation.task
+    simulation.reset()
+    simulation.sim.bind("qpos")[:, 1:3] = torch.tensor([[0.0, 0.0], [0.05, -0.38]])
+    simulation.sim.forward(torch.arange(2))
+    state = simulation.current_state()
+    torch.testing.assert_close(state["puck_pos"], torch.tensor([[0.3, 0.2, 0.03], [0.35, -0.18, 0.03]]))
+    torch.testing.assert_close(state["goal_pos"], torch.tensor([[0.3, -0.2, 0.03]] * 2))
+    # A fifth of the 0.4 m at the start is 0.08 m: sqrt(0.05^2 + 0.02^2) = 0.054 m is near enough.
+    assert task.sparse_reward(state).tolist() == [0.0, 1.0]
+    nearer = {**state, "arm_pos": state["puck_pos"]}
+    assert bool((task.human_reward(nearer) > task.human_reward(state)).all()), "the arm is not drawn to the puck"
+
+
+def test_sensors_are_state_variables_as_mujoco_measures_them(tmp_path: Path):
+    simulation = make(drafted(tmp_path, odd(tmp_path, TABLE)), worlds=1)
+    spec = simulation.task.spec
+    simulation.reset()
+    qpos, qvel = simulation.sim.bind("qpos"), simulation.sim.bind("qvel")
+    qpos[:], qvel[:] = torch.tensor([math.pi / 2, 0.0, 0.0]), torch.tensor([3.0, 0.0, 0.0])
+    simulation.sim.forward(torch.arange(1))
+    state = simulation.current_state()
+    half = math.sqrt(0.5)
+    torch.testing.assert_close(state["actions_"], torch.tensor([[0.0, 0.0, 3.0]]))
+    torch.testing.assert_close(state["arm_turn"], torch.tensor([[0.0, 0.0, half, half]]))  # x, y, z, w
+    torch.testing.assert_close(state["sensor3"], torch.tensor([[0.2, -0.3, 0.0]]))  # seen from an arm that points to y
+    assert state["puck_touch"].shape == (1,) and spec["puck_touch"].meaning == "normal force that presses on rim [N]"
+    assert spec["sensor3"].meaning == "position of the inertial frame of puck [m], seen from arm"
+    assert "nothing" not in spec
+    *_, touch, turning = simulation.task.observe({**state, "puck_touch": torch.tensor([7.0])})[0, :-3].split(
+        [6, 3, 1, 3]
+    )
+    assert touch.tolist() == [7.0] and turning.tolist() == pytest.approx([0.0, 0.0, 3.0])
+
+
+def test_a_draft_whose_f_is_not_understood_can_be_watched_and_not_trained(tmp_path: Path):
+    env = drafted(tmp_path, odd(tmp_path, TABLE), "to juggle the puck")
+    simulation = make(env, worlds=2)
+    simulation.scored = False
+    simulation.reset()
+    assert simulation.step(torch.zeros(2, 1)).score.value.tolist() == [0.0, 0.0]
+    for refused in (lambda: make(env, worlds=2).step(torch.zeros(2, 1)), lambda: record_states(env)):
+        with pytest.raises(TaskError, match="odd.py does not say yet what F measures: write its `sparse_reward`"):
+            refused()
+    assert '"juggle"' in (tmp_path / "odd.py").read_text() and "goal_pos" not in simulation.task.spec
+
+
+def test_the_picture_of_a_draft_shows_wherever_an_arm_comes(tmp_path: Path):
+    assert get(drafted(tmp_path, odd(tmp_path, TABLE))).view.swept
+    assert not get(drafted(tmp_path, ROBOTS / "ant.xml")).view.swept
 
 
 def test_odd_models_keep_their_names_ranges_and_pose(tmp_path: Path):
@@ -180,7 +271,7 @@ def test_files_name_their_class(name: str, expected: str):
 
 def test_an_intent_is_taken_as_it_is_said(tmp_path: Path):
     path = tmp_path / "odd.py"
-    path.write_text(draft(path, odd(tmp_path), 'to "wave"\n at people \\ dogs'))
+    path.write_text(draft(path, odd(tmp_path), 'to "wave"\n at people \\ dogs').text)
     assert get(f"{path}:Odd").description == "to 'wave' at people / dogs"
 
 

@@ -11,7 +11,7 @@ from ..config import parse
 from ..errors import ConfigError
 from ..store.artifacts import write
 from ..tasks import registry
-from ..tasks.draft import draft
+from ..tasks.draft import Draft, draft
 from .settings import NewConfig, only_path, split
 
 TRIED, STEPS = 8, 25
@@ -36,13 +36,22 @@ def new(words: Sequence[str]) -> None:
         raise ConfigError(f"There is no folder {path.parent}; make it first, or choose another place.")
     if not config.model:
         raise ConfigError(f"Name the robot, a MuJoCo XML file; for example: {USAGE}")
-    write(path, draft(path, Path(config.model).expanduser(), config.intent))
+    drafted = draft(
+        path,
+        Path(config.model).expanduser(),
+        config.intent,
+        thing=config.object,
+        goal=config.goal,
+        floating=config.floating,
+    )
+    write(path, drafted.text)
     simulation = registry.make(str(path), worlds=TRIED)
-    task = simulation.task
+    task, simulation.scored = simulation.task, False
     simulation.reset()
     for _ in range(STEPS):
         simulation.step(torch.rand(TRIED, task.num_actions) * 2.0 - 1.0)
     print(f"Wrote {path}: {task.num_observations} observations, {task.num_actions} actions, {task.description}.")
+    _say_what_counts(path, drafted)
     if (bad := simulation.bad_total) > 0:
         print(
             f"But its physics broke down {bad} times in {TRIED} x {STEPS} steps under random actions: look at the pose"
@@ -51,3 +60,18 @@ def new(words: Sequence[str]) -> None:
     print("Read it, and say what you want of the robot. Then")
     for command in ("play", "train", "run"):
         print(f"  eureka {command} env={path}{' policy=random' if command == 'play' else ''}")
+
+
+def _say_what_counts(path: Path, drafted: Draft) -> None:
+    """What F measures and where that comes from, or what is missing: the ranking follows F, not the intent."""
+    aim, place = drafted.aim, f"`sparse_reward`, {path} line {drafted.line}"
+    if aim.missing:
+        print(f"F is not written: the draft does not guess, as {aim.missing}.")
+        print(f"Write what counts in {place}, or name it with object=NAME goal=NAME.")
+        print("Until then `eureka play` works, and nothing trains.")
+        return
+    source = "what you said" if drafted.said else "the model; intent= says what you want"
+    print(f"F is {aim.measure}: a guess from {source}.")
+    if aim.doubt:
+        print(aim.doubt)
+    print(f"F ranks the rewards, whatever the intent says: if it is not what you want, change {place}.")

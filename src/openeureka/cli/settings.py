@@ -113,9 +113,15 @@ class NewConfig:
     """A task file that is drafted from a robot."""
 
     model: str = ""
-    """The robot and its scene: a MuJoCo XML file, or a URDF that names actuators."""
+    """The robot and its scene: a MuJoCo XML file, or a URDF."""
     intent: str = ""
     """What it should do, one sentence for the language model, such as `to hop forward as fast as possible`."""
+    object: str = ""
+    """Body, site or geom that F wants at the goal; empty means what the intent or the model suggests."""
+    goal: str = ""
+    """Body, site or geom where F wants it; empty means what the intent or the model suggests."""
+    floating: bool = False
+    """A URDF's root moves freely above a floor, as of a robot that walks; else it is fixed, as an arm's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

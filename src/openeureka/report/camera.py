@@ -7,26 +7,32 @@ import math
 import mujoco
 import numpy as np
 
+from ..tasks.anatomy import FREE, HINGE, SLIDE
 from ..tasks.task import View
 
 ASPECT = 4 / 3  # of the pictures that everything fits into
+_POSES = 30
+_SMALL = 0.15  # of half the picture
 _ROOM = 1.5  # around what is followed, so that it is seen to move
-_TRAVELS = (int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+_TRAVELS = (FREE, SLIDE)
 
 
 def camera(model: mujoco.MjModel, data: mujoco.MjData, view: View) -> mujoco.MjvCamera:
-    """The model's own camera; else one that has all in sight that moves, and follows a robot that can go away.
+    """The model's first camera that has all in sight that moves; else one made so, which follows a robot that can go
+    away.
 
     Args:
         data: the scene as it is at the start.
         view: direction of sight.
     """
     eye = mujoco.MjvCamera()
-    if model.ncam:
-        eye.type, eye.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, 0
+    start = _corners(model, data)
+    corners = np.concatenate([start, *_swept(model, data)]) if view.swept else start
+    own = next((camera for camera in range(model.ncam) if _frames(model, data, camera, start, corners)), None)
+    if own is not None:
+        eye.type, eye.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, own
         return eye
     mujoco.mjv_defaultFreeCamera(model, eye)
-    corners = _corners(model, data)
     eye.lookat[:] = (corners.min(axis=0) + corners.max(axis=0)) / 2
     eye.azimuth, eye.elevation = view.azimuth, view.elevation
     eye.distance = _fitting(corners - eye.lookat, eye, float(model.vis.global_.fovy))
@@ -35,6 +41,42 @@ def camera(model: mujoco.MjModel, data: mujoco.MjData, view: View) -> mujoco.Mjv
         eye.type, eye.trackbodyid = mujoco.mjtCamera.mjCAMERA_TRACKING, traveller
         eye.distance *= _ROOM
     return eye
+
+
+def _frames(model: mujoco.MjModel, data: mujoco.MjData, camera: int, start: np.ndarray, corners: np.ndarray) -> bool:
+    """Whether a camera of the model has all in sight that moves, at the start (k, 3), where it is seen to move, and not
+    too small, wherever it comes (n, 3).
+
+    One that is fixed to a robot looks where the robot does: only those that follow it from a constant direction count.
+    """
+    following = (mujoco.mjtCamLight.mjCAMLIGHT_TRACK, mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM)
+    if model.body_weldid[model.cam_bodyid[camera]] and model.cam_mode[camera] not in map(int, following):
+        return False
+    if not len(start) or model.cam_projection[camera]:
+        return False
+    half = math.tan(math.radians(model.cam_fovy[camera]) / 2)
+
+    def furthest(points: np.ndarray) -> float:
+        """From the middle of the picture, whose edge is at 1."""
+        right, up, back = ((points - data.cam_xpos[camera]) @ data.cam_xmat[camera].reshape(3, 3)).T
+        if back.max() >= 0.0:
+            return math.inf
+        return float((np.maximum(np.abs(right) / ASPECT, np.abs(up)) / (-back * half)).max())
+
+    return furthest(start) <= 1.0 and furthest(corners) >= _SMALL
+
+
+def _swept(model: mujoco.MjModel, data: mujoco.MjData) -> list[np.ndarray]:
+    """The corners in random positions of the joints that have a range; what lies about stays where it is."""
+    other, random, found = mujoco.MjData(model), np.random.default_rng(0), []
+    limited = np.flatnonzero(model.jnt_limited & np.isin(model.jnt_type, (HINGE, SLIDE)))
+    low, high = model.jnt_range[limited].T
+    for _ in range(_POSES):
+        other.qpos, other.mocap_pos, other.mocap_quat = data.qpos, data.mocap_pos, data.mocap_quat
+        other.qpos[model.jnt_qposadr[limited]] = random.uniform(low, high)
+        mujoco.mj_kinematics(model, other)
+        found.append(_corners(model, other))
+    return found
 
 
 def _corners(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:

@@ -27,6 +27,7 @@ class Stage:
     def __init__(self, env: str, agent: str | bytes, seed: int) -> None:
         self._agent = _agent(env, agent, seed)
         self._simulation = registry.make(env, worlds=1, lane_seeds=(seed,), threads=1)
+        self._simulation.scored = False  # a task can be watched before its F is written
         self._observation = self._simulation.reset()
         task = self._simulation.task
         self.model = decorated(type(task), task.ghosts())

@@ -1,8 +1,7 @@
 """Drafts a task file from a MuJoCo model.
 
-A robot with a floating base, or one that slides and turns in a plane, shall run forward; any other shall bring the end
-of its longest limb to a point that it can reach. That is a beginning which trains, and the file says where a person's
-own wish belongs.
+What the robot shall do is guessed (`aim.py`), and the file says so where a person's own wish belongs. A sentence that
+the guess does not understand gets no F: the draft then says what to write, and can be watched but not trained.
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ import keyword
 import os
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
@@ -18,7 +18,10 @@ import jinja2
 import mujoco
 
 from ..errors import TaskError
-from .survey import SWAY, Survey, Variable, columns, home, named, scalar_joints
+from .aim import Aim, find_aim
+from .anatomy import SWAY, columns, home, named, scalar_joints
+from .survey import Survey, Variable
+from .urdf import read_urdf
 
 CONTROL_DT = 0.02
 """[s] between two actions, or the model's own timestep if that is longer."""
@@ -26,38 +29,68 @@ SECONDS = 10.0
 """Of an episode."""
 
 
-def draft(path: Path, robot: Path, intent: str = "") -> str:
-    """The text of a task file.
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """A task file, and the guess in it."""
+
+    text: str
+    aim: Aim
+    said: bool
+    """Whether a person said, in a sentence or by names, what the aim is guessed from."""
+
+    @property
+    def line(self) -> int:
+        """Where F is computed."""
+        return 1 + self.text[: self.text.index("def sparse_reward")].count("\n")
+
+
+def draft(
+    path: Path, robot: Path, intent: str = "", *, thing: str = "", goal: str = "", floating: bool = False
+) -> Draft:
+    """A task file.
 
     Args:
         path: where it will be; its name names the class.
         robot: the model, MJCF or URDF.
-        intent: the sentence that a language model will read; empty for that of the first guess.
+        intent: the sentence that a language model will read; empty for that of the guess.
+        thing: the body, site or geom that shall be brought to `goal`, another; empty for a guess.
+        floating: for a URDF, whether its root moves freely.
 
     Raises:
-        TaskError: when MuJoCo cannot read the model, or nothing moves it.
+        TaskError: when MuJoCo cannot read the model, nothing moves it, or it has no such thing or goal.
     """
-    model = _read(robot)
+    urdf = _is_urdf(robot)
+    if floating and not urdf:
+        raise TaskError("`floating` is for a URDF, which cannot say it; in a MuJoCo model, write <freejoint/>.")
+    model = _read(robot, urdf, floating)
     survey = Survey(model)
-    aim, variables = survey.aim, list(survey.variables())
-    guess = (
-        f"to bring {aim.body} to the goal" if aim.goal else f"to make the {path.stem} run forward as fast as possible"
-    )
+    aim = find_aim(survey, intent, names=(path.stem, robot.stem), thing=thing, goal=goal)
+    variables = list(survey.variables(aim.mover))
+    fallen = 0.0 if aim.missing else survey.fallen
     joints, timestep = scalar_joints(model), float(model.opt.timestep)
     swaying = [int(model.jnt_qposadr[joint]) for joint in joints if model.jnt_bodyid[joint] != survey.base]
     substeps = max(1, round(CONTROL_DT / timestep))
     limits = zip(model.actuator_ctrlrange.tolist(), model.actuator_ctrllimited, strict=True)
-    return _template().render(
+    goal_size = 3 if aim.goal or aim.point else 0
+    text = _template().render(
         name=class_name(path),
         env=path.stem,
         path=path,
         robot=robot,
         place=_place(path, robot),
-        description=re.sub(r"\s+", " ", (intent or guess)).strip().replace('"', "'").replace("\\", "/"),
+        urdf=urdf,
+        floating=floating,
+        description=re.sub(r"\s+", " ", (intent or aim.description)).strip().replace('"', "'").replace("\\", "/"),
         aim=aim,
+        survey=survey,
+        fallen=fallen,
+        base=survey.root.name if survey.root else "",
+        mover=survey.variable(aim.mover) if aim.mover else "",
+        hand=survey.variable(aim.hand) if aim.hand else "",
+        example=next(variable.name for variable in variables if variable.use == "point" or not variable.size),
         variables=[(variable.name, _declared(variable), variable.value) for variable in variables],
         observed=[_observed(variable) for variable in variables if variable.seen],
-        observations=sum(len(variable.seen) for variable in variables) + len(aim.goal),
+        observations=sum(len(variable.seen) for variable in variables) + goal_size,
         joints=_tuple([f'"{named(model, "JOINT", joint)}"' for joint in joints]),
         home=_tuple([_number(value) for value in home(model)]),
         controls=_tuple([f"({_number(low)}, {_number(high)})" if on else "(-1.0, 1.0)" for (low, high), on in limits]),
@@ -69,6 +102,7 @@ def draft(path: Path, robot: Path, intent: str = "") -> str:
         episode=max(2, round(SECONDS / (substeps * timestep))),
         model=model,
     )
+    return Draft(text, aim, bool(intent.strip() or thing or goal))
 
 
 def class_name(path: Path) -> str:
@@ -77,16 +111,28 @@ def class_name(path: Path) -> str:
     return name if name.isidentifier() and not keyword.iskeyword(name) else f"Task{name}"
 
 
-def _read(robot: Path) -> mujoco.MjModel:
+def _is_urdf(robot: Path) -> bool:
     if not robot.is_file():
-        raise TaskError(f"There is no model {robot}; name a MuJoCo XML file, for example model=hopper.xml.")
+        raise TaskError(f"There is no model {robot}; name a MuJoCo XML file or a URDF, for example model=hopper.xml.")
+    if robot.suffix.lower() == ".xacro":
+        raise TaskError(f"{robot} is a program that writes a URDF; run `xacro {robot} > robot.urdf`, and name that.")
+    return robot.suffix.lower() == ".urdf" or "<robot" in robot.read_text(encoding="utf-8", errors="replace")[:4096]
+
+
+def _read(robot: Path, urdf: bool, floating: bool) -> mujoco.MjModel:
+    mujoco.set_mju_user_warning(_ignore)
     try:
-        model = mujoco.MjSpec.from_file(str(robot)).compile()
+        spec = read_urdf(robot, floating=floating) if urdf else mujoco.MjSpec.from_file(str(robot))
+        model = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         raise TaskError(f"MuJoCo cannot read {robot}: {' '.join(str(error).split())}.") from None
     if not model.nu:
         raise TaskError(f"{robot} has no actuators, so nothing can move it; add some to the model.")
     return model
+
+
+def _ignore(_: str) -> None:
+    """MuJoCo's own handler would write a log file into the working directory."""
 
 
 def _declared(variable: Variable) -> str:

@@ -1,35 +1,43 @@
-"""What can be read off a MuJoCo model: how a robot moves, the state variables of a task, and a guess at its aim."""
+"""What can be read off a MuJoCo model: how a robot moves, what lies about, and the state variables of a task."""
 
 from __future__ import annotations
 
-import re
+import keyword
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
 from ..errors import TaskError
 from ..types import StateUse
+from .anatomy import (
+    BALL,
+    FREE,
+    HINGE,
+    SLIDE,
+    along_x,
+    base,
+    columns,
+    driven_joints,
+    driven_trees,
+    home,
+    identifier,
+    name_of,
+    named,
+    own_joints,
+    rises,
+    scalar_joints,
+)
+from .sensors import readings
 
 FALLEN = 0.6
 """Share of its height at the start below which a robot has fallen."""
-NEAR = 0.2
-"""Share of its way to the goal within which a link has reached it."""
-SWAY = 0.05
-"""[rad] or [m] by which joints differ at the start of an episode."""
 MOST_LINKS = 8
 """Ends of limbs whose positions are state."""
-POSES = 101
-"""Tried at random to find a goal."""
-
-_SLIDE, _HINGE, _FREE, _BALL = (
-    int(getattr(mujoco.mjtJoint, f"mjJNT_{name}")) for name in ("SLIDE", "HINGE", "FREE", "BALL")
-)
-_JOINT, _JOINT_IN_PARENT, _TENDON, _SITE = (
-    int(getattr(mujoco.mjtTrn, f"mjTRN_{name}")) for name in ("JOINT", "JOINTINPARENT", "TENDON", "SITE")
-)
 _OF_BODIES = ("pos", "quat", "linvel", "angvel")
+_OF_DRAFTS = ("obs_buf", "joint_pos", "joint_vel", "goal_pos", "actions", "num_envs")
+_OF_RUNNERS = ("forward_speed", "height", "upright")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,21 +56,21 @@ class Variable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Aim:
-    """What a robot shall do, as far as a model tells: run along x, or bring a link to a goal."""
+class Place:
+    """A point of a model that a task can be about."""
 
-    body: str
-    """What runs, or is brought to the goal, as the model calls it."""
-    up: tuple[float, ...] = ()
-    """The world's z at the start, in the frame of the body that runs."""
-    fallen: float = 0.0
-    """[m] height of it below which an episode ends; 0 for a robot that cannot fall."""
-    goal: tuple[float, ...] = ()
-    """[m]; empty for a robot that runs."""
-    reached: float = 0.0
-    """[m]"""
-    variable: str = ""
-    """Where the link is."""
+    name: str
+    """As the model calls it."""
+    field: str
+    """MuJoCo's field that holds where it is: `xpos`, `xipos`, `site_xpos` or `geom_xpos`."""
+    index: int
+    body: int
+    """That it is a part of; 0 is the world."""
+
+    @property
+    def value(self) -> str:
+        """Python for it, (N, 3)."""
+        return f"self.{self.field}[:, {self.index}].clone()"
 
 
 class Survey:
@@ -77,30 +85,151 @@ class Survey:
         self._data = mujoco.MjData(model)
         self._pose(home(model))
         self._driven = driven_joints(model)
-        self._taken: set[str] = set()
+        self._names: dict[tuple[str, int], str] = {}
+        self._taken: set[str] = {*_OF_DRAFTS, *_OF_RUNNERS}
         self.base = base(model)
-        self._links = {body: self._beginning(named(model, "BODY", body)) for body in self._ends()}
-        self.aim = self._reaching() if self.base is None else self._running(self.base)
+        self.links = [Place(name=self._called(body), field="xipos", index=body, body=body) for body in self._ends()]
+        if self.base is None and not self.links:
+            raise TaskError(
+                "No joint of the model is driven, and nothing floats: there is nothing that a task could do."
+            )
+        self.objects = self._objects()
+        for link in self.links:
+            self._beginning("BODY", link.body)
 
-    def variables(self) -> Iterator[Variable]:
+    @property
+    def up(self) -> tuple[float, ...]:
+        """The world's z at the start, in the frame of the base."""
+        assert self.base is not None
+        return tuple((self._data.xmat[self.base].reshape(3, 3)[2].round(4) + 0.0).tolist())
+
+    @property
+    def fallen(self) -> float:
+        """[m] height of the base below which a robot has fallen; 0 for one that cannot."""
+        height = 0.0 if self.base is None else float(self._data.xpos[self.base, 2])
+        return round(FALLEN * height, 3) if height > 0.05 and self.rises else 0.0
+
+    @property
+    def rises(self) -> bool:
+        """Whether the robot as a whole moves up and down."""
+        return self.base is not None and rises(self.model, self.base)
+
+    @property
+    def has_ground(self) -> bool:
+        """Whether anything that stands fixed can be stood on, or nothing pulls down."""
+        model = self.model
+        fixed = model.body_weldid[model.geom_bodyid] == 0
+        stands = bool((fixed & ((model.geom_contype | model.geom_conaffinity) != 0)).any())
+        return stands or model.opt.gravity[2] >= 0.0
+
+    @property
+    def root(self) -> Place | None:
+        """What runs."""
+        return None if self.base is None else self._body(self.base)
+
+    def places(self) -> list[Place]:
+        """Every body, site and geom that has a name, in this order."""
+        model, links = self.model, {link.body: link for link in self.links}
+        found = [links.get(body) or self._body(body) for body in range(1, model.nbody)]
+        for kind, bodies in (("SITE", model.site_bodyid), ("GEOM", model.geom_bodyid)):
+            field = f"{kind.lower()}_xpos"
+            found += [
+                Place(name=named(model, kind, i), field=field, index=i, body=int(body)) for i, body in enumerate(bodies)
+            ]
+        return [place for place in found if name_of(model, _kind(place), place.index)]
+
+    def moves(self, place: Place) -> bool:
+        return bool(self.model.body_weldid[place.body])
+
+    def is_robots(self, place: Place) -> bool:
+        """Whether actuators move it."""
+        return self.moves(place) and int(self.model.body_treeid[place.body]) in driven_trees(self.model)
+
+    def where(self, place: Place) -> np.ndarray:
+        """(3,) at the start [m]."""
+        return getattr(self._data, place.field)[place.index].copy()
+
+    def reach(self, place: Place, poses: int) -> np.ndarray:
+        """(poses, 3) where random positions of the driven joints bring a part of the robot [m]."""
+        random, pose, found = np.random.default_rng(0), home(self.model), []
+        for _ in range(poses):
+            for joint in self._driven:
+                if self.model.jnt_type[joint] in (SLIDE, HINGE):
+                    low, high = self.model.jnt_range[joint] if self.model.jnt_limited[joint] else (-1.0, 1.0)
+                    pose[self.model.jnt_qposadr[joint]] = random.uniform(low, high)
+            self._pose(pose)
+            found.append(self.where(place))
+        self._pose(home(self.model))
+        return np.array(found)
+
+    def radius(self, place: Place) -> float:
+        """[m] around the place that what collides of it fills; 0 for a mere mark."""
+        if place.field == "site_xpos":
+            return 0.0
+        model = self.model
+        of_body = np.flatnonzero(model.geom_bodyid == place.body).tolist()
+        geoms = [place.index] if place.field == "geom_xpos" else of_body
+        solid = [geom for geom in geoms if model.geom_contype[geom] or model.geom_conaffinity[geom]]
+        centre = self.where(place)
+        around = [float(np.linalg.norm(self._data.geom_xpos[g] - centre) + model.geom_rbound[g]) for g in solid]
+        return max(around, default=0.0)
+
+    def variable(self, place: Place) -> str:
+        """The name of the state variable that says where it is."""
+        return f"{self._beginning(_kind(place), place.index)}_pos"
+
+    def variables(self, mover: Place | None = None) -> Iterator[Variable]:
+        """Those of the table, with the position of `mover`, what a task is about, observed."""
+        told = {self.variable(mover)} if mover else set()
+        for variable in self._all():
+            yield replace(variable, seen=range(variable.size)) if variable.name in told else variable
+            told.discard(variable.name)
+        if mover and told:
+            yield self._position(mover, seen=True)
+
+    def _all(self) -> Iterator[Variable]:
         if self.base is not None:
             yield from self._carried(self.base)
         yield from self._joints()
         yield from self._floating()
-        for body, name in self._links.items():
-            meaning = f"centre of mass of {named(self.model, 'BODY', body)} [m]"
-            value, seen = f"self.xipos[:, {body}].clone()", range(3) if self.aim.variable == f"{name}_pos" else ()
-            yield Variable(name=f"{name}_pos", value=value, meaning=meaning, size=3, use="point", seen=seen)
+        for thing in self.objects:
+            if self.model.jnt_type[self.model.body_jntadr[thing.body]] != FREE:
+                yield self._position(thing, seen=True)
+        for link in self.links:
+            yield self._position(link, seen=False)
+        yield from self._sensors()
+
+    def _position(self, place: Place, *, seen: bool) -> Variable:
+        meaning = f"{'centre of mass' if place.field == 'xipos' else 'position'} of {place.name} [m]"
+        name, observed = self.variable(place), range(3) if seen else ()
+        return Variable(name=name, value=place.value, meaning=meaning, size=3, use="point", seen=observed)
+
+    def _sensors(self) -> Iterator[Variable]:
+        """What the model's own sensors measure; the policy sees what joints and positions do not tell."""
+        for reading in readings(self.model):
+            value = f"self.sensordata[:, {reading.first}:{reading.first + reading.size}]"
+            value = f"xyzw({value})" if reading.quaternion else f"{value}.clone()"
+            if reading.size == 1:
+                value = f"self.sensordata[:, {reading.first}].clone()"
+            size = 0 if reading.size == 1 else reading.size
+            yield Variable(
+                name=self._unused(identifier(reading.name)),
+                value=value,
+                meaning=reading.meaning,
+                size=size,
+                use=reading.use,
+                seen=range(max(1, size)) if reading.felt else (),
+            )
 
     def _carried(self, body: int) -> Iterator[Variable]:
         """How fast, high and upright a robot is that runs."""
-        called, height = self.aim.body, self._data.xpos[body, 2]
-        dof = _along_x(self.model, body)
+        called, height = self._called(body), self._data.xpos[body, 2]
+        dof = along_x(self.model, body)
         backwards = self.model.jnt_axis[self.model.dof_jntid[dof]][0] < 0.0
         value = f"-self.qvel[:, {dof}]" if backwards else f"self.qvel[:, {dof}].clone()"
         meaning = f"speed of {called} along x [m/s]"
         yield Variable(name="forward_speed", value=value, meaning=meaning, use="directional")
-        value, seen = f"self.xpos[:, {body}, 2].clone()", (0,) if self.aim.fallen else ()
+        value, seen = f"self.xpos[:, {body}, 2].clone()", (0,) if self.fallen else ()
         meaning = f"height of {called} [m], {height:.4g} at the start"
         yield Variable(name="height", value=value, meaning=meaning, use="directional", seen=seen)
         value = f"rotate(xyzw(self.xquat[:, {body}]), self.up)[:, 2]"
@@ -112,7 +241,7 @@ class Survey:
         if not joints:
             return
         kinds = {int(self.model.jnt_type[joint]) for joint in joints}
-        units = [unit for kind, unit in ((_HINGE, "rad"), (_SLIDE, "m")) if kind in kinds]
+        units = [unit for kind, unit in ((HINGE, "rad"), (SLIDE, "m")) if kind in kinds]
         unit, rate = " or ".join(units), " or ".join(f"{unit}/s" for unit in units)
         place = columns([int(self.model.jnt_qposadr[joint]) for joint in joints])
         dof = columns([int(self.model.jnt_dofadr[joint]) for joint in joints])
@@ -127,26 +256,28 @@ class Survey:
 
     def _travels(self, joint: int) -> bool:
         level = abs(self.model.jnt_axis[joint][2]) < 0.5
-        return bool(self.model.jnt_bodyid[joint] == self.base and self.model.jnt_type[joint] == _SLIDE and level)
+        return bool(self.model.jnt_bodyid[joint] == self.base and self.model.jnt_type[joint] == SLIDE and level)
 
     def _floating(self) -> Iterator[Variable]:
         """Bodies that move freely, the robot or what it handles, and joints like a shoulder's."""
         for joint in range(self.model.njnt):
             place, dof = int(self.model.jnt_qposadr[joint]), int(self.model.jnt_dofadr[joint])
             body = int(self.model.jnt_bodyid[joint])
-            if self.model.jnt_type[joint] == _FREE:
+            if self.model.jnt_type[joint] == FREE:
                 state = f"root_state(self.qpos[:, {place}:{place + 7}], self.qvel[:, {dof}:{dof + 6}])"
                 parts = [f"{state}[:, {part}]" for part in ("0:3", "3:7", "7:10", "10:13")]
-                called, where = named(self.model, "BODY", body), "in the world frame"
-                yield from self._pose_and_speed(called, where, parts, placed=body != self.base)
-            elif self.model.jnt_type[joint] == _BALL:
+                name, where = self._beginning("BODY", body), "in the world frame"
+                yield from self._pose_and_speed(name, self._called(body), where, parts, placed=body != self.base)
+            elif self.model.jnt_type[joint] == BALL:
                 parts = ["", f"xyzw(self.qpos[:, {place}:{place + 4}])", "", f"self.qvel[:, {dof}:{dof + 3}].clone()"]
                 called, where = named(self.model, "JOINT", joint), "in its child's frame"
-                yield from self._pose_and_speed(called, where, parts, placed=False)
+                name = self._beginning("JOINT", joint)
+                yield from self._pose_and_speed(name, called, where, parts, placed=False)
 
-    def _pose_and_speed(self, called: str, where: str, values: Sequence[str], *, placed: bool) -> Iterator[Variable]:
+    def _pose_and_speed(
+        self, name: str, called: str, where: str, values: Sequence[str], *, placed: bool
+    ) -> Iterator[Variable]:
         """Variables of a body or ball joint, those that have a value; `placed`: its position is observed too."""
-        name = self._beginning(called)
         meanings: tuple[tuple[str, int, StateUse], ...] = (
             (f"position of {called} [m]", 3, "point"),
             (f"orientation of {called}, quaternion x, y, z, w", 4, "raw"),
@@ -161,11 +292,11 @@ class Survey:
     def _ends(self) -> list[int]:
         """Ends of the limbs, those behind most driven joints first."""
         model, parents = self.model, set(self.model.body_parentid[1:].tolist())
-        behind = {body: self._behind(body) for body in range(1, model.nbody) if body not in parents}
+        behind = {body: self.depth(body) for body in range(1, model.nbody) if body not in parents}
         ends = [body for body, count in behind.items() if count]
         return sorted(ends, key=lambda body: (-behind[body], body))[:MOST_LINKS]
 
-    def _behind(self, body: int) -> int:
+    def depth(self, body: int) -> int:
         """Driven joints between a body and the world."""
         bodies, count = [int(self.model.jnt_bodyid[joint]) for joint in self._driven], 0
         while body:
@@ -173,112 +304,42 @@ class Survey:
             body = int(self.model.body_parentid[body])
         return count
 
-    def _running(self, body: int) -> Aim:
-        height = float(self._data.xpos[body, 2])
-        fallen = round(FALLEN * height, 3) if height > 0.05 and _rises(self.model, body) else 0.0
-        up = self._data.xmat[body].reshape(3, 3)[2].round(4) + 0.0
-        return Aim(body=named(self.model, "BODY", body), up=tuple(up.tolist()), fallen=fallen)
-
-    def _reaching(self) -> Aim:
-        """The end of the longest limb, and where the median of random poses brings it."""
-        if not self._links:
-            raise TaskError(
-                "No joint of the model is driven, and nothing floats: there is nothing that a task could do."
-            )
-        body, name = next(iter(self._links.items()))
-        start, random, places = self._data.xipos[body].copy(), np.random.default_rng(0), []
-        pose = home(self.model)
-        for _ in range(POSES):
-            for joint in self._driven:
-                if self.model.jnt_type[joint] in (_SLIDE, _HINGE):
-                    low, high = self.model.jnt_range[joint] if self.model.jnt_limited[joint] else (-1.0, 1.0)
-                    pose[self.model.jnt_qposadr[joint]] = random.uniform(low, high)
-            self._pose(pose)
-            places.append(self._data.xipos[body].copy())
-        goal = sorted(places, key=lambda place: float(np.linalg.norm(place - start)))[POSES // 2].round(3)
-        reached = max(0.01, round(NEAR * float(np.linalg.norm(goal - start)), 3))
-        called = named(self.model, "BODY", body)
-        return Aim(body=called, goal=tuple(goal.tolist()), reached=reached, variable=f"{name}_pos")
+    def _objects(self) -> list[Place]:
+        """What lies or slides about: bodies on a free or sliding joint that no actuator moves."""
+        model, driven, found = self.model, driven_trees(self.model), []
+        for body in range(1, model.nbody):
+            kinds = {int(model.jnt_type[joint]) for joint in own_joints(model, body)}
+            outermost = not model.body_weldid[model.body_parentid[body]]
+            if outermost and kinds & {FREE, SLIDE} and int(model.body_treeid[body]) not in driven and body != self.base:
+                found.append(self._body(body))
+        return found
 
     def _pose(self, qpos: np.ndarray) -> None:
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self._data)
 
-    def _beginning(self, called: str) -> str:
-        """Of variable names that nothing else has."""
-        name = re.sub(r"\W|^(?=\d)", "_", called)
-        while f"{name}_pos" in {*self._taken, "joint_pos", "goal_pos"}:
+    def _body(self, body: int) -> Place:
+        return Place(name=self._called(body), field="xpos", index=body, body=body)
+
+    def _called(self, body: int) -> str:
+        return named(self.model, "BODY", body)
+
+    def _beginning(self, kind: str, index: int) -> str:
+        """Of the variable names of a `BODY`, `JOINT`, `SITE` or `GEOM`, which nothing else has."""
+        if (kind, index) not in self._names:
+            name = identifier(named(self.model, kind, index))
+            while self._taken & {f"{name}_{part}" for part in _OF_BODIES}:
+                name += "_"
+            self._taken |= {f"{name}_{part}" for part in _OF_BODIES}
+            self._names[kind, index] = name
+        return self._names[kind, index]
+
+    def _unused(self, name: str) -> str:
+        while name in self._taken or keyword.iskeyword(name):
             name += "_"
-        self._taken.add(f"{name}_pos")
+        self._taken.add(name)
         return name
 
 
-def home(model: mujoco.MjModel) -> np.ndarray:
-    """The first keyframe, or the pose as drawn; joints are kept so far inside their range that they may sway."""
-    pose = (model.key_qpos[0] if model.nkey else model.qpos0).copy()
-    for joint in scalar_joints(model):
-        low, high = model.jnt_range[joint]
-        if model.jnt_limited[joint] and high - low > 4.0 * SWAY:
-            place = model.jnt_qposadr[joint]
-            pose[place] = min(max(pose[place], low + SWAY), high - SWAY)
-    return pose
-
-
-def scalar_joints(model: mujoco.MjModel) -> list[int]:
-    """Hinges and slides."""
-    return [joint for joint in range(model.njnt) if model.jnt_type[joint] in (_SLIDE, _HINGE)]
-
-
-def driven_joints(model: mujoco.MjModel) -> list[int]:
-    """Joints that an actuator moves, by itself or through a tendon."""
-    joints: list[int] = []
-    for kind, (target, _) in zip(model.actuator_trntype, model.actuator_trnid, strict=True):
-        if kind in (_JOINT, _JOINT_IN_PARENT):
-            joints.append(int(target))
-        elif kind == _TENDON:
-            wraps = slice(model.tendon_adr[target], model.tendon_adr[target] + model.tendon_num[target])
-            joints += model.wrap_objid[wraps][model.wrap_type[wraps] == int(mujoco.mjtWrap.mjWRAP_JOINT)].tolist()
-    return joints
-
-
-def base(model: mujoco.MjModel) -> int | None:
-    """The body by which a robot moves through the world: by joints that nothing drives, one of them free or along x.
-    None for a robot that stands fixed."""
-    driven = {int(model.jnt_bodyid[joint]) for joint in driven_joints(model)}
-    pushed = model.actuator_trntype == _SITE  # propellers, say
-    moved = driven | set(model.site_bodyid[model.actuator_trnid[pushed, 0]].tolist())
-    carriers = sorted({int(model.body_rootid[body]) for body in moved} - driven)
-    return next((body for body in carriers if _along_x(model, body) is not None), None)
-
-
-def _own_joints(model: mujoco.MjModel, body: int) -> range:
-    return range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body])
-
-
-def _along_x(model: mujoco.MjModel, body: int) -> int | None:
-    """The degree of freedom that carries a body along x."""
-    for joint in _own_joints(model, body):
-        along = model.jnt_type[joint] == _SLIDE and abs(model.jnt_axis[joint][0]) > 0.9
-        if model.jnt_type[joint] == _FREE or along:
-            return int(model.jnt_dofadr[joint])
-    return None
-
-
-def _rises(model: mujoco.MjModel, body: int) -> bool:
-    """Whether a body's own joints let it up and down."""
-    return any(
-        model.jnt_type[joint] == _FREE or (model.jnt_type[joint] == _SLIDE and abs(model.jnt_axis[joint][2]) > 0.5)
-        for joint in _own_joints(model, body)
-    )
-
-
-def named(model: mujoco.MjModel, kind: str, index: int) -> str:
-    """What the model calls a `BODY` or `JOINT`, fit for a Python string; its number where it has no name."""
-    name = mujoco.mj_id2name(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind}"), index)
-    return re.sub(r"[\"\\\s{}]", "_", name) if name else f"{kind.lower()}{index}"
-
-
-def columns(indices: Sequence[int]) -> str:
-    """Python that picks columns: a slice where they follow each other, else a list."""
-    first, last = indices[0], indices[-1]
-    return f"{first}:{last + 1}" if list(indices) == list(range(first, last + 1)) else f"{list(indices)}"
+def _kind(place: Place) -> str:
+    return {"site_xpos": "SITE", "geom_xpos": "GEOM"}.get(place.field, "BODY")

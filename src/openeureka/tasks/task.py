@@ -48,12 +48,14 @@ class Recipe:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """How pictures show a task; all that moves at its start fits into them."""
+    """How pictures show a task; all that moves fits into them, where it is at the start."""
 
     azimuth: float = 120.0
     """Direction of sight about z, from x [degrees]."""
     elevation: float = -15.0
     """[degrees]"""
+    swept: bool = False
+    """What joints with a range move fits in wherever they bring it, not at the start alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,309 @@
+"""What a robot shall do, and so what F measures, guessed from the model's names and a person's sentence.
+
+The guess is F of the task: a sentence that is not understood to its last word gets none, and the draft says so.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import TaskError, nearest
+from .survey import Place, Survey
+
+NEAR = 0.2
+"""Share of its way to the goal within which something has reached it."""
+NEAREST = 0.01
+"""[m] that count as having reached a goal, at least."""
+POSES = 101
+"""Tried at random to find a goal, or whether one can be reached."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Aim:
+    """What F measures. One of `missing`, `goal`, `point` is set, or none for a robot that runs along x."""
+
+    measure: str
+    """F in words; empty where nobody has said."""
+    description: str
+    """The sentence for the language model, if a person gives none."""
+    missing: str = ""
+    """Why there is no F."""
+    mover: Place | None = None
+    """What is brought to the goal."""
+    hand: Place | None = None
+    """What brings it, where that is something else."""
+    goal: Place | None = None
+    """Where to."""
+    point: tuple[float, ...] = ()
+    """[m] a goal that the model does not have."""
+    reached: float = 0.0
+    """[m]"""
+    doubt: str = ""
+    """What speaks against the guess."""
+    there: bool = False
+    """It is reached at the start."""
+
+
+def find_aim(survey: Survey, intent: str = "", *, names: Iterable[str] = (), thing: str = "", goal: str = "") -> Aim:
+    """The aim that a person names, else the one that the intent says, else the likeliest of the model.
+
+    Args:
+        names: what the robot is called besides.
+        thing: the body, site or geom that shall be brought to `goal`, another; empty for a guess.
+
+    Raises:
+        TaskError: when the model has no such thing or goal, or it is something that does not move.
+    """
+    if thing or goal:
+        return _named_aim(survey, thing, goal)
+    return _Reader(survey, intent, names).aim() if intent.strip() else _likely_aim(survey)
+
+
+def _named_aim(survey: Survey, thing: str, goal: str) -> Aim:
+    mover = _by_name(survey, thing) if thing else _default_mover(survey)
+    if not survey.moves(mover):
+        raise TaskError(f"`{mover.name}` is fixed to the world; object= names something that moves.")
+    if goal:
+        return _bring(survey, mover, _by_name(survey, goal))
+    marks = _marks(survey, mover)
+    if not marks:
+        raise TaskError("The model has no body, site or geom named goal or target; say where with goal=NAME.")
+    return _bring(survey, mover, _fitting(mover, marks))
+
+
+def _by_name(survey: Survey, name: str) -> Place:
+    places = {place.name: place for place in reversed(survey.places())}
+    if name not in places:
+        raise TaskError(f"The model has no body, site or geom `{name}`.{nearest(name, places)}")
+    return places[name]
+
+
+def _likely_aim(survey: Survey) -> Aim:
+    """Without a sentence: an object to a goal, else the robot to a goal, else forward, else a point within reach."""
+    for mover in (*survey.objects, _default_mover(survey)):
+        if marks := _marks(survey, mover):
+            movers = survey.objects or [mover]
+            # Of several objects, the one that shares a name with a goal: ball and target_ball.
+            mover = max(movers, key=lambda place: _shared(place, _fitting(place, marks)))
+            aim = _bring(survey, mover, _fitting(mover, marks))
+            if not aim.there:
+                return aim
+            break
+    return _run(survey) if survey.base is not None else _reach_a_point(survey, _tip(survey))
+
+
+def _run(survey: Survey) -> Aim:
+    assert survey.root is not None
+    called = survey.root.name
+    falls = survey.rises and not survey.has_ground
+    return Aim(
+        measure=f"the mean speed of {called} along x [m/s]",
+        description=f"to make {called} move forward, along x, as fast as possible",
+        doubt="But nothing is below it, so it falls: name a model that has a floor, often a scene.xml."
+        if falls
+        else "",
+    )
+
+
+def _reach_a_point(survey: Survey, mover: Place) -> Aim:
+    """Where the median of random poses brings a part of the robot."""
+    start = survey.where(mover)
+    reach = sorted(survey.reach(mover, POSES), key=lambda place: float(np.linalg.norm(place - start)))
+    point = reach[POSES // 2].round(3)
+    reached = max(NEAREST, round(NEAR * float(np.linalg.norm(point - start)), 3))
+    where = f"({', '.join(f'{x:g}' for x in point)})"
+    return Aim(
+        measure=f"the share of time that {mover.name} is within {reached:g} m of a point within its reach, {where}",
+        description=f"to bring {mover.name} to the goal",
+        mover=mover,
+        point=tuple(point.tolist()),
+        reached=reached,
+        doubt="No goal of the model would do, so the point is made up.",
+    )
+
+
+def _bring(survey: Survey, mover: Place, goal: Place) -> Aim:
+    distance = float(np.linalg.norm(survey.where(mover) - survey.where(goal)))
+    # Things that collide cannot come nearer than they are thick, nor an object nearer to a mark on what it lies on.
+    solid = bool(survey.radius(goal)) or not survey.is_robots(mover)
+    thick = survey.radius(mover) + survey.radius(goal) if solid else 0.0
+    reached = round(max(NEAREST, NEAR * distance, thick), 3)
+    hand = None if survey.is_robots(mover) else survey.root or _tip(survey)
+    there, doubt = distance < reached, ""
+    if there:
+        doubt = f"{mover.name} is there at the start: move one of them, in the model or in `reset`."
+    elif survey.is_robots(mover) and survey.base is None:
+        reach = survey.reach(mover, POSES)
+        least = float(np.linalg.norm(reach - survey.where(goal), axis=1).min()) if not survey.moves(goal) else 0.0
+        if least > 2.0 * reached:
+            doubt = f"In {POSES} random poses {mover.name} came no nearer than {least:.2g} m: is the goal within reach?"
+    return Aim(
+        measure=f"the share of time that {mover.name} is within {reached:g} m of {goal.name}",
+        description=f"to bring {mover.name} to {goal.name}",
+        mover=mover,
+        hand=hand,
+        goal=goal,
+        reached=reached,
+        doubt=doubt,
+        there=there,
+    )
+
+
+def _default_mover(survey: Survey) -> Place:
+    """Of a robot that goes somewhere its base, of another the end of its longest limb."""
+    return survey.root or _tip(survey)
+
+
+def _tip(survey: Survey) -> Place:
+    """The end of the longest limb, by what is called so: a site at it, or one of several ends."""
+    ends = [link for link in survey.links if survey.depth(link.body) == survey.depth(survey.links[0].body)]
+    link = next((link for link in ends if _TIPS & set(_words(link.name))), ends[0])
+    sites = [place for place in survey.places() if place.field == "site_xpos" and place.body == link.body]
+    return next((site for site in sites if _TIPS & set(_words(site.name))), link)
+
+
+def _marks(survey: Survey, mover: Place) -> list[Place]:
+    """What is called goal or target, but for the mover itself."""
+    return [place for place in survey.places() if "goal" in _words(place.name) and place.body != mover.body]
+
+
+def _fitting(mover: Place, marks: Sequence[Place]) -> Place:
+    return max(marks, key=lambda mark: _shared(mover, mark))  # the first of equals: bodies before sites before geoms
+
+
+def _shared(one: Place, other: Place) -> int:
+    return len(set(_words(one.name)) & set(_words(other.name)))
+
+
+class _Reader:
+    """Of a sentence like "to run forward" or "to push the red cube onto the goal", if it knows every word of it.
+
+    Args:
+        names: what the robot is called besides the name of its base.
+    """
+
+    def __init__(self, survey: Survey, intent: str, names: Iterable[str]) -> None:
+        self.survey, self.words = survey, _words(intent)
+        self.said = {_stem(word): word for word in re.findall(r"[a-z]+|\d+", intent.lower())}
+        robot = {word for name in names for word in _words(name)} | set(_words(survey.root.name if survey.root else ""))
+        others = {word for place in survey.places() if place != survey.root for word in _words(place.name)}
+        self.itself = _ITSELF | robot - others - _RUN - _MANNER - _BRING - _TOUCH
+        """Words for the robot as a whole."""
+
+    def aim(self) -> Aim:
+        content = [word for word in self.words if word not in _FILLERS | self.itself]
+        runs = self.survey.base is not None and bool((_RUN | {_stem("fast")}) & set(content))
+        if runs and set(content) <= _RUN | _MANNER:
+            return _run(self.survey)
+        if not content or content[0] not in _BRING | _TOUCH:
+            return self._unknown(content)
+        rest = self.words[self.words.index(content[0]) + 1 :]
+        if content[0] in _TOUCH:
+            goal, mover = _cut(rest, frozenset({"with"}))
+        else:
+            mover, goal = _cut(rest, _PLACED)
+        goal = [word for word in goal if word not in _FILLERS | _WHERE]
+        mover = [word for word in mover if word not in _FILLERS]
+        if not goal or not (mover or content[0] in _GO | _TOUCH):
+            return self._unknown(content)
+        return self._bring(mover, goal)
+
+    def _bring(self, mover_words: Sequence[str], goal_words: Sequence[str]) -> Aim:
+        survey = self.survey
+        movers = self._movers(mover_words)
+        if len(movers) != 1:
+            return self._unknown(mover_words, movers)
+        mover = movers[0]
+        goals = _mentioned(goal_words, [place for place in survey.places() if place.body != mover.body])
+        likeliest = max((_shared(mover, place) for place in goals), default=0)
+        if len(goals) > 1 and likeliest:  # a ball and target_ball
+            goals = [place for place in goals if _shared(mover, place) == likeliest]
+            goals = goals[:1] if len({place.body for place in goals}) == 1 else goals
+        if len(goals) == 1:
+            return _bring(survey, mover, goals[0])
+        if not goals and set(goal_words) == {"goal"} and survey.is_robots(mover) and survey.base is None:
+            return _reach_a_point(survey, mover)
+        return self._unknown(goal_words, goals)
+
+    def _movers(self, words: Sequence[str]) -> list[Place]:
+        survey = self.survey
+        movers = [place for place in survey.places() if survey.moves(place)]
+        found = _mentioned(words, [place for place in movers if "goal" in words or "goal" not in _words(place.name)])
+        if found:
+            return found
+        if {_stem("object"), _stem("thing")} & set(words) and len(words) == 1:
+            return survey.objects
+        return [_default_mover(survey)] if set(words) <= self.itself else []
+
+    def _unknown(self, words: Sequence[str], several: Sequence[Place] = ()) -> Aim:
+        """No F: the words that were not understood, or what they may stand for."""
+        if several:
+            return _unsaid(f"it may mean {' or '.join(dict.fromkeys(place.name for place in several))}")
+        names = {word for place in self.survey.places() for word in _words(place.name)}
+        known = names | _RUN | _MANNER | _BRING | _TOUCH | _PLACED
+        strange = [word for word in dict.fromkeys(words) if word not in known]
+        said = ", ".join(f'"{self.said[word]}"' for word in strange or dict.fromkeys(words))
+        if words and not strange:
+            return _unsaid(f"{said} alone does not say what to bring where")
+        return _unsaid(f"it does not know what {said or 'that'} shall mean for this model")
+
+
+def _cut(words: Sequence[str], marks: frozenset[str]) -> tuple[list[str], list[str]]:
+    """What comes before and after the first of some words; all before, where there is none."""
+    place = next((i for i, word in enumerate(words) if word in marks), len(words))
+    return list(words[:place]), list(words[place + 1 :])
+
+
+def _mentioned(words: Sequence[str], places: Sequence[Place]) -> list[Place]:
+    """The place that has all these words in its name; several where they fit more than one equally well."""
+    wanted = set(words)
+    nouns = wanted - _LOOKS
+    fits: dict[tuple[int, int], list[Place]] = {}
+    for place in places:
+        has = set(_words(place.name))
+        if nouns and nouns <= has:
+            fits.setdefault((len(wanted & has), -len(has - wanted)), []).append(place)
+    best = fits[max(fits)] if fits else []
+    return best if len({place.body for place in best}) > 1 else best[:1]
+
+
+def _unsaid(why: str) -> Aim:
+    return Aim(measure="", description="", missing=why)
+
+
+def _words(text: str) -> list[str]:
+    """In lower case, without endings; a target is a goal."""
+    split = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
+    return [_stem(word) for word in re.findall(r"[a-z]+|\d+", split.lower())]
+
+
+def _stem(word: str) -> str:
+    if len(word) > 5 and word.endswith("ing"):
+        word = word[:-3]
+        word = word[:-1] if len(word) > 2 and word[-1] == word[-2] and word[-1] != "l" else word
+    elif len(word) > 3 and word.endswith("s") and not word.endswith(("ss", "us", "is")):
+        word = word[:-1]
+    if len(word) > 3 and word.endswith("e"):
+        word = word[:-1]
+    return "goal" if word == "target" else word
+
+
+def _vocabulary(words: str) -> frozenset[str]:
+    return frozenset(_words(words))
+
+
+_FILLERS = _vocabulary("to the a an it its so that is be can of for make let have as and robot")
+_LOOKS = _vocabulary("red green blue yellow white black orange purple pink grey gray small big large little")
+_RUN = _vocabulary("run walk hop gallop trot crawl swim sprint forward forwards ahead")
+_MANNER = _vocabulary("fast quickly speed possible move go travel along x axis without fall at")
+_GO = _vocabulary("go come get move fly drive swim walk run steer travel")
+_BRING = _GO | _vocabulary("bring push pull slide roll carry place put drag deliver take catch hold keep guide")
+_TOUCH = _vocabulary("reach touch")
+_PLACED = _vocabulary("to onto into in on at toward towards near inside")
+_WHERE = _vocabulary("position location spot point marker")
+_ITSELF = _vocabulary("robot arm end effector itself")
+_TIPS = _vocabulary("tip end ee eef tcp hand grip gripper grasp pinch tool finger fingertip effector")

@@ -1,0 +1,128 @@
+"""Which bodies and joints of a MuJoCo model are a robot's, and what they are called."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+SWAY = 0.05
+"""[rad] or [m] by which joints differ at the start of an episode."""
+
+SLIDE, HINGE, FREE, BALL = (
+    int(getattr(mujoco.mjtJoint, f"mjJNT_{name}")) for name in ("SLIDE", "HINGE", "FREE", "BALL")
+)
+_JOINT, _JOINT_IN_PARENT, _TENDON, _SITE = (
+    int(getattr(mujoco.mjtTrn, f"mjTRN_{name}")) for name in ("JOINT", "JOINTINPARENT", "TENDON", "SITE")
+)
+
+
+def home(model: mujoco.MjModel) -> np.ndarray:
+    """The first keyframe, or the pose as drawn; joints are kept so far inside their range that they may sway."""
+    pose = (model.key_qpos[0] if model.nkey else model.qpos0).copy()
+    for joint in scalar_joints(model):
+        low, high = model.jnt_range[joint]
+        if model.jnt_limited[joint] and high - low > 4.0 * SWAY:
+            place = model.jnt_qposadr[joint]
+            pose[place] = min(max(pose[place], low + SWAY), high - SWAY)
+    return pose
+
+
+def scalar_joints(model: mujoco.MjModel) -> list[int]:
+    """Hinges and slides."""
+    return [joint for joint in range(model.njnt) if model.jnt_type[joint] in (SLIDE, HINGE)]
+
+
+def driven_joints(model: mujoco.MjModel) -> list[int]:
+    """Joints that an actuator moves, by itself or through a tendon."""
+    joints: list[int] = []
+    for kind, (target, _) in zip(model.actuator_trntype, model.actuator_trnid, strict=True):
+        if kind in (_JOINT, _JOINT_IN_PARENT):
+            joints.append(int(target))
+        elif kind == _TENDON:
+            joints += _of_tendon(model, int(target))
+    return joints
+
+
+def _of_tendon(model: mujoco.MjModel, tendon: int) -> list[int]:
+    """Joints that it is a sum of, or that it spans: those between the bodies that it is fastened to."""
+    wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+    kinds, objects = model.wrap_type[wraps], model.wrap_objid[wraps]
+    joints = objects[kinds == int(mujoco.mjtWrap.mjWRAP_JOINT)].tolist()
+    bodies = [int(model.site_bodyid[site]) for site in objects[kinds == int(mujoco.mjtWrap.mjWRAP_SITE)]]
+    lines = [_line(model, body) for body in bodies]
+    common = set.intersection(*map(set, lines)) if lines else set()
+    spanned = dict.fromkeys(body for line in lines for body in line if body not in common)
+    return joints + [joint for body in spanned for joint in own_joints(model, body)]
+
+
+def _line(model: mujoco.MjModel, body: int) -> list[int]:
+    """A body and those that it hangs on."""
+    line = []
+    while body:
+        line.append(body)
+        body = int(model.body_parentid[body])
+    return line
+
+
+def driven_trees(model: mujoco.MjModel) -> set[int]:
+    """Kinematic trees that an actuator moves."""
+    bodies = {int(model.jnt_bodyid[joint]) for joint in driven_joints(model)} | _pushed(model)
+    return {int(model.body_treeid[body]) for body in bodies}
+
+
+def _pushed(model: mujoco.MjModel) -> set[int]:
+    """Bodies that an actuator pushes at a site: by propellers, say."""
+    sites = model.actuator_trnid[model.actuator_trntype == _SITE, 0]
+    return set(model.site_bodyid[sites].tolist())
+
+
+def base(model: mujoco.MjModel) -> int | None:
+    """The body by which a robot moves through the world: by joints that nothing drives, one of them free or along x.
+    None for a robot that stands fixed."""
+    driven = {int(model.jnt_bodyid[joint]) for joint in driven_joints(model)}
+    carriers = sorted({int(model.body_rootid[body]) for body in driven | _pushed(model)} - driven)
+    return next((body for body in carriers if along_x(model, body) is not None), None)
+
+
+def own_joints(model: mujoco.MjModel, body: int) -> range:
+    return range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body])
+
+
+def along_x(model: mujoco.MjModel, body: int) -> int | None:
+    """The degree of freedom that carries a body along x."""
+    for joint in own_joints(model, body):
+        along = model.jnt_type[joint] == SLIDE and abs(model.jnt_axis[joint][0]) > 0.9
+        if model.jnt_type[joint] == FREE or along:
+            return int(model.jnt_dofadr[joint])
+    return None
+
+
+def rises(model: mujoco.MjModel, body: int) -> bool:
+    """Whether a body's own joints let it up and down."""
+    return any(
+        model.jnt_type[joint] == FREE or (model.jnt_type[joint] == SLIDE and abs(model.jnt_axis[joint][2]) > 0.5)
+        for joint in own_joints(model, body)
+    )
+
+
+def named(model: mujoco.MjModel, kind: str, index: int) -> str:
+    """What the model calls a `BODY`, `JOINT`, ..., fit for a Python string; its number where it has no name."""
+    name = name_of(model, kind, index)
+    return re.sub(r"[\"\\\s{}]", "_", name) if name else f"{kind.lower()}{index}"
+
+
+def name_of(model: mujoco.MjModel, kind: str, index: int) -> str:
+    return mujoco.mj_id2name(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind}"), index) or ""
+
+
+def identifier(name: str) -> str:
+    return re.sub(r"\W|^(?=\d)", "_", name)
+
+
+def columns(indices: Sequence[int]) -> str:
+    """Python that picks columns: a slice where they follow each other, else a list."""
+    first, last = indices[0], indices[-1]
+    return f"{first}:{last + 1}" if list(indices) == list(range(first, last + 1)) else f"{list(indices)}"

@@ -1,0 +1,129 @@
+"""Reads a robot description (URDF) as a MuJoCo model: it has no actuators, and names meshes as ROS packages do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+
+from ..errors import TaskError
+
+STIFFNESS = 4.0
+"""[1/rad] or [1/m]: servos of joints with a range give their whole effort where they are a quarter off."""
+_MESHES = (".stl", ".obj", ".msh")
+_LEAST = 1e-6
+"""[kg], [kg m^2] that MuJoCo needs of anything that moves; descriptions leave out the inertia of mere frames."""
+
+
+def read_urdf(path: str | Path, *, floating: bool = False) -> mujoco.MjSpec:
+    """The robot with an actuator for every joint that has an effort limit.
+
+    A joint with a range gets a position servo within that range, one without a motor; both are limited to its effort.
+    Its damping is such that full effort moves it at its velocity limit. Joints that mimic another follow it. Visual
+    meshes in formats that MuJoCo cannot read are left out.
+
+    Args:
+        floating: the root may move freely, above a floor; else it is fixed to the world, as arms are.
+
+    Raises:
+        TaskError: when it is no URDF, a mesh that collides is missing or unreadable, or no joint has an effort limit.
+    """
+    path = Path(path).resolve()
+    if not path.is_file():
+        raise TaskError(f"There is no model {path}; name a MuJoCo XML file or a URDF, for example model=hopper.xml.")
+    try:
+        robot = ElementTree.parse(path).getroot()
+    except ElementTree.ParseError as error:
+        raise TaskError(f"{path} is not readable XML: {error}.") from None
+    if robot.tag != "robot" or robot.find("link") is None:
+        raise TaskError(f"{path} is no URDF: it begins with <{robot.tag}> instead of a <robot> with links.")
+    for link in robot.iter("link"):
+        _find_meshes(link, path)
+    for extension in robot.findall("mujoco"):
+        robot.remove(extension)
+    settings = {"strippath": "false", "discardvisual": "false", "fusestatic": "false", "balanceinertia": "true"}
+    least = {"boundmass": str(_LEAST), "boundinertia": str(_LEAST)}
+    ElementTree.SubElement(ElementTree.SubElement(robot, "mujoco"), "compiler", settings | least)
+    try:
+        spec = mujoco.MjSpec.from_string(ElementTree.tostring(robot, encoding="unicode"))
+    except (ValueError, mujoco.FatalError) as error:
+        raise TaskError(f"MuJoCo cannot read {path}: {' '.join(str(error).split())}.") from None
+    _actuate(spec, robot)
+    if not spec.actuators:
+        raise TaskError(f"No joint of {path} has a <limit> with an effort above zero, so nothing moves it; add some.")
+    if floating:
+        _set_afloat(spec)
+    return spec
+
+
+def _find_meshes(link: ElementTree.Element, path: Path) -> None:
+    """Name meshes by where they are, without visual ones that cannot be read."""
+    for kind in ("visual", "collision"):
+        for part in link.findall(kind):
+            mesh = part.find("geometry/mesh")
+            if mesh is None:
+                continue
+            name = mesh.get("filename", "")
+            found = _mesh(name, path)
+            if found is not None and found.suffix.lower() in _MESHES:
+                mesh.set("filename", str(found))
+            elif kind == "visual":
+                link.remove(part)
+            elif found is None:
+                raise TaskError(f"{path} collides by the mesh {name}, which is in no folder above it; put it there.")
+            else:
+                raise TaskError(f"{path} collides by the mesh {name}, which MuJoCo cannot read; convert it to STL.")
+
+
+def _mesh(name: str, path: Path) -> Path | None:
+    """Where a mesh is: `package://NAME/...` is sought beside and in every folder above the description."""
+    _, package, inside = name.rpartition("package://")
+    if not package:
+        place = path.parent / name.removeprefix("file://")
+        return place if place.is_file() else None
+    _, _, rest = inside.partition("/")
+    for folder in path.parents:
+        for place in (folder / inside, folder / rest):
+            if place.is_file():
+                return place
+    return None
+
+
+def _actuate(spec: mujoco.MjSpec, robot: ElementTree.Element) -> None:
+    to_joint = {"trntype": mujoco.mjtTrn.mjTRN_JOINT}
+    for joint in robot.iter("joint"):
+        name, limit = joint.get("name", ""), joint.find("limit")
+        # A joint that mimics another is held to it by an equality, which MuJoCo's own reader adds.
+        if joint.get("type") not in ("revolute", "continuous", "prismatic") or joint.find("mimic") is not None:
+            continue
+        low, high, effort, speed = (
+            float(limit.get(key, 0.0)) if limit is not None else 0.0 for key in ("lower", "upper", "effort", "velocity")
+        )
+        if effort <= 0.0:
+            continue
+        actuator = spec.add_actuator(name=name, target=name, ctrllimited=1, **to_joint)
+        if joint.get("type") != "continuous" and low < high:
+            actuator.set_to_position(kp=STIFFNESS * effort, dampratio=1.0)
+            actuator.ctrlrange = [low, high]
+            actuator.forcelimited, actuator.forcerange = 1, [-effort, effort]
+        else:
+            actuator.gear[0], actuator.ctrlrange = effort, [-1.0, 1.0]
+        if speed > 0.0:
+            spec.joint(name).damping[0] = max(spec.joint(name).damping[0], effort / speed)
+
+
+def _set_afloat(spec: mujoco.MjSpec) -> None:
+    """Let the root move, standing on a floor."""
+    root = spec.worldbody.first_body()
+    root.add_freejoint()
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    lowest = 0.0
+    for geom in range(model.ngeom):
+        centre, half = model.geom_aabb[geom].reshape(2, 3)
+        turn = data.geom_xmat[geom].reshape(3, 3)
+        lowest = min(lowest, float(data.geom_xpos[geom, 2] + (turn @ centre)[2] - abs(turn[2]) @ half))
+    root.pos = [0.0, 0.0, -lowest]
+    spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.1])

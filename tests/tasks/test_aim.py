@@ -1,0 +1,176 @@
+"""F of a drafted task: what a sentence and the names of a model say, and nothing else."""
+
+import mujoco
+import pytest
+
+from openeureka.errors import TaskError
+from openeureka.tasks.aim import find_aim
+from openeureka.tasks.survey import Survey
+
+# An arm, two cubes, one on slides, and a goal that is moved by hand.
+TABLE = """
+<mujoco>
+  <worldbody>
+    <geom name="table" type="plane" size="2 2 0.1"/>
+    <body name="upper_arm" pos="0 0 0.3">
+      <joint name="turn" axis="0 0 1"/>
+      <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03"/>
+      <body name="forearm" pos="0.3 0 0">
+        <joint name="bend" axis="0 1 0" range="0 120"/>
+        <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03"/>
+        <site name="fingertip" pos="0.3 0 0"/>
+      </body>
+    </body>
+    <body name="red_cube" pos="0.4 0.2 0.03"><freejoint/><geom type="box" size="0.03 0.03 0.03"/></body>
+    <body name="blue_cube" pos="0.4 -0.4 0.03">
+      <joint name="blue_x" type="slide" axis="1 0 0"/><geom type="box" size="0.03 0.03 0.03"/>
+    </body>
+    <body name="green_goal" mocap="true" pos="0.4 -0.2 0.03">
+      <geom type="sphere" size="0.03" contype="0" conaffinity="0"/>
+    </body>
+  </worldbody>
+  <actuator><motor joint="turn"/><motor joint="bend"/></actuator>
+</mujoco>
+"""
+
+WALKER = """
+<mujoco>
+  <worldbody>
+    <geom type="plane" size="2 2 0.1"/>
+    <body name="torso" pos="0 0 1"><freejoint/><geom size="0.1"/>
+      <body name="leg"><joint name="hip"/><geom type="capsule" fromto="0 0 0 0 0 -0.8" size="0.05"/></body>
+    </body>
+    <site name="target" pos="3 0 1"/>
+  </worldbody>
+  <actuator><motor joint="hip"/></actuator>
+</mujoco>
+"""
+
+
+def survey(text: str) -> Survey:
+    return Survey(mujoco.MjModel.from_xml_string(text))
+
+
+@pytest.mark.parametrize(
+    ("intent", "measure"),
+    [
+        # The cube starts 0.4 m from the goal, and a fifth of that counts as there.
+        ("to push the red cube onto the green goal", "the share of time that red_cube is within 0.08 m of green_goal"),
+        ("Sliding the blue cube to the target", "the share of time that blue_cube is within 0.052 m of green_goal"),
+        # The elbow starts 0.05 rad off its limit: sqrt(0.2^2 + 0.2^2 + 0.255^2) = 0.38 m.
+        ("to reach the goal", "the share of time that fingertip is within 0.076 m of green_goal"),
+        (
+            "make the arm reach the goal with the forearm",
+            "the share of time that forearm is within 0.067 m of green_goal",
+        ),
+        ("move to the target", "the share of time that fingertip is within 0.076 m of green_goal"),
+    ],
+)
+def test_f_is_what_a_sentence_says(intent: str, measure: str):
+    aim = find_aim(survey(TABLE), intent)
+    assert (aim.measure, aim.missing) == (measure, "")
+
+
+@pytest.mark.parametrize(
+    ("intent", "why"),
+    [
+        ("to push the red ball onto the green goal", '"ball"'),
+        ("to push the cube onto the goal", "it may mean red_cube or blue_cube"),
+        ("to lift the red cube", '"lift"'),
+        ("to stack the red cube on the blue cube", '"stack"'),
+        ("to push the red cube to the goal and back", '"back"'),
+        ("to push the red cube away from the goal", '"away"'),
+        ("to push the red cube into the drawer", '"drawer"'),
+        ("not to push the red cube to the goal", '"not"'),
+        ("to push the red cube", "does not say what to bring where"),
+        ("to run forward", "run"),
+    ],
+)
+def test_a_sentence_that_is_not_understood_to_its_last_word_gets_no_f(intent: str, why: str):
+    aim = find_aim(survey(TABLE), intent)
+    assert aim.measure == "" and why in aim.missing
+
+
+@pytest.mark.parametrize(
+    ("intent", "measure"),
+    [
+        (
+            "to make the walker run forward as fast as possible, without falling",
+            "the mean speed of torso along x [m/s]",
+        ),
+        ("to walk to the target", "the share of time that torso is within 0.6 m of target"),
+        ("to run backwards", ""),
+        ("to walk slowly", ""),
+        ("to walk at 1 m/s", ""),
+        ("to stand still", ""),
+    ],
+)
+def test_a_robot_that_goes_runs_or_goes_to_its_goal(intent: str, measure: str):
+    assert find_aim(survey(WALKER), intent, names=["walker"]).measure == measure
+
+
+def test_the_name_of_a_file_says_nothing_about_what_lies_in_the_model():
+    aim = find_aim(survey(TABLE), "to push the red cube to the goal", names=["push_cube"])
+    assert aim.mover is not None and aim.mover.name == "red_cube"
+
+
+def test_without_a_sentence_an_object_shall_be_brought_to_the_goal():
+    aim = find_aim(survey(TABLE))
+    assert aim.measure == "the share of time that red_cube is within 0.08 m of green_goal"
+    assert aim.description == "to bring red_cube to green_goal" and aim.hand is not None
+    renamed = find_aim(survey(TABLE.replace("green_goal", "goal_of_blue_cube")))
+    assert renamed.mover is not None and renamed.mover.name == "blue_cube"
+
+
+def test_without_a_sentence_a_robot_that_goes_shall_go_to_its_goal_or_run():
+    assert find_aim(survey(WALKER)).measure == "the share of time that torso is within 0.6 m of target"
+    assert "mean speed" in find_aim(survey(WALKER.replace('"target"', '"post"'))).measure
+
+
+def test_a_person_may_name_what_shall_be_where():
+    aim = find_aim(survey(TABLE), "to tidy up", thing="blue_cube", goal="red_cube")
+    assert aim.mover is not None and aim.goal is not None
+    assert (aim.mover.name, aim.goal.name) == ("blue_cube", "red_cube")
+    assert find_aim(survey(TABLE), thing="blue_cube").measure.endswith("of green_goal")
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        ({"thing": "red_cub"}, "no body, site or geom `red_cub`. Did you mean `red_cube`"),
+        ({"thing": "table"}, "`table` is fixed to the world"),
+        ({"thing": "red_cube", "goal": "shelf"}, "no body, site or geom `shelf`"),
+    ],
+)
+def test_a_name_that_is_not_there_is_refused(words: dict[str, str], problem: str):
+    with pytest.raises(TaskError, match=problem):
+        find_aim(survey(TABLE), **words)
+
+
+def test_a_goal_is_doubted_that_is_reached_already_or_out_of_reach():
+    there = TABLE.replace('mocap="true" pos="0.4 -0.2 0.03"', 'mocap="true" pos="0.4 0.2 0.03"')
+    assert "is there at the start" in find_aim(survey(there), "to push the red cube to the goal").doubt
+    far = TABLE.replace('mocap="true" pos="0.4 -0.2 0.03"', 'pos="9 0 0"')
+    assert "is the goal within reach?" in find_aim(survey(far), "to reach the goal").doubt
+    assert find_aim(survey(TABLE), "to reach the goal").doubt == ""
+
+
+def test_without_a_goal_that_is_elsewhere_a_point_is_made_up_and_said_to_be():
+    for text in (TABLE.replace("green_goal", "lamp"), TABLE.replace("0.4 -0.2 0.03", "0.4 0.2 0.03")):
+        aim = find_aim(survey(text))
+        assert aim.point and "a point within its reach" in aim.measure and "made up" in aim.doubt
+
+
+def test_a_robot_without_a_floor_is_said_to_fall():
+    bare = WALKER.replace('<geom type="plane" size="2 2 0.1"/>', "").replace('"target"', '"post"')
+    assert "nothing is below it" in find_aim(survey(bare)).doubt
+    assert find_aim(survey(WALKER.replace('"target"', '"post"'))).doubt == ""
+
+
+def test_what_hangs_on_a_driven_string_is_driven():
+    pulled = TABLE.replace('<motor joint="bend"/>', '<motor tendon="string"/>').replace(
+        "<actuator>",
+        '<tendon><spatial name="string"><site site="peg"/><site site="fingertip"/></spatial></tendon><actuator>',
+    )
+    pulled = pulled.replace('<motor joint="turn"/>', "").replace("<worldbody>", '<worldbody><site name="peg"/>')
+    assert [link.name for link in survey(pulled).links] == ["forearm"]

@@ -1,0 +1,131 @@
+"""A URDF becomes a model that can be moved: actuators from joint limits, meshes where ROS packages have them."""
+
+import struct
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import torch
+
+from openeureka.errors import TaskError
+from openeureka.tasks.draft import draft
+from openeureka.tasks.registry import make
+from openeureka.tasks.urdf import read_urdf
+
+ARM = """<?xml version="1.0"?>
+<robot name="arm">
+  <link name="base"><visual><geometry><mesh filename="package://robots/arm/meshes/base.dae"/></geometry></visual>
+    <collision><geometry><box size="0.2 0.2 0.1"/></geometry></collision></link>
+  <link name="upper"><inertial><mass value="1"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><mesh filename="package://robots/arm/meshes/upper.stl"/></geometry></collision></link>
+  <link name="wrist"><inertial><mass value="0.5"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><sphere radius="0.05"/></geometry></collision></link>
+  <link name="left"><inertial><mass value="0.1"/>
+    <inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="right"><inertial><mass value="0.1"/>
+    <inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="tool"/>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="2" effort="20" velocity="4"/></joint>
+  <joint name="roll" type="continuous"><parent link="upper"/><child link="wrist"/><origin xyz="0 0 0.5"/>
+    <axis xyz="0 0 1"/>
+    <limit effort="5" velocity="10"/></joint>
+  <joint name="grip" type="prismatic"><parent link="wrist"/><child link="left"/><axis xyz="0 1 0"/>
+    <limit lower="0" upper="0.04" effort="0" velocity="1"/></joint>
+  <joint name="grip_too" type="prismatic"><parent link="wrist"/><child link="right"/><axis xyz="0 -1 0"/>
+    <limit lower="0" upper="0.04" effort="3" velocity="1"/><mimic joint="grip" multiplier="-2" offset="0.01"/></joint>
+  <joint name="mount" type="fixed"><parent link="wrist"/><child link="tool"/><origin xyz="0 0 0.1"/></joint>
+</robot>
+"""
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    """As ROS lays packages out: the description in robots/arm/urdf, meshes in robots/arm/meshes."""
+    for folder in ("urdf", "meshes"):
+        (tmp_path / "robots" / "arm" / folder).mkdir(parents=True)
+    corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.4]], dtype="<f4")
+    faces = [corners[list(face)] for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))]
+    records = b"".join(struct.pack("<3f", 0, 0, 0) + face.tobytes() + b"\0\0" for face in faces)
+    (tmp_path / "robots/arm/meshes/upper.stl").write_bytes(bytes(80) + struct.pack("<I", len(faces)) + records)
+    (tmp_path / "robots/arm/meshes/base.dae").write_text("<COLLADA/>")
+    path = tmp_path / "robots/arm/urdf/arm.urdf"
+    path.write_text(ARM)
+    return path
+
+
+def test_joint_limits_become_actuators(arm: Path):
+    model = read_urdf(arm).compile()
+    assert [model.actuator(i).name for i in range(model.nu)] == ["shoulder", "roll"]  # no effort, or a follower: none
+    servo, motor = model.actuator("shoulder"), model.actuator("roll")
+    assert servo.ctrlrange.tolist() == [-1.0, 2.0] and servo.forcerange.tolist() == [-20.0, 20.0]
+    assert servo.gainprm[0] == 80.0  # whole effort at a quarter of a radian
+    assert motor.gear[0] == 5.0 and motor.ctrlrange.tolist() == [-1.0, 1.0]
+    # Full effort against this damping moves at the velocity limit: 20 N m / 4 rad/s, 5 N m / 10 rad/s.
+    assert model.joint("shoulder").damping.tolist() == [5.0] and model.joint("roll").damping.tolist() == [0.5]
+
+
+def test_a_joint_follows_the_one_that_it_mimics(arm: Path):
+    model = read_urdf(arm).compile()
+    assert model.neq == 1 and model.eq_data[0, :3].tolist() == [0.01, -2.0, 0.0]
+    assert (model.joint(int(model.eq_obj1id[0])).name, model.joint(int(model.eq_obj2id[0])).name) == (
+        "grip_too",
+        "grip",
+    )
+
+
+def test_meshes_are_found_where_packages_have_them_and_unreadable_pictures_left_out(arm: Path):
+    model = read_urdf(arm).compile()
+    assert model.nmesh == 1
+    elsewhere = arm.with_name("beside.urdf")
+    elsewhere.write_text(ARM.replace("package://robots/arm/meshes/", "../meshes/"))
+    assert read_urdf(elsewhere).compile().nmesh == 1
+
+
+def test_a_floating_robot_stands_on_a_floor(arm: Path):
+    fixed, afloat = read_urdf(arm).compile(), read_urdf(arm, floating=True).compile()
+    assert afloat.nv == fixed.nv + 6
+    data = mujoco.MjData(afloat)
+    mujoco.mj_forward(afloat, data)
+    assert data.body("base").xpos[2] == pytest.approx(0.05, abs=1e-6)  # half of the box, which is 0.1 m high
+    assert int(mujoco.mjtGeom.mjGEOM_PLANE) in afloat.geom_type and afloat.ngeom == fixed.ngeom + 1
+
+
+@pytest.mark.parametrize(
+    ("floating", "aim"), [(False, "to bring tool to the goal"), (True, "to make base move forward")]
+)
+def test_a_urdf_becomes_a_task_that_steps(arm: Path, tmp_path: Path, floating: bool, aim: str):
+    path = tmp_path / "mine.py"
+    path.write_text(draft(path, arm, floating=floating).text)
+    simulation = make(str(path), worlds=2)
+    simulation.reset()
+    for _ in range(10):
+        step = simulation.step(torch.rand(2, 2) * 2.0 - 1.0)
+    assert simulation.bad_total == 0 and bool(step.observation.isfinite().all())
+    assert simulation.task.description.startswith(aim)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "problem"),
+    [
+        ("upper.stl", "lower.stl", "meshes/lower.stl, which is in no folder above it"),
+        ("upper.stl", "base.dae", "meshes/base.dae, which MuJoCo cannot read; convert it to STL"),
+        ('effort="', 'effort="0" was="', "has a <limit> with an effort above zero"),
+        ("</robot>", "", "is not readable XML"),
+        ("robot", "mujoco", "is no URDF"),
+        ('child link="upper"', 'child link="nowhere"', "MuJoCo cannot read"),
+    ],
+)
+def test_what_is_wrong_with_a_urdf_is_one_sentence(arm: Path, before: str, after: str, problem: str):
+    arm.write_text(ARM.replace(before, after))
+    with pytest.raises(TaskError, match=problem) as caught:
+        read_urdf(arm)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_xacro_is_refused_with_the_command_that_expands_it(arm: Path, tmp_path: Path):
+    with pytest.raises(TaskError, match="run `xacro"):
+        draft(tmp_path / "mine.py", arm.rename(arm.with_suffix(".xacro")))
