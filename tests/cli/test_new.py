@@ -63,10 +63,18 @@ def test_a_draft_without_an_f_is_played_and_not_searched_for(robot, capsys):
     Stage(f"{robot}/cart.py", "zero", 0).step()
 
 
-def test_a_robot_that_flies_apart_is_drafted_with_a_warning(robot, capsys):
-    (robot / "wild.xml").write_text(CART.replace('gear="1"', 'gear="1e9"'))
+@pytest.mark.parametrize(
+    ("before", "after", "advice"),
+    [
+        ('gear="1"', 'gear="1e9"', "Without actions it holds: narrow CONTROLS"),
+        ("<worldbody>", '<option gravity="0 0 -1e9"/><worldbody>', "It does so without actions too"),
+    ],
+)
+def test_a_robot_that_flies_apart_is_drafted_with_a_warning(robot, capsys, before, after, advice):
+    (robot / "wild.xml").write_text(CART.replace(before, after))
     assert run("new", "wild.py", "model=wild.xml") == 0
-    assert "But its physics broke down" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "But under random actions its physics broke down" in printed and advice in printed
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from ..errors import ConfigError
 from ..store.artifacts import write
 from ..tasks import registry
 from ..tasks.draft import Draft, draft
+from ..tasks.task import Task
 from .settings import NewConfig, only_path, split
 
 TRIED, STEPS = 8, 25
@@ -45,21 +46,32 @@ def new(words: Sequence[str]) -> None:
         floating=config.floating,
     )
     write(path, drafted.text)
-    simulation = registry.make(str(path), worlds=TRIED)
-    task, simulation.scored = simulation.task, False
-    simulation.reset()
-    for _ in range(STEPS):
-        simulation.step(torch.rand(TRIED, task.num_actions) * 2.0 - 1.0)
+    task, bad = _try(path, 1.0)
     print(f"Wrote {path}: {task.num_observations} observations, {task.num_actions} actions, {task.description}.")
     _say_what_counts(path, drafted)
-    if (bad := simulation.bad_total) > 0:
-        print(
-            f"But its physics broke down {bad} times in {TRIED} x {STEPS} steps under random actions: look at the pose"
-        )
-        print("that it starts in and at the range of its actuators, and try more substeps.")
+    if bad > 0:
+        _say_what_breaks(bad, at_rest=_try(path, 0.0)[1] > 0)
     print("Read it, and say what you want of the robot. Then")
     for command in ("play", "train", "run"):
         print(f"  eureka {command} env={path}{' policy=random' if command == 'play' else ''}")
+
+
+def _try(path: Path, size: float) -> tuple[Task, int]:
+    """The task, and the worlds whose physics broke down in random play with actions up to this size."""
+    simulation = registry.make(str(path), worlds=TRIED)
+    simulation.scored = False
+    simulation.reset()
+    for _ in range(STEPS):
+        simulation.step((torch.rand(TRIED, simulation.task.num_actions) * 2.0 - 1.0) * size)
+    return simulation.task, simulation.bad_total
+
+
+def _say_what_breaks(bad: int, *, at_rest: bool) -> None:
+    print(f"But under random actions its physics broke down {bad} times in {TRIED} x {STEPS} steps.")
+    if at_rest:
+        print("It does so without actions too: look at the pose that it starts in, and try more substeps.")
+    else:
+        print("Without actions it holds: narrow CONTROLS, or give its joints damping and armature in `model()`.")
 
 
 def _say_what_counts(path: Path, drafted: Draft) -> None:
