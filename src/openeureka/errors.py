@@ -20,6 +20,10 @@ class TaskError(EurekaError):
     """An environment that does not exist or cannot be loaded."""
 
 
+class CapacityError(TaskError):
+    """The GPU simulator had too little room for the contacts of a world."""
+
+
 class RewardFileError(EurekaError):
     """A reward file that cannot be read or was refused."""
 

@@ -6,10 +6,10 @@ from openeureka import baselines
 from openeureka.cli import trainer as parts
 from openeureka.cli import training
 from openeureka.cli.training import train
-from openeureka.errors import ConfigError, RewardFileError
+from openeureka.errors import ConfigError, RewardFileError, WorkerError
 from openeureka.score import Arm, Baselines
 from openeureka.testing.scripted import ToyTrainer
-from openeureka.types import RewardGraph
+from openeureka.types import RewardGraph, TrainingResult, TrainingState
 
 GOOD = "def compute_reward(pole_angle):\n    upright = torch.exp(-pole_angle**2)\n    return upright, {}\n"
 
@@ -98,3 +98,37 @@ def test_a_refused_reward_file_trains_nothing(toy, tmp_path):
 def test_a_list_of_rewards_that_makes_no_sense_is_refused(toy, reward, sentence):
     with pytest.raises(ConfigError, match=sentence):
         train([f"reward={reward}"])
+
+
+def ending(trainer: ToyTrainer, state: TrainingState, jobs: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have the jobs whose ids begin so end early."""
+    whole = trainer._result
+
+    def result(job):
+        if not job.id.startswith(jobs):
+            return whole(job)
+        return TrainingResult(
+            job=job.id, state=state, fitness=None, curves={}, env_steps=0, seconds=0.0, message="It went wrong."
+        )
+
+    monkeypatch.setattr(trainer, "_result", result)
+
+
+def test_where_nothing_could_be_trained_the_reason_is_all_that_is_said(toy, tmp_path, capsys, monkeypatch):
+    ending(toy, TrainingState.FAILED, "", monkeypatch)
+    with pytest.raises(WorkerError, match=r"^It went wrong\.$"):
+        train([f"dir={tmp_path}/out"])
+    assert "report.html" not in capsys.readouterr().out
+
+
+def test_what_could_not_be_trained_is_named_after_what_could(toy, tmp_path, capsys, monkeypatch):
+    ending(toy, TrainingState.FAILED, "sparse", monkeypatch)
+    with pytest.raises(WorkerError, match=r"^sparse-s0 could not be trained\. It went wrong\.$"):
+        train([f"dir={tmp_path}/out"])
+    assert "human   10" in capsys.readouterr().out
+
+
+def test_why_a_training_ended_early_is_said(toy, tmp_path, capsys, monkeypatch):
+    ending(toy, TrainingState.DIVERGED, "sparse", monkeypatch)
+    train([f"dir={tmp_path}/out"])
+    assert "sparse-s0 It went wrong." in capsys.readouterr().out

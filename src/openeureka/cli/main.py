@@ -202,8 +202,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Run a command line and exit. A person's errors are one sentence; programming errors stay loud."""
     try:
         app(args=argv, prog_name="eureka")
-    except (EurekaError, OSError) as error:
-        if os.environ.get("EUREKA_DEBUG") or not _is_for_a_person(error):
+    except Exception as raised:
+        error = _for_a_person(raised)
+        if os.environ.get("EUREKA_DEBUG") or error is None:
             raise
         for line in (_sentence(error), *getattr(error, "__notes__", ())):
             print(plain(line), file=sys.stderr)
@@ -213,8 +214,13 @@ def main(argv: Sequence[str] | None = None) -> None:
 _DISK = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM}
 
 
-def _is_for_a_person(error: EurekaError | OSError) -> bool:
-    return isinstance(error, EurekaError) or error.errno in _DISK
+def _for_a_person(error: Exception) -> EurekaError | OSError | None:
+    """The error that a person can do something about; None where the program is at fault."""
+    if isinstance(error, EurekaError) or (isinstance(error, OSError) and error.errno in _DISK):
+        return error
+    from ..tasks.faults import fault
+
+    return fault(error)
 
 
 def _sentence(error: EurekaError | OSError) -> str:

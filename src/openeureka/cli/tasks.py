@@ -10,6 +10,7 @@ from ..report.text import columns, number
 from ..score import mean
 from ..tasks import registry
 from ..tasks.context import context as context_of
+from ..tasks.record import try_out
 from ..tasks.task import Task
 from ..types import StateVar
 from .settings import ContextConfig
@@ -37,7 +38,9 @@ def _baselines(env: str) -> tuple[str, str]:
 
 def context(words: Sequence[str]) -> None:
     """Print description, state table and pruned source of a task."""
-    known = context_of(parse(ContextConfig, words).env)
+    env = parse(ContextConfig, words).env
+    known = context_of(env)
+    try_out(env)
     table = columns([(variable.name, _type(variable), variable.meaning) for variable in known.state.variables])
     print(f"Task: {known.description}\n\n{table}\n\n{known.source}")
 

@@ -8,16 +8,25 @@ from pathlib import Path
 
 from .. import baselines
 from ..config import as_dict, parse
-from ..errors import ConfigError, RewardFileError
+from ..errors import ConfigError, RewardFileError, WorkerError
 from ..report import build, events, tables, trained
 from ..report.tables import Table
-from ..report.text import columns, duration, number, spread
+from ..report.text import columns, duration, number, plain, spread
 from ..reward.files import read
 from ..score import human_normalised, mean, rank
 from ..store import artifacts
 from ..store.paths import output_directory
 from ..tasks.registry import get
-from ..types import Evaluation, RewardProgram, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainJob
+from ..types import (
+    Evaluation,
+    RewardProgram,
+    TrainBudget,
+    Trainer,
+    TrainingProgress,
+    TrainingResult,
+    TrainingState,
+    TrainJob,
+)
 from .progress import ProgressLine
 from .rewards import explain, judge
 from .settings import TrainConfig
@@ -37,6 +46,9 @@ def train(words: Sequence[str]) -> None:
     directory = output_directory(config.dir, config.env, "train_")
     trainer = trainer_of(config, directory, lanes=directory)
     results = _train(trainer, config, list(jobs.values()), directory)
+    failed = {job: result.message for job, result in results.items() if result.state is TrainingState.FAILED}
+    if len(failed) == len(results):
+        raise WorkerError(next(iter(failed.values())))
     policies = {job: result.best_fitness.policy for job, result in results.items() if result.best_fitness}
     held_out = {score.job: score for score in trainer.evaluate(config.env, policies, seed=config.seed)}
     _save(directory, config, results, held_out)
@@ -46,7 +58,12 @@ def train(words: Sequence[str]) -> None:
     print(f"{columns([scores.titles, *scores.rows])}\n\n{scores.note}")
     if problem := _save_best(directory, policies, held_out):
         print(problem)
+    for job, result in results.items():
+        if result.state is TrainingState.DIVERGED:
+            print(plain(f"{job} {result.message}"))
     print(f"\nCurves and policies are in {directory}; begin with report.html")
+    if failed:
+        raise WorkerError(f"{', '.join(failed)} could not be trained. {next(iter(failed.values()))}")
 
 
 def _programs(config: TrainConfig) -> dict[str, RewardProgram]:

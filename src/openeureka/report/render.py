@@ -9,11 +9,11 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-import imageio_ffmpeg
 import mujoco
 import numpy as np
 
 from ..errors import EurekaError
+from ..tasks.faults import fault, told
 from ..worker import Channel
 from .stage import Stage
 
@@ -36,6 +36,8 @@ def frames(stage: Stage, seconds: float) -> Iterator[np.ndarray]:
 
 def encode(images: Iterator[np.ndarray]) -> bytes:
     """An mp4 (H.264) of the images; ffmpeg comes with the imageio-ffmpeg wheel."""
+    import imageio_ffmpeg  # here, where its absence is not taken for that of OpenGL
+
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "video.mp4"
         writer = imageio_ffmpeg.write_frames(str(path), (WIDTH, HEIGHT), fps=FPS, quality=7, macro_block_size=1)
@@ -58,15 +60,17 @@ def main() -> None:
     if request is None:
         return
     _try_renderer()
+    channel.send({})  # from here on, nothing that goes wrong is for want of OpenGL
     wanted = request.header
     if wanted["agent"] == "none":
-        channel.send({})
         return
     try:
         agent = request.blobs.get("policy", wanted["agent"])
         video = encode(frames(Stage(wanted["env"], agent, wanted["seed"]), wanted["seconds"]))
     except EurekaError as error:
         channel.send({"refused": str(error)})
+    except Exception as error:
+        channel.send({"refused": str(fault(error) or f"The video could not be made: {told(error)}")})
     else:
         channel.send({}, {"video": video})
 

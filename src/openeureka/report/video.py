@@ -6,9 +6,13 @@ import os
 from collections.abc import Iterator
 
 from ..errors import EurekaError
-from ..worker import Worker, WorkerDied, WorkerTimeout
+from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 
 INSTALL = "install a software renderer (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri, or libosmesa6)"
+
+
+START = 60.0
+"""[s] that the child may take to find out whether it can render."""
 
 
 class VideoUnavailable(EurekaError):
@@ -46,27 +50,41 @@ def render(
 
 def renderer() -> str:
     """Name of the rendering back end that works here. Raises VideoUnavailable."""
-    return _first_that_works({"agent": "none"}, {}, 60.0)["backend"].decode()
+    return _first_that_works({"agent": "none"}, {}, START)["backend"].decode()
 
 
 def _first_that_works(
     request: dict[str, object], blobs: dict[str, bytes], timeout: float, background: bool = False
 ) -> dict[str, bytes]:
     reasons = []
+    able = False
     manners = {"OMP_NUM_THREADS": "1", "LP_NUM_THREADS": "1"} if background else {}  # LP: Mesa's software renderer
     for backend in _backends():
         environment = {**os.environ, **manners, "MUJOCO_GL": backend}
         with Worker("openeureka.report.render", env=environment, nice=19 if background else 0) as worker:
             try:
                 worker.send(request, blobs)
-                answer = worker.receive(timeout)
+                answer = worker.receive(START)
+                able = True
+                if request["agent"] != "none":
+                    answer = _video(worker, timeout)
             except (WorkerDied, WorkerTimeout) as error:
-                reasons.append(f"{backend}: {_last_line(worker.stderr_tail()) or error}")
+                reasons.append(f"{backend}: {worker.ending() or _last_line(worker.stderr_tail()) or error}")
                 continue
         if "refused" in answer.header:
             raise VideoUnavailable(answer.header["refused"])
         return {**answer.blobs, "backend": backend.encode()}
+    if able:
+        raise VideoUnavailable(f"The video broke off ({'; '.join(reasons)}); try fewer seconds=, or again.")
     raise NoRenderer(f"No video: this machine has no OpenGL to render with; {INSTALL}. ({'; '.join(reasons)})")
+
+
+def _video(worker: Worker, timeout: float) -> Frame:
+    """What the child makes once it knows that it can render. Raises WorkerDied, as a driver may crash even then."""
+    try:
+        return worker.receive(timeout)
+    except WorkerTimeout:
+        raise VideoUnavailable(f"The video was not ready within {timeout:g} s; ask for fewer seconds=.") from None
 
 
 def _backends() -> Iterator[str]:

@@ -14,7 +14,7 @@ import torch
 import warp as wp  # pyright: ignore[reportMissingImports]
 from torch import Tensor
 
-from ..errors import TaskError
+from ..errors import CapacityError
 from .base import INPUT_FIELDS, MAX_SPEED, Simulator
 from .capacity import Capacity
 
@@ -133,7 +133,7 @@ class WarpSimulator(Simulator):
         for setting, flags in _OVERFLOWS.items():
             if overflow & flags:
                 room = self.capacity.contacts if setting == "max_contacts" else self.capacity.constraints
-                raise TaskError(
+                raise CapacityError(
                     f"The GPU simulation of {task} has room for {room} {setting.removeprefix('max_')} a world, which "
                     f"was not enough: raise `{setting}` of the task's class."
                 )

@@ -11,6 +11,7 @@ from torch import Tensor
 from ..errors import TaskError
 from ..sim import open_simulator
 from ..sim.capacity import Capacity
+from . import faults
 from .noise import WorldNoise
 from .task import Score, State, Task, mean_over_steps
 
@@ -94,8 +95,11 @@ class BatchedEnv:
         if stagger:
             self.task.progress = self.task.noise.uniform(worlds, 1, 0, self.task.time_limit())[:, 0].long()
             self._whole = self.task.progress == 0
-        state = self.current_state()
+        state = self.task.compute_state()
+        faults.check_variables(self.task, state)
         self._refuse_views(state)
+        state["obs_buf"] = self.task.observe(state)
+        faults.check_observation(self.task, state)
         return self._observe(state)
 
     def _refuse_views(self, state: State) -> None:
@@ -134,12 +138,11 @@ class BatchedEnv:
 
         bad = self.sim.bad.clone()
         state = self.current_state()
-        terminated = task.terminated(state) | bad
+        terminated = faults.per_world(task, "terminated", task.terminated(state)) | bad
         timed_out = (task.progress >= task.time_limit()) & ~terminated
         done = terminated | timed_out
         ended = done & self._whole
-        score = task.fitness(state, ended) if self.scored else mean_over_steps(torch.zeros(len(bad), device=bad.device))
-        score = Score(score.value, torch.where(bad, 0.0, score.weight))
+        score = self._score(state, ended, bad)
         length = task.progress.clone()
         final = self._observe(state)
 
@@ -147,6 +150,13 @@ class BatchedEnv:
         self._bad += bad.sum()
         self._whole = self._whole | done
         return Step(observation, final, state, terminated, timed_out, score, ended, length, bad)
+
+    def _score(self, state: State, ended: Tensor, bad: Tensor) -> Score:
+        """F of this step; worlds whose physics broke down have no weight in it, and all have F 0 in a mere preview."""
+        if not self.scored:
+            return mean_over_steps(torch.zeros(len(bad), device=bad.device))
+        value, weight = faults.scored(self.task, self.task.fitness(state, ended))
+        return Score(value, torch.where(bad, 0.0, weight))
 
     def _restart(self, done: Tensor, final: Tensor) -> Tensor:
         """Reset worlds (N,) that are done; returns the observation of all, which is `final` in the others."""

@@ -5,8 +5,22 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from .faults import per_world
 from .registry import make
-from .task import State
+from .task import State, Task
+
+
+def try_out(env: str) -> None:
+    """Take one step of one world. Raises TaskError, or whatever the task's own code raises (see `faults.fault`)."""
+    simulation = make(env, worlds=1, threads=1)
+    simulation.reset()
+    _try_rewards(simulation.task, simulation.step(torch.zeros(1, simulation.task.num_actions)).state)
+
+
+def _try_rewards(task: Task, state: State) -> None:
+    """What only training calls is called here too: a fault in it must not wait until a model has been paid."""
+    for method in ("human_reward", "sparse_reward"):
+        per_world(task, method, getattr(task, method)(state))
 
 
 def record_states(env: str, *, worlds: int = 64, steps: int = 40, keep: int = 4) -> dict[str, Tensor | float | int]:
@@ -24,6 +38,7 @@ def record_states(env: str, *, worlds: int = 64, steps: int = 40, keep: int = 4)
         state = simulation.step(torch.randn(worlds, task.num_actions, generator=generator)).state
         if step % (steps // (keep - 1)) == 0 and len(taken) < keep:
             taken.append(state)
+    _try_rewards(task, taken[-1])
     merged: dict[str, Tensor | float | int] = {}
     for variable in task.spec.variables:
         values = [state[variable.name] for state in taken]

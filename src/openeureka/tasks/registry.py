@@ -16,6 +16,7 @@ from pathlib import Path
 from types import ModuleType
 
 from ..errors import TaskError, nearest
+from . import faults
 from .env import BatchedEnv
 from .task import Task
 
@@ -134,7 +135,7 @@ def _import(place: str) -> ModuleType:
     try:
         return _import_file(file) if file else importlib.import_module(place)
     except Exception as error:
-        raise TaskError(f"The environment in {place} cannot be imported: {type(error).__name__}: {error}.") from error
+        raise faults.import_fault(place, error) from error
 
 
 def _import_file(path: Path) -> ModuleType:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -12,6 +13,7 @@ import mujoco
 import torch
 from torch import Tensor
 
+from ..errors import TaskError
 from ..sim import Simulator
 from ..types import StateSpec
 from .noise import WorldNoise
@@ -188,11 +190,17 @@ class Task(ABC):
 
     @classmethod
     def compile_model(cls) -> mujoco.MjModel:
-        """Compile `model()` at this task's timestep."""
+        """Compile `model()` at this task's timestep. Raises TaskError where MuJoCo refuses it."""
         spec = cls.model()
         spec.option.timestep = cls.control_dt / cls.substeps
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        return spec.compile()
+        try:
+            return spec.compile()
+        except ValueError as error:  # as for a mesh that is not there
+            text = " ".join(str(error).split())
+            raise TaskError(
+                f"{inspect.getsourcefile(cls)}: the model of `{cls.__name__}` does not compile: {text}"
+            ) from error
 
 
 def mean_over_steps(value: Tensor) -> Score:

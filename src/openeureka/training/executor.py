@@ -12,7 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TypeVar
 
-from ..errors import WorkerError
+from ..errors import TaskError, WorkerError
 from ..tasks import registry
 from ..types import Dynamics, Evaluation, TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
@@ -74,7 +74,7 @@ class PopulationTrainer:
         then once more for each of them alone; those that die even so are FAILED with the reason.
 
         Raises:
-            TaskError: when there is no such environment.
+            TaskError: when there is no such environment, or its own code fails.
         """
         recipe = registry.get(env).recipe
         worlds = budget.worlds or recipe.worlds
@@ -143,6 +143,7 @@ class PopulationTrainer:
         """Score of each policy, on the first device. A worker that dies is started again once.
 
         Raises:
+            TaskError: when the task's own code fails.
             WorkerError: when it dies again.
         """
         factors = {job: dataclasses.asdict(changed) for job, changed in (dynamics or {}).items()}
@@ -176,6 +177,8 @@ class PopulationTrainer:
                         frame, heard = worker.receive(self._silence), time.monotonic()
                         if frame.header.get("done"):
                             return
+                        if "broken" in frame.header:
+                            raise TaskError(frame.header["broken"])
                         yield frame
                     elif time.monotonic() - heard > self._silence:
                         raise WorkerTimeout("The worker process did not answer in time.")

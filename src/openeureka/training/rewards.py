@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from ..reward import graph
+from ..tasks.faults import per_world
 from ..tasks.task import State, Task
 from ..types import RewardProgram
 from .replay import Replay, waits
@@ -48,9 +49,12 @@ class LaneRewards:
     def __call__(self, state: State) -> tuple[Tensor, Tensor, Tensor]:
         """Own reward (L, n), human reward (L, n) and the mean of each of `components`."""
         lanes, n = len(self.programs), self.worlds
-        human = self.task.human_reward(state).view(lanes, n)
+        task = self.task
+        human = per_world(task, "human_reward", task.human_reward(state)).view(lanes, n)
         own = human.clone()
-        sparse = self.task.sparse_reward(state).view(lanes, n) if "sparse" in self.programs else None
+        sparse = None
+        if "sparse" in self.programs:
+            sparse = per_world(task, "sparse_reward", task.sparse_reward(state)).view(lanes, n)
         for lane, program in enumerate(self.programs):
             if program == "sparse" and sparse is not None:
                 own[lane] = sparse[lane]

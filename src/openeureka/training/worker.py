@@ -5,11 +5,13 @@ from __future__ import annotations
 import dataclasses
 import io
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import torch
 
+from ..errors import CapacityError, TaskError
+from ..tasks.faults import fault
 from ..types import Dynamics, TrainingProgress
 from ..worker import Channel, Frame
 from .evaluate import evaluate
@@ -26,15 +28,28 @@ def main() -> None:
             torch.set_num_threads(header["threads"])
         if header["device"].startswith("cuda"):
             torch.cuda.set_device(header["device"])  # graphs are captured on the current device
-        if header["do"] == "train":
-            _train(channel, request, Population(*unpack_jobs(request), **options))
-        else:
-            alive = _signs_of_life(channel)
-            dynamics = {job: Dynamics(**factors) for job, factors in header["dynamics"].items()}
-            options |= {"seed": header["seed"], "episodes": header["episodes"]}
-            for score in evaluate(header["env"], request.blobs, dynamics=dynamics, after_step=alive, **options):
-                channel.send({"score": dataclasses.asdict(score)})
+        try:
+            if header["do"] == "train":
+                _train(channel, request, Population(*unpack_jobs(request), **options))
+            else:
+                _evaluate(channel, request, options)
+        except CapacityError:
+            raise  # one lane's, perhaps: without it the others may find room
+        except Exception as error:
+            broken = error if isinstance(error, TaskError) else fault(error)
+            if broken is None:
+                raise
+            channel.send({"broken": str(broken)})
         channel.send({"done": True})
+
+
+def _evaluate(channel: Channel, request: Frame, options: Mapping[str, Any]) -> None:
+    header = request.header
+    dynamics = {job: Dynamics(**factors) for job, factors in header["dynamics"].items()}
+    playing = {"seed": header["seed"], "episodes": header["episodes"], "dynamics": dynamics}
+    playing |= {"after_step": _signs_of_life(channel)}
+    for score in evaluate(header["env"], request.blobs, **options, **playing):
+        channel.send({"score": dataclasses.asdict(score)})
 
 
 def _train(channel: Channel, request: Frame, population: Population) -> None:

@@ -1,0 +1,100 @@
+"""What is wrong with a person's own task, as one sentence that names file, line and error."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Mapping
+from typing import Any
+
+from torch import Tensor
+
+from ..errors import TaskError
+from .task import Score, Task
+
+_OURS = __package__.rpartition(".")[0]
+
+
+def fault(error: Exception) -> TaskError | None:
+    """What a task's own code did wrong, judged by the innermost call of it that an error came through.
+
+    None where it came through none, and for the tasks of this package: those errors are the program's and stay loud.
+    """
+    calls = [(f, line) for f, line in traceback.walk_tb(error.__traceback__) if _is_of_a_person(f.f_globals)]
+    if not calls:
+        return None
+    frame, line = calls[-1]
+    code = frame.f_code
+    return TaskError(f"{code.co_filename}, line {line}, in `{code.co_name}`: {told(error)}")
+
+
+def _is_of_a_person(module: Mapping[str, Any]) -> bool:
+    name = str(module.get("__name__"))
+    if name.partition(".")[0] == _OURS:
+        return False
+    return any(isinstance(value, type) and issubclass(value, Task) for value in list(module.values()))
+
+
+def told(error: BaseException) -> str:
+    """Kind and text of an error, on one line."""
+    text = " ".join(str(error).split()).rstrip(".")
+    return f"{type(error).__name__}: {text}." if text else f"{type(error).__name__}."
+
+
+def import_fault(place: str, error: Exception) -> TaskError:
+    """What went wrong while the module of a dotted name, or the file, was imported."""
+    if isinstance(error, SyntaxError):
+        shown = f" `{error.text.strip()}`" if error.text else ""
+        return TaskError(f"The environment in {place} cannot be imported: {told(error)[:-1]}{shown}.")
+    lines = [line for frame, line in traceback.walk_tb(error.__traceback__) if _stands_at(frame.f_globals, place)]
+    where = f"line {lines[-1]}: " if lines else ""
+    return TaskError(f"The environment in {place} cannot be imported: {where}{told(error)}")
+
+
+def _stands_at(module: Mapping[str, Any], place: str) -> bool:
+    file = str(module.get("__file__"))
+    return module.get("__name__") == place or (place.endswith(".py") and file.endswith(place.lstrip("./")))
+
+
+def check_variables(task: Task, state: Mapping[str, Any]) -> None:
+    """Raises TaskError unless the state holds every variable of the table, but for the observation, in its shape."""
+    for variable in task.spec.variables:
+        if variable.name == "obs_buf":
+            continue
+        if variable.name not in state:
+            raise _broken(task, "compute_state", f"gives no `{variable.name}`, which `spec` lists")
+        if variable.kind in ("world", "constant"):
+            shape = (task.num_envs, *variable.shape) if variable.kind == "world" else variable.shape
+            _expect(task, "compute_state", f"`{variable.name}`", state[variable.name], shape, "as `spec` says")
+
+
+def check_observation(task: Task, state: Mapping[str, Any]) -> None:
+    """Raises TaskError unless the observation has the size that the class says."""
+    wanted = (task.num_envs, task.num_observations)
+    _expect(task, "observe", "observations", state["obs_buf"], wanted, f"as num_observations={wanted[1]} says")
+
+
+def per_world(task: Task, method: str, value: Any) -> Tensor:
+    """The value, one number per world. Raises TaskError where it is anything else."""
+    if not isinstance(value, Tensor) or value.shape != (task.num_envs,):
+        _expect(task, method, "a value", value, (task.num_envs,), "one per world")
+    return value
+
+
+def scored(task: Task, score: Any) -> Score:
+    """The score, of one value and one weight per world. Raises TaskError where it is anything else."""
+    if not isinstance(score, Score):
+        wanted = "a Score is wanted, as mean_over_steps and mean_over_episodes make it"
+        raise _broken(task, "fitness", f"gives {type(score).__name__}; {wanted}")
+    return Score(*(per_world(task, "fitness", part) for part in score))
+
+
+def _expect(task: Task, method: str, what: str, value: Any, shape: tuple[int, ...], why: str) -> None:
+    if not isinstance(value, Tensor):
+        raise _broken(task, method, f"gives {what} as {type(value).__name__}; a tensor of shape {shape} is wanted")
+    if tuple(value.shape) != shape:
+        raise _broken(task, method, f"gives {what} of shape {tuple(value.shape)}; {shape} is wanted, {why}")
+
+
+def _broken(task: Task, method: str, what: str) -> TaskError:
+    code = getattr(type(task), method).__code__
+    return TaskError(f"{code.co_filename}, line {code.co_firstlineno}: `{method}` {what}.")

@@ -1,0 +1,137 @@
+"""A person's task that is broken: every command says file, line and error in one sentence, and ends with status 2."""
+
+from pathlib import Path
+
+import pytest
+
+from openeureka.cli.main import main
+from openeureka.errors import TaskError
+from openeureka.report import video
+from openeureka.report.video import VideoUnavailable
+from openeureka.tasks.record import try_out
+from openeureka.tasks.registry import get, make
+
+PENDULUM = (Path(__file__).parents[2] / "examples" / "pendulum.py").read_text()
+REWARD = "import torch\n\n\ndef compute_reward(angle):\n    return torch.cos(angle), {}\n"
+TYPO = ("self.ctrl[:] = actions", "self.ctrl[:] = acions")
+NO_VARIABLE = ('            "actions": self.actions,\n', "")
+SIZE = ("num_observations = 3", "num_observations = 4")
+NO_XML = ("spec = mujoco.MjSpec()", "spec = mujoco.MjSpec.from_file('no_such.xml')")
+IN_A_REWARD = ('return torch.cos(s["angle"]) -', 'return torch.cos(s["angl"]) -')
+
+
+@pytest.fixture
+def broken(tmp_path, monkeypatch):
+    """The path of the pendulum with a text replaced, and the number of the line where that stands."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "reward.py").write_text(REWARD)
+
+    def breaking(old: str, new: str) -> tuple[str, int]:
+        assert PENDULUM.count(old) >= 1
+        file = tmp_path / "broken.py"
+        file.write_text(PENDULUM.replace(old, new, 1))
+        return str(file), PENDULUM[: PENDULUM.index(old)].count("\n") + 1
+
+    return breaking
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (TYPO, "line {line}, in `apply_action`: NameError: name 'acions' is not defined."),
+        (NO_XML, "line {line}, in `model`: ValueError: ParseXML: Error opening file 'no_such.xml'."),
+        (IN_A_REWARD, "line {line}, in `human_reward`: KeyError: 'angl'."),
+    ],
+)
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("context",),
+        ("check", "reward.py"),
+        ("run", "model=random", "sample=1", "iteration=1", "steps=4096", "dir=out"),
+    ],
+)
+def test_an_error_of_the_task_s_own_code_is_one_sentence_with_its_line(broken, change, says, words, capsys):
+    file, line = broken(*change)
+    with pytest.raises(SystemExit) as ended:
+        main([words[0], f"env={file}", *words[1:]])
+    (sentence,) = capsys.readouterr().err.splitlines()
+    assert (ended.value.code, sentence) == (2, f"{file}, {says.format(line=line)}")
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize(("change", "says"), [(IN_A_REWARD, "in `human_reward`: KeyError"), (SIZE, "`observe` gives")])
+def test_a_training_that_a_broken_task_ends_says_so_and_fails(broken, change, says, capsys):
+    file, _ = broken(*change)
+    with pytest.raises(SystemExit) as ended:
+        main(["train", f"env={file}", "steps=4096", "threads=1", "dir=out"])
+    streams = capsys.readouterr()
+    (sentence,) = streams.err.splitlines()
+    assert ended.value.code == 2 and sentence.startswith(f"{file}, line ") and says in sentence
+    assert "report.html" not in streams.out
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (NO_VARIABLE, "line 64: `compute_state` gives no `actions`, which `spec` lists."),
+        (SIZE, "line 72: `observe` gives observations of shape (1, 3); (1, 4) is wanted, as num_observations=4 says."),
+        (
+            ('self.qvel[:, 0].clone(),\n            "actions"', 'self.qvel.clone(),\n            "actions"'),
+            "line 64: `compute_state` gives `angular_velocity` of shape (1, 1); (1,) is wanted, as `spec` says.",
+        ),
+        (
+            ('torch.zeros_like(s["angle"], dtype=torch.bool)', "False"),
+            "line 75: `terminated` gives a value as bool; a tensor of shape (1,) is wanted.",
+        ),
+        (
+            ("return mean_over_steps(self.sparse_reward(s))", "return self.sparse_reward(s)"),
+            "line 82: `fitness` gives Tensor; a Score is wanted, as mean_over_steps and mean_over_episodes make it.",
+        ),
+        (
+            ("(s[\"angle\"].abs() < UPRIGHT).to(torch.float32)", "torch.zeros(self.num_envs, 1)"),
+            "line 82: `fitness` gives a value of shape (1, 1); (1,) is wanted, one per world.",
+        ),
+    ],
+)  # fmt: skip
+def test_what_a_method_must_give_is_said_with_the_line_of_the_method(broken, change, says):
+    file, _ = broken(*change)
+    with pytest.raises(TaskError) as caught:
+        try_out(file)
+    assert str(caught.value) == f"{file}, {says}"
+
+
+def test_a_mesh_that_is_not_there_is_named(broken):
+    old = "rod.add_geom("
+    file, _ = broken(old, f"spec.add_mesh(name='hull', file='absent.stl')\n        {old}")
+    with pytest.raises(TaskError, match=r"broken\.py: the model of `Pendulum` does not compile: .*absent\.stl"):
+        make(file, worlds=1)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (
+            ("num_actions = 1", "num_actions = ONE"),
+            "cannot be imported: line 33: NameError: name 'ONE' is not defined.",
+        ),
+        (("num_actions = 1", "num_actions = = 1"), "(broken.py, line 33) `num_actions = = 1`."),
+    ],
+)
+def test_an_error_on_import_has_its_line(broken, change, says):
+    file, _ = broken(*change)
+    with pytest.raises(TaskError) as caught:
+        get(file)
+    assert str(caught.value).endswith(says)
+
+
+@pytest.mark.parametrize("change", [TYPO, SIZE, NO_XML])
+def test_opengl_is_not_blamed_for_a_broken_task(broken, change):
+    try:
+        video.renderer()
+    except VideoUnavailable as error:
+        pytest.skip(str(error))
+    file, _ = broken(*change)
+    with pytest.raises(VideoUnavailable, match=r"broken\.py, line \d+") as caught:
+        video.render(file, "random", seconds=0.1)
+    assert "OpenGL" not in str(caught.value)
