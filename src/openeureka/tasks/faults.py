@@ -11,7 +11,7 @@ from torch import Tensor
 from ..errors import TaskError
 from .task import Score, Task
 
-_OURS = __package__.rpartition(".")[0]
+_OURS = __name__.partition(".")[0]
 
 
 def fault(error: Exception) -> TaskError | None:
