@@ -134,6 +134,15 @@ def _absolute(key: str, value: str) -> str:
     return f"{Path(match[1]).expanduser().resolve()}{match[2] or ''}" if match else value
 
 
+def _whole(value: str) -> str:
+    """`1e6` and `2.5e5` as people write whole numbers; other words as they are."""
+    if re.fullmatch(r"[+-]?\d+(\.\d*)?[eE]\+?\d{1,2}", value) and float(value).is_integer():
+        return str(int(float(value)))
+    return value
+
+
+_WANTED = {"int": "a whole number", "float": "a number", "bool": "true or false"}
+
 Config = TypeVar("Config")
 
 
@@ -151,13 +160,13 @@ def parse(kind: type[Config], words: Sequence[str]) -> Config:
             raise ConfigError(f"`{word}` is not of the form key=value, for example env=cartpole.")
         if key not in fields:
             raise ConfigError(f"Unknown setting `{key}`.{nearest(key, fields)} Settings: {', '.join(fields)}.")
-        values[key] = _absolute(key, value)
+        values[key] = _whole(value) if fields[key].type == "int" else _absolute(key, value)
     try:
         merged = OmegaConf.merge(OmegaConf.structured(kind), values)
         built = {key: merged[key] for key in values}  # pyright: ignore[reportArgumentType]
     except OmegaConfBaseException as error:
         key = str(getattr(error, "full_key", "") or "")
-        wanted = fields[key].type if key in fields else "another type"
+        wanted = _WANTED.get(str(fields[key].type), "text") if key in fields else "another type"
         raise ConfigError(f"`{key}={values.get(key)}` does not fit: `{key}` takes {wanted}.") from None
     return kind(**built)
 

@@ -12,6 +12,12 @@ class EurekaError(Exception):
     exit_code = 2
 
 
+class Interrupted(EurekaError):
+    """Ctrl-C."""
+
+    exit_code = 130
+
+
 class ConfigError(EurekaError):
     """An unknown key, or a value out of range."""
 

@@ -49,3 +49,11 @@ def test_the_doctor_names_what_the_kernel_lacks(offered, missing, monkeypatch, c
     assert doctor.doctor() == 1
     text = capsys.readouterr().out
     assert text.startswith("sandbox  MISSING  generated code cannot be confined: ") and missing in text
+
+
+def test_the_page_names_what_to_install(monkeypatch):
+    missing = {"uvicorn"}
+    monkeypatch.setattr(doctor, "_installed", lambda name: name not in missing)
+    (finding,) = doctor.page()
+    assert (finding.good, finding.needed) == (False, False)
+    assert finding.detail == "uvicorn is missing; pip install 'openeureka[ui]'"

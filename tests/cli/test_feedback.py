@@ -31,7 +31,9 @@ def said(directory: Path) -> tuple[Remark, ...]:
 def test_marks_are_told_from_words() -> None:
     assert remark("go") == GO
     assert remark("go slower") == Remark(kind=RemarkKind.WORDS, text="go slower")
-    assert remark("favourite=g0s3") == Remark(kind=RemarkKind.FAVOURITE, candidate=Place(0, 3))
+    assert (
+        remark("favourite=g0s3") == remark("favorite=g0s3") == Remark(kind=RemarkKind.FAVOURITE, candidate=Place(0, 3))
+    )
     assert remark("veto=g12s0") == Remark(kind=RemarkKind.VETO, candidate=Place(12, 0))
     wanted = Remark(kind=RemarkKind.VOTE, candidate=Place(0, 3), over=Place(0, 1))
     assert remark("vote=g0s3:g0s1") == remark("vote=g0s3>g0s1") == wanted
@@ -41,6 +43,19 @@ def test_marks_are_told_from_words() -> None:
 def test_a_mark_that_names_no_candidate_is_explained(word: str) -> None:
     with pytest.raises(FeedbackError, match="write g0s3 for slot 3 of generation 0"):
         remark(word)
+
+
+@pytest.mark.parametrize(
+    "word", ["favourit=g1s1", "Favourite=g1s1", "vetoe=g1s1", "gain=2", "best=", "favorit=g0s1 go"]
+)
+def test_what_looks_like_a_mark_and_is_none_does_not_become_words_for_the_model(word: str) -> None:
+    with pytest.raises(FeedbackError, match=r"^There is no `\w+=` to say\."):
+        remark(word)
+
+
+@pytest.mark.parametrize("words", ["gain=2 is too much", "it leans: angle = 0.3", "x=1, then stop", "= better"])
+def test_words_may_hold_an_equals_sign(words: str) -> None:
+    assert remark(words) == Remark(kind=RemarkKind.WORDS, text=words)
 
 
 def test_a_typed_line_is_words_or_marks_and_an_empty_one_goes_on() -> None:

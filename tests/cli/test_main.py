@@ -1,8 +1,10 @@
+import os
 import subprocess
 import sys
 
 import pytest
 
+from openeureka import __version__
 from openeureka.cli import main as command
 from openeureka.errors import ModelError
 
@@ -41,10 +43,25 @@ def test_help_imports_nothing_slow():
         (("context", "enf=cartpole"), "Unknown setting `enf`. Did you mean `env`?"),
         (("play", "env=cartpole", "policy=absent.safetensors"), "Cannot read the policy absent.safetensors"),
         (("play", "env=cartpole", "seconds=0"), "`seconds` must be above 0"),
+        (("run", "--env", "cartpole"), "Settings are written without dashes: `env=cartpole`, not `--env`."),
+        (("run", "--max-cost=5"), "Settings are written without dashes: `max_cost=5`, not `--max-cost=5`."),
+        (("run", "env=robots/cheetah.xml"), "robots/cheetah.xml is a robot, not a task: draft a task with `eureka new"),
+        (("run", "model=rnadom"), "There is no model `rnadom`. Did you mean `random`?"),
+        (
+            ("run", "model=m", "base_url=localhost:8000/v1"),
+            "`base_url` must begin with http:// or https://: write base_url",
+        ),
+        (("run", "base_url=http://localhost:8000/v1"), "model=local is at no endpoint: name the one at base_url="),
+        (("run", "model=random", "init=absent.py"), "Cannot read the reward file "),
+        (("run", "model=random", "device=tpu"), "There is no device `tpu`"),
+        (("run", "model=random", "env=anymal", "curriculum=no"), "`anymal` has no curriculum"),
     ],
 )
-def test_a_mistake_is_one_sentence_and_exit_code_2(words, sentence, capsys):
+def test_a_mistake_is_one_sentence_and_exit_code_2_and_leaves_no_folder(words, sentence, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("OPENAI_BASE_URL", raising=False)
     assert run(*words) == 2
+    assert not list(tmp_path.iterdir())
     streams = capsys.readouterr()
     assert streams.err.startswith(sentence)
     assert len(streams.err.splitlines()) == 1
@@ -85,3 +102,22 @@ def test_the_debug_switch_shows_where_an_error_came_from(monkeypatch):
     fail_with(ModelError("x"), monkeypatch)
     with pytest.raises(ModelError):
         command.main(["context"])
+
+
+def test_the_version_is_told(capsys):
+    assert run("--version") == 0
+    assert capsys.readouterr().out == f"openeureka {__version__}\n"
+
+
+def test_ctrl_c_is_one_word_and_exit_code_130(monkeypatch, capsys):
+    fail_with(KeyboardInterrupt(), monkeypatch)
+    assert run("context") == 130
+    assert capsys.readouterr().err == "Stopped.\n"
+
+
+def test_what_a_terminal_cannot_show_is_shown_in_another_way():
+    words = ["run", "a\\u00b1b\\u2026\\u00e9"]
+    code = f'from openeureka.cli.main import main; main([{words[0]!r}, "{words[1]}"])'
+    environment = {**os.environ, "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, env=environment)
+    assert (ended.returncode, ended.stderr[:13]) == (2, b"`a+-b...?` is"), ended.stderr

@@ -32,8 +32,9 @@ def test_the_best_policy_of_a_run_is_shown_on_its_own_task(asked, tmp_path, caps
     (tmp_path / "best" / "policy.safetensors").write_bytes(policy_of("ant"))
     play.play([str(tmp_path), "seconds=3"])
     assert asked == [("ant", policy_of("ant"), 3.0)]
-    assert (tmp_path / "best" / "video.mp4").read_bytes() == b"mp4"
-    assert capsys.readouterr().out == f"Wrote {tmp_path / 'best' / 'video.mp4'}\n"
+    assert (tmp_path / "play.mp4").read_bytes() == b"mp4"
+    assert not (tmp_path / "best" / "video.mp4").exists()  # the report's own, and of another length
+    assert capsys.readouterr().out == f"Wrote {tmp_path / 'play.mp4'}\n"
 
 
 def test_random_play_needs_no_file(asked, tmp_path):

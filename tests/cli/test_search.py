@@ -268,3 +268,32 @@ def test_stop_waits_until_nobody_works_on_the_run(parts, tmp_path, capsys, monke
         threading.Timer(0.5, held.release).start()
         assert run("stop", f"{tmp_path}/run") == 0
     assert capsys.readouterr().out.startswith("Stopped, nothing is lost.")
+
+
+def interrupt(*_: object, **__: object) -> None:
+    raise KeyboardInterrupt
+
+
+def test_ctrl_c_before_a_search_has_begun_leaves_nothing(parts, tmp_path, capsys):
+    parts.setattr(search, "record_states", interrupt)
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 130
+    assert capsys.readouterr().err == "Stopped before it began.\n"
+    assert not list(tmp_path.iterdir())
+
+
+def test_ctrl_c_while_a_run_is_taken_up_says_how_to_continue(parts, tmp_path, capsys):
+    parts.setattr(search, "open_model", lambda config, held: Interrupting(SCRIPT))
+    run("run", *SETTINGS, f"dir={tmp_path}/run")
+    capsys.readouterr()
+    parts.setattr(search, "record_states", interrupt)
+    assert run("resume", f"{tmp_path}/run") == 130
+    assert f"eureka resume {tmp_path}/run" in capsys.readouterr().err
+
+
+def test_ctrl_c_in_the_report_says_how_to_write_it(parts, tmp_path, capsys):
+    parts.setattr(search, "build", interrupt)
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 130
+    sentence = f"Stopped; the search is done. Write its report with: eureka report {tmp_path}/run\n"
+    assert capsys.readouterr().err == sentence
+    assert run("report", f"{tmp_path}/run") == 0
+    assert (tmp_path / "run" / "report.html").is_file()

@@ -13,7 +13,7 @@ import pytest
 from filelock import FileLock
 from report.scripted import search_in
 
-from openeureka.errors import ConfigError
+from openeureka.errors import ConfigError, EurekaError
 from openeureka.store.db import LOCK, LOG
 from openeureka.store.halt import is_asked_to_stop
 from openeureka.testing.scripted import reply
@@ -38,13 +38,15 @@ def test_a_run_outlives_the_page_that_started_it_and_its_log_tells_how_it_goes(t
     assert address is not None
     with httpx2.Client(base_url=address[1], headers={"Origin": address[1]}, follow_redirects=True) as client:
         client.get("/", params={"token": address[2]})
-        form = {"env": "cartpole", "model": "replay:nowhere", "sample": "2", "steps": ""}
+        form = {"env": "cartpole", "model": "local:nowhere.gguf", "sample": "2", "steps": ""}
         answer = client.post("/start", data=form)
         assert answer.status_code == 200 and "_cartpole</title>" in answer.text
     page.send_signal(signal.SIGINT)
     assert page.wait(timeout=30) == 0
     (directory,) = tmp_path.iterdir()
-    wait_for(lambda: "nowhere is not a run" in (directory / LOG).read_text())
+    wait_for(
+        lambda: "nowhere.gguf" in (directory / LOG).read_text() and "eureka resume" in (directory / LOG).read_text()
+    )
 
 
 def test_a_started_run_has_the_settings_of_the_form_and_a_session_of_its_own(tmp_path, monkeypatch):
@@ -95,10 +97,13 @@ def test_a_run_that_is_at_work_is_asked_to_stop(tmp_path):
         ({"env": "os:system"}, "is not a task that can be started from here"),
         ({"env": "ant", "sample": "many"}, "`sample=many` does not fit"),
         ({"env": "ant", "video": "<b>"}, "`video` must be one of all, best, none"),
+        ({"env": "ant", "device": "tpu"}, "There is no device `tpu`"),
+        ({"env": "ant", "model": "rnadom"}, "Did you mean `random`?"),
+        ({"env": "ant", "model": "replay:nowhere"}, "nowhere is not a run"),
     ],
 )
 def test_a_form_that_does_not_fit_starts_nothing_and_says_why(tmp_path, form, problem):
-    with pytest.raises(ConfigError, match=re.escape(problem)):
+    with pytest.raises(EurekaError, match=re.escape(problem)):
         launch.Launcher(tmp_path).start(form)
     answer = visitor(tmp_path).post("/start", data=form)
     assert answer.status_code == 400 and problem in answer.text

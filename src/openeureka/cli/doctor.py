@@ -89,6 +89,14 @@ def embedded_model() -> list[Finding]:
     return [Finding("model=local", True, "weights are installed; the first run assembles them")]
 
 
+def page() -> list[Finding]:
+    """What `eureka ui` needs beyond a plain installation."""
+    missing = [name for name in ("starlette", "uvicorn") if not _installed(name)]
+    verb = "is" if len(missing) == 1 else "are"
+    detail = f"{' and '.join(missing)} {verb} missing; pip install 'openeureka[ui]'" if missing else "eureka ui"
+    return [Finding("page", not missing, detail, needed=False)]
+
+
 def _installed(name: str) -> bool:
     return _package(name).good
 
@@ -109,6 +117,7 @@ LOOKS: tuple[Callable[[], list[Finding]], ...] = (
     gpus,
     confinement,
     rendering,
+    page,
     embedded_model,
     endpoint_key,
 )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import codecs
 import errno
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -10,13 +12,26 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+import typer.core
 
+from .. import __version__
 from ..config import RunConfig
-from ..errors import EurekaError, StoreError
+from ..errors import ConfigError, EurekaError, Interrupted, StoreError
 from ..report.text import plain
 from .settings import CheckConfig, ContextConfig, NewConfig, PageConfig, PlayConfig, ReportConfig, TrainConfig, describe
 
+
+class _Commands(typer.core.TyperGroup):
+    def invoke(self, ctx: typer.Context) -> object:
+        """Ctrl-C ends a command with a word; those that leave something to continue say so themselves."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise Interrupted("Stopped.") from None
+
+
 app = typer.Typer(
+    cls=_Commands,
     name="eureka",
     help="A language model designs reinforcement-learning rewards, a population of policies judges them.",
     no_args_is_help=True,
@@ -24,6 +39,21 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
+
+
+def _tell_version(wanted: bool) -> None:
+    if wanted:
+        print(f"openeureka {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None: ...
+
 
 Settings = Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE", hidden=True)]
 Words = Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE|PATH", hidden=True)]
@@ -200,8 +230,9 @@ def doctor() -> None:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Run a command line and exit. A person's errors are one sentence; programming errors stay loud."""
+    _print_anything()
     try:
-        app(args=argv, prog_name="eureka")
+        app(args=_undashed(sys.argv[1:] if argv is None else argv), prog_name="eureka")
     except Exception as raised:
         error = _for_a_person(raised)
         if os.environ.get("EUREKA_DEBUG") or error is None:
@@ -209,6 +240,35 @@ def main(argv: Sequence[str] | None = None) -> None:
         for line in (_sentence(error), *getattr(error, "__notes__", ())):
             print(plain(line), file=sys.stderr)
         raise SystemExit(error.exit_code if isinstance(error, EurekaError) else StoreError.exit_code) from None
+
+
+_OPTIONS = ("--help", "--version", "--web", "--json")
+
+
+def _undashed(argv: Sequence[str]) -> list[str]:
+    """The words of a command line. Raises ConfigError for a setting that is written with dashes."""
+    for word, following in zip(argv, [*argv[1:], ""], strict=False):
+        name, sign, value = word.partition("=")
+        if name.startswith("--") and name not in _OPTIONS and len(name) > 2:
+            setting = f"{name[2:].replace('-', '_')}={value if sign else following or '...'}"
+            raise ConfigError(f"Settings are written without dashes: `{setting}`, not `{word}`.")
+    return list(argv)
+
+
+_PLAIN = {"±": "+-", "…": "...", "·": "-", "—": "-"}
+
+
+def _print_anything() -> None:
+    """Where a terminal cannot show a character, print one that it can rather than end with a traceback."""
+
+    def replace(error: UnicodeError) -> tuple[str, int]:
+        assert isinstance(error, UnicodeEncodeError)
+        return "".join(_PLAIN.get(c, "?") for c in error.object[error.start : error.end]), error.end
+
+    codecs.register_error("eureka", replace)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and stream.encoding.lower().replace("-", "") != "utf8":
+            stream.reconfigure(errors="eureka")
 
 
 _DISK = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM}

@@ -25,7 +25,7 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
     in_window = not web and not config.out and viewer.has_display()
     if paths:
         directory = only_path(paths, "eureka play DIR")
-        video = str(directory / "best" / "video.mp4")
+        video = str(directory / "play.mp4")  # not best/video.mp4, which belongs to the report
         policy = str(directory / "best" / "policy.safetensors")
         config = dataclasses.replace(config, policy=config.policy or policy, out=config.out or video)
     if config.policy in AGENTS:

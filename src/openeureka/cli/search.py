@@ -7,15 +7,17 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from .. import loop, search
+from .. import baselines, loop, search
 from ..config import RunConfig, as_dict, parse, short_name
-from ..errors import EurekaError
+from ..errors import ConfigError, EurekaError, Interrupted
 from ..llm import open_model
+from ..llm.registry import KINDS
 from ..observer import Observers
 from ..report.build import build
 from ..report.filming import Filming
 from ..report.text import plain
 from ..report.view import RunView
+from ..reward import files
 from ..sandbox.client import Sandbox
 from ..store import Store, is_run, read_config, read_replies
 from ..store.paths import output_directory
@@ -30,15 +32,11 @@ from .stop import stoppable
 from .trainer import trainer_of
 
 
-class Interrupted(EurekaError):
-    """Ctrl-C."""
-
-    exit_code = 130
-
-
 def run(words: Sequence[str]) -> None:
     """Start a search, or continue the one that `dir=` holds."""
     config = parse(RunConfig, words)
+    if config.base_url and config.model.partition(":")[0] in KINDS:
+        raise ConfigError(f"model={config.model} is at no endpoint: name the one at base_url= with model=NAME.")
     if config.feedback == "human" and not any(word.startswith("video=") for word in words):
         config = replace(config, video="all")  # who is to judge needs to see
     _search(config, output_directory(config.dir, config.env))
@@ -53,7 +51,23 @@ def resume(words: Sequence[str]) -> None:
 
 
 def _search(config: RunConfig, directory: Path) -> None:
+    """Search, then report. What a person can get wrong is refused before a directory is made."""
+    begun = is_run(directory)
+    try:
+        _run(config, directory)
+    except KeyboardInterrupt:  # before the search, or a resumed one, was at work
+        raise Interrupted(_stopped(directory) if begun or is_run(directory) else "Stopped before it began.") from None
+    try:
+        _conclude(config, directory)
+    except KeyboardInterrupt:
+        raise Interrupted(f"Stopped; the search is done. Write its report with: eureka report {directory}") from None
+
+
+def _run(config: RunConfig, directory: Path) -> None:
     known = context(config.env)
+    baselines.chosen(config)
+    if config.init not in ("", "human"):
+        files.read(Path(config.init))
     trainer = trainer_of(config, directory, lanes=directory / "lanes")
     model = open_model(config, held=len(read_replies(directory)) if is_run(directory) else 0)
     config = search.sized(config, model.style)
@@ -74,7 +88,6 @@ def _search(config: RunConfig, directory: Path) -> None:
             loop.run(config, store, model, checker, trainer, known, strategy, Observers(table, *log, *films), desk)
     finally:
         model.close()
-    _conclude(config, directory)
 
 
 @contextmanager
@@ -82,10 +95,14 @@ def _telling_how_to_continue(directory: Path) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        raise Interrupted(f"Stopped, nothing is lost. Continue with: eureka resume {directory}") from None
+        raise Interrupted(_stopped(directory)) from None
     except EurekaError as error:
         error.add_note(f"What is done is kept. Continue with: eureka resume {directory}")
         raise
+
+
+def _stopped(directory: Path) -> str:
+    return f"Stopped, nothing is lost. Continue with: eureka resume {directory}"
 
 
 @contextmanager

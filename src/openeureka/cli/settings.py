@@ -81,7 +81,7 @@ class PlayConfig:
     policy: str = ""
     """`random`, `zero` or a policy.safetensors file; empty means the best policy of the run directory."""
     out: str = ""
-    """Video to write, also where there is a display; empty means `<env>.mp4`, or `best/video.mp4` of the run."""
+    """Video to write, also where there is a display; empty means `<env>.mp4`, or `play.mp4` in the run directory."""
     seconds: float = 10.0
     """Length of the video in simulated time."""
     seed: int = 0

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import importlib
+import os
+import re
 from functools import partial
 from pathlib import Path
 
@@ -13,6 +16,9 @@ from .client import LanguageModel
 from .local import LocalModel
 from .random import RandomModel
 from .replay import ReplayModel
+
+KINDS = ("local", "random", "replay")
+"""Models that are at no endpoint."""
 
 
 def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
@@ -58,6 +64,15 @@ def _replay(run: str, held: int) -> LanguageModel:
 
 
 def _endpoint(config: RunConfig) -> LanguageModel:
+    url = config.base_url or os.environ.get("OPENAI_BASE_URL", "")
+    meant = difflib.get_close_matches(config.model.partition(":")[0].lower(), KINDS, n=1, cutoff=0.75)
+    if meant and not url:
+        raise ConfigError(
+            f"There is no model `{config.model}`. Did you mean `{meant[0]}`? At an endpoint, it needs base_url=."
+        )
+    if url and not re.match(r"https?://[^/]", url):
+        bare = re.sub(r"^[a-z]*:?/+", "", url) or "localhost:8000/v1"
+        raise ConfigError(f"`base_url` must begin with http:// or https://: write base_url=http://{bare}")
     from .openai import EndpointModel  # the package takes a second to import, and only this needs it
 
     return EndpointModel(

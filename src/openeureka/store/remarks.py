@@ -6,11 +6,13 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from ..errors import FeedbackError
+from ..errors import FeedbackError, nearest
 from ..types import Place, Remark, RemarkKind
 from .store import Store
 
-MARK = re.compile(r"(favourite|veto|vote)=(.*)")
+MARK = re.compile(r"(favou?rite|veto|vote)=(.*)")
+_MARKS = ("favourite", "favorite", "veto", "vote")
+_SETTING = re.compile(r"(\w+)=(\S*)")
 _PLACE = re.compile(r"g(\d{1,6})s(\d{1,6})")
 
 
@@ -49,18 +51,32 @@ def remark(word: str) -> Remark:
     """`go`, `favourite=g0s3`, `veto=g0s1`, `vote=g0s3:g0s1`, and everything else are words for the model.
 
     Raises:
-        FeedbackError: for a mark that names no candidate.
+        FeedbackError: for a mark that names no candidate, and for what looks like a mark and is none.
     """
     if word == "go":
         return Remark(kind=RemarkKind.GO)
     mark = MARK.fullmatch(word)
     if mark is None:
+        _refuse_unknown_mark(word)
         return Remark(kind=RemarkKind.WORDS, text=word)
-    kind, named = RemarkKind(mark[1]), mark[2]
+    kind, named = RemarkKind(mark[1].replace("favorite", "favourite")), mark[2]
     if kind is not RemarkKind.VOTE:
         return Remark(kind=kind, candidate=_place(named))
     better, _, worse = named.replace(">", ":").partition(":")  # an unquoted > is the shell's
     return Remark(kind=kind, candidate=_place(better), over=_place(worse))
+
+
+def _refuse_unknown_mark(word: str) -> None:
+    """What was meant for the run must not silently become words for the model."""
+    setting = _SETTING.match(word)
+    if setting is None:
+        return
+    guess = nearest(setting[1].lower(), _MARKS)
+    if guess or setting.end() == len(word):
+        raise FeedbackError(
+            f"There is no `{setting[1]}=` to say.{guess} Marks are favourite=, veto= and vote=; what is for the model "
+            'needs more words around it, such as "set gain=2".'
+        )
 
 
 def _place(name: str) -> Place:

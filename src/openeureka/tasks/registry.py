@@ -100,6 +100,11 @@ def _named(env: str) -> type[Task]:
     target = env if ":" in env else _BUILT_IN.get(env) or installed.get(env)
     if env.endswith(".py"):
         target = f"{env}:{_only_task(env)}"
+    if target is None and env.lower().endswith((".xml", ".mjcf", ".urdf")):
+        file = f"{Path(env).stem}.py"
+        raise TaskError(
+            f"{env} is a robot, not a task: draft a task with `eureka new {file} model={env}`, then say env={file}."
+        )
     if target is None:
         raise TaskError(f"There is no environment `{env}`.{nearest(env, names())} `eureka envs` lists them all.")
     place, _, name = target.rpartition(":")

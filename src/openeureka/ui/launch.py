@@ -11,10 +11,12 @@ from typing import BinaryIO
 
 from ..config import RunConfig, parse
 from ..errors import ConfigError, StoreError
+from ..llm import open_model
 from ..store import is_held, is_run
 from ..store.db import LOG, explained
 from ..store.paths import output_directory
 from ..tasks import registry
+from ..training.devices import devices
 
 SETTINGS = ("env", "model", "sample", "iteration", "steps", "seed", "device", "feedback", "video")
 """What the form asks for. Addresses and paths stay on the command line: a page must not send keys somewhere."""
@@ -34,6 +36,7 @@ class Launcher:
 
         Raises:
             ConfigError: for a setting that does not fit, or an environment that `eureka envs` does not list.
+            ModelError: for a model that has no key.
             StoreError: where the folder cannot be written.
         """
         if is_run(self._root):
@@ -42,6 +45,8 @@ class Launcher:
         config = parse(RunConfig, words)
         if config.env not in registry.names():
             raise ConfigError(f"`{config.env}` is not a task that can be started from here; use `eureka run`.")
+        devices(config.device)
+        open_model(config).close()
         directory = output_directory("", config.env, root=self._root)
         with explained(directory):
             directory.mkdir(parents=True)  # takes the name
