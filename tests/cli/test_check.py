@@ -25,7 +25,7 @@ def test_a_refused_reward_is_explained_with_line_rule_and_fix(tmp_path, capsys):
     (tmp_path / "bad.py").write_text(BAD)
     assert check(["env=cartpole", f"{tmp_path}/bad.py"]) == 1
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].endswith("bad.py: refused")
+    assert lines[0].endswith("bad.py: refused (what it says is not allowed in a reward; it was not run)")
     assert lines[1].startswith("line 2: `pole_angel` is not a state variable")
     assert "did you mean `pole_angle`?" in lines[1]
 
@@ -36,3 +36,37 @@ def test_a_missing_or_binary_file_is_named(tmp_path):
         check(["env=cartpole", f"{tmp_path}/absent.py"])
     with pytest.raises(RewardFileError, match=r"binary\.py is not a text file"):
         check(["env=cartpole", f"{tmp_path}/binary.py"])
+
+
+def checked(tmp_path, text: str, capsys) -> list[str]:
+    (tmp_path / "reward.txt").write_text(text)
+    check(["env=cartpole", f"{tmp_path}/reward.txt"])
+    return capsys.readouterr().out.splitlines()
+
+
+def test_the_program_of_a_chat_reply_is_found_and_said_to_be(tmp_path, capsys):
+    note, verdict, *_ = checked(tmp_path, f"Sure! Here it is.\n\n```python{GOOD}```\nIt is smooth.\n", capsys)
+    assert note.endswith("reward.txt is prose with a program in it; lines are counted from the program's first.")
+    assert verdict.endswith("reward.txt: accepted (it can train)")
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        ("np.exp(pole_angle)", "`np.exp` takes numbers and this is a tensor [branch]; use `torch.exp`"),
+        ("math.cos(pole_angle)", "`math.cos` takes numbers and this is a tensor [branch]; use `torch.cos`"),
+        ("np.abs(pole_angle)", "`numpy.abs` is not available to a reward [torch-function]; use `torch.abs`"),
+        ("numpy.linalg.norm(pole_angle)", "[torch-function]; use `torch.linalg.norm`"),
+        ("np.power(pole_angle, 2)", "use `torch.pow`"),
+    ],
+)
+def test_what_torch_calls_a_function_of_numpy_is_named(tmp_path, capsys, call, says):
+    text = f"import numpy, math\nimport numpy as np\n\n\ndef compute_reward(pole_angle):\n    return {call}, {{}}\n"
+    _, finding = checked(tmp_path, text, capsys)
+    assert finding.startswith("line 6: ") and finding.endswith(says)
+
+
+def test_a_line_that_python_cannot_read_is_shown(tmp_path, capsys):
+    _, finding, line = checked(tmp_path, "def compute_reward(x):\n    y = (x\n    return y, {}\n", capsys)
+    assert finding == "line 2: Python cannot read it: '(' was never closed [syntax]"
+    assert line == "    y = (x"

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..config import parse
-from ..reward.files import read
-from .rewards import explain, judge
+from .rewards import MEANINGS, explain, judge, program_of
 from .settings import CheckConfig, only_path, split
 
 
@@ -15,6 +14,8 @@ def check(words: Sequence[str]) -> int:
     settings, paths = split(words)
     config = parse(CheckConfig, settings)
     path = only_path(paths, "eureka check env=cartpole my_reward.py")
-    (verdict,) = judge(config.env, [read(path)], unsafe=config.unsafe_no_sandbox)
-    print("\n".join((f"{path}: {verdict.code}", *explain(verdict))))
+    candidate, note = program_of(path)
+    (verdict,) = judge(config.env, [candidate], unsafe=config.unsafe_no_sandbox)
+    head = f"{path}: {verdict.code} ({MEANINGS[verdict.code]})"
+    print("\n".join((*([note] if note else []), head, *explain(verdict, candidate.source))))
     return 0 if verdict.accepted else 1

@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 import typer.core
@@ -22,7 +22,7 @@ from .settings import CheckConfig, ContextConfig, NewConfig, PageConfig, PlayCon
 
 
 class _Commands(typer.core.TyperGroup):
-    def invoke(self, ctx: typer.Context) -> object:
+    def invoke(self, ctx: Any) -> Any:
         """Ctrl-C ends a command with a word; those that leave something to continue say so themselves."""
         try:
             return super().invoke(ctx)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import ast
+import warnings
 from collections.abc import Sequence
+from pathlib import Path
 
-from ..report.text import plain
+from ..llm import extract
+from ..report.text import one_line, plain
+from ..reward.files import read
 from ..sandbox.client import Sandbox
 from ..tasks.record import record_states
 from ..tasks.registry import get
-from ..types import Candidate, Verdict
+from ..types import Candidate, Verdict, VerdictCode
 
 
 def judge(env: str, candidates: Sequence[Candidate], *, unsafe: bool) -> list[Verdict]:
@@ -19,9 +24,53 @@ def judge(env: str, candidates: Sequence[Candidate], *, unsafe: bool) -> list[Ve
         return [sandbox.check(candidate) for candidate in candidates]
 
 
-def explain(verdict: Verdict) -> list[str]:
-    """The verdict for a person: a line for each finding, or one that says what the program computes."""
+MEANINGS = {
+    VerdictCode.ACCEPTED: "it can train",
+    VerdictCode.NO_PROGRAM: "there is no reward function in it",
+    VerdictCode.REFUSED: "what it says is not allowed in a reward; it was not run",
+    VerdictCode.CONTRACT: "it was run on states of the task, and what it did is not what a reward must do",
+    VerdictCode.TIMEOUT: "it was run on states of the task, and took too long",
+    VerdictCode.CRASHED: "it was run on states of the task, and ended its process",
+}
+
+
+def program_of(path: Path) -> tuple[Candidate, str]:
+    """The program in a file, and a word on where it was found if the file is a model's whole answer.
+
+    Raises:
+        RewardFileError: for a file that cannot be read.
+    """
+    whole = read(path)
+    if _is_python(whole.source):
+        return whole, ""
+    found = extract.program(whole.source)
+    if found is None or not _is_python(found):
+        return whole, ""
+    return Candidate.of(found), f"{path} is prose with a program in it; lines are counted from the program's first."
+
+
+def _is_python(text: str) -> bool:
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            ast.parse(text)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return False
+    return True
+
+
+def explain(verdict: Verdict, source: str = "") -> list[str]:
+    """The verdict for a person: a line for each finding, or one that says what the program computes.
+
+    Args:
+        source: the program, to show a line that Python cannot read.
+    """
     if verdict.graph is None:
-        return [plain(finding.sentence()) for finding in verdict.findings]
+        lines = source.splitlines()
+        told = []
+        for finding in verdict.findings:
+            told.append(plain(finding.sentence()))
+            if finding.rule == "syntax" and finding.line is not None and finding.line <= len(lines):
+                told.append(f"    {one_line(lines[finding.line - 1])}")
+        return told
     names = ", ".join(plain(name) for name, _ in verdict.graph.components) or "none"
     return [f"{len(verdict.graph.nodes)} tensor operations; components: {names}; {verdict.seconds * 1000:.0f} ms"]

@@ -12,7 +12,6 @@ from ..errors import ConfigError, RewardFileError, WorkerError
 from ..report import build, events, tables, trained
 from ..report.tables import Table
 from ..report.text import columns, duration, number, plain, spread
-from ..reward.files import read
 from ..score import human_normalised, mean, rank
 from ..store import artifacts
 from ..store.paths import output_directory
@@ -28,7 +27,7 @@ from ..types import (
     TrainJob,
 )
 from .progress import ProgressLine
-from .rewards import explain, judge
+from .rewards import explain, judge, program_of
 from .settings import TrainConfig
 from .trainer import trainer_of
 
@@ -71,7 +70,7 @@ def _programs(config: TrainConfig) -> dict[str, RewardProgram]:
     names = [name.strip() for name in config.reward.split(",") if name.strip()]
     if not names:
         raise ConfigError("`reward` names nothing to train, write for example reward=human,sparse.")
-    files = {name: read(Path(name)) for name in names if name not in BUILT_IN}
+    files = {name: program_of(Path(name))[0] for name in names if name not in BUILT_IN}
     verdicts = judge(config.env, list(files.values()), unsafe=config.unsafe_no_sandbox)
     checked = dict(zip(files, verdicts, strict=True))
     programs: dict[str, RewardProgram] = {}

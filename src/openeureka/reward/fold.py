@@ -31,6 +31,25 @@ def numpy_name(name: str) -> Any:
     return _NUMPY[name] if name in _NUMPY else getattr(math, name)
 
 
+_SPELT = {
+    "power": "pow",
+    "fabs": "abs",
+    "amax": "amax",
+    "amin": "amin",
+    "concatenate": "cat",
+    "degrees": "rad2deg",
+    "radians": "deg2rad",
+}
+
+
+def twin(path: str) -> str | None:
+    """What torch calls a function of numpy or math: `torch.exp` for `numpy.exp`; None where it has none."""
+    package, _, name = path.partition(".")
+    module, _, name = f"torch.{_SPELT.get(name, name)}".rpartition(".")
+    known = package in ("numpy", "math") and name in surface.MODULES.get(module, ())
+    return f"{module}.{name}" if known else None
+
+
 def dotted(node: ast.AST) -> str | None:
     """`a.b.c` of nested attributes, or None."""
     parts: list[str] = []

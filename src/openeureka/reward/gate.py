@@ -16,7 +16,7 @@ from types import CodeType
 
 from ..types import Finding, StateSpec
 from . import surface
-from .fold import dotted
+from .fold import dotted, twin
 from .normalise import Draft, Normaliser
 
 FILENAME = "<reward>"
@@ -115,6 +115,18 @@ def _text_findings(source: str) -> Iterator[Finding]:
                 message = f"invisible or control character U+{ord(character):04X}"
                 yield Finding(rule="characters", message=message, fix="remove it", line=number)
                 return
+
+
+def twins(program: Program, line: int | None) -> dict[str, str]:
+    """Functions of numpy and math that are called in a line, each with what torch calls it."""
+    calls = (node for node in ast.walk(program.draft.tree) if isinstance(node, ast.Call) and node.lineno == line)
+    found: dict[str, str] = {}
+    for call in calls:
+        head, _, rest = (dotted(call.func) or "").partition(".")
+        path = ".".join(filter(None, (program.draft.names.get(head), rest)))
+        if known := twin(path):
+            found[ast.unparse(call.func)] = known
+    return found
 
 
 def _parse(source: str) -> ast.Module | Finding:
@@ -294,7 +306,8 @@ class _Rules(ast.NodeVisitor):
             self._refuse("data-read", message, node, "use torch.where or a mask")
         else:
             offered = surface.MODULES.get(path.rpartition(".")[0], surface.TORCH)
-            fix = _guess(name, offered) or "write it with tensor operations"
+            known = twin(path)
+            fix = f"use `{known}`" if known else _guess(name, offered) or "write it with tensor operations"
             self._refuse("torch-function", f"`{path[:60]}` is not available to a reward", node, fix)
 
     def _random(self, name: str, node: ast.AST) -> None:

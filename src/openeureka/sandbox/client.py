@@ -172,7 +172,10 @@ def _bytes(tensor: Tensor) -> bytes:
 
 
 def _located(finding: Finding, program: gate.Program) -> Finding:
-    """A finding about the result as a whole names the line that returns it."""
+    """A finding about the result as a whole names the line that returns it; one about numbers, what reads them."""
+    if finding.rule == "branch" and (found := gate.twins(program, finding.line)):
+        (name, known), *_ = found.items()
+        return replace(finding, message=f"`{name}` takes numbers and this is a tensor", fix=f"use `{known}`")
     whole = finding.line is None and finding.rule in probe.RESULT_RULES
     return replace(finding, line=program.return_line) if whole else finding
 
