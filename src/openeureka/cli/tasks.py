@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
+import textwrap
 from collections.abc import Sequence
 
 from .. import baselines
 from ..config import parse
-from ..report.text import columns, number
+from ..report.text import columns, number, plain
 from ..score import mean
 from ..tasks import registry
 from ..tasks.context import context as context_of
@@ -16,19 +18,32 @@ from ..types import StateVar
 from .settings import ContextConfig
 
 
+INDENT = "    "
+
+
 def envs() -> None:
-    """Print one line per task, suite by suite."""
-    header = ("env", "suite", "observations", "actions", "episode", "human F", "sparse F", "description")
+    """Print each task with its sizes and intent, suite by suite."""
+    header = ("env", "obs", "act", "steps", "human F", "sparse F")
     tasks = {name: registry.get(name) for name in registry.names()}
     suites = list(dict.fromkeys(task.suite for task in tasks.values()))
-    by_suite = sorted(tasks.items(), key=lambda item: suites.index(item[1].suite))
-    rows = [(name, *_row(task), *_baselines(name), task.description) for name, task in by_suite]
-    print(columns([header, *rows]))
-    print("\nEpisode: in steps. F: held out, mean over seeds, where benchmarks/baselines.py has measured it.")
+    ordered = sorted(tasks.items(), key=lambda item: suites.index(item[1].suite))
+    first, *lines = columns([header, *((name, *_row(task), *_baselines(name)) for name, task in ordered)]).splitlines()
+    room = max(40, shutil.get_terminal_size().columns - len(INDENT))
+    print(first)
+    suite = ""
+    for (_, task), line in zip(ordered, lines, strict=True):
+        if task.suite != suite:
+            suite = task.suite
+            print(f"\n{suite}")
+        print(line)
+        print("\n".join(f"{INDENT}{part}" for part in textwrap.wrap(plain(task.description), room)))
+    print("\nobs, act: sizes of observation and action. steps: of an episode.")
+    print("F: held out, mean over seeds, where benchmarks/baselines.py has measured it.")
+    print("More about one task: eureka context env=NAME")
 
 
 def _row(task: type[Task]) -> tuple[str, ...]:
-    return (task.suite, *map(str, (task.num_observations, task.num_actions, task.episode_length)))
+    return str(task.num_observations), str(task.num_actions), str(task.episode_length)
 
 
 def _baselines(env: str) -> tuple[str, str]:
