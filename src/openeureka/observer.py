@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Literal, Protocol
 
 from .score import Outcome
@@ -16,6 +16,10 @@ class Observer(Protocol):
 
     def phase(self, generation: int, name: Phase) -> None:
         """A phase begins; `final` and `evaluate` come with the number of generations, `feedback` waits for a person."""
+        ...
+
+    def asked(self, slots: Sequence[int]) -> None:
+        """The model begins to write for these slots; some of them for another time."""
         ...
 
     def reply(self, generation: int, slot: int, reply: Reply) -> None:
@@ -53,6 +57,10 @@ class Observers:
         for observer in self._observers:
             observer.phase(generation, name)
 
+    def asked(self, slots: Sequence[int]) -> None:
+        for observer in self._observers:
+            observer.asked(slots)
+
     def reply(self, generation: int, slot: int, reply: Reply) -> None:
         for observer in self._observers:
             observer.reply(generation, slot, reply)
@@ -86,6 +94,7 @@ class NullObserver:
     """Looks away."""
 
     def phase(self, generation: int, name: Phase) -> None: ...
+    def asked(self, slots: Sequence[int]) -> None: ...
     def reply(self, generation: int, slot: int, reply: Reply) -> None: ...
     def verdict(self, sample: Sample) -> None: ...
     def progress(self, progress: TrainingProgress) -> None: ...

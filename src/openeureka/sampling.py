@@ -117,6 +117,7 @@ class Sampler:
             return
         self.observer.phase(generation, "sample")
         self._afford(len(missing))
+        self.observer.asked(missing)
         seed = request_seed(self.config.seed, generation, attempt, missing[0])
         for slot, reply in zip(missing, self.model.sample(prompt, n=len(missing), seed=seed), strict=True):
             self.store.save_reply(generation, attempt, slot, reply)

@@ -120,3 +120,55 @@ def test_a_resumed_run_does_not_time_what_the_store_had():
     tally = live.Tally(RunConfig(iteration=3), Usage())
     tally.generation_done(Generation(0, ()))
     assert tally.durations == []
+
+
+def test_training_is_not_expected_to_be_shorter_because_the_model_takes_its_time(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(live.time, "monotonic", lambda: now[0])
+    tally = live.Tally(RunConfig(iteration=2), Usage())
+    for name, end in (("sample", 60.0), ("train", 160.0)):
+        tally.phase(0, name)
+        now[0] = end
+    tally.generation_done(Generation(0, ()))
+    tally.phase(1, "sample")
+    now[0] += 200.0
+    assert tally.remaining() == 100.0  # asking is overdue, the 100 s of training are all ahead
+    tally.phase(1, "train")
+    now[0] += 30.0
+    assert tally.remaining() == 70.0
+    tally.phase(2, "final")
+    assert tally.remaining() == 0.0
+
+
+def shown_rows(shown: TerminalView) -> dict[str, str]:
+    frame = Console(file=io.StringIO(), width=160)
+    frame.print(shown.render())
+    assert isinstance(frame.file, io.StringIO)
+    return {line.split()[0]: line for line in frame.file.getvalue().splitlines() if line[:1].isdigit()}
+
+
+def test_a_slot_that_the_model_writes_for_says_so_and_for_how_long(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(live.time, "monotonic", lambda: now[0])
+    with view(CONFIG, Usage(), Console(file=io.StringIO(), force_terminal=True, width=160)) as shown:
+        assert isinstance(shown, TerminalView)
+        shown.phase(0, "sample")
+        shown.asked([0, 1])
+        now[0] = 75.0
+        assert "being written, 1 min 15 s" in shown_rows(shown)["1"]
+        shown.reply(0, 0, Reply(text="x", model="m"))
+        assert "replied" in shown_rows(shown)["0"]
+        shown.verdict(ACCEPTED)
+        shown.verdict(REFUSED)
+        shown.asked([0, 1])
+        rows = shown_rows(shown)
+    assert "being written again, as it repeated a reward, 0 s" in rows["0"] and "accepted" not in rows["0"]
+    assert "being written again, as it was refused" in rows["1"]
+
+
+def test_a_log_names_the_slots_that_are_asked_for():
+    out = io.StringIO()
+    with view(CONFIG, Usage(), Console(file=out, width=60)) as shown:
+        shown.asked([1])
+        shown.asked([0, 1])
+    assert out.getvalue() == "  asked for 1 reward: slot 1\n  asked for 2 rewards: slot 0, 1\n"

@@ -34,7 +34,7 @@ def test_the_best_policy_of_a_run_is_shown_on_its_own_task(asked, tmp_path, caps
     assert asked == [("ant", policy_of("ant"), 3.0)]
     assert (tmp_path / "play.mp4").read_bytes() == b"mp4"
     assert not (tmp_path / "best" / "video.mp4").exists()  # the report's own, and of another length
-    assert capsys.readouterr().out == f"Wrote {tmp_path / 'play.mp4'}\n"
+    assert capsys.readouterr().out == f"Filming 3 s\nWrote {tmp_path / 'play.mp4'}\n"
 
 
 def test_random_play_needs_no_file(asked, tmp_path):

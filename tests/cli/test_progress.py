@@ -2,6 +2,7 @@ import io
 
 from rich.console import Console
 
+from openeureka.cli import progress
 from openeureka.cli.progress import ProgressLine
 from openeureka.types import TrainingProgress
 
@@ -23,3 +24,15 @@ def test_on_a_terminal_the_line_is_redrawn():
     with ProgressLine(Console(file=out, width=200, force_terminal=True)) as line:
         line.show(PROGRESS)
     assert "\x1b[?25l" in out.getvalue()  # the cursor was hidden, so a live display ran
+
+
+def test_work_without_progress_of_its_own_is_said_once_in_a_log_and_timed_on_a_terminal(monkeypatch):
+    out = io.StringIO()
+    with progress.working("Filming", Console(file=out)):
+        pass
+    assert out.getvalue() == "Filming\n"
+    now = [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    clock = progress._Clock("Filming")
+    now[0] = 7.0
+    assert clock.__rich__().plain == "Filming, 7 s"

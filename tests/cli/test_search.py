@@ -1,4 +1,5 @@
 import os
+import signal
 import threading
 import time
 
@@ -297,3 +298,27 @@ def test_ctrl_c_in_the_report_says_how_to_write_it(parts, tmp_path, capsys):
     assert capsys.readouterr().err == sentence
     assert run("report", f"{tmp_path}/run") == 0
     assert (tmp_path / "run" / "report.html").is_file()
+
+
+def test_ctrl_c_is_answered_at_once_and_the_second_one_does_not_wait(capsys):
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt), stop.announced():
+        signal.raise_signal(signal.SIGINT)
+    assert capsys.readouterr().out.startswith("Stopping: what is trained is being kept")
+    with pytest.raises(KeyboardInterrupt), stop.announced():
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            capsys.readouterr()
+            signal.raise_signal(signal.SIGINT)
+    assert capsys.readouterr().out == ""
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_shell_that_has_ctrl_c_ignored_is_obeyed():
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with stop.announced():
+            signal.raise_signal(signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)

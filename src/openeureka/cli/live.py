@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import TracebackType
 
 from rich.console import Console, Group
@@ -30,6 +30,10 @@ _PHASES: dict[Phase, str] = {
 }
 
 
+_PARTS: dict[Phase, str] = {"sample": "ask", "check": "ask", "train": "train"}
+"""What the time of a generation goes to; waiting for a person is nobody's to foresee."""
+
+
 class Tally:
     """What both displays count. All text that a model wrote leaves here cleaned and as one line."""
 
@@ -39,19 +43,29 @@ class Tally:
         self.index = 0
         self.doing = "starting"
         self.started = time.monotonic()
-        self.durations: list[float] = []
-        """Seconds of each generation that this process has done."""
-        self._generation_started = self.started
+        self.durations: list[dict[str, float]] = []
+        """Seconds that each generation which this process has done took, by what it did."""
+        self._spent: dict[str, float] = {}
+        self._part, self._part_started = "", self.started
 
     def phase(self, generation: int, name: Phase) -> None:
+        self._clock()
         if generation != self.index:
-            self.index, self._generation_started = generation, time.monotonic()
+            self.index, self._spent = generation, {}
+        self._part = _PARTS.get(name, "")
         self.doing = _PHASES[name]
+
+    def _clock(self) -> None:
+        """Book the time since the last look on what was being done."""
+        now = time.monotonic()
+        self._spent[self._part] = self._spent.get(self._part, 0.0) + now - self._part_started
+        self._part_started = now
 
     def generation_done(self, generation: Generation) -> str:
         """One line on a generation, which is counted unless the store had it already."""
         if self.doing != "starting":
-            self.durations.append(time.monotonic() - self._generation_started)
+            self._clock()
+            self.durations.append(self._spent)
         best = generation.best
         trained = sum(entry.fitness is not None for entry in generation.entries)
         return (
@@ -60,12 +74,19 @@ class Tally:
         )
 
     def remaining(self) -> float | None:
-        """[s] left for the generations, judged by those done; None before the first."""
+        """[s] left for the generations, judged by those done; None before the first.
+
+        Asking and training are judged apart: a model that takes its time does not make the training shorter.
+        """
         if not self.durations:
             return None
-        mean = sum(self.durations) / len(self.durations)
-        total = mean * (self.config.generations - self.index)
-        return max(0.0, total - (time.monotonic() - self._generation_started))
+        if self.index >= self.config.generations:
+            return 0.0
+        self._clock()
+        mean = {part: sum(d.get(part, 0.0) for d in self.durations) / len(self.durations) for part in ("ask", "train")}
+        ahead = ("train",) if self._part == "train" else ("ask", "train")
+        now = sum(max(0.0, mean[part] - self._spent.get(part, 0.0)) for part in ahead)
+        return now + (self.config.generations - self.index - 1) * sum(mean.values())
 
     def headline(self) -> str:
         left = self.remaining()
@@ -113,6 +134,9 @@ class PlainView:
         self._say(self._tally.headline())
         self._line = ProgressLine(self._console)
 
+    def asked(self, slots: Sequence[int]) -> None:
+        self._say(f"  asked for {len(slots)} reward{'s' if len(slots) > 1 else ''}: slot {', '.join(map(str, slots))}")
+
     def reply(self, generation: int, slot: int, reply: Reply) -> None:
         self._tally.usage += reply.usage
 
@@ -145,6 +169,8 @@ class TerminalView:
         self._tally = Tally(config, usage)
         self._samples: dict[int, Sample] = {}
         self._replied: set[int] = set()
+        self._asked: dict[int, float] = {}
+        """Slots that the model writes for, with the time at which it began."""
         self._fitness: dict[str, float | None] = {}
         self._played: dict[str, Evaluation] = {}
         self._epochs = ""
@@ -164,6 +190,7 @@ class TerminalView:
         if generation != self._tally.index or name == "final":
             self._samples.clear()
             self._replied.clear()
+            self._asked.clear()
             self._fitness.clear()
         self._epochs = ""
         self._tally.phase(generation, name)
@@ -172,8 +199,12 @@ class TerminalView:
         else:
             self._live.start()
 
+    def asked(self, slots: Sequence[int]) -> None:
+        self._asked = dict.fromkeys(slots, time.monotonic())
+
     def reply(self, generation: int, slot: int, reply: Reply) -> None:
         self._tally.usage += reply.usage
+        self._asked.pop(slot, None)
         self._replied.add(slot)
 
     def verdict(self, sample: Sample) -> None:
@@ -203,6 +234,9 @@ class TerminalView:
         seed = self._tally.config.seed
         for slot in range(self._tally.config.sample):
             sample = self._samples.get(slot)
+            if slot in self._asked:
+                table.add_row(str(slot), "", "", self._writing(slot), "", "")
+                continue
             if sample is None:
                 table.add_row(str(slot), "", "", "replied" if slot in self._replied else "", "", "")
                 continue
@@ -213,6 +247,14 @@ class TerminalView:
             if lane(name, seed) in self._fitness:
                 table.add_row("", f"{name} reward", "", "", *self._scores(lane(name, seed)))
         return table
+
+    def _writing(self, slot: int) -> str:
+        """That the model is at work on a slot, for how long, and why once more."""
+        sample = self._samples.get(slot)
+        again = ""
+        if sample is not None:
+            again = " again, as it repeated a reward" if sample.verdict.accepted else " again, as it was refused"
+        return f"being written{again}, {duration(time.monotonic() - self._asked[slot])}"
 
     def _lanes(self) -> Table:
         table = Table("training", "F in training", "F played", box=None, pad_edge=False)

@@ -13,6 +13,7 @@ from ..report.stage import Stage
 from ..report.video import render
 from ..store import artifacts
 from ..training.policy import Policy
+from .progress import working
 from .settings import PlayConfig, only_path, split
 
 AGENTS = ("random", "zero")
@@ -43,7 +44,9 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
         viewer.window(Stage(env, policy, config.seed))
         return
     target = Path(config.out or f"{short_name(env)}.mp4")
-    artifacts.write(target, render(env, policy, seconds=config.seconds, seed=config.seed))
+    with working(f"Filming {config.seconds:g} s"):
+        video = render(env, policy, seconds=config.seconds, seed=config.seed)
+    artifacts.write(target, video)
     print(f"Wrote {target}")
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import TracebackType
 
 from rich.console import Console
@@ -15,6 +17,28 @@ SECONDS_BETWEEN_LINES = 10.0
 """Where there is no terminal to redraw."""
 SHOWN = 3
 """Lanes named in the line."""
+
+
+class _Clock:
+    """A text with the time since it was first shown."""
+
+    def __init__(self, text: str) -> None:
+        self._text, self._started = text, time.monotonic()
+
+    def __rich__(self) -> Text:
+        return Text(f"{self._text}, {duration(time.monotonic() - self._started)}")
+
+
+@contextmanager
+def working(text: str, console: Console | None = None) -> Iterator[None]:
+    """Say what is being done that shows no progress of its own: with a clock on a terminal, once elsewhere."""
+    console = console or Console()
+    if console.is_terminal:
+        with console.status(_Clock(text)):
+            yield
+    else:
+        console.print(Text(text), soft_wrap=True)
+        yield
 
 
 class ProgressLine:

@@ -26,6 +26,7 @@ from ..tasks.record import record_states
 from .desk import TerminalDesk
 from .live import view
 from .log import logged
+from .progress import working
 from .settings import only_path, split
 from .show import summary
 from .stop import stoppable
@@ -73,9 +74,11 @@ def _run(config: RunConfig, directory: Path) -> None:
     config = search.sized(config, model.style)
     size = f"{config.iteration} generations of {config.sample} rewards"
     print(f"{short_name(config.env)}: {size} by {config.model}, in {directory}")
+    with working("Trying the task out"):
+        states = record_states(config.env)
     try:
         with (
-            Sandbox(known.state, record_states(config.env), unsafe=config.unsafe_no_sandbox) as checker,
+            Sandbox(known.state, states, unsafe=config.unsafe_no_sandbox) as checker,
             Store.open(directory, config) as store,
             _telling_how_to_continue(directory),
             stoppable(directory),
@@ -114,12 +117,15 @@ def _filming(directory: Path, config: RunConfig) -> Iterator[list[Filming]]:
     with Filming(directory, config) as films:
         yield [films]
         if films.waiting:
-            print(f"Filming the last {films.waiting} policies")
+            with working(f"Filming the last {films.waiting} policies"):
+                films.wait()
 
 
 def _conclude(config: RunConfig, directory: Path) -> None:
     """Reports come last: the search is complete without them."""
-    problems = build(directory, config.video)
+    films = "Writing the report" if config.video == "none" else "Filming, and writing the report"
+    with working(films):
+        problems = build(directory, config.video)
     result = RunView.read(directory)
     if result.best is not None and result.best.candidate is not None:
         print(f"\nBest reward:\n\n{plain(result.best.candidate.source)}")

@@ -15,6 +15,7 @@ from ..report.view import RunView
 from ..score import Outcome
 from ..types import CandidateId, Generation, Scored
 from .live import verdict_line
+from .progress import working
 from .settings import ReportConfig, only_path, split
 
 MAX_SAID = 4_000
@@ -79,7 +80,9 @@ def report(words: Sequence[str]) -> None:
     """Write the files of the report again and say where they are."""
     settings, paths = split(words)
     directory = only_path(paths, "eureka report outputs/<time>_cartpole")
-    problems = build(directory, parse(ReportConfig, settings).video)
+    video = parse(ReportConfig, settings).video
+    with working("Writing the report and the videos that are missing"):
+        problems = build(directory, video)
     print(f"Wrote {directory / 'report.html'} and {directory / 'report.md'}")
     for problem in problems:
         print(plain(problem))

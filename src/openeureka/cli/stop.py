@@ -6,8 +6,9 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import FrameType
 
 from ..errors import StoreError
 from ..store import is_held
@@ -30,6 +31,32 @@ def stop(directory: Path) -> None:
     print(f"Stopped, nothing is lost. Continue with: eureka resume {directory}")
 
 
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    # What is printed right now may be in the middle of a line, and must not be entered twice.
+    with suppress(RuntimeError):
+        print("Stopping: what is trained is being kept, for up to ten seconds. Ctrl-C again does not wait.", flush=True)
+    signal.default_int_handler(number, frame)
+
+
+@contextmanager
+def announced() -> Iterator[None]:
+    """In the main thread: say at once that Ctrl-C was heard. Keeping a training under way takes some seconds."""
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.default_int_handler:  # a shell's background process ignores it
+        yield
+        return
+
+    def once(number: int, frame: FrameType | None) -> None:
+        signal.signal(signal.SIGINT, before)
+        _interrupt(number, frame)
+
+    signal.signal(signal.SIGINT, once)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 @contextmanager
 def stoppable(directory: Path) -> Iterator[None]:
     """In the main thread: raise KeyboardInterrupt, as Ctrl-C does, when the run is asked to stop.
@@ -45,11 +72,12 @@ def stoppable(directory: Path) -> Iterator[None]:
                 signal.pthread_kill(listener, signal.SIGUSR1)
                 return
 
-    before = signal.signal(signal.SIGUSR1, signal.default_int_handler)
+    before = signal.signal(signal.SIGUSR1, _interrupt)
     watcher = threading.Thread(target=watch, daemon=True)
     watcher.start()
     try:
-        yield
+        with announced():
+            yield
     finally:
         over.set()
         watcher.join()

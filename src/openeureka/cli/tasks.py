@@ -17,7 +17,6 @@ from ..tasks.task import Task
 from ..types import StateVar
 from .settings import ContextConfig
 
-
 INDENT = "    "
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from .. import baselines
 from ..config import as_dict, parse
-from ..errors import ConfigError, RewardFileError, WorkerError
+from ..errors import ConfigError, Interrupted, RewardFileError, WorkerError
 from ..report import build, events, tables, trained
 from ..report.tables import Table
 from ..report.text import columns, duration, number, plain, spread
@@ -26,9 +26,10 @@ from ..types import (
     TrainingState,
     TrainJob,
 )
-from .progress import ProgressLine
+from .progress import ProgressLine, working
 from .rewards import explain, judge, program_of
 from .settings import TrainConfig
+from .stop import announced
 from .trainer import trainer_of
 
 BUILT_IN = ("human", "sparse")
@@ -44,12 +45,18 @@ def train(words: Sequence[str]) -> None:
             for name in programs for seed in seeds}  # fmt: skip
     directory = output_directory(config.dir, config.env, "train_")
     trainer = trainer_of(config, directory, lanes=directory)
-    results = _train(trainer, config, list(jobs.values()), directory)
+    try:
+        with announced():
+            results = _train(trainer, config, list(jobs.values()), directory)
+    except KeyboardInterrupt:
+        kept = "" if config.curriculum else f" What is under way is kept: say the same with dir={directory} to go on."
+        raise Interrupted(f"Stopped.{kept}") from None
     failed = {job: result.message for job, result in results.items() if result.state is TrainingState.FAILED}
     if len(failed) == len(results):
         raise WorkerError(next(iter(failed.values())))
     policies = {job: result.best_fitness.policy for job, result in results.items() if result.best_fitness}
-    held_out = {score.job: score for score in trainer.evaluate(config.env, policies, seed=config.seed)}
+    with working("Scoring on held-out episodes"):
+        held_out = {score.job: score for score in trainer.evaluate(config.env, policies, seed=config.seed)}
     _save(directory, config, results, held_out)
     lanes = {name: [f"{name}-s{seed}" for seed in seeds] for name in programs}
     scores = _scores(config.env, lanes, results, held_out)
