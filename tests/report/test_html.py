@@ -145,3 +145,13 @@ def test_a_report_imports_no_file_to_say_what_a_task_is_about(tmp_path, name):
     file.write_text("raise SystemExit('imported')\n")
     assert html.intent(name.format(file)) == ""
     assert html.intent("cartpole+episode_length=9").startswith("to balance a pole")
+
+
+@pytest.mark.parametrize(("model", "told"), [("random", False), ("gpt-5", True)])
+def test_who_wrote_the_rewards_and_what_they_were_shown_is_true(model, told, tmp_path):
+    shown = dataclasses.replace(run(History(())), config=dataclasses.replace(run(History(())).config, model=model))
+    text = " ".join(Page(html.report(shown, tmp_path)).text.split())
+    assert ("A language model (gpt-5) wrote reward functions" in text) is told
+    assert ("the model was shown the best reward" in text) is told
+    assert ("No language model: chance (model=random) drew reward functions" in text) is not told
+    assert ("chance reads neither the results before it nor what a person says" in text) is not told

@@ -74,6 +74,8 @@ def _run(config: RunConfig, directory: Path) -> None:
     config = search.sized(config, model.style)
     size = f"{config.iteration} generations of {config.sample} rewards"
     print(f"{short_name(config.env)}: {size} by {config.model}, in {directory}")
+    if config.model == "random":
+        print("model=random draws rewards by chance: it reads neither results nor words, the control for a real model.")
     with working("Trying the task out"):
         states = record_states(config.env)
     try:

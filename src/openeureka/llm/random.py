@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from random import Random
 from typing import Literal
@@ -11,12 +12,17 @@ from ..types import Prompt, Reply
 from . import gbnf
 
 _TRIES = 100
+_TERM = re.compile(r'    # .*\n    x = (.+)\n(    reward = .+\n)    components\["\w+"\] = x\n')
+_VARIABLE = re.compile(r"(?<![\w.])([A-Za-z_]\w*)\b(?:\[:, (\d+)\])?(?!\s*=)")
+_FORMS = {"torch.exp(": "close", " > ": "above", " < ": "below", "torch.clamp(": "bounded"}
+MAX_NAME = 48
 
 
 class RandomModel:
-    """Draws strings of the prompt's grammar and reads nothing else of the prompt.
+    """Draws strings of the prompt's grammar and reads nothing else of the prompt: no result, and no word of a person.
 
-    The honest control for the embedded model: whatever a search with this finds, selection found.
+    The honest control for the embedded model: whatever a search with this finds, selection found. Where the grammar
+    leaves words to the writer, components are named by what they measure.
     """
 
     name = "random"
@@ -32,7 +38,7 @@ class RandomModel:
         for _ in range(n * _TRIES):
             if len(seen) == n:
                 return
-            text = gbnf.derive(rules, random)
+            text = named(gbnf.derive(rules, random))
             if text not in seen:
                 seen.add(text)
                 yield Reply(text=prompt.prefill + text, model=self.name)
@@ -41,3 +47,28 @@ class RandomModel:
 
     def close(self) -> None:
         """Holds nothing."""
+
+
+def named(text: str) -> str:
+    """A drawn program with each component named by what it measures, in place of random letters."""
+    taken: set[str] = set()
+
+    def term(match: re.Match[str]) -> str:
+        name = base = _measured(match[1])
+        number = 1
+        while name in taken:
+            number += 1
+            name = f"{base}_{number}"
+        taken.add(name)
+        return f'    # {name.replace("_", " ")}\n    x = {match[1]}\n{match[2]}    components["{name}"] = x\n'
+
+    found, count = _TERM.subn(term, text)
+    return re.sub(r"\A .*\n", " drawn at random\n", found) if count else text
+
+
+def _measured(expression: str) -> str:
+    """`torch.exp(-torch.abs(angle) / 0.5)` -> `angle_close`."""
+    variables = dict.fromkeys(_VARIABLE.findall(expression))
+    words = ["_".join(filter(None, variable)) for variable in variables if variable[0] not in ("torch", "dim")]
+    forms = [word for sign, word in _FORMS.items() if sign in expression]
+    return "_".join((*words, *forms))[:MAX_NAME].strip("_") or "term"
