@@ -1,3 +1,5 @@
+import json
+
 import pytest
 
 from openeureka.cli.check import check
@@ -70,3 +72,13 @@ def test_a_line_that_python_cannot_read_is_shown(tmp_path, capsys):
     _, finding, line = checked(tmp_path, "def compute_reward(x):\n    y = (x\n    return y, {}\n", capsys)
     assert finding == "line 2: Python cannot read it: '(' was never closed [syntax]"
     assert line == "    y = (x"
+
+
+def test_a_verdict_is_json_for_programs(tmp_path, capsys):
+    (tmp_path / "good.py").write_text(GOOD)
+    (tmp_path / "bad.py").write_text(BAD)
+    assert check([f"{tmp_path}/good.py"], as_json=True) == 0
+    assert json.loads(capsys.readouterr().out) == {"verdict": "accepted", "findings": [], "components": ["upright"]}
+    assert check([f"{tmp_path}/bad.py"], as_json=True) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert (found["verdict"], found["findings"][0]["line"]) == ("refused", 2)

@@ -1,3 +1,7 @@
+import json
+
+import pytest
+
 from openeureka import baselines
 from openeureka.cli.tasks import context, envs
 from openeureka.tasks import registry
@@ -42,3 +46,11 @@ def test_context_shows_the_state_and_hides_the_fitness(capsys):
     text = capsys.readouterr().out
     assert "pole_angle     Tensor (N)     pole angle from upright [rad]" in text
     assert "def compute_state" in text and "fitness" not in text
+
+
+def test_the_list_of_tasks_is_json_for_programs(capsys, monkeypatch):
+    monkeypatch.setattr(registry, "names", lambda: ["cartpole"])
+    envs(as_json=True)
+    found = json.loads(capsys.readouterr().out)["cartpole"]
+    assert (found["suite"], found["observations"], found["actions"], found["episode_length"]) == ("isaac", 4, 1, 500)
+    assert found["human_fitness"] == pytest.approx(402.9, abs=0.1)

@@ -1,6 +1,7 @@
 from tensorboard.backend.event_processing.event_file_loader import EventFileLoader
 
 from openeureka.report import events
+from openeureka.types import TrainingResult, TrainingState
 
 CURVES = {"fitness": (None, 2.0, 3.5), "component/upright": (0.5,)}
 
@@ -18,3 +19,14 @@ def test_tensorboard_reads_back_every_defined_value(tmp_path):
 
 def test_equal_curves_give_equal_files():
     assert events.encode(CURVES) == events.encode(CURVES)
+
+
+def test_the_axes_are_environment_steps_and_seconds(tmp_path):
+    result = TrainingResult(
+        job="a", state=TrainingState.FINISHED, fitness=3.5, curves=CURVES, env_steps=3000, seconds=60.0
+    )
+    path = tmp_path / events.FILE_NAME
+    path.write_bytes(events.of(result))
+    found = [(e.step, e.wall_time) for e in EventFileLoader(str(path)).Load() if e.summary.value]
+    # three epochs of 1000 steps and 20 s each; F is not defined in the first, the component only there
+    assert found == [(2000, 40.0), (3000, 60.0), (1000, 20.0)]

@@ -58,6 +58,7 @@ def options(
 Settings = Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE", hidden=True)]
 Words = Annotated[list[str] | None, typer.Argument(metavar="KEY=VALUE|PATH", hidden=True)]
 Remarks = Annotated[list[str] | None, typer.Argument(metavar="WORDS|MARK|go", hidden=True)]
+Json = Annotated[bool, typer.Option("--json", help="For programs: print JSON.")]
 RunDirectory = Annotated[Path, typer.Argument(metavar="DIR", hidden=True)]
 
 
@@ -139,14 +140,14 @@ def train(words: Settings = None) -> None:
 
 
 @app.command(epilog=describe(CheckConfig))
-def check(words: Words = None) -> None:
+def check(words: Words = None, as_json: Json = False) -> None:
     """Check one reward file as a run would, and print the verdict.
 
     Example: eureka check env=cartpole my_reward.py
     """
     from .check import check
 
-    raise typer.Exit(check(words or []))
+    raise typer.Exit(check(words or [], as_json=as_json))
 
 
 @app.command(epilog=describe(PlayConfig))
@@ -196,14 +197,14 @@ def new(words: Words = None) -> None:
 
 
 @app.command()
-def envs() -> None:
+def envs(as_json: Json = False) -> None:
     """List the tasks.
 
     Example: eureka envs
     """
     from .tasks import envs
 
-    envs()
+    envs(as_json=as_json)
 
 
 @app.command()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import textwrap
 from collections.abc import Sequence
@@ -20,10 +21,13 @@ from .settings import ContextConfig
 INDENT = "    "
 
 
-def envs() -> None:
+def envs(*, as_json: bool = False) -> None:
     """Print each task with its sizes and intent, suite by suite."""
     header = ("env", "obs", "act", "steps", "human F", "sparse F")
     tasks = {name: registry.get(name) for name in registry.names()}
+    if as_json:
+        print(json.dumps({name: _facts(name, task) for name, task in tasks.items()}, indent=2))
+        return
     suites = list(dict.fromkeys(task.suite for task in tasks.values()))
     ordered = sorted(tasks.items(), key=lambda item: suites.index(item[1].suite))
     first, *lines = columns([header, *((name, *_row(task), *_baselines(name)) for name, task in ordered)]).splitlines()
@@ -39,6 +43,19 @@ def envs() -> None:
     print("\nobs, act: sizes of observation and action. steps: of an episode.")
     print("F: held out, mean over seeds, where benchmarks/baselines.py has measured it.")
     print("More about one task: eureka context env=NAME")
+
+
+def _facts(name: str, task: type[Task]) -> dict[str, object]:
+    known = baselines.known(name)
+    return {
+        "suite": task.suite,
+        "description": task.description,
+        "observations": task.num_observations,
+        "actions": task.num_actions,
+        "episode_length": task.episode_length,
+        "human_fitness": mean(known.human.held_out) if known else None,
+        "sparse_fitness": mean(known.sparse.held_out) if known else None,
+    }
 
 
 def _row(task: type[Task]) -> tuple[str, ...]:

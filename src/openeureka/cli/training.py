@@ -106,7 +106,7 @@ def _train(
                 line.show(report)
                 continue
             results[report.job] = report
-            artifacts.write(directory / report.job / events.FILE_NAME, events.encode(report.curves))
+            artifacts.write(directory / report.job / events.FILE_NAME, events.of(report))
             if report.best_fitness is not None:
                 artifacts.write(directory / report.job / "policy.safetensors", report.best_fitness.policy)
     return results

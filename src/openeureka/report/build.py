@@ -27,7 +27,7 @@ def build(directory: Path, wanted: str = "") -> list[str]:
     problems = [best(directory, wanted or run.config.video), _candidates(directory, run, wanted or run.config.video)]
     run = RunView.read(directory)  # now with videos
     for job, result in run.results.items():
-        artifacts.write(directory / "lanes" / job / events.FILE_NAME, events.encode(result.curves))
+        artifacts.write(directory / "lanes" / job / events.FILE_NAME, events.of(result))
     artifacts.write(directory / "summary.png", plots.summary(run))
     artifacts.write(directory / "report.md", markdown.report(run))
     artifacts.write(directory / "report.html", html.report(run, directory))
