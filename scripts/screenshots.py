@@ -21,7 +21,7 @@ from playwright.sync_api import Page, ViewportSize, sync_playwright
 from openeureka.report.view import RunView
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
-EUREKA = [sys.executable, "-c", "from openeureka.cli.main import main; main()"]
+EUREKA = [sys.executable, "-P", "-c", "from openeureka.cli.main import main; main()"]
 SEARCH = ["env=cartpole", "model=random", "sample=6", "iteration=2", "steps=150000", "seeds=1", "video=all"]
 SIZE = ViewportSize(width=1100, height=1200)
 

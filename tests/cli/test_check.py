@@ -36,3 +36,12 @@ def test_a_missing_or_binary_file_is_named(tmp_path):
         check(["env=cartpole", f"{tmp_path}/absent.py"])
     with pytest.raises(RewardFileError, match=r"binary\.py is not a text file"):
         check(["env=cartpole", f"{tmp_path}/binary.py"])
+
+
+def test_files_that_lie_around_are_not_imported(tmp_path, monkeypatch, capsys):
+    (tmp_path / "good.py").write_text(GOOD)
+    (tmp_path / "tempfile.py").write_text(f"open({str(tmp_path / 'mark')!r}, 'w')\n")  # of somebody who means harm
+    (tmp_path / "glob.py").write_text("raise RuntimeError('my own notes on globs')\n")  # of somebody who does not
+    monkeypatch.chdir(tmp_path)
+    assert check(["env=cartpole", "good.py"]) == 0
+    assert not (tmp_path / "mark").exists()

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO
@@ -15,11 +13,12 @@ from ..store import is_held, is_run
 from ..store.db import LOG, explained
 from ..store.paths import output_directory
 from ..tasks import registry
+from ..worker import environment, interpreter
 
 SETTINGS = ("env", "model", "sample", "iteration", "steps", "seed", "device", "feedback", "video")
 """What the form asks for. Addresses and paths stay on the command line: a page must not send keys somewhere."""
 
-_EUREKA = (sys.executable, "-c", "from openeureka.cli.main import main; main()")
+_EUREKA = (*interpreter(), "-c", "from openeureka.cli.main import main; main()")
 
 
 class Launcher:
@@ -68,6 +67,6 @@ def _detached(words: Sequence[str], log: BinaryIO) -> subprocess.Popen[bytes]:
         stdin=subprocess.DEVNULL,
         stdout=log,
         stderr=subprocess.STDOUT,
-        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+        env=environment() | {"PYTHONUNBUFFERED": "1"},
         start_new_session=True,
     )
