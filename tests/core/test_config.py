@@ -1,6 +1,6 @@
 import pytest
 
-from openeureka.config import RunConfig, as_dict, parse
+from openeureka.config import RunConfig, as_dict, parse, restored
 from openeureka.errors import ConfigError
 
 
@@ -28,9 +28,51 @@ def test_a_config_survives_being_stored_and_read_back():
         ("search=greedy", "`search` must be one of best, eureka"),
         ("bonus=250", "`bonus` must be one of none, original"),
         ("seeds=0", "`seeds` must be one or more"),
+        ("sample=1000000", "`sample` must be at most 100000"),
+        ("sample=1e3", "`sample` takes int"),
+        ("sample=", "`sample` takes int"),
+        (f"sample={'9' * 5000}", "`sample` takes int"),
+        ("max_cost=much", "`max_cost` takes float"),
+        ("unsafe_no_sandbox=perhaps", "`unsafe_no_sandbox` takes bool"),
     ],
 )
 def test_a_wrong_word_is_one_sentence_that_says_what_to_do(word: str, says: str):
     with pytest.raises(ConfigError, match=r"^[^\n]*$") as error:
         parse(RunConfig, [word])
     assert says in str(error.value)
+
+
+@pytest.mark.parametrize("value", ["${oc.env:HOME}", "http://h/${oc.env:OPENAI_API_KEY}/v1", "${seed}", "???", "\\${x}", "null"])
+def test_a_value_is_text_and_nothing_in_it_is_looked_up(value: str):
+    assert parse(RunConfig, [f"base_url={value}"]).base_url == value
+
+
+@pytest.mark.parametrize(
+    ("word", "value"),
+    [("true", True), ("Yes", True), ("on", True), ("1", True), ("false", False), ("No", False), ("off", False), ("0", False)],
+)
+def test_a_switch_is_said_in_several_ways(word: str, value: bool):
+    assert parse(RunConfig, [f"unsafe_no_sandbox={word}"]).unsafe_no_sandbox is value
+
+
+@pytest.mark.parametrize(
+    ("stored", "error"),
+    [
+        ({"env": ["ant"]}, TypeError),
+        ({"sample": "16"}, TypeError),
+        ({"sample": True}, TypeError),
+        ({"unsafe_no_sandbox": 1}, TypeError),
+        ({"env": "a" * 5000}, TypeError),
+        (["env"], TypeError),
+        ({"colour": "red"}, ConfigError),
+        ({"sample": 10**12}, ConfigError),
+        ({"search": "greedy"}, ConfigError),
+    ],
+)
+def test_stored_settings_that_nobody_stored_are_not_taken(stored: object, error: type[Exception]):
+    with pytest.raises(error):
+        restored(RunConfig, stored)
+
+
+def test_stored_settings_are_taken_as_they_are():
+    assert restored(RunConfig, {"max_cost": 1, "env": "${x}"}) == RunConfig(max_cost=1, env="${x}")

@@ -14,8 +14,8 @@ from typing import Literal, TypeVar
 from filelock import FileLock, Timeout
 
 from .. import __version__
-from ..config import RunConfig, as_dict
-from ..errors import StoreError
+from ..config import RunConfig, as_dict, restored
+from ..errors import ConfigError, StoreError
 from ..types import (
     GIVEN,
     Candidate,
@@ -161,10 +161,11 @@ class Store:
         if row is None:
             raise StoreError(f"{self.directory} holds a run that never began; {AGAIN}")
         try:
-            return RunConfig(**json.loads(row["config"]))
-        except TypeError:
+            return self._decoded(lambda text: restored(RunConfig, json.loads(text)), row["config"])
+        except ConfigError:
+            version = row["version"]
             raise StoreError(
-                f"{self.directory} has settings unknown to this openeureka; install {row['version']} to open it."
+                f"{self.directory} has settings unknown to this openeureka; install {version:.40} to open it."
             ) from None
 
     # --- prompts and replies -----------------------------------------------------------------------------------------
