@@ -147,6 +147,15 @@ def parse(kind: type[Config], words: Sequence[str]) -> Config:
     Raises:
         ConfigError: for a word that is not `key=value`, an unknown key or a value of the wrong type.
     """
+    return kind(**_typed(kind, words))
+
+
+def changed(config: Config, words: Sequence[str]) -> Config:
+    """The config with what `key=value` words say. Raises ConfigError as `parse` does."""
+    return dataclasses.replace(config, **_typed(type(config), words))  # pyright: ignore[reportArgumentType, reportCallIssue]
+
+
+def _typed(kind: type, words: Sequence[str]) -> dict[str, Any]:
     hints = get_type_hints(kind)
     values: dict[str, Any] = {}
     for word in words:
@@ -160,7 +169,7 @@ def parse(kind: type[Config], words: Sequence[str]) -> Config:
         except ValueError:
             wanted = hints[key].__name__
             raise ConfigError(f"`{key}={value:.80}` does not fit: `{key}` takes {wanted}.") from None
-    return kind(**values)
+    return values
 
 
 _SWITCH = {
@@ -179,7 +188,7 @@ _READ: Mapping[type, Callable[[str], Any]] = {str: str, int: int, float: float, 
 
 
 def restored(kind: type[Config], stored: object) -> Config:
-    """The config that `as_dict` was made of, from data that anybody may have written; fields it lacks have their defaults.
+    """The config that `as_dict` was made of, from data of anybody's; fields that it lacks have their defaults.
 
     Raises:
         ConfigError: for an unknown field or a value that does not fit.

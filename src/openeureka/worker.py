@@ -28,7 +28,7 @@ MAX_BLOBS = 4 << 30
 
 
 def interpreter() -> list[str]:
-    """The beginning of a command line that runs Python, as this process does, without the working directory on its path.
+    """The beginning of a command line that runs this Python, without the working directory on its path.
 
     By itself Python looks for modules in the working directory first: a `tempfile.py` that lies there would run. -P and
     not -I: PYTHONPATH and the user's own packages stay, as tasks of one's own may be in them.
@@ -37,8 +37,11 @@ def interpreter() -> list[str]:
 
 
 def environment(env: Mapping[str, str] | None = None) -> dict[str, str]:
-    """An environment for `interpreter`; None is this process's. An empty entry of PYTHONPATH, as `PYTHONPATH=$PYTHONPATH:x`
-    leaves, would be the working directory again; one that is written out, such as `.`, is what its author wants."""
+    """An environment for `interpreter`; None is this process's.
+
+    An empty entry of PYTHONPATH, as `PYTHONPATH=$PYTHONPATH:x` leaves one, would be the working directory again. One that
+    is written out, such as `.`, is what its author wants.
+    """
     found = dict(os.environ if env is None else env)
     if "PYTHONPATH" in found:
         found["PYTHONPATH"] = os.pathsep.join(filter(None, found["PYTHONPATH"].split(os.pathsep)))
@@ -125,8 +128,8 @@ class Worker:
         max_blobs: int = MAX_BLOBS,
     ) -> None:
         self._stderr: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
-        # The package directory travels as an argument of -c, so that an emptied environment still finds it. Then it goes
-        # to the end of the path: what else lies there is not to be found before the standard library.
+        # The package directory travels as an argument of -c, so that an emptied environment still finds it. It ends as
+        # the last of the path: what else lies there is not to be found before the standard library.
         root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
         code = (
             f"import os, sys, runpy; os.nice({nice}); sys.path.insert(0, {root!r}); import openeureka; "

@@ -42,14 +42,25 @@ def test_a_wrong_word_is_one_sentence_that_says_what_to_do(word: str, says: str)
     assert says in str(error.value)
 
 
-@pytest.mark.parametrize("value", ["${oc.env:HOME}", "http://h/${oc.env:OPENAI_API_KEY}/v1", "${seed}", "???", "\\${x}", "null"])
+@pytest.mark.parametrize(
+    "value", ["${oc.env:HOME}", "http://h/${oc.env:OPENAI_API_KEY}/v1", "${seed}", "???", "\\${x}", "null"]
+)
 def test_a_value_is_text_and_nothing_in_it_is_looked_up(value: str):
     assert parse(RunConfig, [f"base_url={value}"]).base_url == value
 
 
 @pytest.mark.parametrize(
     ("word", "value"),
-    [("true", True), ("Yes", True), ("on", True), ("1", True), ("false", False), ("No", False), ("off", False), ("0", False)],
+    [
+        ("true", True),
+        ("Yes", True),
+        ("on", True),
+        ("1", True),
+        ("false", False),
+        ("No", False),
+        ("off", False),
+        ("0", False),
+    ],
 )
 def test_a_switch_is_said_in_several_ways(word: str, value: bool):
     assert parse(RunConfig, [f"unsafe_no_sandbox={word}"]).unsafe_no_sandbox is value

@@ -16,8 +16,8 @@ SOURCE = str(Path(openeureka.__file__).parents[1])
 
 @pytest.fixture
 def crowded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory holds a file for every module of the standard library, and for some that are installed; each
-    leaves a mark when it is imported."""
+    """The working directory holds files named as the modules of the standard library and some that are installed are;
+    each leaves a mark when it is imported."""
     folder = tmp_path / "crowded"
     folder.mkdir()
     for name in {*sys.stdlib_module_names, "torch", "numpy", "pip", "openeureka", "sitecustomize", "usercustomize"}:
@@ -53,7 +53,9 @@ def test_pip_and_the_runs_of_the_page_do_not_either(crowded: Path):
 
 def test_one_place_says_how_python_is_started():
     """So that no child is forgotten: whoever names the executable has to take `interpreter`."""
-    named = [path.name for path in Path(openeureka.__file__).parent.rglob("*.py") if "sys.executable" in path.read_text()]
+    named = [
+        path.name for path in Path(openeureka.__file__).parent.rglob("*.py") if "sys.executable" in path.read_text()
+    ]
     assert named == ["worker.py"]
 
 

@@ -36,7 +36,7 @@ def new(words: Sequence[str]) -> None:
         raise ConfigError(f"There is no folder {path.parent}; make it first, or choose another place.")
     if not config.model:
         raise ConfigError(f"Name the robot, a MuJoCo XML file; for example: {USAGE}")
-    write(path, draft(path, Path(config.model).expanduser(), config.intent))
+    write(path.parent, path.name, draft(path, Path(config.model).expanduser(), config.intent))
     simulation = registry.make(str(path), worlds=TRIED)
     task = simulation.task
     simulation.reset()

@@ -12,7 +12,9 @@ from ..report.stats import by_generation
 from ..report.text import columns, number, plain, spread
 from ..report.view import RunView
 from ..score import Outcome
+from ..store import read_config
 from ..types import CandidateId, Generation, Scored
+from . import trust
 from .live import verdict_line
 from .settings import ReportConfig, only_path, split
 
@@ -75,7 +77,10 @@ def report(words: Sequence[str]) -> None:
     """Write the files of the report again and say where they are."""
     settings, paths = split(words)
     directory = only_path(paths, "eureka report outputs/<time>_cartpole")
-    problems = build(directory, parse(ReportConfig, settings).video)
+    config = parse(ReportConfig, settings)
+    stored = read_config(directory)
+    env = config.env or (stored.env if "env" not in trust.unknown(stored) else "")
+    problems = build(directory, config.video, env)
     print(f"Wrote {directory / 'report.html'} and {directory / 'report.md'}")
     for problem in problems:
         print(plain(problem))

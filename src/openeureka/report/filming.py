@@ -32,7 +32,7 @@ def missing(directory: Path, config: RunConfig) -> dict[str, bytes]:
     """Policies by job id, of the lanes of the search that are trained and not filmed."""
     with Store.view(directory) as store:
         jobs = [job for job in store.results() if _of_the_search(job, config)]
-        policies = {job: store.policy(job, "fitness") for job in jobs if not _place(directory, job).is_file()}
+        policies = {job: store.policy(job, "fitness") for job in jobs if not artifacts.exists(directory, _place(job))}
     return {job: policy for job, policy in policies.items() if policy is not None}
 
 
@@ -50,12 +50,12 @@ def film(directory: Path, env: str, policies: Iterable[tuple[str, bytes]], *, ba
         except video.VideoUnavailable as error:
             problem = f"No video of {job}: {error}"
             continue
-        artifacts.write(_place(directory, job), picture)
+        artifacts.write(directory, _place(job), picture)
     return problem
 
 
-def _place(directory: Path, job: str) -> Path:
-    return directory / "lanes" / job / VIDEO
+def _place(job: str) -> str:
+    return f"lanes/{job}/{VIDEO}"
 
 
 def _of_the_search(job: str, config: RunConfig) -> bool:

@@ -15,7 +15,7 @@ from ..lanes import BASELINES, final_lanes, lane
 from ..llm import extract
 from ..sampling import NO_PROGRAM
 from ..score import Baselines, Outcome, compare
-from ..store import Store
+from ..store import Store, artifacts
 from ..types import (
     Candidate,
     Evaluation,
@@ -232,7 +232,7 @@ class RunView:
 
 def _videos(directory: Path, results: Mapping[str, TrainingResult]) -> dict[str, str]:
     places = {job: f"lanes/{job}/{VIDEO}" for job in results} | {"best": f"best/{VIDEO}"}
-    return {name: place for name, place in places.items() if (directory / place).is_file()}
+    return {name: place for name, place in places.items() if artifacts.exists(directory, place)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import os
 import sqlite3
+import stat
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -163,6 +164,11 @@ def _connect(directory: Path, writable: bool) -> sqlite3.Connection:
     People's remarks come from other processes: a writer waits until the other one has committed.
     """
     path = directory / FILENAME
+    for file in (path, *(path.with_name(f"{FILENAME}{suffix}") for suffix in ("-wal", "-shm", "-journal"))):
+        if os.path.lexists(file) and not stat.S_ISREG(os.lstat(file).st_mode):
+            raise StoreError(
+                f"{file} is a link, or no regular file: a run has none; delete it, or choose another dir=."
+            )
     waiting = path.with_name(f"{FILENAME}-wal")
     if not writable and not os.access(directory, os.W_OK) and not waiting.exists():
         # Readers of a file in WAL mode make its index beside it. Where they cannot, nobody writes either.

@@ -87,6 +87,7 @@ class Store:
         directory = Path(directory)
         if directory.exists() and not (directory / FILENAME).exists() and _foreign(directory):
             raise StoreError(f"{directory} is not empty and not a run; choose another dir=.")
+        artifacts.expect_regular(directory, LOCK)
         with explained(directory):
             directory.mkdir(parents=True, exist_ok=True)
             lock = FileLock(directory / LOCK, timeout=LOOK_TIME)
@@ -177,7 +178,7 @@ class Store:
             row = {"generation": generation, "slot": slot, "messages": json.dumps(messages)}
             self._database.put("prompts", row)
         asked = [{**dict(row), "messages": json.loads(row["messages"])} for row in self._database.rows("prompts")]
-        artifacts.write(self.directory / "messages.json", json.dumps(asked, indent=2))
+        artifacts.write(self.directory, "messages.json", json.dumps(asked, indent=2))
 
     def save_reply(self, generation: int, attempt: int, slot: int, reply: Reply) -> None:
         place = {"generation": generation, "attempt": attempt, "slot": slot}
@@ -214,10 +215,10 @@ class Store:
 
     def save_verdict(self, candidate: Candidate, verdict: Verdict, reply: Reply) -> None:
         """`reply` is the first one that held this program."""
-        folder = self.directory / "candidates" / candidate.id
-        artifacts.write(folder / "reward.py", candidate.source)
-        artifacts.write(folder / "reply.txt", reply.text)
-        artifacts.write(folder / "verdict.json", encode_verdict(verdict, indent=2))
+        folder = f"candidates/{candidate.id}"
+        artifacts.write(self.directory, f"{folder}/reward.py", candidate.source)
+        artifacts.write(self.directory, f"{folder}/reply.txt", reply.text)
+        artifacts.write(self.directory, f"{folder}/verdict.json", encode_verdict(verdict, indent=2))
         row = {"candidate": candidate.id, "source": candidate.source, "verdict": encode_verdict(verdict)}
         self._database.put("verdicts", row)
 
@@ -228,12 +229,12 @@ class Store:
     # --- training ----------------------------------------------------------------------------------------------------
 
     def save_result(self, result: TrainingResult) -> None:
-        folder = self.directory / "lanes" / result.job
+        folder = f"lanes/{result.job}"
         text = encode_result(result)
-        artifacts.write(folder / "curves.json", text)
+        artifacts.write(self.directory, f"{folder}/curves.json", text)
         for name, peak in (("best_fitness", result.best_fitness), ("best_reward", result.best_reward)):
             if peak is not None:
-                artifacts.write(folder / f"{name}.safetensors", peak.policy)
+                artifacts.write(self.directory, f"{folder}/{name}.safetensors", peak.policy)
         self._database.put("results", {"job": result.job, "fitness": finite(result.fitness), "result": text})
 
     def result(self, job: str) -> TrainingResult | None:
@@ -263,11 +264,11 @@ class Store:
         wanted = decode_digest(row["result"], peak) if row is not None else None
         if wanted is None:
             return None
-        path = self.directory / "lanes" / job / f"best_{peak}.safetensors"
-        with explained(self.directory):
-            found = path.read_bytes() if path.is_file() else b""
+        name = f"lanes/{job}/best_{peak}.safetensors"
+        found = artifacts.read(self.directory, name)
         if not found or (wanted and digest(found) != wanted):
-            raise StoreError(f"{path} is missing or damaged; restore it from a copy, or begin again in another dir=.")
+            where = self.directory / name
+            raise StoreError(f"{where} is missing or damaged; restore it from a copy, or begin again in another dir=.")
         return found
 
     def save_evaluation(self, evaluation: Evaluation) -> None:
@@ -351,16 +352,14 @@ class Store:
         missing or fits, whatever the clock says that dates them.
         """
         assert best.sample.candidate is not None
-        folder = self.directory / "best"
-        artifacts.write(folder / "reward.py", best.sample.candidate.source)
-        policy, kept = self.policy(job, peak), folder / "policy.safetensors"
-        if policy is None or (kept.is_file() and kept.read_bytes() == policy):
+        artifacts.write(self.directory, "best/reward.py", best.sample.candidate.source)
+        policy, kept = self.policy(job, peak), "best/policy.safetensors"
+        if policy is None or artifacts.read(self.directory, kept) == policy:
             return
-        with explained(self.directory):
-            for made in folder.iterdir():
-                if made.name not in ("reward.py", kept.name):
-                    made.unlink()
-        artifacts.write(kept, policy)
+        for made in artifacts.names(self.directory, "best"):
+            if made not in ("reward.py", "policy.safetensors"):
+                artifacts.remove(self.directory, f"best/{made}")
+        artifacts.write(self.directory, kept, policy)
 
 
 def _foreign(directory: Path) -> bool:

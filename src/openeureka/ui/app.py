@@ -20,7 +20,7 @@ from starlette.routing import Route
 from ..errors import EurekaError
 from ..report import inert
 from ..report.view import RunView
-from ..store import is_run, say
+from ..store import artifacts, is_run, say
 from ..store.halt import ask_to_stop
 from . import folder, guard, pages, remarks
 from .follow import Fingerprint, Fresh, Parts, Version
@@ -116,7 +116,8 @@ class Pages:
         """A video of a run; no other file, and none that is named in another way than the run names it."""
         name, directory = self._named(request)
         path = request.path_params["path"]
-        if path not in self._view(name, directory, folder.fingerprint(directory)).videos.values():
+        shown = self._view(name, directory, folder.fingerprint(directory)).videos.values()
+        if path not in shown or not artifacts.exists(directory, path):  # it may have become a link since it was read
             raise HTTPException(404)
         return FileResponse(directory / path, media_type="video/mp4")
 

@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 from ..config import RunConfig, parse
 from ..errors import ConfigError, StoreError
-from ..store import is_held, is_run
+from ..store import artifacts, is_held, is_run
 from ..store.db import LOG, explained
 from ..store.paths import output_directory
 from ..tasks import registry
@@ -56,7 +56,7 @@ class Launcher:
     def _eureka(self, words: Sequence[str], directory: Path) -> None:
         """Call `eureka` with these words; what it prints ends up in the log of the run."""
         self._processes = [process for process in self._processes if process.poll() is None]
-        with explained(directory), (directory / LOG).open("ab") as log:
+        with explained(directory), artifacts.appended(directory, LOG) as log:
             self._processes.append(_detached(words, log))
 
 
