@@ -47,9 +47,9 @@ def take(page: Page, run: Path) -> None:
     with served(run.parent) as address:
         page.goto(address)
         _shoot(page, "runs")
-        page.goto(f"{address.split('?')[0]}runs/{run.name}/")
+        page.goto(f"{address.removesuffix('open')}runs/{run.name}/")
         _shoot(page, "run")
-        page.goto(f"{address.split('?')[0]}runs/{run.name}/candidates?{shown}")
+        page.goto(f"{address.removesuffix('open')}runs/{run.name}/candidates?{shown}")
         _shoot(page, "candidates")
     page.goto((run / "report.html").resolve().as_uri())
     _shoot(page, "report")

@@ -39,8 +39,8 @@ def interpreter() -> list[str]:
 def environment(env: Mapping[str, str] | None = None) -> dict[str, str]:
     """An environment for `interpreter`; None is this process's.
 
-    An empty entry of PYTHONPATH, as `PYTHONPATH=$PYTHONPATH:x` leaves one, would be the working directory again. One that
-    is written out, such as `.`, is what its author wants.
+    An empty entry of PYTHONPATH, as `PYTHONPATH=$PYTHONPATH:x` leaves one, would be the working directory again. One
+    that is written out, such as `.`, is what its author wants.
     """
     found = dict(os.environ if env is None else env)
     if "PYTHONPATH" in found:

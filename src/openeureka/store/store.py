@@ -36,6 +36,7 @@ from . import artifacts
 from .codec import (
     DAMAGE,
     decode_digest,
+    decode_messages,
     decode_result,
     decode_verdict,
     digest,
@@ -45,7 +46,7 @@ from .codec import (
     finite,
     safe_text,
 )
-from .db import AGAIN, FILENAME, LOCK, LOG, STOP, Database, explained
+from .db import AGAIN, FILENAME, LOCK, LOG, STOP, Database, changed_row, explained
 from .remark_log import RemarkLog
 
 T = TypeVar("T")
@@ -134,8 +135,7 @@ class Store:
         try:
             return decode(*texts)
         except DAMAGE as error:
-            what = f"{self.directory / FILENAME} holds a row that was changed ({error!s:.80})"
-            raise StoreError(f"{what}; restore the file from a copy or choose another dir=.") from None
+            raise changed_row(self.directory, error) from None
 
     # --- settings ----------------------------------------------------------------------------------------------------
 
@@ -177,7 +177,10 @@ class Store:
             messages = [{"role": message.role, "content": safe_text(message.content)} for message in prompt.messages]
             row = {"generation": generation, "slot": slot, "messages": json.dumps(messages)}
             self._database.put("prompts", row)
-        asked = [{**dict(row), "messages": json.loads(row["messages"])} for row in self._database.rows("prompts")]
+        asked = [
+            {**dict(row), "messages": [dataclasses.asdict(m) for m in self._decoded(decode_messages, row["messages"])]}
+            for row in self._database.rows("prompts")
+        ]
         artifacts.write(self.directory, "messages.json", json.dumps(asked, indent=2))
 
     def save_reply(self, generation: int, attempt: int, slot: int, reply: Reply) -> None:
@@ -202,10 +205,7 @@ class Store:
     def prompts(self) -> dict[tuple[int, int], tuple[Message, ...]]:
         """What was asked, by generation and the first slot that it fills."""
         rows = self._database.rows("prompts", order=("generation", "slot"))
-        return {
-            (row["generation"], row["slot"]): tuple(Message(**message) for message in json.loads(row["messages"]))
-            for row in rows
-        }
+        return {(row["generation"], row["slot"]): self._decoded(decode_messages, row["messages"]) for row in rows}
 
     def usage(self) -> Usage:
         """Tokens and money spent so far, over all resumptions."""
@@ -261,7 +261,7 @@ class Store:
             StoreError: when its file is not the one that was written.
         """
         row = self._database.row("results", job=job)
-        wanted = decode_digest(row["result"], peak) if row is not None else None
+        wanted = self._decoded(decode_digest, row["result"], peak) if row is not None else None
         if wanted is None:
             return None
         name = f"lanes/{job}/best_{peak}.safetensors"
@@ -313,6 +313,8 @@ class Store:
         generations: dict[int, list[Scored]] = {}
         for row in self._database.rows("entries", order=("generation", "slot")):
             generations.setdefault(row["generation"], []).append(self._scored(row, results))
+        if list(generations) != list(range(len(generations))):
+            raise changed_row(self.directory, "a generation is missing")
         finished = [
             Generation(index, tuple(own), self.remarks.heard(index) or ()) for index, own in generations.items()
         ]
@@ -326,7 +328,7 @@ class Store:
             verdict=self._decoded(decode_verdict, row["verdict"]),
             attempts=row["attempts"],
         )
-        result = results[row["job"]] if row["job"] is not None else None
+        result = self._decoded(results.__getitem__, row["job"]) if row["job"] is not None else None
         return Scored(sample=sample, result=result, feedback=row["feedback"])
 
     def _candidate(self, identity: str | None) -> Candidate | None:

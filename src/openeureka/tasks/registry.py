@@ -60,7 +60,7 @@ def names() -> list[str]:
 
 
 def installed(env: str) -> bool:
-    """Whether `get` finds the task by one of `names`: to ask for it then imports no file or module of `env`'s choice."""
+    """Whether `get` finds the task by one of `names`: it then imports no file or module of `env`'s own choice."""
     return _parts(env)[0] in names()
 
 

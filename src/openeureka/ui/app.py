@@ -26,6 +26,8 @@ from . import folder, guard, pages, remarks
 from .follow import Fingerprint, Fresh, Parts, Version
 from .launch import Launcher
 
+ENTRANCE = "/open"
+"""The address that is printed, with the token."""
 VIEWS = 4
 """Runs held in memory, each with its curves and texts."""
 PAGES = 32
@@ -62,6 +64,7 @@ class Pages:
     def routes(self) -> list[Route]:
         return [
             Route("/", self.runs),
+            Route(ENTRANCE, _entrance),
             Route("/start", self.start, methods=["POST"]),
             Route("/runs/{name}/", self.overview),
             Route("/runs/{name}/candidates", self.candidates),
@@ -170,6 +173,11 @@ class Pages:
 
 def _address(name: str) -> str:
     return f"/runs/{quote(name)}/"
+
+
+async def _entrance(request: Request) -> Response:
+    """The token leaves the address, so that no bookmark or screenshot holds it: a relative one would keep it."""
+    return RedirectResponse(f"{request.url.scheme}://{request.headers['host']}/", 303)
 
 
 async def _form(request: Request) -> dict[str, str]:
