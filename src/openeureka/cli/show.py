@@ -28,9 +28,9 @@ def show(directory: Path) -> None:
     strengths = run.ranking.strengths
     slots = [_slot(entry, strengths) for generation in run.history.generations for entry in generation.entries]
     votes = ["votes"] if strengths else []
-    print(columns([("generation", "slot", "candidate", "try", "F", *votes, "verdict"), *slots]))
+    print(plain(columns([("generation", "slot", "candidate", "try", "F", *votes, "verdict"), *slots])))
     print("".join(_heard(generation) for generation in run.history.generations))
-    print("\n".join(summary(run)))
+    print(plain("\n".join(summary(run))))
     best = run.ranking.best
     if best is not None and best.sample.candidate is not None:
         print(f"\nBest reward ({best.sample.candidate.id}):\n\n{plain(best.sample.candidate.source)}")

@@ -312,7 +312,7 @@ class _Reader:
         attempts: list[AttemptView] = []
         for number, reply in replies.items():
             repair: tuple[Message, ...] = ()
-            if number % (1 + self.config.repair) and (refusal := attempts[-1].verdict) is not None:
+            if number % (1 + self.config.repair) and attempts and (refusal := attempts[-1].verdict) is not None:
                 repair = prompts.repair(Prompt(messages=()), attempts[-1].reply.text, refusal).messages
             candidate = self._program(reply.text)
             verdict = self.store.verdict(candidate.id) if candidate is not None else NO_PROGRAM

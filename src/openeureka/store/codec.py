@@ -43,13 +43,13 @@ def _typed(kind: Any, value: Any) -> Any:
 
 def _number(value: Any) -> Any:
     """A number that is one, or None; JSON knows infinities and digits without end."""
-    if isinstance(_typed(_NUMBER, value), bool) or (value is not None and not math.isfinite(value)):
+    if isinstance(_typed(_NUMBER, value), bool) or (isinstance(value, float) and not math.isfinite(value)):
         raise ValueError(f"{value!r:.40} is no finite number")
     return value
 
 
 def _seconds(value: Any) -> float:
-    return _typed(float | int, _number(value))
+    return _count(value) if isinstance(value, int) else _typed(float, _number(value))
 
 
 def _count(value: Any) -> int:
