@@ -110,7 +110,7 @@ def test_at_a_terminal_a_person_is_shown_what_is_used_and_asked(asked, tmp_path,
     assert asked == opened and len(questions) == 1
     shown = capsys.readouterr().out
     assert f"  base_url={ADDRESS}\n    which is sent the prompts and your key\n" in shown
-    assert "notes\\x1b[2J" in shown and "\\u202e" in shown and "\x1b" not in shown and "\u202e" not in shown
+    assert "notes\\x1b[2J" in shown and "\\u202e" in shown and "\x1b[2J" not in shown and "\u202e" not in shown
 
 
 def test_what_the_command_itself_says_is_not_asked_about(asked, tmp_path):
