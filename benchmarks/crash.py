@@ -119,9 +119,9 @@ def within(countdown: Countdown) -> None:
         self._connection.set_trace_callback(lambda sql: sql.startswith("SELECT") or countdown())
         prepare(self, writable)
 
-    def counted(source: str, target: Path) -> None:
+    def counted(*names: str, **folders: int) -> None:
         countdown()
-        replace(source, target)
+        replace(*names, **folders)
 
     Database._prepare = traced
     os.replace = counted

@@ -57,7 +57,7 @@ def arm(trainer: Trainer, results: Mapping[str, TrainingResult], folder: Path) -
     """
     policies = {job: result.last for job, result in results.items() if result.last is not None}
     for job, policy in policies.items():
-        artifacts.write(folder / f"{job}.safetensors", policy)
+        artifacts.write(folder, f"{job}.safetensors", policy)
     scores = {score.job: score for score in trainer.evaluate(ENV, policies, seed=0)}
     cycles = {job: score.fitness / CYCLE for job, score in scores.items() if score.fitness is not None}
     return {

@@ -104,7 +104,7 @@ def show_films(directory: Path, picture: bytes) -> None:
 @contextmanager
 def served(root: Path) -> Iterator[tuple[int, str]]:
     """Process id and address, with the token, of a page."""
-    words = [sys.executable, "-c", "from openeureka.cli.main import main; main()", "ui", str(root), "port=0"]
+    words = [sys.executable, "-P", "-c", "from openeureka.cli.main import main; main()", "ui", str(root), "port=0"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         address = re.search(r"http\S+", process.stdout.readline())
@@ -119,7 +119,7 @@ def load(page: Page, address: str) -> float:
     """[s] until all cards can be seen; the entrance, with the token, is not counted."""
     page.goto(address)
     begun = time.perf_counter()
-    page.goto(f"{address.split('?')[0]}runs/run/")
+    page.goto(f"{address.removesuffix('open')}runs/run/")
     assert page.locator("article").count() >= PACED
     page.locator("article").last.wait_for()
     return time.perf_counter() - begun

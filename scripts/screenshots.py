@@ -21,7 +21,7 @@ from playwright.sync_api import Page, ViewportSize, sync_playwright
 from openeureka.report.view import RunView
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
-EUREKA = [sys.executable, "-c", "from openeureka.cli.main import main; main()"]
+EUREKA = [sys.executable, "-P", "-c", "from openeureka.cli.main import main; main()"]
 SEARCH = ["env=cartpole", "model=random", "sample=6", "iteration=2", "steps=150000", "seeds=1", "video=all"]
 SIZE = ViewportSize(width=1100, height=1200)
 
@@ -47,9 +47,9 @@ def take(page: Page, run: Path) -> None:
     with served(run.parent) as address:
         page.goto(address)
         _shoot(page, "runs")
-        page.goto(f"{address.split('?')[0]}runs/{run.name}/")
+        page.goto(f"{address.removesuffix('open')}runs/{run.name}/")
         _shoot(page, "run")
-        page.goto(f"{address.split('?')[0]}runs/{run.name}/candidates?{shown}")
+        page.goto(f"{address.removesuffix('open')}runs/{run.name}/candidates?{shown}")
         _shoot(page, "candidates")
     page.goto((run / "report.html").resolve().as_uri())
     _shoot(page, "report")

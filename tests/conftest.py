@@ -2,6 +2,7 @@
 
 import os
 import socket
+from pathlib import Path
 
 import pytest
 
@@ -19,6 +20,14 @@ def _loopback_only(self: socket.socket, address: object) -> None:
         if host not in ("127.0.0.1", "localhost", "::1"):
             raise OSError(f"a test tried to reach {host}")
     _connect(self, address)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.fixture(autouse=True)
+def at_home(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where this user's state is kept: what a test types is nobody else's."""
+    home = tmp_path_factory.mktemp("state")
+    monkeypatch.setenv("XDG_STATE_HOME", str(home))
+    return home
 
 
 @pytest.fixture(autouse=True)

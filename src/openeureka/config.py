@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
-
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from typing import Any, TypeVar, get_type_hints
 
 from .errors import ConfigError, nearest
 
 BONUSES = ("none", "original")
 VIDEOS = ("all", "best", "none")
 FEEDBACKS = ("none", "human")
+_LONGEST = 4096
+"""Characters of a setting: those of the longest path."""
+_MANY = 100_000
+"""More than anybody asks for, and few enough to be counted through by who shows a run of somebody else."""
 _COUNTS = ("sample", "iteration", "feedback_timeout", "repair", "refill", "steps", "worlds", "threads", "max_cost")
 
 
@@ -81,6 +82,9 @@ class RunConfig:
         for key in _COUNTS:
             if getattr(self, key) < 0:
                 raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
+        for key in ("sample", "iteration", "repair", "refill", "seeds"):
+            if getattr(self, key) > _MANY:
+                raise ConfigError(f"`{key}` must be at most {_MANY}.")
         if "@" in self.base_url.partition("://")[2].partition("/")[0]:
             raise ConfigError(
                 "`base_url` must not hold a user or a password, as settings are stored and shown; set the environment "
@@ -128,17 +132,17 @@ _FILES = {
 }
 
 
-def _absolute(key: str, value: str) -> str:
+def absolute(key: str, value: str) -> str:
     """The whole path of a file that `env`, `init` or `curriculum` names, so that it is found from any directory."""
     match = re.fullmatch(_FILES.get(key, "(?!)"), value)
     return f"{Path(match[1]).expanduser().resolve()}{match[2] or ''}" if match else value
 
 
-def _whole(value: str) -> str:
-    """`1e6` and `2.5e5` as people write whole numbers; other words as they are."""
+def _whole(value: str) -> int:
+    """A whole number, also as people write large ones: `1e6`, `2.5e5`."""
     if re.fullmatch(r"[+-]?\d+(\.\d*)?[eE]\+?\d{1,2}", value) and float(value).is_integer():
-        return str(int(float(value)))
-    return value
+        return int(float(value))
+    return int(value)
 
 
 _WANTED = {"int": "a whole number", "float": "a number", "bool": "true or false"}
@@ -147,28 +151,69 @@ Config = TypeVar("Config")
 
 
 def parse(kind: type[Config], words: Sequence[str]) -> Config:
-    """Build a frozen config dataclass from `key=value` words.
+    """Build a frozen config dataclass from `key=value` words. A value is taken as it is: nothing in it is looked up.
 
     Raises:
         ConfigError: for a word that is not `key=value`, an unknown key or a value of the wrong type.
     """
-    fields = {field.name: field for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
-    values: dict[str, object] = {}
+    return kind(**_typed(kind, words))
+
+
+def changed(config: Config, words: Sequence[str]) -> Config:
+    """The config with what `key=value` words say. Raises ConfigError as `parse` does."""
+    return dataclasses.replace(config, **_typed(type(config), words))  # pyright: ignore[reportArgumentType, reportCallIssue]
+
+
+def _typed(kind: type, words: Sequence[str]) -> dict[str, Any]:
+    hints = get_type_hints(kind)
+    values: dict[str, Any] = {}
     for word in words:
         key, sign, value = word.partition("=")
         if not sign:
             raise ConfigError(f"`{word}` is not of the form key=value, for example env=cartpole.")
-        if key not in fields:
-            raise ConfigError(f"Unknown setting `{key}`.{nearest(key, fields)} Settings: {', '.join(fields)}.")
-        values[key] = _whole(value) if fields[key].type == "int" else _absolute(key, value)
-    try:
-        merged = OmegaConf.merge(OmegaConf.structured(kind), values)
-        built = {key: merged[key] for key in values}  # pyright: ignore[reportArgumentType]
-    except OmegaConfBaseException as error:
-        key = str(getattr(error, "full_key", "") or "")
-        wanted = _WANTED.get(str(fields[key].type), "text") if key in fields else "another type"
-        raise ConfigError(f"`{key}={values.get(key)}` does not fit: `{key}` takes {wanted}.") from None
-    return kind(**built)
+        if key not in hints:
+            raise ConfigError(f"Unknown setting `{key}`.{nearest(key, hints)} Settings: {', '.join(hints)}.")
+        try:
+            values[key] = _READ[hints[key]](absolute(key, value))
+        except ValueError:
+            wanted = _WANTED.get(hints[key].__name__, "text")
+            raise ConfigError(f"`{key}={value:.80}` does not fit: `{key}` takes {wanted}.") from None
+    return values
+
+
+_SWITCH = {
+    **dict.fromkeys(("true", "yes", "on", "y", "1"), True),
+    **dict.fromkeys(("false", "no", "off", "n", "0"), False),
+}
+
+
+def _switch(text: str) -> bool:
+    if text.lower() not in _SWITCH:
+        raise ValueError(text)
+    return _SWITCH[text.lower()]
+
+
+_READ: Mapping[type, Callable[[str], Any]] = {str: str, int: _whole, float: float, bool: _switch}
+
+
+def restored(kind: type[Config], stored: object) -> Config:
+    """The config that `as_dict` was made of, from data of anybody's; fields that it lacks have their defaults.
+
+    Raises:
+        ConfigError: for an unknown field or a value that does not fit.
+        TypeError: for what is no such data: another type, or text that nobody types.
+    """
+    hints = get_type_hints(kind)
+    if not isinstance(stored, dict):
+        raise TypeError("settings are a mapping")
+    for key, value in stored.items():
+        if key not in hints:
+            raise ConfigError(f"There is no setting `{key}`.")
+        if type(value) is not hints[key] and (type(value), hints[key]) != (int, float):
+            raise TypeError(f"`{key}` takes {hints[key].__name__}")
+        if isinstance(value, str) and (len(value) > _LONGEST or "\0" in value):
+            raise TypeError(f"`{key}` is no text of a setting")
+    return kind(**stored)
 
 
 def as_dict(config: object) -> dict[str, object]:

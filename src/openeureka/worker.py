@@ -1,7 +1,7 @@
 """Child processes that talk in length-checked frames: a JSON header and named binary blobs, never pickle.
 
-The one module that starts processes. The sandbox server, the trainer and the embedded language model are each a module
-run by `Worker`; on their side they open a `Channel`.
+The one module that starts Python. The sandbox server, the trainer and the embedded language model are each a module run
+by `Worker`; on their side they open a `Channel`. Whatever is started otherwise, is by `interpreter`.
 """
 
 from __future__ import annotations
@@ -25,6 +25,27 @@ from .errors import WorkerError
 _PREFIX = struct.Struct("<IQ")  # header bytes, blob bytes
 MAX_HEADER = 64 << 20
 MAX_BLOBS = 4 << 30
+
+
+def interpreter() -> list[str]:
+    """The beginning of a command line that runs this Python, without the working directory on its path.
+
+    By itself Python looks for modules in the working directory first: a `tempfile.py` that lies there would run. -P and
+    not -I: PYTHONPATH and the user's own packages stay, as tasks of one's own may be in them.
+    """
+    return [sys.executable, "-P"]
+
+
+def environment(env: Mapping[str, str] | None = None) -> dict[str, str]:
+    """An environment for `interpreter`; None is this process's.
+
+    An empty entry of PYTHONPATH, as `PYTHONPATH=$PYTHONPATH:x` leaves one, would be the working directory again. One
+    that is written out, such as `.`, is what its author wants.
+    """
+    found = dict(os.environ if env is None else env)
+    if "PYTHONPATH" in found:
+        found["PYTHONPATH"] = os.pathsep.join(filter(None, found["PYTHONPATH"].split(os.pathsep)))
+    return found
 
 
 class WorkerDied(WorkerError):
@@ -107,18 +128,19 @@ class Worker:
         max_blobs: int = MAX_BLOBS,
     ) -> None:
         self._stderr: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
-        # The package directory travels as an argument of -c, so that an emptied environment still finds it.
+        # The package directory travels as an argument of -c, so that an emptied environment still finds it. It ends as
+        # the last of the path: what else lies there is not to be found before the standard library.
         root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
         code = (
-            f"import os, sys, runpy; os.nice({nice}); sys.path.insert(0, {root!r}); "
-            f"runpy.run_module({module!r}, run_name='__main__')"
+            f"import os, sys, runpy; os.nice({nice}); sys.path.insert(0, {root!r}); import openeureka; "
+            f"sys.path.append(sys.path.pop(0)); runpy.run_module({module!r}, run_name='__main__')"
         )
         self.process = subprocess.Popen(
-            [sys.executable, "-c", code, *args],
+            [*interpreter(), "-c", code, *args],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._stderr,
-            env=dict(os.environ if env is None else env),
+            env=environment(env),
             start_new_session=True,
         )
         assert self.process.stdin is not None and self.process.stdout is not None

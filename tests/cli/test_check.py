@@ -82,3 +82,12 @@ def test_a_verdict_is_json_for_programs(tmp_path, capsys):
     assert check([f"{tmp_path}/bad.py"], as_json=True) == 1
     found = json.loads(capsys.readouterr().out)
     assert (found["verdict"], found["findings"][0]["line"]) == ("refused", 2)
+
+
+def test_files_that_lie_around_are_not_imported(tmp_path, monkeypatch, capsys):
+    (tmp_path / "good.py").write_text(GOOD)
+    (tmp_path / "tempfile.py").write_text(f"open({str(tmp_path / 'mark')!r}, 'w')\n")  # of somebody who means harm
+    (tmp_path / "glob.py").write_text("raise RuntimeError('my own notes on globs')\n")  # of somebody who does not
+    monkeypatch.chdir(tmp_path)
+    assert check(["env=cartpole", "good.py"]) == 0
+    assert not (tmp_path / "mark").exists()

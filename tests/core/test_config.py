@@ -1,6 +1,6 @@
 import pytest
 
-from openeureka.config import RunConfig, as_dict, parse
+from openeureka.config import RunConfig, as_dict, parse, restored
 from openeureka.errors import ConfigError
 
 
@@ -31,6 +31,12 @@ def test_a_config_survives_being_stored_and_read_back():
         ("search=greedy", "`search` must be one of best, eureka"),
         ("bonus=250", "`bonus` must be one of none, original"),
         ("seeds=0", "`seeds` must be one or more"),
+        ("sample=1000000", "`sample` must be at most 100000"),
+        ("sample=1.5", "`sample` takes a whole number"),
+        ("sample=", "`sample` takes a whole number"),
+        (f"sample={'9' * 5000}", "`sample` takes a whole number"),
+        ("max_cost=much", "`max_cost` takes a number"),
+        ("unsafe_no_sandbox=perhaps", "`unsafe_no_sandbox` takes true or false"),
     ],
 )
 def test_a_wrong_word_is_one_sentence_that_says_what_to_do(word: str, says: str):
@@ -42,3 +48,50 @@ def test_a_wrong_word_is_one_sentence_that_says_what_to_do(word: str, says: str)
 @pytest.mark.parametrize(("text", "steps"), [("1e6", 1_000_000), ("2.5e5", 250_000), ("1E3", 1000), ("7", 7)])
 def test_whole_numbers_may_be_written_with_an_exponent(text: str, steps: int):
     assert parse(RunConfig, [f"steps={text}"]).steps == steps
+
+
+@pytest.mark.parametrize(
+    "value", ["${oc.env:HOME}", "http://h/${oc.env:OPENAI_API_KEY}/v1", "${seed}", "???", "\\${x}", "null"]
+)
+def test_a_value_is_text_and_nothing_in_it_is_looked_up(value: str):
+    assert parse(RunConfig, [f"base_url={value}"]).base_url == value
+
+
+@pytest.mark.parametrize(
+    ("word", "value"),
+    [
+        ("true", True),
+        ("Yes", True),
+        ("on", True),
+        ("1", True),
+        ("false", False),
+        ("No", False),
+        ("off", False),
+        ("0", False),
+    ],
+)
+def test_a_switch_is_said_in_several_ways(word: str, value: bool):
+    assert parse(RunConfig, [f"unsafe_no_sandbox={word}"]).unsafe_no_sandbox is value
+
+
+@pytest.mark.parametrize(
+    ("stored", "error"),
+    [
+        ({"env": ["ant"]}, TypeError),
+        ({"sample": "16"}, TypeError),
+        ({"sample": True}, TypeError),
+        ({"unsafe_no_sandbox": 1}, TypeError),
+        ({"env": "a" * 5000}, TypeError),
+        (["env"], TypeError),
+        ({"colour": "red"}, ConfigError),
+        ({"sample": 10**12}, ConfigError),
+        ({"search": "greedy"}, ConfigError),
+    ],
+)
+def test_stored_settings_that_nobody_stored_are_not_taken(stored: object, error: type[Exception]):
+    with pytest.raises(error):
+        restored(RunConfig, stored)
+
+
+def test_stored_settings_are_taken_as_they_are():
+    assert restored(RunConfig, {"max_cost": 1, "env": "${x}"}) == RunConfig(max_cost=1, env="${x}")

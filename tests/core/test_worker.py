@@ -8,16 +8,67 @@ from pathlib import Path
 import pytest
 
 import openeureka
-from openeureka.worker import Worker, WorkerDied, WorkerTimeout
+from openeureka.worker import Worker, WorkerDied, WorkerTimeout, environment, interpreter
 
 HERE = str(Path(__file__).parent)
 SOURCE = str(Path(openeureka.__file__).parents[1])
 
 
 @pytest.fixture
+def crowded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working directory holds files named as the modules of the standard library and some that are installed are;
+    each leaves a mark when it is imported."""
+    folder = tmp_path / "crowded"
+    folder.mkdir()
+    for name in {*sys.stdlib_module_names, "torch", "numpy", "pip", "openeureka", "sitecustomize", "usercustomize"}:
+        (folder / f"{name}.py").write_text(f"open({str(tmp_path / 'imported')!r}, 'a').write({name!r} + ' ')\n")
+    monkeypatch.chdir(folder)
+    return tmp_path / "imported"
+
+
+@pytest.fixture
 def worker():
     with Worker("echo_worker", env={"PYTHONPATH": HERE}) as child:
         yield child
+
+
+@pytest.mark.parametrize("path", [None, "", HERE, f"{HERE}{os.pathsep}", f"{os.pathsep}{os.pathsep}{HERE}"])
+def test_no_child_imports_from_the_working_directory(crowded: Path, path: str | None):
+    where = {} if path is None else {"PYTHONPATH": path}
+    with Worker("runpy" if HERE not in (path or "") else "echo_worker", env=where) as child:
+        if HERE in (path or ""):
+            child.send({"do": "echo"})
+            child.receive(timeout=20)
+        child.process.stdin.close()
+        child.process.wait(20)
+    assert not crowded.exists(), crowded.read_text()
+
+
+def test_pip_and_the_runs_of_the_page_do_not_either(crowded: Path):
+    for command in (["-m", "pip", "--version"], ["-c", "import openeureka.config, tempfile, glob"]):
+        done = subprocess.run([*interpreter(), *command], env=environment(), capture_output=True, text=True, timeout=60)
+        assert done.returncode == 0, done.stderr
+    assert not crowded.exists(), crowded.read_text()
+
+
+def test_one_place_says_how_python_is_started():
+    """So that no child is forgotten: whoever names the executable has to take `interpreter`."""
+    named = [
+        path.name for path in Path(openeureka.__file__).parent.rglob("*.py") if "sys.executable" in path.read_text()
+    ]
+    assert named == ["worker.py"]
+
+
+def test_what_lies_beside_the_package_does_not_hide_the_standard_library(tmp_path: Path):
+    """A wheel is installed among others, some of which are named as modules of the standard library were."""
+    (tmp_path / "openeureka").symlink_to(Path(SOURCE) / "openeureka")
+    (tmp_path / "colorsys.py").write_text("raise SystemExit('imported')\n")
+    script = (
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from openeureka.worker import Worker\n"
+        f"with Worker('colorsys', env={{}}) as w: w.process.wait(20); print(w.process.returncode)"
+    )
+    done = subprocess.run([*interpreter(), "-c", script], capture_output=True, text=True, timeout=60)
+    assert done.stdout == "0\n", done.stderr
 
 
 def test_a_frame_comes_back_with_its_blobs_despite_stray_prints(worker: Worker):

@@ -24,15 +24,15 @@ def run(tmp_path, monkeypatch):
 
 def test_everything_a_person_opens_is_made(run):
     directory, _ = run
-    assert build.build(directory) == []
+    assert build.build(directory, env="toy") == []
     made = {path.relative_to(directory).as_posix() for path in directory.rglob("*")}
     assert {"report.html", "report.md", "summary.png", "best/policy.onnx", "best/video.mp4"} <= made
 
 
 def test_the_best_video_is_made_once(run):
     directory, filmed = run
-    build.build(directory)
-    build.build(directory)
+    build.build(directory, env="toy")
+    build.build(directory, env="toy")
     assert filmed == ["toy"]
 
 
@@ -49,6 +49,6 @@ def test_a_machine_that_cannot_render_gets_everything_else(run, monkeypatch):
         raise video.NoRenderer("No video: install one.")
 
     monkeypatch.setattr(video, "render", refuse)
-    assert build.build(directory, "all") == ["No video: install one."]
+    assert build.build(directory, "all", "toy") == ["No video: install one."]
     assert "Generation 0, slot 1: trained" in (directory / "report.html").read_text()
     assert (directory / "best" / "policy.onnx").exists()

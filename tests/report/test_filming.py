@@ -50,9 +50,9 @@ def test_the_search_goes_on_while_a_film_takes_its_time(monkeypatch, tmp_path):
 def test_only_what_is_missing_is_filmed_again(camera, tmp_path):
     search_in(tmp_path, [reply(7), reply(8)])
     (tmp_path / "lanes/human-s0/video.mp4").write_bytes(b"old")
-    build.build(tmp_path, "all")
+    build.build(tmp_path, "all", "toy")
     assert sorted(camera) == ["5.0", "7.0", "8.0"]  # the sparse reward is worth 5
-    build.build(tmp_path, "all")
+    build.build(tmp_path, "all", "toy")
     assert len(camera) == 3
 
 

@@ -145,13 +145,13 @@ def test_a_full_database_is_reported_and_loses_nothing(database: Database) -> No
 
 def test_a_file_is_replaced_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "new" / "reward.py"
-    artifacts.write(path, "old")
+    artifacts.write(path.parent, path.name, "old")
 
     def full(descriptor: int) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(StoreError, match="is full"):
-        artifacts.write(path, "new")
+        artifacts.write(path.parent, path.name, "new")
     assert path.read_text() == "old"
     assert [entry.name for entry in path.parent.iterdir()] == ["reward.py"]

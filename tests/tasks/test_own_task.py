@@ -1,6 +1,7 @@
 """A person's own task in a file: examples/pendulum.py, named by its path."""
 
 import inspect
+import os
 from pathlib import Path
 
 import pytest
@@ -75,6 +76,30 @@ def test_a_file_alone_names_its_only_task(tmp_path):
         get(str(file))
     with pytest.raises(TaskError, match="There is no file"):
         get("nowhere.py")
+
+
+def test_a_trainer_finds_the_file_and_its_authors_packages_and_nothing_that_lies_around(tmp_path, monkeypatch):
+    """What a person put on PYTHONPATH is found by every child; the working directory is on no child's path."""
+    for folder, name, text in (
+        ("lib", "gears", "RATIO = 1.0\n"),
+        ("here", "glob", "raise RuntimeError('lies around')\n"),
+        ("here", "tempfile", "raise RuntimeError('lies around')\n"),
+    ):
+        (tmp_path / folder).mkdir(exist_ok=True)
+        (tmp_path / folder / f"{name}.py").write_text(text)
+    file = tmp_path / "geared.py"
+    file.write_text(f"import gears\n{FILE.read_text()}".replace("from __future__ import annotations\n", ""))
+    monkeypatch.chdir(tmp_path / "here")
+    monkeypatch.setenv("PYTHONPATH", f"{os.pathsep}{tmp_path / 'lib'}")  # with an empty entry, as many shells leave it
+    monkeypatch.syspath_prepend(tmp_path / "lib")
+    (result,) = (
+        message
+        for message in PopulationTrainer(threads=1).train(
+            str(file), [TrainJob(id="human-s0", program="human")], TrainBudget(env_steps=2000, worlds=4)
+        )
+        if isinstance(message, TrainingResult)
+    )
+    assert result.state is TrainingState.FINISHED, result.message
 
 
 def test_a_repaired_file_can_be_imported_in_the_same_process(tmp_path):

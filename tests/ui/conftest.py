@@ -56,6 +56,7 @@ def page(chromium: Browser, address: str) -> Iterator[Page]:
         trouble: list[str] = []
         page.on("pageerror", lambda error: trouble.append(str(error)))
         page.on("dialog", lambda dialog: trouble.append(dialog.message))
-        page.goto(f"/?token={TOKEN}")
+        page.goto(f"{address.replace('//', f'//{guard.USER}:{TOKEN}@')}/open")
+        assert page.url == f"{address}/"
         yield page
         assert not trouble

@@ -19,6 +19,6 @@ def stranger(root: Path) -> TestClient:
 def visitor(root: Path) -> TestClient:
     """Has opened the address with the token, and sends forms from the page itself."""
     client = stranger(root)
-    assert client.get(f"/?token={TOKEN}").status_code == 303
+    client.auth = (guard.USER, TOKEN)
     client.headers["Origin"] = "http://127.0.0.1:8080"
     return client

@@ -8,24 +8,47 @@ PATHS = ["/", "/style.css", "/follow.js", "/runs/x/", "/runs/x/candidates", "/ru
 @pytest.mark.parametrize("path", PATHS)
 def test_nothing_is_served_without_the_token(tmp_path, path):
     answer = stranger(tmp_path).get(path)
-    assert answer.status_code == 403
+    assert answer.status_code == 401
+    assert answer.headers["www-authenticate"].startswith(
+        "Basic "
+    )  # a browser asks for it, where it was not in the address
     assert "the address that `eureka ui` printed" in answer.text
 
 
-@pytest.mark.parametrize("token", ["", "wrong", TOKEN[:-1], TOKEN + "x", "ü"])
+@pytest.mark.parametrize("token", ["", "wrong", TOKEN[:-1], TOKEN + "x", "ü", f"{TOKEN}:{TOKEN}"])
 def test_a_wrong_token_opens_nothing(tmp_path, token):
-    assert stranger(tmp_path).get("/", params={"token": token}).status_code == 403
-    cookie = f"openeureka={token}".encode()
-    assert stranger(tmp_path).get("/", headers={"Cookie": cookie}).status_code == 403
-
-
-def test_the_token_goes_from_the_address_into_a_cookie_that_scripts_cannot_read(tmp_path):
     client = stranger(tmp_path)
-    answer = client.get(f"/?token={TOKEN}&x=1")
+    assert client.get("/", params={"token": token}).status_code == 401
+    assert client.get("/", headers={"Cookie": f"openeureka={token}".encode()}).status_code == 401
+    assert client.get("/", auth=("eureka", token)).status_code == 401
+
+
+@pytest.mark.parametrize(
+    "header", ["", "Basic", "Basic !", "Basic ZXVyZWth", "Bearer a-token", "Basic \xff", "basic " + "A" * 9999]
+)
+def test_an_odd_header_opens_nothing(tmp_path, header):
+    assert stranger(tmp_path).get("/", headers={"Authorization": header.encode("latin-1")}).status_code == 401
+
+
+def test_no_answer_leaves_a_cookie_which_every_port_of_this_machine_would_be_sent(tmp_path):
+    client = visitor(tmp_path)
+    for path in ("/open", f"/?token={TOKEN}", *PATHS):
+        assert "set-cookie" not in client.get(path).headers
+    assert stranger(tmp_path).get("/", headers={"Cookie": f"openeureka={TOKEN}"}).status_code == 401
+
+
+def test_the_token_leaves_the_address(tmp_path):
+    answer = visitor(tmp_path).get("/open")
     assert answer.status_code == 303
-    assert answer.headers["location"] == "http://127.0.0.1:8080/?x=1"
-    assert "HttpOnly" in answer.headers["set-cookie"] and "SameSite=lax" in answer.headers["set-cookie"]
-    assert client.get("/").status_code == 200
+    assert answer.headers["location"] == "http://127.0.0.1:8080/"  # whole: a relative one would keep name and password
+
+
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])  # another port of this machine is the same site
+def test_what_another_site_embeds_is_not_served_and_where_it_leads_a_person_is(tmp_path, site):
+    client = visitor(tmp_path)
+    assert client.get("/", headers={"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "no-cors"}).status_code == 403
+    assert client.get("/", headers={"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "navigate"}).status_code == 200
+    assert client.get("/", headers={"Sec-Fetch-Site": "same-origin", "Sec-Fetch-Mode": "cors"}).status_code == 200
 
 
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:8080", "127.0.0.1.evil.example", "", "localhost@evil"])
@@ -35,8 +58,7 @@ def test_another_name_for_this_machine_is_refused(tmp_path, host):
 
 @pytest.mark.parametrize("host", ["localhost:8080", "127.0.0.1", "[::1]:8080"])
 def test_names_of_this_machine_are_served(tmp_path, host):
-    client = stranger(tmp_path)
-    assert client.get("/", headers={"Host": host, "Cookie": f"openeureka={TOKEN}"}).status_code == 200
+    assert visitor(tmp_path).get("/", headers={"Host": host}).status_code == 200
 
 
 @pytest.mark.parametrize(

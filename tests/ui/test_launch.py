@@ -34,10 +34,12 @@ def wait_for(happens: Callable[[], bool], seconds: float = 60.0) -> None:
 def test_a_run_outlives_the_page_that_started_it_and_its_log_tells_how_it_goes(tmp_path):
     page = subprocess.Popen([*EUREKA, "ui", str(tmp_path), "port=0"], stdout=subprocess.PIPE, text=True)
     assert page.stdout is not None
-    address = re.fullmatch(r"Open (http://127\.0\.0\.1:\d+)/\?token=(\S{32})\n", page.stdout.readline())
+    address = re.fullmatch(r"Open (http://)(eureka:\S{32})@(127\.0\.0\.1:\d+)/open\n", page.stdout.readline())
     assert address is not None
-    with httpx2.Client(base_url=address[1], headers={"Origin": address[1]}, follow_redirects=True) as client:
-        client.get("/", params={"token": address[2]})
+    own = f"{address[1]}{address[3]}"
+    login = tuple(address[2].split(":"))
+    with httpx2.Client(base_url=own, auth=login, headers={"Origin": own}, follow_redirects=True) as client:
+        assert client.get("/open").status_code == 200
         form = {"env": "cartpole", "model": "local:nowhere.gguf", "sample": "2", "steps": ""}
         answer = client.post("/start", data=form)
         assert answer.status_code == 200 and "_cartpole</title>" in answer.text

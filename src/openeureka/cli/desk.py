@@ -14,7 +14,7 @@ from ..lanes import lane
 from ..report.filming import Filming
 from ..report.text import columns, duration, number, plain
 from ..report.view import VIDEO
-from ..store import say
+from ..store import artifacts, say
 from ..types import Generation
 from .feedback import typed
 
@@ -44,8 +44,8 @@ class TerminalDesk:
     def _videos(self, generation: Generation) -> Iterator[tuple[str, str, str]]:
         for entry in generation.entries:
             if entry.result is not None:
-                video = self._directory / "lanes" / lane(entry.sample.verdict.candidate, self._config.seed) / VIDEO
-                shown = str(video) if video.is_file() else "none"
+                video = f"lanes/{lane(entry.sample.verdict.candidate, self._config.seed)}/{VIDEO}"
+                shown = str(self._directory / video) if artifacts.exists(self._directory, video) else "none"
                 yield str(entry.sample.place), number(entry.score), shown
 
     def listen(self, seconds: float) -> None:

@@ -12,8 +12,9 @@ from typing import BinaryIO
 from rich.console import Console
 
 from ..config import RunConfig
-from ..errors import EurekaError
+from ..errors import EurekaError, StoreError
 from ..report.text import plain
+from ..store import artifacts
 from ..store.db import LOG
 from ..types import Usage
 from .live import PlainView
@@ -41,7 +42,7 @@ class _LogFile(io.TextIOWrapper):
 @contextmanager
 def logged(directory: Path, config: RunConfig, usage: Usage) -> Iterator[list[PlainView]]:
     """An observer that writes `run.log`, where that can be written and the process does not print to it already."""
-    raw = _opened(directory / LOG)
+    raw = _opened(directory)
     if raw is None:
         yield []
         return
@@ -56,10 +57,10 @@ def logged(directory: Path, config: RunConfig, usage: Usage) -> Iterator[list[Pl
             raise
 
 
-def _opened(path: Path) -> BinaryIO | None:
+def _opened(directory: Path) -> BinaryIO | None:
     try:
-        file = path.open("ab")
-    except OSError:
+        file = artifacts.appended(directory, LOG)
+    except (OSError, StoreError):
         return None
     with suppress(OSError):  # no stdout
         if os.path.samestat(os.fstat(1), os.fstat(file.fileno())):  # as the page starts runs

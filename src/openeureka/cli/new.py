@@ -45,7 +45,7 @@ def new(words: Sequence[str]) -> None:
         goal=config.goal,
         floating=config.floating,
     )
-    write(path, drafted.text)
+    write(path.parent, path.name, drafted.text)
     task, bad = _try(path, 1.0)
     print(f"Wrote {path}: {task.num_observations} observations, {task.num_actions} actions, {task.description}.")
     _say_what_counts(path, drafted)

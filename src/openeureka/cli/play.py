@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from ..report.stage import Stage
 from ..report.video import render
 from ..store import artifacts
 from ..training.policy import Policy
+from . import trust
 from .progress import working
 from .settings import PlayConfig, only_path, split
 
@@ -24,16 +24,12 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
     settings, paths = split(words)
     config = parse(PlayConfig, settings)
     in_window = not web and not config.out and viewer.has_display()
-    if paths:
-        directory = only_path(paths, "eureka play DIR")
-        video = str(directory / "play.mp4")  # not best/video.mp4, which belongs to the report
-        policy = str(directory / "best" / "policy.safetensors")
-        config = dataclasses.replace(config, policy=config.policy or policy, out=config.out or video)
+    directory = only_path(paths, "eureka play DIR") if paths else None
     if config.policy in AGENTS:
         policy = config.policy
         env = config.env or "cartpole"
     else:
-        policy = _read(Path(config.policy))
+        policy = _best(directory) if directory is not None and not config.policy else _read(Path(config.policy))
         env = _env_of(policy, config.env)
     if web:
         from ..report.page import page  # loads a user interface
@@ -44,10 +40,22 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
         viewer.window(Stage(env, policy, config.seed))
         return
     target = Path(config.out or f"{short_name(env)}.mp4")
+    folder, name = (directory, "play.mp4") if directory and not config.out else (target.parent, target.name)
     with working(f"Filming {config.seconds:g} s"):
         video = render(env, policy, seconds=config.seconds, seed=config.seed)
-    artifacts.write(target, video)
-    print(f"Wrote {target}")
+    artifacts.write(folder, name, video)
+    print(f"Wrote {folder / name}")
+
+
+def _best(directory: Path) -> bytes:
+    """The policy of a run or a training, which anybody may have made."""
+    policy = artifacts.read(directory, "best/policy.safetensors")
+    if policy is None:
+        path = directory / "best" / "policy.safetensors"
+        raise ConfigError(
+            f"Cannot read the policy {path}: No such file; name a run directory or policy=FILE, random or zero."
+        )
+    return policy
 
 
 def _read(path: Path) -> bytes:
@@ -60,8 +68,16 @@ def _read(path: Path) -> bytes:
 
 
 def _env_of(policy: bytes, wanted: str) -> str:
-    """The task a policy was trained on; it fits no other. `wanted` may say where its file lies now."""
+    """The task a policy was trained on; it fits no other. `wanted` may say where its file lies now.
+
+    A policy may come from anybody: what it names is imported where it is installed, or was typed here before.
+    """
     trained = Policy.from_bytes(policy).env
     if wanted and short_name(wanted) != short_name(trained):
         raise ConfigError(f"The policy was trained on env={trained}, not on env={wanted}; leave env= out.")
+    if not wanted and trust.unknown(PlayConfig(env=trained)):
+        raise ConfigError(
+            f"The policy names env={trained}, which is no installed task and was never typed here; add that to the "
+            "command if you know where it comes from: it is run with your rights."
+        )
     return wanted or trained

@@ -8,14 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from .. import baselines, loop, search
-from ..config import RunConfig, as_dict, parse, short_name
+from ..config import RunConfig, changed, parse, short_name
 from ..errors import ConfigError, EurekaError, Interrupted
 from ..llm import open_model
 from ..llm.registry import KINDS
 from ..observer import Observers
 from ..report.build import build
 from ..report.filming import Filming
-from ..report.text import plain
+from ..report.text import one_line, plain
 from ..report.view import RunView
 from ..reward import files
 from ..sandbox.client import Sandbox
@@ -23,6 +23,7 @@ from ..store import Store, is_run, read_config, read_replies
 from ..store.paths import output_directory
 from ..tasks.context import context
 from ..tasks.record import record_states
+from . import trust
 from .desk import TerminalDesk
 from .live import view
 from .log import logged
@@ -40,15 +41,24 @@ def run(words: Sequence[str]) -> None:
         raise ConfigError(f"model={config.model} is at no endpoint: name the one at base_url= with model=NAME.")
     if config.feedback == "human" and not any(word.startswith("video=") for word in words):
         config = replace(config, video="all")  # who is to judge needs to see
+    trust.remember(config)
     _search(config, output_directory(config.dir, config.env))
 
 
 def resume(words: Sequence[str]) -> None:
-    """Continue a search; settings that do not change what is searched may be given anew."""
+    """Continue a search; settings that do not change what is searched may be given anew.
+
+    What the stored settings reach outside the run is agreed to first, see `trust`. That generated programs need no
+    sandbox is never taken from a store.
+    """
     settings, paths = split(words)
     directory = only_path(paths, "eureka resume outputs/<time>_cartpole")
-    stored = [f"{key}={value}" for key, value in as_dict(read_config(directory)).items()]
-    _search(parse(RunConfig, [*stored, *settings]), directory)
+    trusted = [word.removeprefix("trust=") for word in settings if word.startswith("trust=")]
+    settings = [word for word in settings if not word.startswith("trust=")]
+    config = changed(replace(read_config(directory), unsafe_no_sandbox=False), settings)
+    typed = {word.partition("=")[0] for word in settings}
+    trust.agree(config, directory, typed=typed, trusted=Path(trusted[-1]) if trusted else None)
+    _search(config, directory)
 
 
 def _search(config: RunConfig, directory: Path) -> None:
@@ -69,11 +79,11 @@ def _run(config: RunConfig, directory: Path) -> None:
     baselines.chosen(config)
     if config.init not in ("", "human"):
         files.read(Path(config.init))
-    trainer = trainer_of(config, directory, lanes=directory / "lanes")
+    trainer = trainer_of(config, directory, lanes="lanes")
     model = open_model(config, held=len(read_replies(directory)) if is_run(directory) else 0)
     config = search.sized(config, model.style)
     size = f"{config.iteration} generations of {config.sample} rewards"
-    print(f"{short_name(config.env)}: {size} by {config.model}, in {directory}")
+    print(f"{short_name(config.env)}: {size} by {one_line(config.model)}, in {directory}")
     if config.model == "random":
         print("model=random draws rewards by chance: it reads neither results nor words, the control for a real model.")
     with working("Trying the task out"):
@@ -127,7 +137,7 @@ def _conclude(config: RunConfig, directory: Path) -> None:
     """Reports come last: the search is complete without them."""
     films = "Writing the report" if config.video == "none" else "Filming, and writing the report"
     with working(films):
-        problems = build(directory, config.video)
+        problems = build(directory, config.video, config.env)
     result = RunView.read(directory)
     if result.best is not None and result.best.candidate is not None:
         print(f"\nBest reward:\n\n{plain(result.best.candidate.source)}")

@@ -64,6 +64,8 @@ class CheckConfig:
 class ReportConfig:
     """Report of a run."""
 
+    env: str = ""
+    """Task to film, where it is a file or a package of your own; empty means that of the run."""
     video: str = ""
     """`all` trained policies, the `best` or `none`; empty means what the run began with."""
 

@@ -13,7 +13,9 @@ from ..report.text import columns, number, plain, scored, spread
 from ..report.verdict import verdict
 from ..report.view import RunView
 from ..score import Outcome
+from ..store import read_config
 from ..types import CandidateId, Generation, Scored
+from . import trust
 from .live import verdict_line
 from .progress import working
 from .settings import ReportConfig, only_path, split
@@ -29,9 +31,9 @@ def show(directory: Path) -> None:
     slots = [_slot(entry, strengths) for generation in run.history.generations for entry in generation.entries]
     votes = ["votes"] if strengths else []
     titles = ("generation", "slot", "candidate", "try", "F played", "F in training", *votes, "verdict")
-    print(columns([titles, *slots]))
+    print(plain(columns([titles, *slots])))
     print("".join(_heard(generation) for generation in run.history.generations))
-    print("\n".join(summary(run)))
+    print(plain("\n".join(summary(run))))
     if run.best is not None and run.best.candidate is not None:
         print(f"\nBest reward ({run.best.candidate.id}):\n\n{plain(run.best.candidate.source)}")
 
@@ -80,9 +82,11 @@ def report(words: Sequence[str]) -> None:
     """Write the files of the report again and say where they are."""
     settings, paths = split(words)
     directory = only_path(paths, "eureka report outputs/<time>_cartpole")
-    video = parse(ReportConfig, settings).video
+    config = parse(ReportConfig, settings)
+    stored = read_config(directory)
+    env = config.env or (stored.env if "env" not in trust.unknown(stored) else "")
     with working("Writing the report and the videos that are missing"):
-        problems = build(directory, video)
+        problems = build(directory, config.video, env)
     print(f"Wrote {directory / 'report.html'} and {directory / 'report.md'}")
     for problem in problems:
         print(plain(problem))

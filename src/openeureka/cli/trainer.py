@@ -13,8 +13,8 @@ from ..types import Trainer
 from .settings import TrainConfig
 
 
-def trainer_of(config: RunConfig | TrainConfig, directory: Path, *, lanes: Path) -> Trainer:
-    """Trains the task alone, or through the stages of a curriculum, which are kept in the folders of `lanes`.
+def trainer_of(config: RunConfig | TrainConfig, directory: Path, *, lanes: str) -> Trainer:
+    """Trains the task alone, or through the stages of a curriculum, kept in the folder `lanes` of the directory.
 
     Raises:
         ConfigError: for a device or a curriculum that does not exist or does not fit.
@@ -23,4 +23,4 @@ def trainer_of(config: RunConfig | TrainConfig, directory: Path, *, lanes: Path)
     if not config.curriculum:
         return trainer
     stages = curriculum.find(config.env, config.curriculum)
-    return CurriculumTrainer(trainer, stages, StageFiles(lanes, resumes=isinstance(config, RunConfig)))
+    return CurriculumTrainer(trainer, stages, StageFiles(directory, lanes, resumes=isinstance(config, RunConfig)))

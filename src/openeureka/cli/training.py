@@ -26,6 +26,7 @@ from ..types import (
     TrainingState,
     TrainJob,
 )
+from . import trust
 from .progress import ProgressLine, working
 from .rewards import explain, judge, program_of
 from .settings import TrainConfig
@@ -39,12 +40,13 @@ def train(words: Sequence[str]) -> None:
     """Train every reward with every seed at once, print a table and leave curves and policies."""
     config = parse(TrainConfig, words)
     get(config.env)
+    trust.remember(config)
     programs = _programs(config)
     seeds = range(config.seed, config.seed + config.seeds)
     jobs = {f"{name}-s{seed}": TrainJob(id=f"{name}-s{seed}", program=programs[name], seed=seed)
             for name in programs for seed in seeds}  # fmt: skip
     directory = output_directory(config.dir, config.env, "train_")
-    trainer = trainer_of(config, directory, lanes=directory)
+    trainer = trainer_of(config, directory, lanes=".")
     try:
         with announced():
             results = _train(trainer, config, list(jobs.values()), directory)
@@ -60,7 +62,7 @@ def train(words: Sequence[str]) -> None:
     _save(directory, config, results, held_out)
     lanes = {name: [f"{name}-s{seed}" for seed in seeds] for name in programs}
     scores = _scores(config.env, lanes, results, held_out)
-    artifacts.write(directory / "report.html", trained.report(config.env, scores, tables.settings(config), results))
+    artifacts.write(directory, "report.html", trained.report(config.env, scores, tables.settings(config), results))
     print(f"{columns([scores.titles, *scores.rows])}\n\n{scores.note}")
     if problem := _save_best(directory, policies, held_out):
         print(problem)
@@ -106,9 +108,9 @@ def _train(
                 line.show(report)
                 continue
             results[report.job] = report
-            artifacts.write(directory / report.job / events.FILE_NAME, events.of(report))
+            artifacts.write(directory, f"{report.job}/{events.FILE_NAME}", events.of(report))
             if report.best_fitness is not None:
-                artifacts.write(directory / report.job / "policy.safetensors", report.best_fitness.policy)
+                artifacts.write(directory, f"{report.job}/policy.safetensors", report.best_fitness.policy)
     return results
 
 
@@ -116,7 +118,7 @@ def _save(
     directory: Path, config: TrainConfig, results: Mapping[str, TrainingResult], held_out: Mapping[str, Evaluation]
 ) -> None:
     curves = {job: result.curves for job, result in results.items()}
-    artifacts.write(directory / "curves.json", json.dumps(curves))
+    artifacts.write(directory, "curves.json", json.dumps(curves))
     jobs = {
         job: {
             "state": result.state,
@@ -130,7 +132,7 @@ def _save(
         }
         for job, result in results.items()
     }
-    artifacts.write(directory / "result.json", json.dumps({"config": as_dict(config), "jobs": jobs}, indent=2))
+    artifacts.write(directory, "result.json", json.dumps({"config": as_dict(config), "jobs": jobs}, indent=2))
 
 
 def _save_best(directory: Path, policies: Mapping[str, bytes], held_out: Mapping[str, Evaluation]) -> str:
@@ -138,8 +140,8 @@ def _save_best(directory: Path, policies: Mapping[str, bytes], held_out: Mapping
     if not held_out:
         return ""
     job = max(held_out, key=lambda job: rank(held_out[job].fitness))
-    artifacts.write(directory / "best" / "policy.safetensors", policies[job])
-    return build.best(directory, wanted="none")
+    artifacts.write(directory, "best/policy.safetensors", policies[job])
+    return build.best(directory, wanted="none", env="")
 
 
 def _scores(

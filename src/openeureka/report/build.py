@@ -6,16 +6,19 @@ from pathlib import Path
 
 from ..errors import RewardFileError
 from ..store import artifacts
+from ..tasks import registry
 from ..training.policy import Policy
 from . import events, export, filming, html, markdown, plots, video
 from .view import VIDEO, RunView
 
 
-def build(directory: Path, wanted: str = "") -> list[str]:
+def build(directory: Path, wanted: str = "", env: str = "") -> list[str]:
     """Write best/policy.onnx, the videos that are missing, TensorBoard events, summary.png, report.md and report.html.
 
     Args:
         wanted: videos of `all` policies, the `best` or `none`; empty means what the run began with.
+        env: the run's task, as somebody typed it. Without it nothing is imported but an installed task: not what the
+            settings name, and never what a policy does.
 
     Returns:
         Sentences that say what could not be made, and why.
@@ -24,37 +27,50 @@ def build(directory: Path, wanted: str = "") -> list[str]:
         StoreError: when the directory holds no run or cannot be written.
     """
     run = RunView.read(directory)
-    problems = [best(directory, wanted or run.config.video), _candidates(directory, run, wanted or run.config.video)]
+    wanted = wanted or run.config.video
+    env = env or (run.config.env if registry.installed(run.config.env) else "")
+    problems = [best(directory, wanted, env), _candidates(directory, run, wanted, env)]
     run = RunView.read(directory)  # now with videos
     for job, result in run.results.items():
-        artifacts.write(directory / "lanes" / job / events.FILE_NAME, events.of(result))
-    artifacts.write(directory / "summary.png", plots.summary(run))
-    artifacts.write(directory / "report.md", markdown.report(run))
-    artifacts.write(directory / "report.html", html.report(run, directory))
+        artifacts.write(directory, f"lanes/{job}/{events.FILE_NAME}", events.of(result))
+    artifacts.write(directory, "summary.png", plots.summary(run))
+    artifacts.write(directory, "report.md", markdown.report(run))
+    artifacts.write(directory, "report.html", html.report(run, directory))
     return list(dict.fromkeys(problem for problem in problems if problem))
 
 
-def best(directory: Path, wanted: str) -> str:
+def best(directory: Path, wanted: str, env: str) -> str:
     """Make the files of the best policy, which is there as soon as anything has trained.
+
+    Args:
+        env: task that it is filmed on; empty means that none may be imported.
 
     Returns:
         Why one of them could not be made, as a sentence, or an empty string.
     """
-    source = directory / "best" / "policy.safetensors"
-    if not source.exists():
+    data = artifacts.read(directory, "best/policy.safetensors")
+    if data is None:
         return ""
     try:
-        policy = Policy.from_bytes(source.read_bytes())
-        artifacts.write(directory / "best" / "policy.onnx", export.to_onnx(policy))
-        picture = directory / "best" / VIDEO
-        if wanted != "none" and not picture.exists():
-            artifacts.write(picture, video.render(policy.env, source.read_bytes()))
+        artifacts.write(directory, "best/policy.onnx", export.to_onnx(Policy.from_bytes(data)))
+        if wanted == "none" or artifacts.exists(directory, f"best/{VIDEO}"):
+            return ""
+        if not env:
+            return _STRANGE.format(directory=directory)
+        artifacts.write(directory, f"best/{VIDEO}", video.render(env, data))
     except (RewardFileError, video.VideoUnavailable) as error:
         return str(error)
     return ""
 
 
-def _candidates(directory: Path, run: RunView, wanted: str) -> str:
-    if wanted != "all":
-        return ""
-    return filming.film(directory, run.config.env, filming.missing(directory, run.config).items())
+_STRANGE = (
+    "No video: the run's task is no installed one, and what a run names is not imported unasked; add env=FILE.py to "
+    "`eureka report {directory}`."
+)
+
+
+def _candidates(directory: Path, run: RunView, wanted: str, env: str) -> str:
+    missing = filming.missing(directory, run.config) if wanted == "all" else {}
+    if missing and not env:
+        return _STRANGE.format(directory=directory)
+    return filming.film(directory, env, missing.items())

@@ -17,7 +17,11 @@ def to_onnx(policy: Policy) -> bytes:
     """The deterministic policy: `observation` (N, O) float32, as the task makes it, to `action` (N, A) in [-1, 1].
 
     Normalisation is inside: (x - mean) / sqrt(var + 1e-5) clamped at +-5, then ELU layers and a linear head.
+
+    Raises:
+        RewardFileError: when its tensors are those of no network.
     """
+    policy.expect()
     tensors = {name: value.cpu().double().numpy() for name, value in policy.tensors.items()}
     count = policy.actions
     constants = {

@@ -35,7 +35,8 @@ def missing(directory: Path, config: RunConfig) -> dict[str, bytes]:
         jobs = [job for job in store.results() if _of_the_search(job, config)]
         plays = store.plays()
         peaks: dict[str, Peak] = {job: (played(plays[job]).peak if job in plays else None) or "fitness" for job in jobs}
-        policies = {job: store.policy(job, peak) for job, peak in peaks.items() if not _place(directory, job).is_file()}
+        new: dict[str, Peak] = {job: peak for job, peak in peaks.items() if not artifacts.exists(directory, _place(job))}
+        policies = {job: store.policy(job, peak) for job, peak in new.items()}
     return {job: policy for job, policy in policies.items() if policy is not None}
 
 
@@ -53,12 +54,12 @@ def film(directory: Path, env: str, policies: Iterable[tuple[str, bytes]], *, ba
         except video.VideoUnavailable as error:
             problem = f"No video of {job}: {error}"
             continue
-        artifacts.write(_place(directory, job), picture)
+        artifacts.write(directory, _place(job), picture)
     return problem
 
 
-def _place(directory: Path, job: str) -> Path:
-    return directory / "lanes" / job / VIDEO
+def _place(job: str) -> str:
+    return f"lanes/{job}/{VIDEO}"
 
 
 def _of_the_search(job: str, config: RunConfig) -> bool:

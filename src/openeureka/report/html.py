@@ -13,6 +13,7 @@ from markupsafe import Markup
 
 from ..config import short_name
 from ..errors import TaskError
+from ..store import artifacts
 from ..tasks import registry
 from . import inert
 from .view import RunView
@@ -41,13 +42,14 @@ def report(run: RunView, directory: Path) -> str:
 def intent(env: str) -> str:
     """The sentence of a task that is installed; a report does not import other people's files."""
     try:
-        return registry.get(env).description if env.partition("+")[0] in registry.names() else ""
+        return registry.get(env).description if registry.installed(env) else ""
     except TaskError:
         return ""
 
 
 def _embedded(directory: Path, path: str) -> str:
     """The video as a data URL; a large one stays a link."""
-    if not path or (directory / path).stat().st_size > MAX_EMBEDDED:
+    film = artifacts.read(directory, path) if path else None
+    if film is None or len(film) > MAX_EMBEDDED:
         return path
-    return "data:video/mp4;base64," + base64.b64encode((directory / path).read_bytes()).decode()
+    return "data:video/mp4;base64," + base64.b64encode(film).decode()

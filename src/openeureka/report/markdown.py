@@ -109,7 +109,7 @@ def _attempt(title: str, attempt: AttemptView) -> Iterable[str]:
 
 def _messages(messages: Iterable[Message]) -> Iterable[str]:
     for message in messages:
-        yield f"{message.role}:"
+        yield f"{_cell(message.role)}:"
         yield _code(message.content, "")
 
 

@@ -22,6 +22,9 @@ class Stage:
 
     Args:
         agent: `random`, `zero` or a policy's safetensors bytes.
+
+    Raises:
+        RewardFileError: when the policy is for another task.
     """
 
     def __init__(self, env: str, agent: str | bytes, seed: int) -> None:
@@ -56,7 +59,9 @@ class Stage:
 def _agent(env: str, kind: str | bytes, seed: int) -> Agent:
     actions = registry.get(env).num_actions
     if isinstance(kind, bytes):
-        return Player([Policy.from_bytes(kind)])
+        policy = Policy.from_bytes(kind)
+        policy.expect(registry.get(env).num_observations, actions)
+        return Player([policy])
     if kind == "random":
         generator = torch.Generator().manual_seed(seed)
         return lambda observation: torch.rand(len(observation), actions, generator=generator) * 2 - 1

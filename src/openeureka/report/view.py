@@ -16,7 +16,7 @@ from ..lanes import BASELINES, beside, final_lanes, final_seeds, lane
 from ..llm import extract
 from ..sampling import NO_PROGRAM
 from ..score import Baselines, Outcome
-from ..store import Store
+from ..store import Store, artifacts
 from ..types import (
     Candidate,
     Evaluation,
@@ -266,7 +266,7 @@ class RunView:
 
 def _videos(directory: Path, results: Mapping[str, TrainingResult]) -> dict[str, str]:
     places = {job: f"lanes/{job}/{VIDEO}" for job in results} | {"best": f"best/{VIDEO}"}
-    return {name: place for name, place in places.items() if (directory / place).is_file()}
+    return {name: place for name, place in places.items() if artifacts.exists(directory, place)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -354,7 +354,7 @@ class _Reader:
         attempts: list[AttemptView] = []
         for number, reply in replies.items():
             repair: tuple[Message, ...] = ()
-            if number % (1 + self.config.repair) and (refusal := attempts[-1].verdict) is not None:
+            if number % (1 + self.config.repair) and attempts and (refusal := attempts[-1].verdict) is not None:
                 repair = prompts.repair(Prompt(messages=()), attempts[-1].reply.text, refusal).messages
             candidate = self._program(reply.text)
             verdict = self.store.verdict(candidate.id) if candidate is not None else NO_PROGRAM

@@ -1,41 +1,168 @@
-"""Files of a run that a person wants to open. A reader never sees half of one, whatever happens to the writer."""
+"""Files of a run that a person wants to open. A reader never sees half of one, whatever happens to the writer.
+
+A run's directory may come from anybody: below it no link is followed, and nothing but a regular file is opened.
+"""
 
 from __future__ import annotations
 
+import errno
 import os
-from pathlib import Path
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path, PurePosixPath
+from typing import BinaryIO
 
+from ..errors import StoreError
 from .db import explained
 
+MAX_FILE = 1 << 30
+"""Bytes of a file that are read; policies have some 10 MB."""
 
-def write(path: Path, content: str | bytes) -> None:
-    """Replace the file atomically and durably, making its folder when missing.
+_FOLDER = os.O_RDONLY | os.O_DIRECTORY
 
-    The caller holds the run's lock. The temporary name is always the same, so what a killed writer left is overwritten.
+
+def write(directory: Path, name: str, content: str | bytes) -> None:
+    """Replace a file of the directory atomically and durably, making its folder when missing.
+
+    The caller holds the run's lock. The temporary name is always the same, so what a killed writer left is replaced.
+
+    Args:
+        name: path below the directory, such as `best/reward.py`.
 
     Raises:
-        StoreError: when the disk is full or the folder cannot be written; the old file is then still whole.
+        StoreError: when the disk is full, the folder cannot be written or is a link; the old file is then still whole.
     """
-    data = content.encode() if isinstance(content, str) else content
-    temporary = path.with_name(f".{path.name}.tmp")
-    with explained(path.parent):
-        path.parent.mkdir(parents=True, exist_ok=True)
+    data = content.encode(errors="replace") if isinstance(content, str) else content
+    with explained(directory), _folder_of(directory, name, make=True) as (folder, last):
+        temporary = f".{last}.tmp"
+        with suppress(FileNotFoundError):
+            os.unlink(temporary, dir_fd=folder)
+        descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o666, dir_fd=folder)
         try:
-            with temporary.open("wb") as file:
+            with os.fdopen(descriptor, "wb") as file:
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
-            os.replace(temporary, path)
+            os.replace(temporary, last, src_dir_fd=folder, dst_dir_fd=folder)
         except BaseException:
-            temporary.unlink(missing_ok=True)
+            with suppress(FileNotFoundError):
+                os.unlink(temporary, dir_fd=folder)
             raise
-        _sync_folder(path.parent)
+        os.fsync(folder)  # the rename itself
 
 
-def _sync_folder(folder: Path) -> None:
-    """Make the rename itself durable."""
-    descriptor = os.open(folder, os.O_RDONLY)
+def read(directory: Path, name: str) -> bytes | None:
+    """The content of a file of the directory; None where there is none that is regular and of bearable size.
+
+    Raises:
+        StoreError: when it cannot be read.
+    """
+    with explained(directory):
+        file = opened(directory, name)
+        if file is None:
+            return None
+        with file:
+            return file.read() if os.fstat(file.fileno()).st_size <= MAX_FILE else None
+
+
+def exists(directory: Path, name: str) -> bool:
+    """Whether there is a regular file of that name."""
     try:
-        os.fsync(descriptor)
-    finally:
+        with _folder_of(directory, name) as (folder, last):
+            return stat.S_ISREG(os.stat(last, dir_fd=folder, follow_symlinks=False).st_mode)
+    except (StoreError, OSError):
+        return False
+
+
+def opened(directory: Path, name: str) -> BinaryIO | None:
+    """A regular file of the directory; None where there is none, or a link, a pipe or a folder in its place."""
+    try:
+        with _folder_of(directory, name) as (folder, last):
+            # A pipe would be waited for without O_NONBLOCK.
+            descriptor = os.open(last, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=folder)
+    except (StoreError, FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        if _is_link(error):
+            return None
+        raise
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
+        return None
+    return os.fdopen(descriptor, "rb")
+
+
+def appended(directory: Path, name: str) -> BinaryIO:
+    """A file of the directory to write at its end; made when missing. Raises OSError, also where it is not regular."""
+    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK
+    descriptor = os.open(directory / name, flags, 0o666)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise StoreError(_odd(directory, name))
+    return os.fdopen(descriptor, "ab")
+
+
+def names(directory: Path, name: str) -> list[str]:
+    """What a folder of the directory holds, in order; nothing where there is no such folder, or a link in its place."""
+    try:
+        with _folder_of(directory, f"{name}/-") as (folder, _):
+            return sorted(os.listdir(folder))
+    except (StoreError, FileNotFoundError):
+        return []
+
+
+def remove(directory: Path, name: str) -> None:
+    """Delete a file of the directory, or the link in its place. Raises StoreError when that cannot be."""
+    with explained(directory), suppress(FileNotFoundError), _folder_of(directory, name) as (folder, last):
+        os.unlink(last, dir_fd=folder)
+
+
+def expect_regular(directory: Path, *names: str) -> None:
+    """For files that others open by their path. Raises StoreError where one is anything but a regular file."""
+    for name in names:
+        with explained(directory), suppress(FileNotFoundError):
+            if not stat.S_ISREG(os.lstat(directory / name).st_mode):
+                raise StoreError(_odd(directory, name))
+
+
+@contextmanager
+def _folder_of(directory: Path, name: str, *, make: bool = False) -> Iterator[tuple[int, str]]:
+    """A descriptor of the folder that a file lies in, and the file's own name there.
+
+    Raises:
+        StoreError: for a link, or anything but a folder, on the way; for a name that leads out of the directory.
+    """
+    *parts, last = PurePosixPath(name).parts or ("",)
+    if last in ("", "..") or ".." in parts or name.startswith("/") or "\0" in name:
+        raise StoreError(f"`{name:.80}` is no name of a file in {directory}.")
+    if make:
+        directory.mkdir(parents=True, exist_ok=True)
+    folder = os.open(directory, _FOLDER)
+    try:
+        for part in parts:
+            if make:
+                with suppress(FileExistsError):
+                    os.mkdir(part, dir_fd=folder)
+            try:
+                inner = os.open(part, _FOLDER | os.O_NOFOLLOW, dir_fd=folder)
+            except OSError as error:
+                if isinstance(error, NotADirectoryError) or _is_link(error):
+                    raise StoreError(_odd(directory, name)) from None
+                raise
+            os.close(folder)
+            folder = inner
+        yield folder, last
+    finally:
+        os.close(folder)
+
+
+def _is_link(error: OSError) -> bool:
+    return error.errno == errno.ELOOP
+
+
+def _odd(directory: Path, name: str) -> str:
+    return (
+        f"{directory / name} is a link, or no regular file: a run has none. Nothing was written; delete it, or choose "
+        "another dir=."
+    )

@@ -14,6 +14,7 @@ from ..types import (
     Checkpoint,
     Evaluation,
     Finding,
+    Message,
     Node,
     Peak,
     Place,
@@ -41,6 +42,29 @@ def _typed(kind: Any, value: Any) -> Any:
     return value
 
 
+def _number(value: Any) -> Any:
+    """A number that is one, or None; JSON knows infinities and digits without end."""
+    if isinstance(_typed(_NUMBER, value), bool) or (isinstance(value, float) and not math.isfinite(value)):
+        raise ValueError(f"{value!r:.40} is no finite number")
+    return value
+
+
+def _seconds(value: Any) -> float:
+    return _count(value) if isinstance(value, int) else _typed(float, _number(value))
+
+
+def _count(value: Any) -> int:
+    if not 0 <= _typed(int, _number(value)) < 2**53:
+        raise ValueError(f"{value!r:.40} is no count")
+    return value
+
+
+def _label(value: Any) -> str:
+    """A name that every file format can hold."""
+    _typed(str, value).encode()
+    return value
+
+
 def safe_text(text: str) -> str:
     """Text that UTF-8 and SQLite can hold: capped, without lone surrogates and NUL."""
     return text[:MAX_TEXT].encode("utf-8", "replace").decode().replace("\0", "\N{REPLACEMENT CHARACTER}")
@@ -62,20 +86,30 @@ def decode_verdict(text: str) -> Verdict:
     """Raises one of `DAMAGE` for anything but a verdict. Whether its graph may train is for the trainer to judge."""
     data = json.loads(text)
     verdict = Verdict(
-        candidate=_typed(str, data["candidate"]),
+        candidate=_identity(data["candidate"]),
         code=VerdictCode(data["code"]),
         findings=tuple(_finding(**finding) for finding in data["findings"]),
         graph=_graph(data["graph"]) if data["graph"] is not None else None,
-        seconds=_typed(float | int, data["seconds"]),
+        seconds=_seconds(data["seconds"]),
     )
     if verdict.accepted != (verdict.graph is not None):
         raise ValueError("an accepted verdict has a graph, and no other")
     return verdict
 
 
+def _identity(value: Any) -> str:
+    """Of a candidate, which names files; empty for a reply without a program."""
+    if value and not (_typed(str, value).isascii() and value.replace("_", "").isalnum()):
+        raise ValueError(f"{value!r:.40} is no candidate")
+    return value
+
+
 def _finding(rule: object, message: object, fix: object, line: object) -> Finding:
     return Finding(
-        rule=_typed(str, rule), message=_typed(str, message), fix=_typed(str, fix), line=_typed(int | None, line)
+        rule=_typed(str, rule),
+        message=_typed(str, message),
+        fix=_typed(str, fix),
+        line=_count(line) if line is not None else None,
     )
 
 
@@ -99,6 +133,20 @@ def _arg(value: Any) -> Arg:
     if isinstance(value, dict):
         return {name: _arg(item) for name, item in value.items()}
     return value
+
+
+# --- prompts ---------------------------------------------------------------------------------------------------------
+
+
+def decode_messages(text: str) -> tuple[Message, ...]:
+    """Raises one of `DAMAGE` for anything but a conversation."""
+    return tuple(_message(**message) for message in _typed(list, json.loads(text)))
+
+
+def _message(role: Any, content: Any) -> Message:
+    if role not in ("system", "user", "assistant"):
+        raise ValueError(f"{role!r:.40} takes no part in a conversation")
+    return Message(role, safe_text(_typed(str, content)))
 
 
 # --- training results ------------------------------------------------------------------------------------------------
@@ -154,11 +202,11 @@ def decode_result(job: str, text: str) -> TrainingResult:
     return TrainingResult(
         job=job,
         state=TrainingState(data["state"]),
-        fitness=_typed(_NUMBER, data["fitness"]),
-        curves={name: tuple(_typed(_NUMBER, value) for value in curve) for name, curve in data["curves"].items()},
-        env_steps=_typed(int, data["env_steps"]),
-        seconds=_typed(float | int, data["seconds"]),
-        correlation=_typed(_NUMBER, data["correlation"]),
+        fitness=_number(data["fitness"]),
+        curves={_label(name): tuple(map(_number, curve)) for name, curve in data["curves"].items()},
+        env_steps=_count(data["env_steps"]),
+        seconds=_seconds(data["seconds"]),
+        correlation=_number(data["correlation"]),
         message=_typed(str, data["message"]),
         best_fitness=_checkpoint(data["best_fitness"]),
         best_reward=_checkpoint(data["best_reward"]),
@@ -168,7 +216,7 @@ def decode_result(job: str, text: str) -> TrainingResult:
 def _checkpoint(data: Any) -> Checkpoint | None:
     if data is None:
         return None
-    return Checkpoint(epoch=_typed(int, data["epoch"]), value=_typed(_NUMBER, data["value"]), policy=b"")
+    return Checkpoint(epoch=_count(data["epoch"]), value=_number(data["value"]), policy=b"")
 
 
 # --- remarks ---------------------------------------------------------------------------------------------------------

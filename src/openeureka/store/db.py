@@ -1,15 +1,23 @@
 """The run's SQLite file: schema, migrations, and the only SQL of the package.
 
 Every table is append-only, and triggers say so: a row is written once, when the work it stands for is finished.
+
+The file may come from anybody. Its schema must be, to the letter, what the migrations make, so that no trigger and no
+view of somebody else's runs. A value of another type than its column's, or a name that could lead out of the directory,
+is a row that was changed.
 """
 
 from __future__ import annotations
 
 import errno
+import math
 import os
+import re
 import sqlite3
+import stat
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -147,6 +155,14 @@ MIGRATIONS: list[str] = [
 """Script n brings a file from schema n to n + 1. Published scripts are never edited, only followed by new ones."""
 
 
+MAX_VALUE = 64 << 20
+"""Bytes of one value of a row."""
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
+_NAMES = {"job", "candidate"}
+"""Columns whose values become names of files."""
+_COUNTS = {"generation", "slot", "attempt", "attempts", "over_generation", "over_slot"}
+_TYPES: Mapping[str, tuple[type, ...]] = {"TEXT": (str,), "INTEGER": (int,), "REAL": (float, int)}
+
 _GLANCE = """
 SELECT
     (SELECT COUNT(DISTINCT generation) FROM entries) AS generations,
@@ -183,6 +199,8 @@ def _sentence(directory: Path, error: OSError | sqlite3.Error) -> str:
         return f"{directory} cannot be written; check its permissions or choose another dir=."
     if "not a database" in str(error) or "malformed" in str(error):
         return f"{directory / FILENAME} is damaged or not a run; restore it from a copy or choose another dir=."
+    if isinstance(error, sqlite3.DataError):
+        return f"{directory / FILENAME} holds a value that no run has; restore it from a copy or choose another dir=."
     if "is locked" in str(error):
         return f"Another program is writing to {directory / FILENAME}; close it and run the same command again."
     return f"The run in {directory} cannot be read or written: {error}."
@@ -194,11 +212,44 @@ def _connect(directory: Path, writable: bool) -> sqlite3.Connection:
     People's remarks come from other processes: a writer waits until the other one has committed.
     """
     path = directory / FILENAME
+    for file in (path, *(path.with_name(f"{FILENAME}{suffix}") for suffix in ("-wal", "-shm", "-journal"))):
+        if os.path.lexists(file) and not stat.S_ISREG(os.lstat(file).st_mode):
+            raise StoreError(
+                f"{file} is a link, or no regular file: a run has none; delete it, or choose another dir=."
+            )
     waiting = path.with_name(f"{FILENAME}-wal")
     if not writable and not os.access(directory, os.W_OK) and not waiting.exists():
         # Readers of a file in WAL mode make its index beside it. Where they cannot, nobody writes either.
         return sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True, isolation_level=None)
     return sqlite3.connect(path, isolation_level=None, timeout=30.0)
+
+
+@cache
+def _layout(scripts: tuple[str, ...]) -> tuple[set[tuple[str, str]], dict[str, list[tuple[str, str, bool]]]]:
+    """What a file holds that these scripts made: tables and triggers as SQL by name; of each table the columns, their
+    types and whether they may be NULL."""
+    with closing(sqlite3.connect(":memory:")) as model:
+        for script in scripts:
+            model.executescript(script)
+        tables = [name for (name,) in model.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+        columns = {
+            table: [(name, kind, not (needed or key)) for _, name, kind, needed, _, key in rows]
+            for table in tables
+            if (rows := model.execute(f"PRAGMA table_info({table})").fetchall())
+        }
+        return _objects(model), columns
+
+
+def _objects(connection: sqlite3.Connection) -> set[tuple[str, str]]:
+    """Everything in the schema but SQLite's own."""
+    found = connection.execute("SELECT name, sql FROM sqlite_master WHERE name NOT LIKE 'sqlite~_%' ESCAPE '~'")
+    return {(str(name), " ".join(str(sql).split())) for name, sql in found}
+
+
+def changed_row(directory: Path, why: object) -> StoreError:
+    """For a row that no run has written."""
+    what = f"{directory / FILENAME} holds a row that was changed ({why!s:.80})"
+    return StoreError(f"{what}; restore the file from a copy or choose another dir=.")
 
 
 class Database:
@@ -213,6 +264,7 @@ class Database:
         with explained(directory):
             self._connection = _connect(directory, writable)
             self._connection.row_factory = sqlite3.Row
+            self._connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_VALUE)
             try:
                 self._prepare(writable)
             except BaseException:
@@ -220,9 +272,15 @@ class Database:
                 raise
 
     def _prepare(self, writable: bool) -> None:
+        self._connection.execute("PRAGMA trusted_schema = OFF")
         schema: int = self._connection.execute("PRAGMA user_version").fetchone()[0]
         if schema > len(MIGRATIONS):
             raise StoreError(f"{self.directory} was written by a newer openeureka; install that version to open it.")
+        if schema < 0 or _objects(self._connection) != _layout(tuple(MIGRATIONS[:schema]))[0]:
+            raise StoreError(
+                f"{self.directory / FILENAME} has other tables than openeureka makes, so nothing in it is used; "
+                "restore it from a copy or choose another dir=."
+            )
         if not writable:
             if schema == 0:
                 raise StoreError(f"{self.directory} holds a run that never began; {AGAIN}")
@@ -269,7 +327,13 @@ class Database:
         condition = " AND ".join(f"{name} = ?" for name in where) or "1"
         query = f"SELECT * FROM {table} WHERE {condition} ORDER BY {', '.join(order)}"
         with explained(self.directory):
-            return self._connection.execute(query, tuple(where.values())).fetchall()
+            found = self._connection.execute(query, tuple(where.values())).fetchall()
+        columns = _layout(tuple(MIGRATIONS))[1][table]
+        for row in found:
+            for name, kind, optional in columns:
+                if not _fits(name, kind, row[name], optional):
+                    raise changed_row(self.directory, f"{name} of {table}: {row[name]!r:.40}")
+        return found
 
     def row(self, table: str, **where: Any) -> sqlite3.Row | None:
         found = self.rows(table, **where)
@@ -278,7 +342,21 @@ class Database:
     def glance(self) -> sqlite3.Row:
         """Counts and sums over the run, without its texts and curves."""
         with explained(self.directory):
-            return self._connection.execute(_GLANCE).fetchone()
+            row = self._connection.execute(_GLANCE).fetchone()
+        if not _fits("fitness", "REAL", row["fitness"], True):
+            raise changed_row(self.directory, f"{row['fitness']!r:.40} is no F")
+        return row
 
     def close(self) -> None:
         self._connection.close()
+
+
+def _fits(name: str, kind: str, value: object, optional: bool) -> bool:
+    """Whether a column may hold the value: SQLite itself lets any column hold anything."""
+    if value is None:
+        return optional
+    if not isinstance(value, _TYPES[kind]) or (isinstance(value, float) and not math.isfinite(value)):
+        return False
+    if isinstance(value, str) and name in _NAMES:
+        return _NAME.fullmatch(value) is not None
+    return not (isinstance(value, int) and name in _COUNTS) or 0 <= value < 1_000_000

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import StoreError
+from . import artifacts
 from .db import STOP, explained
 from .recover import is_held, is_run
 
@@ -21,11 +22,11 @@ def ask_to_stop(directory: Path | str) -> None:
     if not is_held(directory):
         raise StoreError(f"Nobody works on {directory}, so there is nothing to stop.")
     with explained(directory):
-        (directory / STOP).touch()
+        artifacts.appended(directory, STOP).close()
 
 
 def is_asked_to_stop(directory: Path) -> bool:
-    return (directory / STOP).exists()
+    return artifacts.exists(directory, STOP)
 
 
 def withdraw(directory: Path) -> None:

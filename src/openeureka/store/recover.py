@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import fcntl
-import os
 from pathlib import Path
 
 from ..config import RunConfig
 from ..types import Remark, Reply
+from . import artifacts
 from .db import FILENAME, LOCK
 from .store import Store
 
@@ -41,13 +41,14 @@ def is_run(directory: Path | str) -> bool:
 def is_held(directory: Path | str) -> bool:
     """Whether a process is working on the run."""
     try:
-        descriptor = os.open(Path(directory) / LOCK, os.O_RDONLY)
-    except FileNotFoundError:
+        file = artifacts.opened(Path(directory), LOCK)
+    except OSError:
         return False
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    finally:
-        os.close(descriptor)
+    if file is None:
+        return False
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
     return False

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ..types import Remark
-from .codec import decode_remark, encode_remark
-from .db import Database
+from .codec import DAMAGE, decode_remark, encode_remark
+from .db import Database, changed_row
 
 
 class RemarkLog:
@@ -41,6 +41,9 @@ class RemarkLog:
 
     def _between(self, after: int, last: int | None = None) -> tuple[Remark, ...]:
         rows = self._database.rows("remarks", order=("id",))
-        return tuple(
-            decode_remark(dict(row)) for row in rows if row["id"] > after and (last is None or row["id"] <= last)
-        )
+        try:
+            return tuple(
+                decode_remark(dict(row)) for row in rows if row["id"] > after and (last is None or row["id"] <= last)
+            )
+        except DAMAGE as error:
+            raise changed_row(self._database.directory, error) from None

@@ -3,39 +3,41 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from ..types import TrainingResult
 from . import artifacts
-from .codec import decode_result, encode_result
-from .db import explained
+from .codec import DAMAGE, decode_result, encode_result
 
 
 class StageFiles:
     """Remembers stages as `<folder>/<job>/stage<number>.json` and, of a lane that goes on, its last policy beside it.
 
-    The policy comes first: a stage whose JSON is there is whole.
+    The policy comes first: a stage whose JSON is there is whole. One that cannot be read is not finished.
 
     Args:
+        folder: path below the directory that holds the folders of the lanes.
         resumes: whether stages that are there already belong to this training, and need not be repeated.
     """
 
-    def __init__(self, folder: Path, *, resumes: bool) -> None:
-        self._folder, self._resumes = folder, resumes
+    def __init__(self, directory: Path, folder: str = ".", *, resumes: bool) -> None:
+        self._directory, self._folder, self._resumes = directory, folder, resumes
 
     def save(self, stage: int, result: TrainingResult) -> None:
         if result.last is not None:
-            artifacts.write(self._path(stage, result.job, "safetensors"), result.last)
-        artifacts.write(self._path(stage, result.job, "json"), encode_result(result))
+            artifacts.write(self._directory, self._name(stage, result.job, "safetensors"), result.last)
+        artifacts.write(self._directory, self._name(stage, result.job, "json"), encode_result(result))
 
     def read(self, stage: int, job: str) -> TrainingResult | None:
         """The result with its last policy, the others empty; None when the stage was not finished."""
-        path, policy = (self._path(stage, job, suffix) for suffix in ("json", "safetensors"))
-        with explained(self._folder):
-            if not (self._resumes and path.is_file()):
-                return None
-            last = policy.read_bytes() if policy.is_file() else None
-            return dataclasses.replace(decode_result(job, path.read_text()), last=last)
+        text = artifacts.read(self._directory, self._name(stage, job, "json")) if self._resumes else None
+        if text is None:
+            return None
+        last = artifacts.read(self._directory, self._name(stage, job, "safetensors"))
+        try:
+            return dataclasses.replace(decode_result(job, text.decode()), last=last)
+        except DAMAGE:
+            return None
 
-    def _path(self, stage: int, job: str, suffix: str) -> Path:
-        return self._folder / job / f"stage{stage}.{suffix}"
+    def _name(self, stage: int, job: str, suffix: str) -> str:
+        return str(PurePosixPath(self._folder, job, f"stage{stage}.{suffix}"))

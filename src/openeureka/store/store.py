@@ -14,8 +14,8 @@ from typing import Literal, TypeVar
 from filelock import FileLock, Timeout
 
 from .. import __version__
-from ..config import RunConfig, as_dict
-from ..errors import StoreError
+from ..config import RunConfig, as_dict, restored
+from ..errors import ConfigError, StoreError
 from ..score import played
 from ..types import (
     GIVEN,
@@ -39,6 +39,7 @@ from . import artifacts
 from .codec import (
     DAMAGE,
     decode_digest,
+    decode_messages,
     decode_result,
     decode_verdict,
     digest,
@@ -49,7 +50,7 @@ from .codec import (
     policy_name,
     safe_text,
 )
-from .db import AGAIN, FILENAME, LOCK, LOG, STOP, Database, explained
+from .db import AGAIN, FILENAME, LOCK, LOG, STOP, Database, changed_row, explained
 from .remark_log import RemarkLog
 
 T = TypeVar("T")
@@ -88,6 +89,7 @@ class Store:
         directory = Path(directory)
         if directory.exists() and not (directory / FILENAME).exists() and _foreign(directory):
             raise StoreError(f"{directory} is not empty and not a run; choose another dir=.")
+        artifacts.expect_regular(directory, LOCK)
         with explained(directory):
             directory.mkdir(parents=True, exist_ok=True)
             lock = FileLock(directory / LOCK, timeout=LOOK_TIME)
@@ -134,8 +136,7 @@ class Store:
         try:
             return decode(*texts)
         except DAMAGE as error:
-            what = f"{self.directory / FILENAME} holds a row that was changed ({error!s:.80})"
-            raise StoreError(f"{what}; restore the file from a copy or choose another dir=.") from None
+            raise changed_row(self.directory, error) from None
 
     # --- settings ----------------------------------------------------------------------------------------------------
 
@@ -163,10 +164,11 @@ class Store:
         if row is None:
             raise StoreError(f"{self.directory} holds a run that never began; {AGAIN}")
         try:
-            return RunConfig(**json.loads(row["config"]))
-        except TypeError:
+            return self._decoded(lambda text: restored(RunConfig, json.loads(text)), row["config"])
+        except ConfigError:
+            version = row["version"]
             raise StoreError(
-                f"{self.directory} has settings unknown to this openeureka; install {row['version']} to open it."
+                f"{self.directory} has settings unknown to this openeureka; install {version:.40} to open it."
             ) from None
 
     @property
@@ -185,8 +187,11 @@ class Store:
             if parent is not None:
                 row |= {"parent_generation": parent.generation, "parent_slot": parent.slot}
             self._database.put("prompts", row)
-        asked = [{**dict(row), "messages": json.loads(row["messages"])} for row in self._database.rows("prompts")]
-        artifacts.write(self.directory / "messages.json", json.dumps(asked, indent=2))
+        asked = [
+            {**dict(row), "messages": [dataclasses.asdict(m) for m in self._decoded(decode_messages, row["messages"])]}
+            for row in self._database.rows("prompts")
+        ]
+        artifacts.write(self.directory, "messages.json", json.dumps(asked, indent=2))
 
     def save_reply(self, generation: int, attempt: int, slot: int, reply: Reply) -> None:
         place = {"generation": generation, "attempt": attempt, "slot": slot}
@@ -210,10 +215,7 @@ class Store:
     def prompts(self) -> dict[tuple[int, int], tuple[Message, ...]]:
         """What was asked, by generation and the first slot that it fills."""
         rows = self._database.rows("prompts", order=("generation", "slot"))
-        return {
-            (row["generation"], row["slot"]): tuple(Message(**message) for message in json.loads(row["messages"]))
-            for row in rows
-        }
+        return {(row["generation"], row["slot"]): self._decoded(decode_messages, row["messages"]) for row in rows}
 
     def parents(self) -> dict[tuple[int, int], Place]:
         """Which candidate the model was asked to improve, by generation and the first slot that the prompt fills.
@@ -235,10 +237,10 @@ class Store:
 
     def save_verdict(self, candidate: Candidate, verdict: Verdict, reply: Reply) -> None:
         """`reply` is the first one that held this program."""
-        folder = self.directory / "candidates" / candidate.id
-        artifacts.write(folder / "reward.py", candidate.source)
-        artifacts.write(folder / "reply.txt", reply.text)
-        artifacts.write(folder / "verdict.json", encode_verdict(verdict, indent=2))
+        folder = f"candidates/{candidate.id}"
+        artifacts.write(self.directory, f"{folder}/reward.py", candidate.source)
+        artifacts.write(self.directory, f"{folder}/reply.txt", reply.text)
+        artifacts.write(self.directory, f"{folder}/verdict.json", encode_verdict(verdict, indent=2))
         row = {"candidate": candidate.id, "source": candidate.source, "verdict": encode_verdict(verdict)}
         self._database.put("verdicts", row)
 
@@ -249,14 +251,14 @@ class Store:
     # --- training ----------------------------------------------------------------------------------------------------
 
     def save_result(self, result: TrainingResult) -> None:
-        folder = self.directory / "lanes" / result.job
+        folder = f"lanes/{result.job}"
         text = encode_result(result)
-        artifacts.write(folder / "curves.json", text)
+        artifacts.write(self.directory, f"{folder}/curves.json", text)
         for name, peak in (("best_fitness", result.best_fitness), ("best_reward", result.best_reward)):
             if peak is not None:
-                artifacts.write(folder / f"{name}.safetensors", peak.policy)
+                artifacts.write(self.directory, f"{folder}/{name}.safetensors", peak.policy)
         if result.last is not None:
-            artifacts.write(folder / "last.safetensors", result.last)
+            artifacts.write(self.directory, f"{folder}/last.safetensors", result.last)
         self._database.put("results", {"job": result.job, "fitness": finite(result.fitness), "result": text})
 
     def result(self, job: str) -> TrainingResult | None:
@@ -283,14 +285,14 @@ class Store:
             StoreError: when its file is not the one that was written.
         """
         row = self._database.row("results", job=job)
-        wanted = decode_digest(row["result"], peak) if row is not None else None
+        wanted = self._decoded(decode_digest, row["result"], peak) if row is not None else None
         if wanted is None:
             return None
-        path = self.directory / "lanes" / job / f"{policy_name(peak)}.safetensors"
-        with explained(self.directory):
-            found = path.read_bytes() if path.is_file() else b""
+        name = f"lanes/{job}/{policy_name(peak)}.safetensors"
+        found = artifacts.read(self.directory, name)
         if not found or (wanted and digest(found) != wanted):
-            raise StoreError(f"{path} is missing or damaged; restore it from a copy, or begin again in another dir=.")
+            where = self.directory / name
+            raise StoreError(f"{where} is missing or damaged; restore it from a copy, or begin again in another dir=.")
         return found
 
     def save_evaluations(self, scores: Iterable[Evaluation]) -> None:
@@ -359,6 +361,8 @@ class Store:
         generations: dict[int, list[Scored]] = {}
         for row in self._database.rows("entries", order=("generation", "slot")):
             generations.setdefault(row["generation"], []).append(self._scored(row, results, scores))
+        if list(generations) != list(range(len(generations))):
+            raise changed_row(self.directory, "a generation is missing")
         finished = [
             Generation(index, tuple(own), self.remarks.heard(index) or ()) for index, own in generations.items()
         ]
@@ -374,7 +378,7 @@ class Store:
             verdict=self._decoded(decode_verdict, row["verdict"]),
             attempts=row["attempts"],
         )
-        result = results[row["job"]] if row["job"] is not None else None
+        result = self._decoded(results.__getitem__, row["job"]) if row["job"] is not None else None
         return Scored(sample=sample, result=result, feedback=row["feedback"], played=scores.get(row["job"]))
 
     def _candidate(self, identity: str | None) -> Candidate | None:
@@ -400,16 +404,14 @@ class Store:
         missing or fits, whatever the clock says that dates them.
         """
         assert best.sample.candidate is not None
-        folder = self.directory / "best"
-        artifacts.write(folder / "reward.py", best.sample.candidate.source)
-        policy, kept = self.policy(job, peak), folder / "policy.safetensors"
-        if policy is None or (kept.is_file() and kept.read_bytes() == policy):
+        artifacts.write(self.directory, "best/reward.py", best.sample.candidate.source)
+        policy, kept = self.policy(job, peak), "best/policy.safetensors"
+        if policy is None or artifacts.read(self.directory, kept) == policy:
             return
-        with explained(self.directory):
-            for made in folder.iterdir():
-                if made.name not in ("reward.py", kept.name):
-                    made.unlink()
-        artifacts.write(kept, policy)
+        for made in artifacts.names(self.directory, "best"):
+            if made not in ("reward.py", "policy.safetensors"):
+                artifacts.remove(self.directory, f"best/{made}")
+        artifacts.write(self.directory, kept, policy)
 
 
 def _foreign(directory: Path) -> bool:

@@ -60,13 +60,23 @@ def names() -> list[str]:
     return [*_BUILT_IN, *(point.name for point in entry_points(group="openeureka.tasks"))]
 
 
+def installed(env: str) -> bool:
+    """Whether `get` finds the task by one of `names`: it then imports no file or module of `env`'s own choice."""
+    return _parts(env)[0] in names()
+
+
+def _parts(env: str) -> list[str]:
+    """The name of a task, and what is set of it."""
+    return re.split(r"\+(?=\w+=)", env)
+
+
 def get(env: str) -> type[Task]:
     """The task's class.
 
     Raises:
         TaskError: when nothing of that name exists, it cannot be imported, is not a whole task or lacks an attribute.
     """
-    name, *settings = re.split(r"\+(?=\w+=)", env)
+    name, *settings = _parts(env)
     task = _named(name)
     return _changed(task, dict(setting.split("=", 1) for setting in settings)) if settings else task
 

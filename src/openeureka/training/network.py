@@ -33,12 +33,12 @@ class StackedActorCritic:
     ) -> None:
         self.lanes, self.actions = len(seeds), actions
         self.sizes = (observations, *hidden)
-        shapes = _shapes(observations, actions, hidden)
-        initial = {seed: _initial(shapes, seed) for seed in set(seeds)}
+        own = shapes(observations, actions, hidden)
+        initial = {seed: _initial(own, seed) for seed in set(seeds)}
         self.flat = torch.stack([initial[seed] for seed in seeds]).to(device)
         self.parameters: dict[str, Tensor] = {}
         offset = 0
-        for name, shape in shapes.items():
+        for name, shape in own.items():
             size = math.prod(shape)
             view = self.flat[:, offset : offset + size].view(self.lanes, *shape)
             self.parameters[name] = view.detach().requires_grad_()
@@ -68,7 +68,7 @@ class StackedActorCritic:
                 value[index] = parameters[name]
 
 
-def _shapes(observations: int, actions: int, hidden: Sequence[int]) -> dict[str, tuple[int, ...]]:
+def shapes(observations: int, actions: int, hidden: Sequence[int]) -> dict[str, tuple[int, ...]]:
     sizes = (observations, *hidden)
     shapes: dict[str, tuple[int, ...]] = {}
     for layer, (inputs, outputs) in enumerate(pairwise(sizes)):

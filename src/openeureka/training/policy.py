@@ -12,7 +12,7 @@ from safetensors.torch import load, save
 from torch import Tensor
 
 from ..errors import RewardFileError
-from .network import StackedActorCritic
+from .network import StackedActorCritic, shapes
 from .normalize import normalize
 from .ppo import PPO
 
@@ -57,11 +57,30 @@ class Policy:
             header = json.loads(json.loads(data[8 : 8 + size])["__metadata__"]["openeureka"])
             if header["format"] != FORMAT:
                 raise ValueError(header["format"])
+            if not isinstance(header["env"], str):
+                raise TypeError("env is no name")
             return Policy(header["env"], load(data))
-        except (SafetensorError, ValueError, KeyError, TypeError) as error:
+        except (SafetensorError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise RewardFileError(
                 f"This is not a policy file of openeureka ({error!r:.80}); pass policy=FILE."
             ) from None
+
+    def expect(self, observations: int | None = None, actions: int | None = None) -> None:
+        """Raises RewardFileError where the tensors are those of no network, or of one for a task of other sizes."""
+        try:
+            wanted = shapes(self.observations, self.actions, self.hidden)
+            wanted |= dict.fromkeys(("observation_mean", "observation_var"), (1, self.observations))
+            found = {name: self.tensors[name] for name in wanted}
+        except (KeyError, IndexError):
+            raise RewardFileError(
+                "The policy lacks parts of a network; train it anew, or pass another policy=FILE."
+            ) from None
+        sizes = (observations or self.observations, actions or self.actions)
+        whole = all(tuple(t.shape) == wanted[name] and t.is_floating_point() for name, t in found.items())
+        if not whole or sizes != (self.observations, self.actions):
+            raise RewardFileError(
+                "The policy is none of a network for this task; name the one it was trained on by env=."
+            )
 
     @property
     def hidden(self) -> tuple[int, ...]:

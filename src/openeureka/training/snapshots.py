@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,23 @@ ABOUT = ".json"
 
 
 def groups(folder: Path | None, env: str) -> list[list[str]]:
-    """Ids of the jobs of each population of a task that has left a snapshot there."""
-    about = [json.loads(path.read_text()) for path in sorted(folder.glob(f"*{ABOUT}"))] if folder is not None else []
-    return [found["jobs"] for found in about if found["env"] == env]
+    """Ids of the jobs of each population of a task that has left a snapshot there. What cannot be read is left out: its
+    training begins anew."""
+    if folder is None:
+        return []
+    found = (name for name in artifacts.names(folder.parent, folder.name) if name.endswith(ABOUT))
+    about = (_about(artifacts.read(folder.parent, f"{folder.name}/{name}")) for name in found)
+    return [jobs for of, jobs in about if of == env]
+
+
+def _about(data: bytes | None) -> tuple[str, list[str]]:
+    try:
+        found = json.loads(data or b"{}")
+        env, jobs = found["env"], found["jobs"]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return "", []
+    named = isinstance(env, str) and isinstance(jobs, list) and all(isinstance(job, str) for job in jobs)
+    return (env, jobs) if named else ("", [])
 
 
 class Snapshot:
@@ -31,20 +46,21 @@ class Snapshot:
     def __init__(self, folder: Path | None, request: Mapping[str, Any]) -> None:
         text = json.dumps([__version__, request], sort_keys=True)
         name = hashlib.sha256(text.encode()).hexdigest()[:16]
-        self._path = folder / f"{name}.pt" if folder is not None else None
+        self._folder = folder
+        self._name = f"{folder.name}/{name}" if folder is not None else ""
         self._about = {"env": request.get("env"), "jobs": [job["id"] for job in request.get("jobs", ())]}
         self._renewed = False
 
     def read(self) -> bytes | None:
         """The state to begin with; None to begin anew."""
         self._renewed = False
-        return self._path.read_bytes() if self._path is not None and self._path.is_file() else None
+        return artifacts.read(self._folder.parent, f"{self._name}.pt") if self._folder is not None else None
 
     def write(self, state: bytes) -> None:
         """Raises StoreError when the disk is full; the old file is then still whole."""
-        if self._path is not None:
-            artifacts.write(self._path.with_suffix(ABOUT), json.dumps(self._about))
-            artifacts.write(self._path, state)
+        if self._folder is not None:
+            artifacts.write(self._folder.parent, f"{self._name}{ABOUT}", json.dumps(self._about))
+            artifacts.write(self._folder.parent, f"{self._name}.pt", state)
             self._renewed = True
 
     def distrust(self) -> None:
@@ -54,8 +70,9 @@ class Snapshot:
 
     def remove(self) -> None:
         """The training is finished; the folder goes with the last file."""
-        if self._path is not None and self._path.is_file():
-            self._path.unlink()
-            self._path.with_suffix(ABOUT).unlink(missing_ok=True)
-            if not any(self._path.parent.iterdir()):
-                self._path.parent.rmdir()
+        if self._folder is None:
+            return
+        for suffix in (".pt", ABOUT):
+            artifacts.remove(self._folder.parent, f"{self._name}{suffix}")
+        with suppress(OSError):  # others are under way
+            self._folder.rmdir()

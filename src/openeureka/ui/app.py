@@ -20,12 +20,14 @@ from starlette.routing import Route
 from ..errors import EurekaError
 from ..report import inert
 from ..report.view import RunView
-from ..store import is_run, say
+from ..store import artifacts, is_run, say
 from ..store.halt import ask_to_stop
 from . import folder, guard, pages, remarks
 from .follow import Fingerprint, Fresh, Parts, Version
 from .launch import Launcher
 
+ENTRANCE = "/open"
+"""The address that is printed, with the token."""
 VIEWS = 4
 """Runs held in memory, each with its curves and texts."""
 PAGES = 32
@@ -62,6 +64,7 @@ class Pages:
     def routes(self) -> list[Route]:
         return [
             Route("/", self.runs),
+            Route(ENTRANCE, _entrance),
             Route("/start", self.start, methods=["POST"]),
             Route("/runs/{name}/", self.overview),
             Route("/runs/{name}/candidates", self.candidates),
@@ -116,7 +119,11 @@ class Pages:
         """A video of a run; no other file, and none that is named in another way than the run names it."""
         name, directory = self._named(request)
         path = request.path_params["path"]
-        if path not in self._view(name, directory, folder.fingerprint(directory)).videos.values():
+        try:
+            shown = self._view(name, directory, folder.fingerprint(directory)).videos.values()
+        except EurekaError:
+            shown = ()  # the run's own page says why
+        if path not in shown or not artifacts.exists(directory, path):  # it may have become a link since it was read
             raise HTTPException(404)
         return FileResponse(directory / path, media_type="video/mp4")
 
@@ -169,6 +176,11 @@ class Pages:
 
 def _address(name: str) -> str:
     return f"/runs/{quote(name)}/"
+
+
+async def _entrance(request: Request) -> Response:
+    """The token leaves the address, so that no bookmark or screenshot holds it: a relative one would keep it."""
+    return RedirectResponse(f"{request.url.scheme}://{request.headers['host']}/", 303)
 
 
 async def _form(request: Request) -> dict[str, str]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..config import RunConfig
 from ..errors import StoreError
-from ..store import Store, is_held, is_run
+from ..store import Store, artifacts, is_held, is_run
 from ..store.db import FILENAME, LOG
 from ..types import Glance
 from .follow import Fingerprint
@@ -96,10 +96,10 @@ def _left(config: RunConfig, glance: Glance) -> Standing:
 
 def log(directory: Path, lines: int = 15, size: int = 4000) -> str:
     """The last lines of a run's log, at most `size` bytes."""
-    try:
-        with (directory / LOG).open("rb") as file:
-            file.seek(max(0, file.seek(0, os.SEEK_END) - size))
-            text = file.read().decode(errors="replace")
-            return "".join(text.splitlines(keepends=True)[-lines:])
-    except FileNotFoundError:
+    file = artifacts.opened(directory, LOG)
+    if file is None:
         return ""
+    with file:
+        file.seek(max(0, file.seek(0, os.SEEK_END) - size))
+        text = file.read().decode(errors="replace")
+    return "".join(text.splitlines(keepends=True)[-lines:])

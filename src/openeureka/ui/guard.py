@@ -2,10 +2,15 @@
 
 A browser sends requests for any web page that is open in it. A name that suddenly resolves to this machine is refused
 by its `Host`, a form of another site by its `Origin`, and anybody else, other users of this machine too, by the token.
+
+The token is the password of HTTP's own scheme, which browsers keep for one port of one name (RFC 7617, 2.2). A cookie
+would not do: browsers send it to every port of 127.0.0.1, whichever user of the machine listens there.
 """
 
 from __future__ import annotations
 
+import base64
+import binascii
 import secrets
 from collections.abc import Awaitable, Callable, Sequence
 from urllib.parse import urlsplit
@@ -14,13 +19,14 @@ from starlette.middleware import Middleware
 from starlette.middleware.base import BaseHTTPMiddleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
-from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.responses import PlainTextResponse, Response
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 """Names that only this machine has for itself, as an address holds them."""
 MAX_BODY = 2 << 20
 """Bytes of a form."""
-_COOKIE = "openeureka"
+USER = "eureka"
+"""The name before the token in the address; any other would do."""
 _HEADERS = {
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; media-src 'self'; connect-src 'self'; "
@@ -48,13 +54,17 @@ class _Gate:
         self._token = token
 
     async def __call__(self, request: Request, serve: Handler) -> Response:
-        response = self._refusal(request) or self._entrance(request) or await serve(request)
+        response = self._refusal(request) or await serve(request)
         response.headers.update(_HEADERS)
         return response
 
     def _refusal(self, request: Request) -> Response | None:
-        if not (self._knows(request.query_params.get("token")) or self._knows(request.cookies.get(_COOKIE))):
-            return PlainTextResponse("Open the address that `eureka ui` printed; it holds the token.", 403)
+        if not self._knows(_password(request.headers.get("authorization", ""))):
+            challenge = {"WWW-Authenticate": 'Basic realm="eureka ui: the password is the token", charset="UTF-8"'}
+            return PlainTextResponse("Open the address that `eureka ui` printed; it holds the token.", 401, challenge)
+        # The browser adds the token to what other sites make it ask for, too. They may send a person here, no more.
+        if _asked_by_another_site(request):
+            return PlainTextResponse("Only a page of `eureka ui` itself may ask for this.", 403)
         if request.method not in ("GET", "HEAD"):
             if urlsplit(request.headers.get("origin", "")).netloc != request.headers.get("host"):
                 return PlainTextResponse("Only a page of `eureka ui` itself may send this.", 403)
@@ -64,13 +74,21 @@ class _Gate:
                 return PlainTextResponse("This is more than a form may hold.", 413)
         return None
 
-    def _entrance(self, request: Request) -> Response | None:
-        """The token leaves the address, so that no bookmark or screenshot holds it."""
-        if "token" not in request.query_params:
-            return None
-        response = RedirectResponse(request.url.remove_query_params("token"), 303)
-        response.set_cookie(_COOKIE, self._token, httponly=True, samesite="lax")
-        return response
+    def _knows(self, said: bytes) -> bool:
+        return secrets.compare_digest(said, self._token.encode())
 
-    def _knows(self, said: str | None) -> bool:
-        return said is not None and secrets.compare_digest(said.encode(), self._token.encode())
+
+def _password(header: str) -> bytes:
+    """That of an `Authorization: Basic`; empty for anything else."""
+    scheme, _, code = header.partition(" ")
+    if scheme.lower() != "basic":
+        return b""
+    try:
+        return base64.b64decode(code, validate=True).partition(b":")[2]
+    except (binascii.Error, ValueError):
+        return b""
+
+
+def _asked_by_another_site(request: Request) -> bool:
+    site, mode = (request.headers.get(f"sec-fetch-{name}", "") for name in ("site", "mode"))
+    return site in ("cross-site", "same-site") and mode != "navigate"

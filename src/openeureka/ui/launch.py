@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO
@@ -12,16 +10,17 @@ from typing import BinaryIO
 from ..config import RunConfig, parse
 from ..errors import ConfigError, StoreError
 from ..llm import open_model
-from ..store import is_held, is_run
+from ..store import artifacts, is_held, is_run
 from ..store.db import LOG, explained
 from ..store.paths import output_directory
 from ..tasks import registry
 from ..training.devices import devices
+from ..worker import environment, interpreter
 
 SETTINGS = ("env", "model", "sample", "iteration", "steps", "seed", "device", "feedback", "video")
 """What the form asks for. Addresses and paths stay on the command line: a page must not send keys somewhere."""
 
-_EUREKA = (sys.executable, "-c", "from openeureka.cli.main import main; main()")
+_EUREKA = (*interpreter(), "-c", "from openeureka.cli.main import main; main()")
 
 
 class Launcher:
@@ -62,7 +61,7 @@ class Launcher:
     def _eureka(self, words: Sequence[str], directory: Path) -> None:
         """Call `eureka` with these words; what it prints ends up in the log of the run."""
         self._processes = [process for process in self._processes if process.poll() is None]
-        with explained(directory), (directory / LOG).open("ab") as log:
+        with explained(directory), artifacts.appended(directory, LOG) as log:
             self._processes.append(_detached(words, log))
 
 
@@ -73,6 +72,6 @@ def _detached(words: Sequence[str], log: BinaryIO) -> subprocess.Popen[bytes]:
         stdin=subprocess.DEVNULL,
         stdout=log,
         stderr=subprocess.STDOUT,
-        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+        env=environment() | {"PYTHONUNBUFFERED": "1"},
         start_new_session=True,
     )

@@ -16,7 +16,7 @@ def serve(root: Path, host: str, port: int) -> None:
     """Print the address, with its token, and serve. Raises ConfigError when the address cannot be had."""
     token = secrets.token_urlsafe(24)
     with listen(host, port) as listener:
-        print(f"Open http://{_in_address(host)}:{listener.getsockname()[1]}/?token={token}")
+        print(f"Open http://{guard.USER}:{token}@{_in_address(host)}:{listener.getsockname()[1]}{app.ENTRANCE}")
         print("Ctrl-C ends the page; runs go on.", flush=True)
         page = app.build(root, token, names(host))
         config = uvicorn.Config(page, log_level="warning", ws="none", lifespan="off", timeout_graceful_shutdown=1)

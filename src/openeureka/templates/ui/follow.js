@@ -37,7 +37,7 @@ function renew({ order, changed }) {
 
 async function look() {
   const marks = [...main.children].map((part) => part.dataset.mark);
-  const answer = await fetch(main.dataset.address, { headers: { "X-Shown": marks.join(",") } });
+  const answer = await fetch(new URL(main.dataset.address, location.origin), { headers: { "X-Shown": marks.join(",") } });
   if (!answer.ok) throw new Error(answer.statusText);
   if (answer.status === 200) renew(await answer.json());
   return Number(answer.headers.get("X-Pause"));

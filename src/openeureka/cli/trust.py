@@ -1,0 +1,131 @@
+"""What a run directory from elsewhere does not decide: whom to ask, what to pay, and which files to read and run.
+
+Settings that reach outside a run are followed when this user has typed them before, on this machine, in a command that
+started a run; others are shown and asked about. The record is kept by value and beside the runs: a run that is moved or
+copied goes on unasked, and no directory can say of itself that it is trusted.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Collection, Mapping
+from contextlib import suppress
+from pathlib import Path
+
+import platformdirs
+
+from ..config import absolute
+from ..errors import ConfigError
+from ..report.text import plain
+from ..tasks import registry
+
+RECORD = "typed"
+_EFFECTS = {
+    "env": "is run with your rights",
+    "curriculum": "is read, and the tasks that it names are run with your rights",
+    "init": "is read, and sent to the model",
+    "model": "is loaded, or asked for rewards, which may cost money",
+    "base_url": "is sent the prompts and your key",
+    "price": "is what replies are taken to cost",
+}
+
+
+def claims(config: object) -> dict[str, str]:
+    """The settings of a run or a training that reach outside it, by key; paths are whole."""
+    env, curriculum, init, model, base_url, price = (str(getattr(config, key, "")) for key in _EFFECTS)
+    found = {
+        "env": "" if registry.installed(env) else absolute("env", env),
+        "curriculum": absolute("curriculum", curriculum) if curriculum.endswith((".yaml", ".yml")) else "",
+        "init": "" if init == "human" else _whole(init),
+        "model": "" if model in ("local", "random") else _model(model),
+        "base_url": base_url,
+        "price": price,
+    }
+    return {key: value for key, value in found.items() if value}
+
+
+def _whole(path: str) -> str:
+    return str(Path(path).expanduser().resolve()) if path else ""
+
+
+def _model(name: str) -> str:
+    kind, _, rest = name.partition(":")
+    local = kind in ("local", "replay") and rest and not rest.startswith("hub:")
+    return f"{kind}:{_whole(rest)}" if local else name
+
+
+def remember(config: object) -> None:
+    """Keep what was typed. Where that cannot be written, it will be asked about."""
+    fresh = unknown(config)
+    if not fresh:
+        return
+    with suppress(OSError):
+        path = _record()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+        with os.fdopen(descriptor, "w") as file:
+            file.write("".join(f"{_line(*claim)}\n" for claim in fresh.items()))
+
+
+def unknown(config: object) -> dict[str, str]:
+    """Those of the `claims` that this user has not typed before."""
+    known = _known()
+    return {key: value for key, value in claims(config).items() if _line(key, value) not in known}
+
+
+def agree(config: object, directory: Path, *, typed: Collection[str], trusted: Path | None) -> None:
+    """Have a person agree to what the stored settings of a run reach, unless they typed it, now or before.
+
+    Args:
+        typed: keys that this command itself gives.
+        trusted: the directory of `trust=`, which agrees beforehand.
+
+    Raises:
+        ConfigError: when nobody agrees.
+    """
+    if trusted is not None and trusted.resolve() != directory.resolve():
+        raise ConfigError(f"trust={trusted} is not the run that is resumed; write trust={directory}.")
+    asked = {key: value for key, value in unknown(config).items() if key not in typed}
+    if asked and trusted is None:
+        if not (sys.stdin.isatty() and sys.stdout.isatty()):
+            listed = ", ".join(f"{key}={plain(value)}" for key, value in asked.items())
+            raise ConfigError(
+                f"{directory} would use what was never typed here: {listed}; add trust={directory} if you know where "
+                "it comes from."
+            )
+        _ask(asked, directory)
+    remember(config)
+
+
+def _ask(asked: Mapping[str, str], directory: Path) -> None:
+    print(f"{directory} was not started here. It wants to use:")
+    for key, value in asked.items():
+        print(f"  {key}={_visible(value)}\n    which {_EFFECTS[key]}")
+    try:
+        answer = input("Do you know where it comes from, and agree? [y/N] ")
+    except EOFError:
+        answer = ""
+    if answer.strip().lower() not in ("y", "yes"):
+        raise ConfigError(f"Nothing was done; `eureka show {directory}` reads the run without using any of it.")
+
+
+def _visible(value: str) -> str:
+    """The value with nothing hidden: what does not print is written out."""
+    return value if plain(value) == value and value.isprintable() else ascii(value)
+
+
+def _line(key: str, value: str) -> str:
+    return json.dumps([key, value])
+
+
+def _known() -> frozenset[str]:
+    try:
+        return frozenset(_record().read_text().splitlines())
+    except (OSError, UnicodeDecodeError):
+        return frozenset()
+
+
+def _record() -> Path:
+    return Path(platformdirs.user_state_dir("openeureka")) / RECORD

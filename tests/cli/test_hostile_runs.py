@@ -1,0 +1,123 @@
+"""Whatever a run directory from elsewhere holds: nothing outside it is read, written, imported or asked."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hostile_runs import CASES, SECRET, HostileRun, bystanders
+from report.policies import policy
+from report.scripted import search_in
+from ui.serving import visitor
+
+from openeureka.cli import main as command
+from openeureka.cli import play, search, trainer
+from openeureka.report import plots, video
+from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, reply
+from openeureka.training.policy import Policy
+
+DRIVES = {"\x1b", "\x07", "\x9b", "\u202e"}
+HERE = "# Heading"
+"""How a line of a hostile text would begin, were it not kept to the line that it is shown in."""
+
+
+class Checker(ToyChecker):
+    def __init__(self, *_: object, unsafe: bool) -> None:
+        super().__init__()
+        assert not unsafe, "a store has switched the sandbox off"
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+
+class Known(ToyTrainer):
+    """The task is installed, whatever the run says."""
+
+    def train(self, env, jobs, budget):
+        assert env == "cartpole"
+        yield from super().train(env, jobs, budget)
+
+
+@pytest.fixture(scope="module")
+def honest(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    directory = tmp_path_factory.mktemp("honest") / "run"
+    with contextlib.suppress(IndexError):  # the script is over
+        search_in(directory, [reply(7), reply(8)], env="cartpole", iteration=2, video="all")
+    (directory / "best" / "policy.safetensors").write_bytes(Policy("cartpole", policy(4, 1, (8,)).tensors).to_bytes())
+    return directory
+
+
+@pytest.fixture
+def things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Where the person is: among things that no run may reach. They are as they were in the end."""
+    monkeypatch.setenv("CANARY", SECRET)
+    monkeypatch.setenv("OPENAI_API_KEY", f"sk-{SECRET}")
+    monkeypatch.setattr(search, "open_model", lambda config, held: ScriptedModel([reply(5), reply(6)]))
+    monkeypatch.setattr(search, "Sandbox", Checker)
+    monkeypatch.setattr(search, "record_states", lambda env: {})
+    monkeypatch.setattr(trainer, "PopulationTrainer", lambda **_: Known())
+    monkeypatch.setattr(plots, "summary", lambda run: b"png")
+    monkeypatch.setattr(play.viewer, "has_display", lambda: False)
+    for module in (video, play):
+        monkeypatch.setattr(module, "render", rendered)
+    monkeypatch.setattr("os.fsync", lambda descriptor: None)  # no disk is tested here
+    folder = tmp_path / "things"
+    bystanders(folder)
+    monkeypatch.chdir(folder)
+    before = snapshot(folder)
+    yield folder
+    assert snapshot(folder) == before
+    assert not (tmp_path / "mark").exists(), "a file was imported that the run named"
+
+
+def rendered(env: str, *_: object, **__: object) -> bytes:
+    assert env == "cartpole"
+    return b"mp4"
+
+
+def snapshot(folder: Path) -> dict[str, bytes]:
+    return {str(path): path.read_bytes() if path.is_file() else b"" for path in sorted(folder.rglob("*"))}
+
+
+def eureka(*words: object) -> int:
+    with pytest.raises(SystemExit) as exit:
+        command.main([str(word) for word in words])
+    return int(exit.value.code or 0)
+
+
+def assert_harmless(text: str) -> None:
+    assert SECRET not in text
+    assert not DRIVES & set(text)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+@pytest.mark.timeout(30)
+def test_a_directory_from_elsewhere_does_no_harm(case: HostileRun, honest: Path, things: Path, capfd):
+    run = things
+    for verb in case.verbs:
+        if verb not in ("page", "play"):  # those only read
+            run = things.parent / verb / "run"
+            shutil.copytree(honest, run)
+            case.harm(run, things)
+        if verb == "page":
+            client = visitor(run.parent)
+            pages = [client.get(path) for path in ("/", "/runs/run/", "/runs/run/best/video.mp4")]
+            said = "".join(page.text for page in pages)
+            assert all(page.status_code in (200, 404) for page in pages)
+        else:
+            code = eureka(verb, run)
+            said = "".join(capfd.readouterr())
+            wanted = case.resume if verb == "resume" else case.read if verb != "play" else ""
+            assert wanted in said and (bool(wanted) == bool(code) or verb in ("play", "report")), said
+            assert "Traceback" not in said
+        assert_harmless(said)
+        for path in run.rglob("*"):
+            if path.is_file() and not path.is_symlink() and path.suffix in (".md", ".html", ".json", ".log", ".py"):
+                text = path.read_text()
+                assert SECRET not in text
+                assert path.suffix != ".md" or HERE not in text.splitlines()

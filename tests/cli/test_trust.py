@@ -1,0 +1,181 @@
+"""Who started a run goes on with it unasked; what a run from elsewhere reaches is shown, and agreed to or refused."""
+
+from __future__ import annotations
+
+import builtins
+import contextlib
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from openeureka import search as strategies
+from openeureka.cli import search, trainer, trust
+from openeureka.cli.play import play
+from openeureka.cli.settings import PlayConfig
+from openeureka.cli.show import report
+from openeureka.config import RunConfig
+from openeureka.errors import ConfigError
+from openeureka.loop import run as run_search
+from openeureka.report import video
+from openeureka.store import Store
+from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
+
+TASK = Path(__file__).parents[2] / "examples" / "pendulum.py"
+SETTINGS = ["sample=2", "iteration=2", "seeds=1", "video=none", "baselines=train"]
+ADDRESS = "http://127.0.0.1:9/v1"
+
+
+class Checker(ToyChecker):
+    def __init__(self, *_: object, **__: object) -> None:
+        super().__init__()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The endpoints that were opened."""
+    opened: list[str] = []
+
+    def open_model(config: RunConfig, held: int) -> ScriptedModel:
+        opened.append(config.base_url)
+        return ScriptedModel([reply(n) for n in range(1, 9)][held:])
+
+    monkeypatch.setattr(search, "open_model", open_model)
+    monkeypatch.setattr(search, "context", lambda env: TOY)
+    monkeypatch.setattr(search, "Sandbox", Checker)
+    monkeypatch.setattr(search, "record_states", lambda env: {})
+    monkeypatch.setattr(trainer, "PopulationTrainer", lambda **_: ToyTrainer())
+    return opened
+
+
+def foreign(directory: Path, **settings: object) -> Path:
+    """A run that somebody else broke off."""
+    given = {"iteration": 2, "sample": 2, "seeds": 1, "model": "m", "base_url": ADDRESS, "video": "none", **settings}
+    config = RunConfig(**given)  # type: ignore[arg-type]
+    with Store.open(directory, config) as store, contextlib.suppress(IndexError):
+        model = ScriptedModel([reply(1), reply(2)])
+        run_search(config, store, model, ToyChecker(), ToyTrainer(), TOY, strategies.make(config))
+    return directory
+
+
+def at_a_terminal(monkeypatch: pytest.MonkeyPatch, answer: str) -> list[str]:
+    """Somebody sits there and gives this answer."""
+    questions: list[str] = []
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setattr(builtins, "input", lambda question: questions.append(question) or answer)
+    return questions
+
+
+def test_a_run_of_ones_own_goes_on_unasked_also_moved_and_copied(asked, tmp_path, monkeypatch):
+    questions = at_a_terminal(monkeypatch, "n")
+    own = [f"env={TASK}", "model=m", f"base_url={ADDRESS}", "price=1,2", *SETTINGS]
+    search.run([*own, f"dir={tmp_path}/run"])
+    (tmp_path / "run").rename(tmp_path / "moved")
+    shutil.copytree(tmp_path / "moved", tmp_path / "copy")
+    for place in ("moved", "copy"):
+        search.resume([f"{tmp_path}/{place}"])
+    assert asked == [ADDRESS] * 3 and questions == []
+
+
+def test_an_address_from_elsewhere_is_refused_in_a_script_and_trusted_by_name(asked, tmp_path):
+    run = foreign(tmp_path / "run", env="cartpole")
+    with pytest.raises(ConfigError) as refused:
+        search.resume([str(run)])
+    assert f"base_url={ADDRESS}" in str(refused.value) and f"add trust={run} if" in str(refused.value)
+    with pytest.raises(ConfigError, match="is not the run that is resumed"):
+        search.resume([str(run), f"trust={tmp_path}"])
+    assert asked == []
+    search.resume([str(run), f"trust={run}"])
+    search.resume([str(run)])  # who has agreed once is not asked again
+    assert asked == [ADDRESS, ADDRESS]
+
+
+@pytest.mark.parametrize(
+    ("answer", "opened"), [("y", [ADDRESS]), ("Yes", [ADDRESS]), ("", []), ("n", []), ("what?", [])]
+)
+def test_at_a_terminal_a_person_is_shown_what_is_used_and_asked(asked, tmp_path, monkeypatch, capsys, answer, opened):
+    notes = tmp_path / "notes\x1b[2J"
+    notes.write_text(program(3))
+    run = foreign(tmp_path / "run", env="cartpole", init=str(notes), model="m\u202e")
+    questions = at_a_terminal(monkeypatch, answer)
+    with contextlib.nullcontext() if opened else pytest.raises(ConfigError, match="Nothing was done"):
+        search.resume([str(run)])
+    assert asked == opened and len(questions) == 1
+    shown = capsys.readouterr().out
+    assert f"  base_url={ADDRESS}\n    which is sent the prompts and your key\n" in shown
+    assert "notes\\x1b[2J" in shown and "\\u202e" in shown and "\x1b[2J" not in shown and "\u202e" not in shown
+
+
+def test_what_the_command_itself_says_is_not_asked_about(asked, tmp_path):
+    run = foreign(tmp_path / "run", env="cartpole", model="local")
+    search.resume([str(run), "base_url=http://127.0.0.1:8/v1"])
+    assert asked == ["http://127.0.0.1:8/v1"]
+
+
+def test_no_store_switches_the_sandbox_off(asked, tmp_path, monkeypatch):
+    seen: list[object] = []
+    monkeypatch.setattr(Checker, "__init__", lambda self, *_, unsafe: seen.append(unsafe) or ToyChecker.__init__(self))
+    run = foreign(tmp_path / "run", env="cartpole", model="local", base_url="", unsafe_no_sandbox=True)
+    search.resume([str(run)])
+    search.resume([str(run), "unsafe_no_sandbox=true"])
+    assert seen == [False, True]
+
+
+def test_a_report_imports_the_file_of_a_run_that_was_started_here_or_that_is_typed(tmp_path, monkeypatch, capsys):
+    filmed: list[str] = []
+    monkeypatch.setattr(video, "render", lambda env, *_, **__: filmed.append(env) or b"mp4")
+    run = foreign(tmp_path / "run", env=str(TASK))
+    report([str(run), "video=all"])
+    assert filmed == [] and "add env=FILE.py" in capsys.readouterr().out
+    report([str(run), "video=all", f"env={TASK}"])
+    assert set(filmed) == {str(TASK)}
+    for film in run.rglob("video.mp4"):
+        film.unlink()
+    trust.remember(RunConfig(env=str(TASK)))
+    filmed.clear()
+    report([str(run), "video=all"])
+    assert set(filmed) == {str(TASK)}
+
+
+def test_a_policy_from_elsewhere_imports_nothing_unasked(tmp_path, monkeypatch):
+    from report.policies import policy
+
+    from openeureka.training.policy import Policy
+
+    file = tmp_path / "p.safetensors"
+    (tmp_path / "evil.py").write_text(f"open({str(tmp_path / 'mark')!r}, 'w')\n")
+    for env in (f"{tmp_path}/evil.py:Task", "evil:Task", "cartpole+/../evil.py"):
+        file.write_bytes(Policy(env, policy(4, 1, (8,)).tensors).to_bytes())
+        monkeypatch.chdir(tmp_path)
+        with pytest.raises(ConfigError, match="is no installed task and was never typed here"):
+            play([f"policy={file}"])
+    assert not (tmp_path / "mark").exists()
+
+
+def test_the_same_relative_path_elsewhere_is_another_file(tmp_path, monkeypatch):
+    for folder in ("mine", "theirs"):
+        (tmp_path / folder).mkdir()
+    monkeypatch.chdir(tmp_path / "mine")
+    trust.remember(RunConfig(model="local:weights.gguf", init="first.py"))
+    assert trust.unknown(RunConfig(model="local:weights.gguf", init="first.py")) == {}
+    monkeypatch.chdir(tmp_path / "theirs")
+    assert set(trust.unknown(RunConfig(model="local:weights.gguf", init="first.py"))) == {"model", "init"}
+
+
+@pytest.mark.parametrize("env", ["cartpole", "cartpole+episode_length=100", "shadow_hand_spin"])
+def test_an_installed_task_needs_no_consent(env):
+    assert trust.claims(PlayConfig(env=env)) == {}
+
+
+def test_a_home_that_cannot_be_written_is_no_error(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
+    trust.remember(RunConfig(base_url=ADDRESS))
+    assert trust.unknown(RunConfig(base_url=ADDRESS)) == {"base_url": ADDRESS}
