@@ -21,6 +21,7 @@ from ..store import Store, is_run, read_config, read_replies
 from ..store.paths import output_directory
 from ..tasks.context import context
 from ..tasks.record import record_states
+from ..tasks.registry import get
 from .desk import TerminalDesk
 from .live import view
 from .log import logged
@@ -62,7 +63,12 @@ def _search(config: RunConfig, directory: Path) -> None:
     strategy = search.make(config)
     try:
         with (
-            Sandbox(known.state, record_states(config.env), unsafe=config.unsafe_no_sandbox) as checker,
+            Sandbox(
+                known.state,
+                record_states(config.env),
+                worlds=config.worlds or get(config.env).recipe.worlds,
+                unsafe=config.unsafe_no_sandbox,
+            ) as checker,
             Store.open(directory, config) as store,
             _telling_how_to_continue(directory),
             stoppable(directory),
