@@ -68,7 +68,8 @@ class Lanes:
         """Results of every reward with every seed, by job id.
 
         Raises:
-            WorkerError: when no lane at all could be trained, which is the machine's fault rather than a reward's.
+            WorkerError: when no lane at all could be trained, nor the task's own reward: the machine's fault, not a
+                reward's. A lane that ends its worker by itself has a result that says so.
         """
         jobs = [
             TrainJob(id=lane(name, seed), program=program, seed=seed) for name, program in rewards for seed in seeds
@@ -92,7 +93,7 @@ class Lanes:
                 failed.append(event)
             else:
                 self._keep(event, sharing[event.job])
-        if failed and len(failed) == len(wanted):
+        if failed and len(failed) == len(wanted) and any(isinstance(job.program, str) for job in wanted):
             raise WorkerError(failed[0].message)
         for result in failed:
             self._keep(result, sharing[result.job])

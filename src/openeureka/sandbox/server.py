@@ -116,7 +116,7 @@ def _examine(text: bytes, bench: _Bench) -> dict[str, Any]:
     if "findings" in answer:
         return {"findings": answer["findings"]}
     try:
-        parsed, origin = graph.simplify(graph.from_json(answer.get("graph")))
+        parsed, origin = graph.simplify(graph.from_json(answer.get("graph", "")))
     except graph.GraphError as error:
         return {"findings": [["operation", f"its graph is not allowed: {error}"[:300], "", None]]}
     said = answer.get("lines")
