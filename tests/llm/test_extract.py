@@ -86,11 +86,11 @@ LONG = {
     "a fence that is none": "~" * 999_000 + "`",
     "one of backticks": "`" * 999_000 + " x`",
     "quotes": ">" * 999_000 + "`",
-    "many blocks": "```\ndef f():\n  a\n```\n" * 45_000,
+    "many blocks": "```\ndef f():\n  a\n```\n" * 15_000,
     "blocks that need each other": "".join(
-        f"```\ndef f{i + 1}(): f{i}(a{i}, b{i}, c{i}, d{i})\n```\n" for i in range(14_000)
+        f"```\ndef f{i + 1}(): f{i}(a{i}, b{i}, c{i}, d{i})\n```\n" for i in range(5_000)
     )
-    + "```\ndef reward(): f14000()\n```",
+    + "```\ndef reward(): f5000()\n```",
 }
 
 

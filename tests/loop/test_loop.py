@@ -331,14 +331,18 @@ def test_a_reward_that_alone_ends_its_worker_is_recorded_and_a_resumed_run_does_
     begin, monkeypatch
 ) -> None:
     """No human reward trains beside it; the trainer has found that one would."""
-    measured = Baselines(Arm((9.0,), (9.0,)), Arm((5.0,), (2.0,)), env_steps=10, worlds=1, device="a GPU", date="2026")
+    measured = Baselines(
+        human=Arm(training=(9.0,), held_out=(9.0,)), sparse=Arm(training=(5.0,), held_out=(2.0,)),
+        env_steps=10, worlds=1, device="a GPU", date="2026-01-01",
+    )  # fmt: skip
     monkeypatch.setattr(baselines, "known", lambda env, peak: measured)
     one = begin([reply(6)], sample=1, baselines="known")
     one.trainer = Failing(everything=True)
     assert one.go().best is None
     assert one.go().best is None
     assert one.trainer.trained == [lane(6, 0)] and one.model.said == 1
-    assert "out of memory" in one.history().generations[0].entries[0].feedback
+    result = one.history().generations[0].entries[0].result
+    assert result is not None and (result.state, result.message) == (TrainingState.FAILED, "out of memory")
 
 
 HOSTILE_REPLIES = {
