@@ -10,7 +10,7 @@ from .config import RunConfig
 from .errors import WorkerError
 from .hacking import Trial
 from .observer import Observer
-from .score import level, played
+from .score import level, played, standing
 from .search import SearchStrategy
 from .store import Store
 from .types import (
@@ -96,7 +96,8 @@ class Lanes:
         """Results of every reward with every seed, by job id.
 
         Raises:
-            WorkerError: when no lane at all could be trained, which is the machine's fault rather than a reward's.
+            WorkerError: when no lane at all could be trained, nor the task's own reward: the machine's fault, not a
+                reward's. A lane that ends its worker by itself has a result that says so.
         """
         jobs = [
             TrainJob(id=lane(name, seed), program=program, seed=seed) for name, program in rewards for seed in seeds
@@ -120,7 +121,7 @@ class Lanes:
                 failed.append(event)
             else:
                 self._keep(event, sharing[event.job])
-        if failed and len(failed) == len(wanted):
+        if failed and len(failed) == len(wanted) and any(isinstance(job.program, str) for job in wanted):
             raise WorkerError(failed[0].message)
         for result in failed:
             self._keep(result, sharing[result.job])
@@ -181,8 +182,8 @@ class Lanes:
 
     def standing(self, jobs: Iterable[str], strategy: SearchStrategy) -> dict[str, Peak]:
         """Which of its policies stands for each job: that which plays best, or the first where none was played."""
-        scores = self._scores(jobs := tuple(jobs))
-        return {job: (scores[job].peak if job in scores else None) or strategy.peaks[0] for job in jobs}
+        plays = self.store.plays()
+        return {job: standing(plays.get(job), strategy.peaks[0]) for job in jobs}
 
     def evaluate(self, jobs: Mapping[str, Peak]) -> dict[str, Evaluation]:
         """Held-out scores by job id, each of the named policy; a lane without it has none."""

@@ -62,6 +62,11 @@ def played(plays: Mapping[Peak, Sequence[Evaluation]]) -> Evaluation:
     return max((pooled(looks) for looks in plays.values()), key=lambda score: rank(score.fitness))
 
 
+def standing(plays: Mapping[Peak, Sequence[Evaluation]] | None, otherwise: Peak) -> Peak:
+    """Which of its policies stands for a lane: that which plays best, or another where none was played."""
+    return (played(plays).peak if plays else None) or otherwise
+
+
 def level(scores: Mapping[str, Evaluation]) -> list[str]:
     """Who may be the best as far as the errors tell: less than two of them below the highest, that one included."""
     best = max(scores.values(), key=lambda score: rank(score.fitness), default=None)

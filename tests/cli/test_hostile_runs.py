@@ -25,7 +25,7 @@ HERE = "# Heading"
 
 
 class Checker(ToyChecker):
-    def __init__(self, *_: object, unsafe: bool) -> None:
+    def __init__(self, *_: object, unsafe: bool, **__: object) -> None:
         super().__init__()
         assert not unsafe, "a store has switched the sandbox off"
 

@@ -80,3 +80,23 @@ def test_hostile_replies_take_little_time(reply: str):
 
 def test_null_bytes_do_no_harm():
     assert extract.program("```python\ndef f():\n    return '\0'\n```") == "def f():\n    return '\0'\n"
+
+
+LONG = {
+    "a fence that is none": "~" * 999_000 + "`",
+    "one of backticks": "`" * 999_000 + " x`",
+    "quotes": ">" * 999_000 + "`",
+    "many blocks": "```\ndef f():\n  a\n```\n" * 15_000,
+    "blocks that need each other": "".join(
+        f"```\ndef f{i + 1}(): f{i}(a{i}, b{i}, c{i}, d{i})\n```\n" for i in range(5_000)
+    )
+    + "```\ndef reward(): f5000()\n```",
+}
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_a_megabyte_of_anything_is_read_in_seconds(name: str) -> None:
+    """Time grows with the length alone: with its square, the fence would take hours."""
+    started = time.process_time()
+    extract.program(LONG[name])
+    assert time.process_time() - started < 20.0

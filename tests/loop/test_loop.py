@@ -4,9 +4,11 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from sandbox.states import recorded
 
 from openeureka import baselines, search
 from openeureka.config import RunConfig
@@ -14,8 +16,11 @@ from openeureka.errors import BudgetError, ConfigError, ModelError, WorkerError
 from openeureka.loop import run, summarise
 from openeureka.observer import NullObserver
 from openeureka.sampling import request_seed
+from openeureka.sandbox import confine
+from openeureka.sandbox.client import Sandbox
 from openeureka.score import Arm, Baselines, Outcome
 from openeureka.store import Store, read_replies
+from openeureka.testing.hostile import CORPUS, STATE
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
 from openeureka.types import Candidate, TrainingState, VerdictCode
 
@@ -321,6 +326,55 @@ def test_when_no_lane_can_train_the_run_stops_and_can_be_resumed(begin) -> None:
     one.trainer = ToyTrainer()
     best = one.go().best
     assert best is not None and best.fitness == 8 and one.model.said == 2
+
+
+def test_a_reward_that_alone_ends_its_worker_is_recorded_and_a_resumed_run_does_not_train_it_again(
+    begin, monkeypatch
+) -> None:
+    """No human reward trains beside it; the trainer has found that one would."""
+    measured = Baselines(
+        human=Arm(training=(9.0,), held_out=(9.0,)), sparse=Arm(training=(5.0,), held_out=(2.0,)),
+        env_steps=10, worlds=1, device="a GPU", date="2026-01-01",
+    )  # fmt: skip
+    monkeypatch.setattr(baselines, "known", lambda env, peak: measured)
+    one = begin([reply(6)], sample=1, baselines="known")
+    one.trainer = Failing(everything=True)
+    assert one.go().best is None
+    assert one.go().best is None
+    assert one.trainer.trained == [lane(6, 0)] and one.model.said == 1
+    result = one.history().generations[0].entries[0].result
+    assert result is not None and (result.state, result.message) == (TrainingState.FAILED, "out of memory")
+
+
+HOSTILE_REPLIES = {
+    "truncated-least-integer": "integer-division",
+    "large-between-two-sizes": "memory",
+    "worlds-beyond-the-recorded": "coupling",
+    "huge-integer": "input-edit",
+    "fences": "",
+}
+
+
+@pytest.mark.skipif(not confine.support().complete, reason=confine.support().sentence())
+@pytest.mark.parametrize("stopped", [False, True], ids=["run", "resume"])
+def test_a_run_goes_on_after_hostile_replies_with_verdicts_that_say_why(begin, stopped: bool) -> None:
+    sources = {hostile.name: hostile.source for hostile in CORPUS}
+    sources["huge-integer"] = "def compute_reward(pos):\n    pos += 0x" + "F" * 6000 + "\n    return pos[:, 0], {}\n"
+    texts = [f"```python\n{sources[name]}\n```" for name in HOSTILE_REPLIES if name in sources] + ["~" * 48000 + "`"]
+    one = begin(texts, sample=len(texts))
+
+    def stop(candidate: Candidate) -> None:
+        raise KeyboardInterrupt
+
+    if stopped:  # the replies are stored and no verdict is, as after a parent that was killed
+        one.checker = SimpleNamespace(check=stop)
+        with pytest.raises(KeyboardInterrupt):
+            one.go()
+    with Sandbox(STATE, recorded()) as one.checker:
+        assert one.go().best is None
+    entries = one.history().generations[0].entries
+    rules = [entry.sample.verdict.findings[0].rule if entry.sample.candidate else "" for entry in entries]
+    assert rules == list(HOSTILE_REPLIES.values()) and one.model.said == len(texts)
 
 
 class Log(NullObserver):

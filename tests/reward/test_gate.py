@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import time
+
 import pytest
 
 from openeureka.reward import gate
+from openeureka.testing.hostile import STATE
 from reward.honest import ANT, CARTPOLE
 
 
@@ -152,3 +155,66 @@ def test_a_python_number_may_be_changed_in_place() -> None:
 def test_line_ends_and_tabs_of_any_system_are_read(newline: str) -> None:
     source = newline.join(["def f(dof_pos):", "\tr = dof_pos[:, 0]", "\treturn r, {}", ""])
     assert isinstance(gate.check(source, CARTPOLE), gate.Program)
+
+
+ODD = {
+    "an empty index": "r = pos[()].sum(dim=-1)",
+    "an integer of thousands of digits": "pos += 0x" + "F" * 6000,
+    "one in an index": "r = pos[0x" + "F" * 6000 + "]",
+    "one in a default": "f = lambda x=0x" + "F" * 6000 + ": x",
+    "one that is assigned": "self.x = 0x" + "F" * 6000,
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_an_odd_program_is_judged_like_any_other(name: str) -> None:
+    source = f"def f(pos):\n    r = pos[:, 0]\n    {ODD[name]}\n    return r, {{}}\n"
+    found = gate.check(source, STATE)
+    assert isinstance(found, gate.Program) or all(finding.rule != "unreadable" for finding in found)
+    assert isinstance(found, gate.Program) == (name == "an empty index")
+
+
+def test_whatever_the_gate_trips_over_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
+    def trip(tree: object) -> None:
+        raise AttributeError("\x1b no such\nthing")
+
+    monkeypatch.setattr(gate, "_Rules", lambda *_: trip(None))
+    (finding,) = gate.check("def f(pos):\n    return pos[:, 0], {}\n", STATE)  # type: ignore[misc]
+    assert finding.rule == "unreadable" and finding.sentence().isprintable()
+
+
+@pytest.mark.parametrize(
+    ("text", "rule"),
+    [
+        ("import torch as __builtins__\ndef f(pos):\n    return pos[:, 0], {}\n", "dunder"),
+        ("def f(pos):\n    h = lambda open: 0\n    open('x')\n    return pos[:, 0], {}\n", "unknown-name"),
+        ("def f(pos):\n    h = [0 for open in (1, 2)]\n    open('x')\n    return pos[:, 0], {}\n", "unknown-name"),
+        (
+            "def f(pos):\n    def g(open):\n        return open\n    return pos[:, 0] + open('x'), {}\n",
+            "unknown-name",
+        ),
+    ],
+)
+def test_a_name_is_known_where_it_is_bound_and_nowhere_else(text: str, rule: str) -> None:
+    found = gate.check(text, STATE)
+    assert isinstance(found, tuple) and [finding.rule for finding in found] == [rule]
+
+
+def test_inner_functions_see_the_names_around_them() -> None:
+    source = """def f(pos):
+    weights = [1.0, 2.0]
+    def scaled(x):
+        return sum(w * x[:, i] for i, w in enumerate(weights))
+    g = lambda y: scaled(y) + sum([k for k in weights])
+    return g(pos), {}
+"""
+    assert isinstance(gate.check(source, STATE), gate.Program)
+
+
+def test_guessing_names_takes_no_longer_than_reading_them() -> None:
+    """It took two minutes: a millisecond and more for each of thousands of names."""
+    body = "\n".join(f"    pos_abcdefghijklmnop{i} + vel_{'x' * 20}{i}" for i in range(330))
+    started = time.process_time()
+    found = gate.check(f"def f(pos):\n{body}\n    return pos[:, 0], {{}}\n", STATE)
+    assert isinstance(found, tuple) and len(found) == 660
+    assert time.process_time() - started < 2.0

@@ -177,6 +177,61 @@ def test_a_graph_that_asks_for_much_memory_is_refused_before_it_runs(name: str) 
     assert [finding.rule for finding in findings] == ["memory"]
 
 
+def examined(*nodes: Node, worlds: int = 0) -> list[str]:
+    """Rules that a graph whose reward is its last node breaks."""
+    made = RewardGraph(nodes=(Node("input", ("dof_pos",)), *nodes), reward=len(nodes), components=())
+    found = examine.examine(probe.Traced(made, ()), CARTPOLE, recorded(CARTPOLE), worlds)
+    return [finding.rule for finding in found]
+
+
+def test_a_shape_is_measured_with_the_worlds_that_train() -> None:
+    """x[:, None] * arange(n - 20,000): nothing to square below 20,000 worlds, more than the limit per world there."""
+    beyond = (
+        Node("select.int", ({"ref": 0}, 1, 0)),
+        Node("slice.Tensor", ({"ref": 1}, 0, 20_000, 2**63 - 1)),
+        Node("unsqueeze.default", ({"ref": 2}, 1)),
+        Node("mul.Tensor", ({"ref": 2}, {"ref": 3})),
+        Node("sum.default", ({"ref": 4},)),
+        Node("mul.Tensor", ({"ref": 5}, 0.0)),
+        Node("add.Tensor", ({"ref": 1}, {"ref": 6})),
+    )
+    assert examined(*beyond, worlds=512) == []
+    assert examined(*beyond, worlds=40_000) == ["memory"]
+
+
+@pytest.mark.parametrize("first", [300, 500])
+def test_worlds_that_depend_on_others_only_above_the_recorded_number_are_refused(first: int) -> None:
+    nodes = (
+        Node("select.int", ({"ref": 0}, 1, 0)),
+        Node("slice.Tensor", ({"ref": 1}, 0, first, 2**63 - 1)),
+        Node("sum.default", ({"ref": 2},)),
+        Node("add.Tensor", ({"ref": 1}, {"ref": 3})),
+    )
+    assert examined(*nodes) == examined(*nodes, worlds=64) == examined(*nodes, worlds=1024) == ["coupling"]
+
+
+def test_a_reward_that_would_keep_a_training_waiting_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    select = Node("select.int", ({"ref": 0}, 1, 0))
+    assert examined(select) == []
+    monkeypatch.setattr(examine, "MAX_CALL_SECONDS", 0.0)
+    assert examined(select) == ["slow"]
+
+
+def test_a_compiled_graph_divides_no_integers_and_truncates() -> None:
+    """The least integer by -1 would end the process; floats have no such quotient."""
+    whole = Node("_to_copy.default", ({"ref": 1},), {"dtype": "int64"})
+    for operands, rule in ((({"ref": 2}, {"ref": 2}), "integer"), (({"ref": 1}, {"ref": 2}), None)):
+        divide = Node("div.Tensor_mode", operands, {"rounding_mode": "trunc"})
+        nodes = (Node("input", ("dof_pos",)), Node("select.int", ({"ref": 0}, 1, 0)), whole, divide)
+        compiled = graph.compile(RewardGraph(nodes=nodes, reward=3, components=()), CARTPOLE)
+        states = {"dof_pos": torch.full((4, 2), 2.0)}
+        if rule is None:
+            assert compiled(states)[0].tolist() == [1.0] * 4
+        else:
+            with pytest.raises(RuntimeError, match=rule):
+                compiled(states)
+
+
 def test_a_forged_component_that_is_not_one_number_per_world_is_refused() -> None:
     """The probe writes the mean per world into the graph; what else arrives would stop the trainer."""
     made = cart_reward()

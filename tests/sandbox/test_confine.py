@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import signal
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,10 +13,11 @@ import pytest
 import torch
 
 from openeureka.errors import SandboxUnavailable
-from openeureka.sandbox import client, confine
+from openeureka.sandbox import client, confine, server
 from openeureka.sandbox.client import Sandbox
 from openeureka.testing.hostile import STATE
 from openeureka.types import Candidate, Verdict, VerdictCode
+from openeureka.worker import Frame
 
 pytestmark = pytest.mark.skipif(not confine.support().complete, reason=confine.support().sentence())
 RECORDED = {"pos": torch.randn(64, 3), "vel": torch.randn(64, 3), "phase": torch.randn(64), "dt": 0.02}
@@ -156,6 +159,68 @@ def test_a_forged_graph_that_breaks_the_contract_is_refused(sandbox: Sandbox) ->
     graph = f'json.dumps({{"version": 1, "nodes": {nodes}, "reward": 3, "components": []}})'
     verdict = run(sandbox, forged(f'json.dumps({{"graph": {graph}, "lines": [1, 1, 1, 1]}}).encode()'))
     assert verdict.findings[0].rule == "coupling"
+
+
+def forged_graph(*nodes: list[object], lines: object = ()) -> str:
+    """An answer with a graph of a child's own making, whose reward is its last node."""
+    data = {"version": 1, "nodes": nodes, "reward": len(nodes) - 1, "components": []}
+    return forged(repr(json.dumps({"graph": json.dumps(data), "lines": lines}).encode()))
+
+
+INPUT, FIRST = ["input", ["pos"], {}], ["select.int", [{"ref": 0}, 1, 0], {}]
+LEAST = ["full.default", [[{"n": 1}], -(2**63 - 1)], {"dtype": "int64"}], ["sub.Scalar", [{"ref": 2}, 1], {}]
+MINUS_ONE = ["full.default", [[{"n": 1}], -1], {"dtype": "int64"}]
+TRUNCATED = {"rounding_mode": "trunc"}
+FATAL = {
+    "a truncated division of integers": (["div.Tensor_mode", [{"ref": 3}, {"ref": 4}], TRUNCATED], "integer division"),
+    "a truncated division by a number": (["div.Scalar_mode", [{"ref": 3}, -1], TRUNCATED], "integer division"),
+    "a range that fills the memory": (["arange.start_step", [0, 10**12, 1], {}], "too large"),
+}
+
+
+@pytest.mark.parametrize("name", FATAL)
+def test_a_forged_graph_that_would_end_its_process_is_a_verdict(sandbox: Sandbox, name: str) -> None:
+    node, reason = FATAL[name]
+    scaled = ["mul.Tensor", [{"ref": 5}, 0.0], {}]
+    last = ["add.Tensor", [{"ref": 1}, {"ref": 6}], {}]
+    verdict = run(sandbox, forged_graph(INPUT, FIRST, *LEAST, MINUS_ONE, node, scaled, last))
+    assert verdict.code is VerdictCode.CONTRACT and reason in verdict.findings[0].message
+
+
+def test_what_no_output_of_a_forged_graph_needs_is_dropped_before_it_runs(sandbox: Sandbox) -> None:
+    wide = ["expand.default", [{"ref": 1}, [4000, {"n": 1}]], {}]
+    verdict = run(sandbox, forged_graph(INPUT, FIRST, wide, *[["sort.default", [{"ref": 2}], {}]] * 150, FIRST))
+    assert verdict.graph is not None and [node.op for node in verdict.graph.nodes] == ["input", "select.int"]
+
+
+def test_the_parts_of_a_value_count(sandbox: Sandbox) -> None:
+    wide = ["expand.default", [{"ref": 1}, [4000, {"n": 1}]], {}]
+    sorts = [["sort.default", [{"ref": 2}, i % 2], {}] for i in range(2)]
+    nodes = [INPUT, FIRST, wide, *sorts]
+    verdict = run(
+        sandbox, forged_graph(*nodes, ["getitem", [{"ref": 4}, 0], {}], ["select.int", [{"ref": 5}, 0, 0], {}])
+    )
+    assert verdict.findings[0].rule == "memory"  # 4,000 values and 4,000 indices per world; 4,096 may be
+
+
+def test_lines_that_a_child_forges_are_lines(sandbox: Sandbox) -> None:
+    lines = [10**4000, -1, True, "x", None]
+    coupled = ["mean.default", [{"ref": 1}], {}], ["sub.Tensor", [{"ref": 1}, {"ref": 2}], {}]
+    verdict = run(sandbox, forged_graph(INPUT, FIRST, *coupled, lines=[lines[0]] * 4))
+    assert (verdict.findings[0].rule, verdict.findings[0].line) == ("coupling", None)
+    for line in lines[1:]:
+        assert run(sandbox, forged_graph(INPUT, FIRST, *coupled, lines=[line] * 4)).findings[0].line is None
+
+
+def test_the_death_of_a_child_that_runs_a_graph_is_a_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "_examine", lambda *_: os.kill(os.getpid(), signal.SIGFPE))
+    bench = server._Bench(STATE, RECORDED, 0, confined=False)
+    where, outcome = server._judge("def f(pos):\n    return pos[:, 0], {}\n", bench, 20.0)
+    assert (where, outcome) == ("graph", server._Outcome("crashed", b"", signal.SIGFPE))
+    answers = Frame({"outcome": outcome.kind, "where": where, "signal": outcome.died_of})
+    monkeypatch.setattr(Sandbox, "_ask", lambda *_: answers)
+    verdict = Sandbox(STATE, RECORDED).check(Candidate.of("def f(pos):\n    return pos[:, 0], {}\n"))
+    assert (verdict.code, verdict.findings[0].message) == (VerdictCode.CRASHED, "its graph ended its process (SIGFPE)")
 
 
 def test_text_from_a_child_is_one_printable_line(sandbox: Sandbox) -> None:

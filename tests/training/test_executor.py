@@ -193,6 +193,26 @@ def test_what_the_kernel_does_to_a_worker_is_said(signal: str, sentence: str, mo
     assert sentence in result.message
 
 
+def test_a_reward_that_ends_its_worker_has_a_result_also_when_it_trains_alone(monkeypatch: pytest.MonkeyPatch):
+    """The human reward trains on this machine, so the reward is at fault."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    (result,) = PopulationTrainer(module="choosy_worker").train(
+        "cartpole", [TrainJob(id="a", program=GRAPH)], TrainBudget()
+    )
+    assert isinstance(result, TrainingResult) and result.state is TrainingState.FAILED
+    assert "It was ended by SIGFPE." in result.message
+
+
+def test_where_not_even_the_human_reward_trains_the_machine_is_at_fault(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    with pytest.raises(WorkerError, match="It was killed"):
+        list(
+            PopulationTrainer(module="killed_worker").train(
+                "cartpole", [TrainJob(id="a", program=GRAPH)], TrainBudget()
+            )
+        )
+
+
 def test_a_worker_that_dies_in_an_evaluation_is_started_again_once_for_what_is_left(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     trainer = PopulationTrainer(module="half_evaluating_worker")

@@ -13,6 +13,7 @@ from openeureka.reward.validate import GraphError
 from openeureka.tasks.env import Step
 from openeureka.tasks.locomotion.ant import Ant
 from openeureka.tasks.task import Score
+from openeureka.training import rewards
 from openeureka.training.population import Population
 from openeureka.training.wire import pack_jobs, unpack_jobs
 from openeureka.types import Node, RewardGraph, TrainBudget, TrainingResult, TrainingState, TrainJob
@@ -133,3 +134,10 @@ def test_a_graph_that_was_tampered_with_never_reaches_training() -> None:
     forged = program(Node("from_file.default", ("/etc/hostname",)))
     with pytest.raises(GraphError, match=r"node 2: operation 'from_file\.default' is not allowed"):
         unpack_jobs(pack_jobs("cartpole", [TrainJob(id="x", program=forged)], BUDGET))
+
+
+def test_a_lane_whose_reward_takes_too_long_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rewards, "MAX_CALL_SECONDS", 0.0)
+    good, other = trained("cartpole", GOOD)
+    assert good.state is other.state is TrainingState.DIVERGED
+    assert "the reward took 0.0 s for one step" in other.message

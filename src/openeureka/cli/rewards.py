@@ -16,11 +16,12 @@ from ..tasks.registry import get
 from ..types import Candidate, Verdict, VerdictCode
 
 
-def judge(env: str, candidates: Sequence[Candidate], *, unsafe: bool) -> list[Verdict]:
-    """Verdicts in the order of the candidates, by the same gate and sandbox as in a run."""
+def judge(env: str, candidates: Sequence[Candidate], *, worlds: int = 0, unsafe: bool) -> list[Verdict]:
+    """Verdicts in the order of the candidates, by the same gate and sandbox as in a run with so many worlds."""
     if not candidates:
         return []
-    with Sandbox(get(env).spec, record_states(env), unsafe=unsafe) as sandbox:
+    task = get(env)
+    with Sandbox(task.spec, record_states(env), worlds=worlds or task.recipe.worlds, unsafe=unsafe) as sandbox:
         return [sandbox.check(candidate) for candidate in candidates]
 
 

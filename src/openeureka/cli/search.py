@@ -23,6 +23,7 @@ from ..store import Store, is_run, read_config, read_replies
 from ..store.paths import output_directory
 from ..tasks.context import context
 from ..tasks.record import record_states
+from ..tasks.registry import get
 from . import trust
 from .desk import TerminalDesk
 from .live import view
@@ -90,7 +91,12 @@ def _run(config: RunConfig, directory: Path) -> None:
         states = record_states(config.env)
     try:
         with (
-            Sandbox(known.state, states, unsafe=config.unsafe_no_sandbox) as checker,
+            Sandbox(
+                known.state,
+                states,
+                worlds=config.worlds or get(config.env).recipe.worlds,
+                unsafe=config.unsafe_no_sandbox,
+            ) as checker,
             Store.open(directory, config) as store,
             _telling_how_to_continue(directory),
             stoppable(directory),

@@ -80,7 +80,7 @@ def _programs(config: TrainConfig) -> dict[str, RewardProgram]:
     if not names:
         raise ConfigError("`reward` names nothing to train, write for example reward=human,sparse.")
     files = {name: program_of(Path(name))[0] for name in names if name not in BUILT_IN}
-    verdicts = judge(config.env, list(files.values()), unsafe=config.unsafe_no_sandbox)
+    verdicts = judge(config.env, list(files.values()), worlds=config.worlds, unsafe=config.unsafe_no_sandbox)
     checked = dict(zip(files, verdicts, strict=True))
     programs: dict[str, RewardProgram] = {}
     for name in names:

@@ -17,7 +17,8 @@ MAX_PARSED = 100_000
 MAX_TRIMS = 50
 MAX_NESTING = 2
 
-_FENCE = re.compile(r"^[ \t>]*(?P<mark>`{3,}|~{3,})(?P<info>[^`\n]*)$")
+# Possessive, all of them: a mark that gave characters back would be tried again at each.
+_FENCE = re.compile(r"^[ \t>]*+(?P<mark>`{3,}+|~{3,}+)(?P<info>[^`\n]*+)$")
 _THOUGHTS = re.compile(r"\A\s*<think>.*?</think>", re.DOTALL)
 _FUNCTION = re.compile(r"^[ \t]*def[ \t]+(\w+)[ \t]*\(", re.MULTILINE)
 _CODE_BEGINS = re.compile(r"^(?:import |from \w[\w.]* import |@|def |class )", re.MULTILINE)
@@ -96,11 +97,12 @@ def _helpers(chosen: _Block, blocks: list[_Block]) -> list[_Block]:
     if not others:
         return []
     found: list[_Block] = []
-    missing = chosen.named - chosen.defined
+    missing = set(chosen.named - chosen.defined)
     for block in reversed(others):
         if missing & block.defined:
             found.append(block)
-            missing = (missing | block.named) - block.defined
+            missing |= block.named
+            missing -= block.defined
     return found[::-1]
 
 

@@ -17,9 +17,9 @@ from types import TracebackType
 from ..config import RunConfig
 from ..errors import EurekaError
 from ..observer import NullObserver
-from ..score import played
+from ..score import standing
 from ..store import Store, artifacts, is_run
-from ..types import Generation, Peak
+from ..types import Generation
 from . import video
 from .view import VIDEO
 
@@ -33,10 +33,9 @@ def missing(directory: Path, config: RunConfig) -> dict[str, bytes]:
     """By job id, the policies that count of those lanes of the search that are trained and not filmed."""
     with Store.view(directory) as store:
         jobs = [job for job in store.results() if _of_the_search(job, config)]
+        jobs = [job for job in jobs if not artifacts.exists(directory, _place(job))]
         plays = store.plays()
-        peaks: dict[str, Peak] = {job: (played(plays[job]).peak if job in plays else None) or "fitness" for job in jobs}
-        new: dict[str, Peak] = {job: peak for job, peak in peaks.items() if not artifacts.exists(directory, _place(job))}
-        policies = {job: store.policy(job, peak) for job, peak in new.items()}
+        policies = {job: store.policy(job, standing(plays.get(job), "fitness")) for job in jobs}
     return {job: policy for job, policy in policies.items() if policy is not None}
 
 

@@ -1,41 +1,58 @@
 """The contract of a reward graph, judged on recorded states by running allow-listed operations only.
 
-The parent judges every graph here, whoever made it, and trusts nothing else that a child says.
+Every graph is judged here, whoever made it, in a confined child of its own (`sandbox.server`) that runs nothing else:
+an operation that ends its process, or asks for memory that is not there, costs a verdict.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from ..types import Finding, RewardGraph, StateSpec
+from ..types import Finding, Node, RewardGraph, StateSpec
 from . import graph as graphs
+from . import surface
 from .probe import Traced, outputs
 from .states import Recorded, is_world, only, take, world_count
 from .trace import Refused
-from .validate import MAX_SIZE_PER_WORLD, MAX_TOTAL_PER_WORLD, inputs, references, validate
+from .validate import MAX_SIZE_PER_WORLD, MAX_TOTAL_PER_WORLD, inputs, leaves, references, validate
 
 MAX_REWARD = 1e6
+MAX_CALL_SECONDS = 0.5
+"""Processor time of one call with the worlds of a training; a usual reward takes a few milliseconds."""
+_MAY_SHRINK = surface.words("""
+    arange.start arange.start_step diagonal.default linspace.default slice.Tensor slice_scatter.default split.Tensor
+    split_with_sizes.default
+""")
 _MANY_WORLDS = 4 * MAX_SIZE_PER_WORLD
+"""So many that a value which grows with their square breaks the limit per world."""
 
 
-def examine(traced: Traced, spec: StateSpec, recorded: Recorded) -> tuple[Finding, ...]:
-    """Why a graph may not train on this task; empty when it may. Runs allow-listed operations only."""
+def examine(traced: Traced, spec: StateSpec, recorded: Recorded, worlds: int = 0) -> tuple[Finding, ...]:
+    """Why a graph may not train on this task; empty when it may. Runs allow-listed operations only.
+
+    Args:
+        worlds: per lane in training; 0 where that is not known.
+    """
     try:
         validate(traced.graph)
         _examine_inputs(traced.graph, spec)
         recorded = only(recorded, spec, inputs(traced.graph))
-        _examine_memory(traced, spec, recorded)
-        _examine_values(traced, spec, recorded)
+        _examine_memory(traced, spec, recorded, worlds)
+        _examine_values(traced, spec, recorded, worlds)
     except Refused as refusal:
         return (refusal.finding,)
     except Exception as error:  # a forged graph may call an operation in any wrong way
-        text = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
-        return (Finding(rule="operation", message=f"its graph does not run: {text}"),)
+        return (Finding(rule="operation", message=f"its graph does not run: {_text(error)}"),)
     return ()
+
+
+def _text(error: Exception) -> str:
+    return str(error).splitlines()[0][:200] if str(error) else type(error).__name__
 
 
 def _line(traced: Traced, index: int) -> int | None:
@@ -56,22 +73,44 @@ def _examine_inputs(graph: RewardGraph, spec: StateSpec) -> None:
         raise Refused("constant-reward", "the reward does not depend on the state", "use the state variables")
 
 
-def _examine_memory(traced: Traced, spec: StateSpec, recorded: Recorded) -> None:
-    """Shapes for so many worlds that a value which grows with their square breaks the limit per world."""
-    _measured(traced, {name: _meta(name, value, spec) for name, value in recorded.items()}, _MANY_WORLDS, "meta")
+def _examine_memory(traced: Traced, spec: StateSpec, recorded: Recorded, worlds: int) -> None:
+    """Shapes, before any number is: for the recorded worlds, those of a training, and many others.
+
+    The number of a training is always among them. A shape that may shrink as worlds are added can be small at both ends
+    and large between them: where a graph has one, powers of two are measured too.
+    """
+    recorded_worlds = world_count(recorded, spec)
+    counts = {_more(worlds, recorded_worlds), _MANY_WORLDS} | ({worlds} if worlds else set())
+    if any(node.op in _MAY_SHRINK and _counts(node) for node in traced.graph.nodes):
+        counts |= {1 << power for power in range(_MANY_WORLDS.bit_length() - 1)}
+    for count in sorted(counts):
+        state = {name: _meta(name, value, spec, count) for name, value in recorded.items()}
+        total, index = 0, -1
+        try:
+            for index, value in enumerate(graphs.values(traced.graph, state, count, "meta")):
+                size = _size(value)
+                total += size
+                if size > count * MAX_SIZE_PER_WORLD or total > count * MAX_TOTAL_PER_WORLD:
+                    raise _too_large(traced, index)
+        except (IndexError, RuntimeError, TypeError, ValueError) as error:
+            line = _line(traced, index + 1)
+            message = f"its graph does not run with {count} worlds: {_text(error)}"
+            raise Refused("operation", message, "treat all worlds alike, however many there are", line) from None
 
 
-def _measured(traced: Traced, state: Recorded, count: int, device: str = "cpu") -> list[Any]:
-    """The value of every node; refused at the first too large one, before anything is built from it."""
-    done: list[Any] = []
-    total = 0
-    for index, value in enumerate(graphs.values(traced.graph, state, count, device)):
-        size = value.numel() if isinstance(value, Tensor) else 0
-        total += size
-        if size > count * MAX_SIZE_PER_WORLD or total > count * MAX_TOTAL_PER_WORLD:
-            raise _too_large(traced, index)
-        done.append(value)
-    return done
+def _counts(node: Node) -> bool:
+    """Whether an argument of a node is a multiple of the number of worlds."""
+    return any(isinstance(leaf, Mapping) and "n" in leaf for leaf in leaves((node.args, tuple(node.kwargs.values()))))
+
+
+def _more(worlds: int, recorded_worlds: int) -> int:
+    """The number of a training, or one above that of the recorded worlds where it has fewer."""
+    return worlds if worlds > recorded_worlds else 2 * recorded_worlds + 1
+
+
+def _size(value: Any) -> int:
+    """Numbers in the value of a node, which may be several tensors."""
+    return value.numel() if isinstance(value, Tensor) else sum(part.numel() for part in value)
 
 
 def _too_large(traced: Traced, index: int) -> Refused:
@@ -83,17 +122,17 @@ def _too_large(traced: Traced, index: int) -> Refused:
     )
 
 
-def _meta(name: str, value: Tensor | float | int, spec: StateSpec) -> Any:
+def _meta(name: str, value: Tensor | float | int, spec: StateSpec, count: int) -> Any:
     if not isinstance(value, Tensor):
-        return value
-    shape = (_MANY_WORLDS, *value.shape[1:]) if is_world(name, spec) else value.shape
+        return count if name in spec and spec[name].kind == "num_envs" else value
+    shape = (count, *value.shape[1:]) if is_world(name, spec) else value.shape
     return torch.empty(shape, dtype=value.dtype, device="meta")
 
 
-def _examine_values(traced: Traced, spec: StateSpec, recorded: Recorded) -> None:
+def _examine_values(traced: Traced, spec: StateSpec, recorded: Recorded, worlds: int) -> None:
     graph, count = traced.graph, world_count(recorded, spec)
     with torch.no_grad():
-        done = _measured(traced, recorded, count)
+        done = list(graphs.values(graph, recorded, count))
     reward, components = outputs((done[graph.reward], {name: done[i] for name, i in graph.components}), count)
     for name, index in graph.components:
         if components[name] is not done[index]:  # a probe writes the mean per world into the graph
@@ -107,7 +146,7 @@ def _examine_values(traced: Traced, spec: StateSpec, recorded: Recorded) -> None
     largest = float(reward.double().abs().max())
     if largest > MAX_REWARD:
         raise Refused("magnitude", f"the reward reaches {largest:.3g}", f"keep it within {MAX_REWARD:.0e}")
-    _examine_independence(traced, spec, recorded, done, count)
+    _examine_independence(traced, spec, recorded, done, worlds)
 
 
 def _named_outputs(graph: RewardGraph) -> list[tuple[str, int]]:
@@ -123,22 +162,40 @@ def _makes_bad(graph: RewardGraph, done: Sequence[Any], index: int, value: Any) 
 
 
 def _examine_independence(
-    traced: Traced, spec: StateSpec, recorded: Recorded, whole: Sequence[Any], count: int
+    traced: Traced, spec: StateSpec, recorded: Recorded, whole: Sequence[Any], worlds: int
 ) -> None:
-    """Each world's value must be the same whichever other worlds are there."""
-    graph = traced.graph
-    shuffled = torch.randperm(count, generator=torch.Generator().manual_seed(0)).tolist()
-    for worlds in ([count // 2], shuffled[:7], shuffled[:64], shuffled):
-        part: list[Any] = []
-        try:
-            with torch.no_grad():
-                part.extend(graphs.values(graph, take(recorded, spec, worlds), len(worlds)))
-        except (IndexError, RuntimeError):  # as `x[1]` in a single world
-            raise _coupled("the reward", _line(traced, len(part))) from None
-        for name, index in _named_outputs(graph):
-            if _differs(part[index], whole[index], worlds, count):
-                first = next(i for i in range(len(whole)) if _differs(part[i], whole[i], worlds, count))
-                raise _coupled(name, _line(traced, first))
+    """Each world's value must be the same whichever other worlds are there, fewer than recorded or more."""
+    count, generator = world_count(recorded, spec), torch.Generator().manual_seed(0)
+    shuffled = torch.randperm(count, generator=generator)
+    more = torch.randint(count, (_more(worlds, count),), generator=generator)
+    few = [shuffled[:worlds]] if 0 < worlds < count else []
+    for chosen in (torch.tensor([count // 2]), shuffled[:7], shuffled[:64], *few, shuffled, more):
+        _examine_among(traced, spec, recorded, whole, chosen)
+
+
+def _examine_among(traced: Traced, spec: StateSpec, recorded: Recorded, whole: Sequence[Any], chosen: Tensor) -> None:
+    graph, count = traced.graph, world_count(recorded, spec)
+    outputs_of = dict(_named_outputs(graph))
+    state, found, index = take(recorded, spec, chosen), {}, -1
+    started = time.thread_time()
+    try:
+        with torch.no_grad():
+            for index, value in enumerate(graphs.values(graph, state, len(chosen))):
+                if index in outputs_of.values():
+                    found[index] = value
+    except (IndexError, RuntimeError) as error:  # as `x[1]` in a single world
+        if "allocate memory" in str(error):
+            raise _too_large(traced, index + 1) from None
+        raise _coupled("the reward", _line(traced, index + 1)) from None
+    seconds = time.thread_time() - started
+    if seconds > MAX_CALL_SECONDS:
+        message = f"one call takes {seconds:.1f} s with {len(chosen)} worlds"
+        raise Refused("slow", message, "use fewer and smaller tensors: every step of the training waits for it")
+    for name, place in outputs_of.items():
+        if _differs(found[place], whole[place], chosen, count):
+            parts = zip(graphs.values(graph, state, len(chosen)), whole, strict=True)
+            first = next(i for i, (part, among) in enumerate(parts) if _differs(part, among, chosen, count))
+            raise _coupled(name, _line(traced, first))
 
 
 def _coupled(name: str, line: int | None) -> Refused:
@@ -146,7 +203,7 @@ def _coupled(name: str, line: int | None) -> Refused:
     return Refused("coupling", message, "reduce over the last dimension (dim=-1) only, never over all worlds", line)
 
 
-def _differs(part: Any, whole: Any, worlds: Sequence[int], count: int) -> bool:
+def _differs(part: Any, whole: Any, worlds: Tensor, count: int) -> bool:
     """Whether a per-world value computed for some worlds is not what it is among all of them.
 
     Values without a world axis are not judged: a batch mean as a component is a record that pays no world.

@@ -24,6 +24,13 @@ MAX_BYTES = 20_000
 MAX_NODES = 4_000
 MAX_DEPTH = 100
 MAX_RANGE = 1_000
+MAX_INT = 2**63
+MAX_GUESSED = 40
+"""Letters of a name that a guess is offered for."""
+MAX_GUESSES = 20
+"""In one program."""
+MAX_KNOWN = 100
+"""Names of a program that a guess may be of."""
 IMPLICIT = ("num_envs", "device")
 """Readable in every task, whether or not its table lists them."""
 
@@ -37,6 +44,8 @@ _EXPRESSIONS = (
     ast.Starred, ast.JoinedStr, ast.FormattedValue,
     ast.operator, ast.unaryop, ast.boolop, ast.cmpop, ast.expr_context,
 )  # fmt: skip
+_Scope = ast.FunctionDef | ast.Lambda | ast.ListComp | ast.DictComp | ast.GeneratorExp
+_SCOPES = (ast.FunctionDef, ast.Lambda, ast.ListComp, ast.DictComp, ast.GeneratorExp)
 _FIXES = {
     ast.While: "use tensor operations, or `for` over a small `range`",
     ast.Try: "remove it: an error in a reward is reported with its line",
@@ -82,6 +91,18 @@ class Program:
 
 def check(source: str, state: StateSpec) -> Program | tuple[Finding, ...]:
     """The program in plain form, or every reason why it is refused, in the order of its lines."""
+    try:
+        return _check(source, state)
+    except Exception as error:  # a text that nobody thought of is refused like any other
+        message = f"the gate cannot read it ({type(error).__name__}: {str(error)[:200]})"
+        return (Finding(rule="unreadable", message=_printable(message), fix="write it in a plainer way"),)
+
+
+def _printable(text: str) -> str:
+    return "".join(character if character.isprintable() else " " for character in text)
+
+
+def _check(source: str, state: StateSpec) -> Program | tuple[Finding, ...]:
     findings = list(_text_findings(source))
     if findings:
         return tuple(findings)
@@ -166,14 +187,15 @@ class _Rules(ast.NodeVisitor):
         self.inputs: dict[str, None] = {}
         self.arguments: dict[str, None] = {}
         self._locals: frozenset[str] = frozenset()
+        """Names bound in the function that is visited or, for functions in it, around it."""
         self._protected: frozenset[str] = frozenset()
+        self._guesses = MAX_GUESSES
 
     def run(self) -> None:
         self._signature()
         for statement in self.draft.tree.body:
             if isinstance(statement, ast.FunctionDef):
-                stored = _stored_names(statement)
-                self._locals = frozenset(stored)
+                self._locals = frozenset()
                 is_entry = statement is self.draft.entry
                 self._protected = frozenset(self.arguments) - _rebound(statement) if is_entry else frozenset()
             self.visit(statement)
@@ -182,11 +204,22 @@ class _Rules(ast.NodeVisitor):
         # An identifier may be as long as the program.
         self.findings.append(Finding(rule=rule, message=message[:300], fix=fix, line=getattr(node, "lineno", None)))
 
+    def _guess(self, name: str, known: Iterable[str]) -> str:
+        """`did you mean X?`, or nothing: a far-fetched guess sends a model the wrong way.
+
+        Each takes a millisecond or more, and a text may hold thousands of unknown names of thousands of letters.
+        """
+        if len(name) > MAX_GUESSED or self._guesses == 0:
+            return ""
+        self._guesses -= 1
+        match = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.7)
+        return f"did you mean `{match[0]}`?" if match else ""
+
     def _is_input(self, name: str) -> bool:
         return name in self.state or name in IMPLICIT
 
     def _unknown_input(self, name: str, node: ast.AST) -> None:
-        guess, inputs = _guess(name, self.state.names), f"inputs are {', '.join(self.state.names)}"
+        guess, inputs = self._guess(name, self.state.names), f"inputs are {', '.join(self.state.names)}"
         message = f"`{name}` is not a state variable of this task"
         self._refuse("unknown-input", message, node, f"{guess} {inputs}" if guess else f"the {inputs}")
 
@@ -219,6 +252,8 @@ class _Rules(ast.NodeVisitor):
     def visit_Constant(self, node: ast.Constant) -> None:
         if isinstance(node.value, bytes | complex):
             self._refuse("literal", "bytes and complex numbers are not allowed", node, "use a float")
+        elif isinstance(node.value, int) and abs(node.value) > MAX_INT:
+            self._refuse("literal", "an integer of more than 64 bits", node, "use a float")
 
     def visit_FormattedValue(self, node: ast.FormattedValue) -> None:
         if node.format_spec is not None or node.conversion != -1:
@@ -243,9 +278,10 @@ class _Rules(ast.NodeVisitor):
         elif name in surface.RANDOM:
             self._random(name, node)
         else:
-            known = (*self.state.names, *surface.ALL_HELPERS, *surface.BUILTINS, *self._locals)
+            local = sorted(self._locals, key=len)[:MAX_KNOWN]
+            known = (*self.state.names, *surface.ALL_HELPERS, *surface.BUILTINS, *local)
             self._refuse(
-                "unknown-name", f"`{name}` is not defined", node, _guess(name, known) or "define it or remove it"
+                "unknown-name", f"`{name}` is not defined", node, self._guess(name, known) or "define it or remove it"
             )
 
     def visit_Attribute(self, node: ast.Attribute) -> None:
@@ -265,7 +301,7 @@ class _Rules(ast.NodeVisitor):
 
     def _attribute_store(self, node: ast.Attribute) -> None:
         of_self = isinstance(node.value, ast.Name) and node.value.id == "self"
-        target = ast.unparse(node)[:60]
+        target = _shown(node)
         rule = "input-edit" if of_self else "attribute"
         self._refuse(rule, f"`{target}` may not be assigned", node, "use a local variable and return it")
 
@@ -277,7 +313,7 @@ class _Rules(ast.NodeVisitor):
             message = f"`.{name}` turns tensor values into Python values"
             self._refuse("data-read", message, node, "stay with tensors of one value per world")
         elif name not in surface.METHODS and name not in surface.IN_PLACE_METHODS:
-            fix = _guess(name, surface.METHODS) or "remove it"
+            fix = self._guess(name, surface.METHODS) or "remove it"
             self._refuse("attribute", f"`.{name[:40]}` is not an allowed attribute", node, fix)
 
     def _self_attribute(self, node: ast.Attribute) -> None:
@@ -307,12 +343,22 @@ class _Rules(ast.NodeVisitor):
         else:
             offered = surface.MODULES.get(path.rpartition(".")[0], surface.TORCH)
             known = twin(path)
-            fix = f"use `{known}`" if known else _guess(name, offered) or "write it with tensor operations"
+            fix = f"use `{known}`" if known else self._guess(name, offered) or "write it with tensor operations"
             self._refuse("torch-function", f"`{path[:60]}` is not available to a reward", node, fix)
 
     def _random(self, name: str, node: ast.AST) -> None:
         message = f"`{name}` is random, and a reward must give the same value for the same state"
         self._refuse("randomness", message, node, "remove it")
+
+    # --- scopes ---
+
+    def _visit_scope(self, node: _Scope) -> None:
+        outer, self._locals = self._locals, self._locals | _scope(node)
+        self.generic_visit(node)
+        self._locals = outer
+
+    visit_FunctionDef = visit_Lambda = _visit_scope
+    visit_ListComp = visit_DictComp = visit_GeneratorExp = _visit_scope
 
     # --- calls and assignments ---
 
@@ -344,7 +390,7 @@ class _Rules(ast.NodeVisitor):
         if name:
             sign = _AUGMENTED.get(type(node.op), "op")
             if isinstance(node.target, ast.Name):
-                fix = f"write `{name} = {name} {sign} {ast.unparse(node.value)[:60]}`"
+                fix = f"write `{name} = {name} {sign} {_shown(node.value)}`"
             else:
                 fix = _COPY.format(name=name)
             self._refuse("input-edit", f"in-place `{sign}=` on input `{name}`", node, fix)
@@ -369,10 +415,12 @@ class _Rules(ast.NodeVisitor):
         return node.id if self.state[node.id].kind in ("world", "constant") else None
 
 
-def _guess(name: str, known: Iterable[str]) -> str:
-    """`did you mean X?`, or nothing: a far-fetched guess sends a model the wrong way."""
-    match = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.7)
-    return f"did you mean `{match[0]}`?" if match else ""
+def _shown(node: ast.expr) -> str:
+    """How an expression reads, for a message; Python refuses to write an integer of thousands of digits."""
+    try:
+        return ast.unparse(node)[:60]
+    except ValueError:
+        return "..."
 
 
 def _identifiers(node: ast.AST) -> Iterator[str]:
@@ -382,13 +430,24 @@ def _identifiers(node: ast.AST) -> Iterator[str]:
             yield value
 
 
-def _stored_names(function: ast.FunctionDef) -> set[str]:
-    """Names bound anywhere in a function: arguments, assignments, loop variables, nested functions."""
-    names = {node.arg for node in ast.walk(function) if isinstance(node, ast.arg)}
-    names |= {node.id for node in ast.walk(function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
-    return names | {
-        node.name for node in ast.walk(function) if isinstance(node, ast.FunctionDef) and node is not function
-    }
+def _scope(node: _Scope) -> set[str]:
+    """Names bound in a function, lambda or comprehension itself, and not in those within it."""
+    names: set[str] = set()
+    if isinstance(node, ast.FunctionDef | ast.Lambda):
+        arguments = node.args
+        names |= {argument.arg for argument in (*arguments.args, *arguments.kwonlyargs)}
+        todo: list[ast.AST] = [*node.body] if isinstance(node, ast.FunctionDef) else [node.body]
+    else:
+        todo = [generator.target for generator in node.generators]
+    while todo:
+        part = todo.pop()
+        if isinstance(part, ast.FunctionDef):
+            names.add(part.name)
+        elif isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store):
+            names.add(part.id)
+        if not isinstance(part, _SCOPES):
+            todo.extend(ast.iter_child_nodes(part))
+    return names
 
 
 def _rebound(function: ast.FunctionDef) -> set[str]:

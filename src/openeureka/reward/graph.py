@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import operator
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import torch
@@ -13,7 +13,7 @@ from torch import Tensor, fx
 
 from ..types import Arg, Node, RewardGraph, StateSpec
 from . import surface
-from .validate import TORCH_NAMES, GraphError, inputs, operation, references, validate
+from .validate import TORCH_NAMES, GraphError, inputs, operation, references, refuse_truncation, validate
 
 _MADE_FROM_NOTHING = surface.words("""
     arange.default arange.start arange.start_step eye.default eye.m full.default linspace.default ones.default
@@ -124,6 +124,24 @@ def _moved(arg: Any, place: Mapping[int, int]) -> Any:
 # --- execution -------------------------------------------------------------------------------------------------------
 
 
+def _div_tensor(input: Any, other: Any, *, rounding_mode: str | None = None) -> Tensor:
+    refuse_truncation(input, other, rounding_mode)
+    return torch.ops.aten.div.Tensor_mode(input, other, rounding_mode=rounding_mode)
+
+
+def _div_scalar(input: Any, other: Any, *, rounding_mode: str | None = None) -> Tensor:
+    refuse_truncation(input, other, rounding_mode)
+    return torch.ops.aten.div.Scalar_mode(input, other, rounding_mode=rounding_mode)
+
+
+_GUARDED = {"div.Tensor_mode": _div_tensor, "div.Scalar_mode": _div_scalar}
+
+
+def _callable(op: str) -> Callable[..., Any]:
+    """What runs for a node: the overload itself, or one that looks at its arguments first."""
+    return _GUARDED.get(op) or operation(op)
+
+
 def _named(kwargs: dict[str, Any]) -> dict[str, Any]:
     """Keyword arguments with the torch attributes that some of them name."""
     return {k: getattr(torch, v) if k in TORCH_NAMES and v is not None else v for k, v in kwargs.items()}
@@ -137,9 +155,14 @@ def _constant(node: Node, device: torch.device | str) -> Tensor:
 def values(graph: RewardGraph, state: State, num_worlds: int, device: torch.device | str = "cpu") -> Iterator[Any]:
     """The value of each node in turn: the reference interpreter, for checks; on the meta device, shapes only.
 
-    A boolean mask as an index selects every element on the meta device: the largest result it can have.
+    A boolean mask as an index selects every element on the meta device: the largest result it can have. A value is let
+    go after its last use; callers keep those that they need.
     """
     done: list[Any] = []
+    last = {source: index for index, node in enumerate(graph.nodes) for source in (index, *references(node))}
+    over: list[list[int]] = [[] for _ in graph.nodes]
+    for source, index in last.items():
+        over[index].append(source)
 
     def fill(arg: Any) -> Any:
         if isinstance(arg, tuple):
@@ -148,7 +171,7 @@ def values(graph: RewardGraph, state: State, num_worlds: int, device: torch.devi
             return done[arg["ref"]] if "ref" in arg else arg["n"] * num_worlds
         return arg
 
-    for node in graph.nodes:
+    for index, node in enumerate(graph.nodes):
         if node.op == "input":
             value = torch.as_tensor(state[str(node.args[0])], device=device)
         elif node.op == "constant":
@@ -161,8 +184,10 @@ def values(graph: RewardGraph, state: State, num_worlds: int, device: torch.devi
                 kwargs["device"] = device
             if device == "meta" and node.op == "index.Tensor":
                 args[1] = _largest_selection(args[1])
-            value = operation(node.op)(*args, **kwargs)
+            value = _callable(node.op)(*args, **kwargs)
         done.append(value)
+        for source in over[index]:
+            done[source] = None
         yield value
 
 
@@ -260,6 +285,6 @@ def _module(graph: RewardGraph, names: Sequence[str]) -> fx.GraphModule:
             if node.op in _MADE_FROM_NOTHING:
                 kwargs["device"] = device
             args = tuple(fill(arg) for arg in node.args)
-            done.append(built.call_function(operation(node.op), args, kwargs))
+            done.append(built.call_function(_callable(node.op), args, kwargs))
     built.output((done[graph.reward], *(done[index] for _, index in graph.components)))
     return fx.GraphModule(root, built)

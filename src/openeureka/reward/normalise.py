@@ -144,6 +144,9 @@ class Normaliser(ast.NodeTransformer):
                 fix = "torch, math, typing and `np.pi` are there; helpers such as `quat_mul` need no import"
                 self._refuse("import", f"`{path}` cannot be imported", node, fix)
                 continue
+            if bound.startswith("__"):
+                self._refuse("dunder", f"`{bound[:40]}` is not allowed", node, "choose another name")
+                continue
             self.names[bound] = target
 
     # --- inside functions ---
@@ -232,7 +235,10 @@ class Normaliser(ast.NodeTransformer):
 
     def visit_Subscript(self, node: ast.Subscript) -> ast.Subscript:
         self.generic_visit(node)
-        first, *rest = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        parts = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        if not parts:  # `x[()]`
+            return node
+        first, *rest = parts
         if isinstance(first, ast.Call) and isinstance(first.func, ast.Attribute) and first.func.attr in ("long", "to"):
             first = first.func.value
         picked = (dotted(first) or "").endswith(ROWS)

@@ -24,10 +24,10 @@ def is_world(name: str, spec: StateSpec) -> bool:
     return name in spec and spec[name].kind == "world"
 
 
-def take(recorded: Recorded, spec: StateSpec, worlds: Sequence[int]) -> dict[str, Any]:
+def take(recorded: Recorded, spec: StateSpec, worlds: Sequence[int] | Tensor) -> dict[str, Any]:
     """Copies of the states of some worlds, repeated where there are too few."""
     count = world_count(recorded, spec)
-    index = torch.tensor(worlds) % count
+    index = torch.as_tensor(worlds) % count
     values: dict[str, Any] = {}
     for name, value in recorded.items():
         if is_world(name, spec) and isinstance(value, Tensor):

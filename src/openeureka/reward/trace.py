@@ -14,7 +14,7 @@ from torch.utils._python_dispatch import TorchDispatchMode, _disable_current_mod
 from ..types import Finding, Node, RewardGraph
 from . import surface
 from .gate import FILENAME
-from .validate import MAX_CONSTANT, references
+from .validate import MAX_CONSTANT, IntegerDivision, references, refuse_truncation
 
 MAX_OPERATIONS = 20_000
 """Of one run, before what no output needs is dropped."""
@@ -57,7 +57,15 @@ def current_line() -> int | None:
     return None
 
 
-class Guard(TorchDispatchMode):
+class _Mode(TorchDispatchMode):
+    """A dispatch mode that does without `torch.compile`: its import costs every child 70 MB to inherit."""
+
+    @classmethod
+    def _should_skip_dynamo(cls) -> bool:
+        return False
+
+
+class Guard(_Mode):
     """Refuses random numbers, selections by value and writes into the inputs."""
 
     def __init__(self, inputs: Mapping[str, Tensor]) -> None:
@@ -69,7 +77,7 @@ class Guard(TorchDispatchMode):
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         kwargs = kwargs or {}
         try:
-            _judge(func)
+            _judge(func, args, kwargs)
             if func._schema.is_mutable:
                 self._judge_write(func, args, kwargs)
         except Refused as refusal:
@@ -93,8 +101,14 @@ class Guard(TorchDispatchMode):
         return self._owner.get(value.untyped_storage().data_ptr()) if isinstance(value, Tensor) else None
 
 
-def _judge(func: Any) -> None:
+def _judge(func: Any, args: Sequence[Any], kwargs: Mapping[str, Any]) -> None:
     name = func._overloadpacket.__name__
+    if kwargs.get("rounding_mode") == "trunc":
+        try:
+            refuse_truncation(args[0], args[1], "trunc")
+        except IntegerDivision as error:
+            fix = "write `a // b`, which rounds down, or divide floats"
+            raise Refused("integer-division", f"{error}: it may end the process", fix, current_line()) from None
     if torch.Tag.nondeterministic_seeded in func.tags:
         message = f"`{name}` is random, and a reward must give the same value for the same state"
         raise Refused("randomness", message, "remove it", current_line())
@@ -102,7 +116,7 @@ def _judge(func: Any) -> None:
         raise branch(current_line())
 
 
-class Tracer(TorchDispatchMode):
+class Tracer(_Mode):
     """Writes every operation below autograd down as a graph node."""
 
     def __init__(self) -> None:
@@ -147,7 +161,7 @@ class Tracer(TorchDispatchMode):
 
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         kwargs = kwargs or {}
-        _judge(func)
+        _judge(func, args, kwargs)
         op = str(func).removeprefix("aten.")
         if op.startswith(_READS_A_NUMBER):
             if self.index(args[0]) in self._of_state:

@@ -40,12 +40,28 @@ class GraphError(ValueError):
     """A graph that is not well formed or not allowed. The text says where."""
 
 
+class IntegerDivision(RuntimeError):
+    """A division that could end the process, refused before it ran."""
+
+
 def operation(op: str) -> Callable[..., Any]:
     """The ATen overload a node names."""
     if op not in surface.ATEN:
         raise GraphError(f"operation {op!r:.40} is not allowed")
     name, _, overload = op.partition(".")
     return getattr(getattr(torch.ops.aten, name), overload)
+
+
+def refuse_truncation(dividend: Any, divisor: Any, rounding_mode: str | None) -> None:
+    """Raises IntegerDivision where integers would be divided and truncated.
+
+    The least integer by -1 has no quotient, and the processor ends the process: alone among the operations on the list,
+    and for a quotient that rounds down torch looks first.
+    """
+    exact = (value.is_floating_point() if isinstance(value, torch.Tensor) else isinstance(value, float)
+             for value in (dividend, divisor))  # fmt: skip
+    if rounding_mode == "trunc" and not any(exact):
+        raise IntegerDivision("an integer division that truncates")
 
 
 def leaves(arg: Any) -> Iterator[Any]:

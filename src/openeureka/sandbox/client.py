@@ -1,4 +1,4 @@
-"""Checks candidates: the gate here, the probe in a confined child, the resulting graph again here."""
+"""Checks candidates: the program in one confined child, its graph in another; answers are read here as data."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ import signal
 import time
 import unicodedata
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 from torch import Tensor
 
 from ..errors import SandboxUnavailable, WorkerError
-from ..reward import examine, gate, graph, probe
-from ..types import Candidate, Finding, Node, RewardGraph, StateSpec, Verdict, VerdictCode
+from ..reward import graph
+from ..types import Candidate, Finding, RewardGraph, StateSpec, Verdict, VerdictCode
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 from . import confine, server
 
@@ -23,7 +22,9 @@ SECONDS = 2.0
 """A candidate's time, by the wall clock, for everything it does in its child."""
 _START_SECONDS = 120.0
 _GRACE_SECONDS = 5.0
-_MAX_FINDINGS = 20
+_MAX_LINE = 100_000
+_MAX_FIX = 2_000
+"""Characters: a fix may list every state variable."""
 _RULE = re.compile(r"[a-z][a-z-]{0,31}")
 _Judgement = tuple[VerdictCode, tuple[Finding, ...], RewardGraph | None]
 
@@ -34,19 +35,28 @@ class Sandbox:
     Args:
         state: the task's table.
         recorded: real states, reset states among them: per-world variables (M, *shape), M about 256; others as is.
-        unsafe: probe in a child that only limits bound, where the kernel cannot confine it.
+        worlds: per lane in the training that follows, 0 where there is none: graphs are measured with so many.
+        unsafe: run children that only limits bound, where the kernel cannot confine them.
 
     Raises:
         SandboxUnavailable: on entry, where the kernel lacks Landlock or seccomp and `unsafe` is false.
     """
 
-    def __init__(self, state: StateSpec, recorded: Mapping[str, Tensor | float | int], *, unsafe: bool = False) -> None:
+    def __init__(
+        self,
+        state: StateSpec,
+        recorded: Mapping[str, Tensor | float | int],
+        *,
+        worlds: int = 0,
+        unsafe: bool = False,
+    ) -> None:
         missing = [v.name for v in state.variables if v.name not in recorded and v.kind != "num_envs"]
         if missing:
             raise ValueError(f"no recorded states for {missing}")
         self.state = state
         self._tensors = {n: v.detach().cpu().contiguous() for n, v in recorded.items() if isinstance(v, Tensor)}
         self.recorded = {**recorded, **self._tensors}
+        self._worlds = worlds
         self._confined = not unsafe
         self._worker: Worker | None = None
         self._gated = True  # tests of confinement switch the gate off
@@ -80,41 +90,23 @@ class Sandbox:
         return Verdict(candidate=candidate.id, code=code, findings=findings, graph=accepted, seconds=seconds)
 
     def _judge(self, source: str) -> _Judgement:
-        if not self._gated:
-            return self._run(source)
-        program = gate.check(source, self.state)
-        if not isinstance(program, gate.Program):
-            code = VerdictCode.NO_PROGRAM if program[0].rule == "no-function" else VerdictCode.REFUSED
-            return code, program, None
-        code, findings, accepted = self._run(source)
-        return code, tuple(_located(finding, program) for finding in findings), accepted
-
-    def _run(self, source: str) -> _Judgement:
         frame = self._ask(source)
         outcome = frame.header.get("outcome") if frame is not None else "timeout"
+        what = "its graph" if frame is not None and frame.header.get("where") == "graph" else "the program"
         if frame is None or outcome == "timeout":
-            message = f"the program ran for more than {SECONDS:g} s on a few hundred states"
+            message = f"{what} ran for more than {SECONDS:g} s on a few hundred states"
             finding = Finding(rule="timeout", message=message, fix="use tensor operations instead of Python loops")
             return VerdictCode.TIMEOUT, (finding,), None
-        answer = _parse(frame.blobs.get("answer", b"")) if outcome == "answer" else None
-        if answer is None:
-            return VerdictCode.CRASHED, (_crash(frame.header.get("signal")),), None
+        answer = _parse(frame.blobs.get("answer", b"")) if outcome in ("answer", "refused") else {}
         if "findings" in answer:
-            return VerdictCode.CONTRACT, _read_findings(answer["findings"]), None
-        return self._examine(answer)
-
-    def _examine(self, answer: Mapping[str, Any]) -> _Judgement:
-        try:
-            parsed = graph.from_json(answer["graph"])
-        except (graph.GraphError, KeyError, TypeError) as error:
-            finding = Finding(rule="operation", message=f"its graph is not allowed: {str(error)[:200]}")
-            return VerdictCode.CONTRACT, (finding,), None
-        lines = answer.get("lines")
-        known = lines if isinstance(lines, list) and all(type(n) is int or n is None for n in lines) else []
-        findings = examine.examine(probe.Traced(parsed, tuple(known)), self.state, self.recorded)
-        if findings:
-            return VerdictCode.CONTRACT, findings, None
-        return VerdictCode.ACCEPTED, (), parsed
+            findings = _read_findings(answer["findings"])
+            if outcome == "answer":
+                return VerdictCode.CONTRACT, findings, None
+            code = VerdictCode.NO_PROGRAM if findings[0].rule == "no-function" else VerdictCode.REFUSED
+            return code, findings, None
+        if "graph" in answer:
+            return _accepted(answer["graph"])
+        return VerdictCode.CRASHED, (_crash(frame.header.get("signal"), what),), None
 
     # --- the server ---
 
@@ -125,11 +117,11 @@ class Sandbox:
             "spec": server.encode_spec(self.state),
             "numbers": {name: value for name, value in self.recorded.items() if name not in tensors},
             "tensors": {n: [list(t.shape), str(t.dtype).removeprefix("torch.")] for n, t in tensors.items()},
+            "worlds": self._worlds,
             "confined": self._confined,
         }
         try:
             worker.send(header, {name: _bytes(tensor) for name, tensor in tensors.items()})
-            self._warm_up()  # while the server does the same
             problem = worker.receive(_START_SECONDS).header.get("problem")
         except WorkerError:
             tail = worker.stderr_tail(500)
@@ -140,15 +132,6 @@ class Sandbox:
             raise SandboxUnavailable(f"The sandbox cannot run a program it knows to be good: {problem}")
         self._worker = worker
         return worker
-
-    def _warm_up(self) -> None:
-        """Load here what torch loads lazily, so that the first candidate is not judged slow."""
-        variable = next(v for v in self.state.variables if v.kind == "world")
-        square = Node("mul.Tensor", ({"ref": 0}, {"ref": 0}))
-        total = Node("sum.dim_IntList", ({"ref": 1}, tuple(range(1, len(variable.shape) + 1))))
-        nodes = (Node("input", (variable.name,)), square, *((total,) if variable.shape else ()))
-        small = RewardGraph(nodes=nodes, reward=len(nodes) - 1, components=())
-        examine.examine(probe.Traced(small, ()), self.state, self.recorded)
 
     def _ask(self, source: str) -> Frame | None:
         """The server's frame; None when it hung. A server that died is started again, once."""
@@ -171,44 +154,49 @@ def _bytes(tensor: Tensor) -> bytes:
     return tensor.numpy().tobytes()
 
 
-def _located(finding: Finding, program: gate.Program) -> Finding:
-    """A finding about the result as a whole names the line that returns it; one about numbers, what reads them."""
-    if finding.rule == "branch" and (found := gate.twins(program, finding.line)):
-        (name, known), *_ = found.items()
-        return replace(finding, message=f"`{name}` takes numbers and this is a tensor", fix=f"use `{known}`")
-    whole = finding.line is None and finding.rule in probe.RESULT_RULES
-    return replace(finding, line=program.return_line) if whole else finding
+def _accepted(text: object) -> _Judgement:
+    """A graph that was judged. Its reading runs nothing, so what trains is certain to be a graph."""
+    try:
+        return VerdictCode.ACCEPTED, (), graph.from_json(str(text))
+    except graph.GraphError as error:
+        finding = Finding(rule="operation", message=f"its graph is not allowed: {_clean(error, 200)}")
+        return VerdictCode.CONTRACT, (finding,), None
 
 
-def _parse(data: bytes) -> dict[str, Any] | None:
+def _line(number: object) -> int | None:
+    """A line of a program, as a child may say it."""
+    return number if type(number) is int and 0 < number < _MAX_LINE else None
+
+
+def _parse(data: bytes) -> dict[str, Any]:
     try:
         answer = json.loads(data)
     except (ValueError, RecursionError):
-        return None
-    return answer if isinstance(answer, dict) else None
+        return {}
+    return answer if isinstance(answer, dict) else {}
 
 
-def _crash(number: object) -> Finding:
+def _crash(number: object, what: str) -> Finding:
     if number == signal.SIGSYS:
         return Finding(rule="system-call", message="the program tried to start a process or open a connection")
     name = signal.Signals(number).name if isinstance(number, int) and number in set(signal.Signals) else "no answer"
-    return Finding(rule="crash", message=f"the program ended its process ({name})", fix="use plain tensor operations")
+    return Finding(rule="crash", message=f"{what} ended its process ({name})", fix="use plain tensor operations")
 
 
 def _read_findings(data: object) -> tuple[Finding, ...]:
     """Findings from a child, which may hold any text."""
     findings: list[Finding] = []
-    for item in data[:_MAX_FINDINGS] if isinstance(data, list) else []:
+    for item in data[: server.MAX_FINDINGS] if isinstance(data, list) else []:
         if not (isinstance(item, list) and len(item) == 4):
             continue
         rule, message, fix, line = item
         known = rule if isinstance(rule, str) and _RULE.fullmatch(rule) else "error"
-        number = line if type(line) is int and 0 < line < 100_000 else None
-        findings.append(Finding(rule=known, message=_clean(message), fix=_clean(fix), line=number))
+        fixed = _clean(fix, _MAX_FIX)
+        findings.append(Finding(rule=known, message=_clean(message), fix=fixed, line=_line(line)))
     return tuple(findings) or (Finding(rule="crash", message="the program sent an answer of the wrong form"),)
 
 
-def _clean(text: object) -> str:
-    """One printable line of at most 500 characters."""
-    shown = str(text)[:2000]
-    return "".join(c if unicodedata.category(c)[0] != "C" else " " for c in shown).strip()[:500]
+def _clean(text: object, size: int = 500) -> str:
+    """One printable line of at most `size` characters."""
+    shown = str(text)[: 4 * size]
+    return "".join(c if unicodedata.category(c)[0] != "C" else " " for c in shown).strip()[:size]

@@ -1,4 +1,7 @@
-"""The fork server: imports torch once, then runs each candidate in a confined child of its own.
+"""The fork server: imports torch once, then runs each candidate in a confined child, and judges its graph in another.
+
+The first child runs the program and traces it. What it answers is whatever the program made of that process, so the
+second child, which runs nothing but the graph, reads it and judges it. Either may die: that is a verdict.
 
 Run by `sandbox.client` as a worker with an empty environment, so that no child inherits a secret. It reads nothing of
 what a child writes beyond the length: the parent judges the bytes.
@@ -6,20 +9,23 @@ what a child writes beyond the length: the parent judges the bytes.
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import json
 import os
 import select
 import signal
 import struct
+import sys
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, NoReturn
 
 import torch
 
-from ..reward import gate, graph, load, probe
+from ..reward import examine, gate, graph, load, probe
 from ..reward.states import only
 from ..reward.trace import Refused
 from ..types import Finding, StateSpec, StateVar
@@ -27,7 +33,11 @@ from ..worker import Channel, Frame
 from .confine import confine
 
 LENGTH = struct.Struct("<I")
+MAX_FINDINGS = 20
+LEAST_SECONDS = 1.0
+"""For a graph, however long its program took."""
 MAX_ANSWER = 4 << 20
+_HUGE, _MADV_HUGEPAGE, _MADV_COLLAPSE = 2 << 20, 14, 25
 _WARM_UP = """
 def compute_reward({arguments}):
     total = torch.zeros(num_envs)
@@ -45,6 +55,7 @@ class _Bench:
 
     spec: StateSpec
     recorded: Mapping[str, Any]
+    worlds: int
     confined: bool
 
 
@@ -73,52 +84,146 @@ def _decode_recorded(frame: Frame) -> dict[str, Any]:
     return recorded
 
 
-def _probe_source(source: str, bench: _Bench, gated: bool) -> dict[str, Any]:
-    """What one program comes to, as JSON data."""
+def _gate(source: str, bench: _Bench) -> gate.Program | dict[str, Any]:
+    """The program behind a text, or why it is refused, as JSON data. Runs nothing."""
+    program = gate.check(source, bench.spec)
+    return program if isinstance(program, gate.Program) else {"findings": _findings(program)}
+
+
+def _probe(program: gate.Program | str, bench: _Bench) -> dict[str, Any]:
+    """What one program comes to, as JSON data; a text is run as it stands."""
+    returns = None
     try:
-        if gated:
-            program = gate.check(source, bench.spec)
-            if not isinstance(program, gate.Program):
-                return {"findings": [_finding(finding) for finding in program]}
+        if isinstance(program, gate.Program):
             run, recorded = load.load(program), only(bench.recorded, bench.spec, program.inputs)
+            returns = program.return_line
         else:
-            run, recorded = load.unchecked(source), bench.recorded
+            run, recorded = load.unchecked(program), bench.recorded
         traced = probe.probe(run, bench.spec, recorded)
     except Refused as refusal:
-        return {"findings": [_finding(refusal.finding)]}
-    return {"graph": graph.to_json(traced.graph), "lines": traced.lines}
+        return {"findings": _findings([_twinned(refusal.finding, program)], returns)}
+    return {"graph": graph.to_json(traced.graph), "lines": traced.lines, "returns": returns}
 
 
-def _finding(finding: Finding) -> list[Any]:
-    return [finding.rule, finding.message, finding.fix, finding.line]
+def _twinned(finding: Finding, program: gate.Program | str) -> Finding:
+    """A finding that something took a tensor for a number; where that is a function of numpy's, what torch calls it."""
+    if finding.rule != "branch" or isinstance(program, str) or not (found := gate.twins(program, finding.line)):
+        return finding
+    (name, known), *_ = found.items()
+    return replace(finding, message=f"`{name}` takes numbers and this is a tensor", fix=f"use `{known}`")
 
 
-def _child(pipe: int, source: str, bench: _Bench, gated: bool) -> NoReturn:
+def _examine(text: bytes, bench: _Bench) -> dict[str, Any]:
+    """The verdict on what a child answered, as JSON data: findings, or a graph that may train, or neither."""
+    try:
+        answer = json.loads(text)
+    except (ValueError, RecursionError):
+        return {}
+    if not isinstance(answer, dict):
+        return {}
+    if "findings" in answer:
+        return {"findings": answer["findings"]}
+    try:
+        parsed, origin = graph.simplify(graph.from_json(answer.get("graph", "")))
+    except graph.GraphError as error:
+        return {"findings": [["operation", f"its graph is not allowed: {error}"[:300], "", None]]}
+    said = answer.get("lines")
+    lines = [said[index] if index < len(said) else None for index in origin] if isinstance(said, list) else []
+    found = examine.examine(probe.Traced(parsed, tuple(lines)), bench.spec, bench.recorded, bench.worlds)
+    return {"findings": _findings(found, answer.get("returns"))} if found else {"graph": graph.to_json(parsed)}
+
+
+def _findings(findings: Sequence[Finding], returns: int | None = None) -> list[list[Any]]:
+    """Findings as data; one about the result as a whole names the line that returns it."""
+    whole = probe.RESULT_RULES
+    return [
+        [f.rule, f.message, f.fix, returns if f.line is None and f.rule in whole else f.line]
+        for f in findings[:MAX_FINDINGS]
+    ]
+
+
+class _Child:
+    """A confined process that answers once.
+
+    Args:
+        work: what it does, once confined; it may read its standard input to the end.
+    """
+
+    def __init__(self, work: Callable[[], Mapping[str, Any]], *, confined: bool) -> None:
+        request, self._request = os.pipe()
+        self._answer, answer = os.pipe()
+        self._pid = os.fork()
+        if self._pid == 0:
+            _serve(request, answer, work, confined)
+        os.close(request)
+        os.close(answer)
+        try:
+            os.setpgid(self._pid, self._pid)
+        except (ProcessLookupError, PermissionError):
+            pass
+
+    def finish(self, seconds: float, request: bytes = b"") -> _Outcome:
+        """Hand over its input and wait for its answer; the process is gone when this returns."""
+        kind, answer = "crashed", b""
+        try:
+            _write(self._request, request)
+            os.close(self._request)
+            self._request = -1
+            kind, answer = _read_answer(self._answer, time.monotonic() + seconds)
+        except BrokenPipeError:
+            pass
+        if kind == "crashed":
+            time.sleep(0.01)  # the pipe closes a moment before the process is gone: let it tell its signal
+        return _Outcome(kind, answer, self.end())
+
+    def end(self) -> int:
+        """End it and everything in its group; the signal that ended it, 0 for none."""
+        for descriptor in (self._request, self._answer):
+            if descriptor >= 0:
+                os.close(descriptor)
+        ended, status = os.waitpid(self._pid, os.WNOHANG)
+        if not ended:
+            status = _kill(self._pid)
+        return os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
+
+
+def _serve(request: int, answer: int, work: Callable[[], Mapping[str, Any]], confined: bool) -> NoReturn:
     """Everything a child does; never returns."""
     try:
         os.setpgid(0, 0)
         null = os.open(os.devnull, os.O_RDWR)
-        for descriptor in (0, 1, 2):
-            os.dup2(null, descriptor)
-        os.dup2(pipe, 3)
+        for descriptor, end in ((0, request), (1, null), (2, null), (3, answer)):
+            os.dup2(end, descriptor)
         os.closerange(4, 4096)
         try:
-            confine(kernel=bench.confined)
+            confine(kernel=confined)
         except OSError as error:
-            _write(3, {"unconfined": str(error)})
+            _answer({"unconfined": str(error)})
         else:
-            _write(3, _probe_source(source, bench, gated))
+            _answer(work())
     except Exception as error:  # a fault of ours, or of a program without the gate: say which, then go
-        _write(3, {"findings": [["error", f"the probe failed: {type(error).__name__}: {error}"[:400], "", None]]})
+        _answer({"findings": [["error", f"the probe failed: {type(error).__name__}: {error}"[:400], "", None]]})
     finally:
         os._exit(0)
 
 
-def _write(pipe: int, answer: Mapping[str, Any]) -> None:
-    text = json.dumps(answer).encode()
-    data = memoryview(LENGTH.pack(len(text)) + text)
-    while data:
-        data = data[os.write(pipe, data) :]
+def _answer(data: Mapping[str, Any]) -> None:
+    text = json.dumps(data).encode()
+    _write(3, LENGTH.pack(len(text)) + text)
+
+
+def _input() -> bytes:
+    """All of a child's standard input."""
+    received = bytearray()
+    while chunk := os.read(0, 1 << 20):
+        received += chunk
+    return bytes(received)
+
+
+def _write(pipe: int, data: bytes) -> None:
+    left = memoryview(data)
+    while left:
+        left = left[os.write(pipe, left) :]
 
 
 def _read_answer(pipe: int, deadline: float) -> tuple[str, bytes]:
@@ -150,26 +255,17 @@ def _kill(pid: int) -> int:
     return os.waitpid(pid, 0)[1]
 
 
-def _run_child(source: str, bench: _Bench, *, gated: bool, seconds: float) -> _Outcome:
-    """Probe one program in a child that is gone when this returns."""
-    end, other = os.pipe()
-    pid = os.fork()
-    if pid == 0:
-        os.close(end)
-        _child(other, source, bench, gated)
-    os.close(other)
-    try:
-        os.setpgid(pid, pid)
-    except (ProcessLookupError, PermissionError):
-        pass
-    kind, answer = _read_answer(end, time.monotonic() + seconds)
-    if kind == "crashed":
-        time.sleep(0.01)  # the pipe closes a moment before the process is gone: let it tell its signal
-    ended, status = os.waitpid(pid, os.WNOHANG)
-    if not ended:
-        status = _kill(pid)
-    os.close(end)
-    return _Outcome(kind, answer, os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0)
+def _judge(program: gate.Program | str, bench: _Bench, seconds: float) -> tuple[str, _Outcome]:
+    """What became of a program, and in which child: `program` or `graph`."""
+    deadline = time.monotonic() + seconds
+    first = _Child(lambda: _probe(program, bench), confined=bench.confined)
+    # Made now, so that on a second core it is confined by the time it is asked.
+    second = _Child(lambda: _examine(_input(), bench), confined=bench.confined)
+    outcome = first.finish(seconds)
+    if outcome.kind != "answer":
+        second.end()
+        return "program", outcome
+    return "graph", second.finish(max(LEAST_SECONDS, deadline - time.monotonic()), outcome.answer)
 
 
 def main() -> None:
@@ -178,26 +274,48 @@ def main() -> None:
     frame = channel.receive()
     if frame is None:
         return
-    bench = _Bench(_decode_spec(frame.header["spec"]), _decode_recorded(frame), frame.header["confined"])
+    header = frame.header
+    bench = _Bench(_decode_spec(header["spec"]), _decode_recorded(frame), header["worlds"], header["confined"])
     problem = _warm_up(bench)
     channel.send({"problem": problem})
     while not problem and (frame := channel.receive()) is not None:
         request = frame.header
-        outcome = _run_child(request["source"], bench, gated=request["gated"], seconds=request["seconds"])
-        channel.send({"outcome": outcome.kind, "signal": outcome.died_of}, {"answer": outcome.answer})
+        program = _gate(request["source"], bench) if request["gated"] else request["source"]
+        if isinstance(program, dict):
+            channel.send({"outcome": "refused"}, {"answer": json.dumps(program).encode()})
+            continue
+        where, outcome = _judge(program, bench, request["seconds"])
+        header = {"outcome": outcome.kind, "where": where, "signal": outcome.died_of}
+        channel.send(header, {"answer": outcome.answer})
 
 
 def _warm_up(bench: _Bench) -> str:
-    """Load what torch loads lazily, before a child may open no file, and try one child; the problem met, or nothing."""
+    """Load what torch loads lazily, before a child may open no file, and try two; the problem met, or nothing."""
     variable = next(v for v in bench.spec.variables if v.kind == "world")
     term = f"{variable.name}.reshape(num_envs, -1).sum(dim=-1)"
-    source = _WARM_UP.format(arguments=variable.name, term=term)
-    _probe_source(source, bench, gated=True)
+    program = _gate(_WARM_UP.format(arguments=variable.name, term=term), bench)
+    assert isinstance(program, gate.Program), program
+    _examine(json.dumps(_probe(program, bench)).encode(), bench)
     gc.collect()
     gc.freeze()  # children then share these pages instead of copying them
-    outcome = _run_child(source, bench, gated=True, seconds=60.0)
+    _collapse()
+    _, outcome = _judge(program, bench, 60.0)
     answer = json.loads(outcome.answer) if outcome.kind == "answer" else {}
     return "" if "graph" in answer else f"{outcome.kind} {outcome.died_of} {json.dumps(answer)[:300]}"
+
+
+def _collapse() -> None:
+    """Gather this process's memory in huge pages: of 200 MB in small ones, a fork copies 50,000 entries each time.
+
+    Where the kernel cannot (before Linux 6.1) forks take a few milliseconds more.
+    """
+    libc = ctypes.CDLL(None)
+    for line in Path("/proc/self/maps").read_text().splitlines() if sys.platform == "linux" else ():
+        addresses, rights, *_, name = (*line.split(maxsplit=5), "")[:6]
+        begin, end = (int(address, 16) // _HUGE * _HUGE for address in addresses.split("-"))
+        if rights == "rw-p" and name.strip() in ("", "[heap]") and end - begin > _HUGE:
+            for advice in (_MADV_HUGEPAGE, _MADV_COLLAPSE):
+                libc.madvise(ctypes.c_void_p(begin + _HUGE), ctypes.c_size_t(end - begin - _HUGE), advice)
 
 
 if __name__ == "__main__":

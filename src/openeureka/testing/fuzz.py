@@ -1,12 +1,21 @@
-"""One damaged graph or reply, from text to verdict; any exception but the documented one is a fault of ours.
+"""One odd or damaged graph, reply, program or call, to its verdict; any other exception is a fault of ours.
 
-python -m openeureka.testing.fuzz 100000 --seed 7      # longer than the tests; about a minute
+python -m openeureka.testing.fuzz 100000 --seed 7                       # longer than the tests
+python -m openeureka.testing.fuzz 100000 --only program --seed 7        # graph, reply, program or call
+
+All of it runs in children, in which a crash is counted; the text that did it is printed.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import os
+import resource
+import signal
+import time
 from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from random import Random
 
@@ -15,8 +24,9 @@ import torch
 from ..llm import extract
 from ..reward import examine, gate, load, probe
 from ..reward import graph as graphs
+from ..reward.trace import Refused
 from ..reward.validate import GraphError
-from . import mutate
+from . import mutate, odd
 from .hostile import STATE
 
 _REWARDS = (
@@ -34,6 +44,9 @@ _PROGRAM = '''def compute_reward(pos, vel, phase, dt, num_envs):
 '''
 _REPLY = "Let me think.\n\n```python\nimport torch\nfrom typing import Dict\n\n{program}```\nIt pays for *r*.\n"
 _WORLDS = 12
+_TRAINED = 300
+"""Worlds of a training: more than the recorded ones, as in a run."""
+_BATCH, _BATCH_SECONDS, _MEMORY = 200, 120, 6 << 30
 
 
 @cache
@@ -61,7 +74,7 @@ def graph(random: Random) -> str:
         parsed = graphs.from_json(text)
     except GraphError:
         return "refused"
-    if examine.examine(probe.Traced(parsed, ()), STATE, _states()):
+    if examine.examine(probe.Traced(parsed, ()), STATE, _states(), _TRAINED):
         return "finding"
     reward, components = graphs.compile(parsed, STATE)(_states(), _WORLDS)
     assert all(value.shape == (_WORLDS,) and value.isfinite().all() for value in (reward, *components.values())), text
@@ -82,13 +95,84 @@ def reply(random: Random) -> str:
     return "refused"
 
 
+def program(random: Random) -> str:
+    """`refused` by the gate, `finding` of the probe or on the graph, or `accepted`."""
+    checked = gate.check(odd.program(random), STATE)
+    if not isinstance(checked, gate.Program):
+        assert all(finding.rule != "unreadable" for finding in checked), checked
+        return "refused"
+    try:
+        traced = probe.probe(load.load(checked), STATE, {**_states(), "num_envs": _WORLDS})
+    except Refused:
+        return "finding"
+    return "finding" if examine.examine(traced, STATE, _states(), _TRAINED) else "accepted"
+
+
+def call(random: Random) -> str:
+    """`refused` as a graph, `raised` the error that a verdict is made of, or `ran`."""
+    made = odd.call(random)
+    try:
+        list(graphs.values(graphs.from_json(graphs.to_json(made)), _states(), _WORLDS))
+    except GraphError:
+        return "refused"
+    except (RuntimeError, IndexError, ValueError, TypeError, NotImplementedError, ZeroDivisionError, OverflowError):
+        return "raised"
+    return "ran"
+
+
+def _counted(attempt: Callable[[Random], str], seeds: Sequence[str]) -> Counter[str]:
+    """Outcomes of some attempts in a child; where it dies, each again in one of its own."""
+    outcomes = _in_a_child(attempt, seeds)
+    if outcomes is not None:
+        return outcomes
+    if len(seeds) > 1:
+        return sum((_counted(attempt, [seed]) for seed in seeds), Counter[str]())
+    print(f"CRASH {attempt.__name__} {seeds[0]}", flush=True)
+    return Counter(["crash"])
+
+
+def _in_a_child(attempt: Callable[[Random], str], seeds: Sequence[str]) -> Counter[str] | None:
+    end, other = os.pipe()
+    pid = os.fork()
+    if pid == 0:
+        try:
+            resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
+            signal.alarm(_BATCH_SECONDS)
+            outcomes = Counter(attempt(Random(seed)) for seed in seeds)
+            os.write(other, json.dumps(outcomes).encode())
+        except BaseException as error:  # the parent tries its seeds one by one and names the one that did it
+            print(f"{type(error).__name__}: {str(error)[:300]}", flush=True)
+        finally:
+            os._exit(0)
+    os.close(other)
+    with os.fdopen(end, "rb") as answer:
+        text = answer.read()
+    os.waitpid(pid, 0)
+    return Counter(json.loads(text)) if text else None
+
+
+def _seeds(options: argparse.Namespace) -> Iterator[list[str]]:
+    for first in range(0, options.count, _BATCH):
+        yield [f"{options.seed}/{number}" for number in range(first, min(first + _BATCH, options.count))]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("count", type=int, help="graphs, and as many replies")
+    attempts = {attempt.__name__: attempt for attempt in (graph, reply, program, call)}
+    parser.add_argument("count", type=int, help="how many of each")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", choices=attempts, help="one kind")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="for each kind")
     options = parser.parse_args()
-    for attempt in (graph, reply):
-        print(attempt.__name__, dict(Counter(attempt(Random(f"{options.seed}/{i}")) for i in range(options.count))))
+    torch.set_num_threads(1)  # children are forked
+    _graphs()
+    for attempt in [attempts[options.only]] if options.only else attempts.values():
+        outcomes, until = Counter[str](), time.monotonic() + options.seconds
+        for seeds in _seeds(options):
+            outcomes += _counted(attempt, seeds)
+            if time.monotonic() > until:
+                break
+        print(attempt.__name__, dict(outcomes), flush=True)
 
 
 if __name__ == "__main__":

@@ -32,6 +32,9 @@ FAREWELL = 10.0
 POLL = 0.05
 """[s] that one worker is waited for before the next gets a look."""
 
+CONTROL = "control"
+"""The job that tells a fault of the rewards from one of the machine."""
+
 Message = TrainingProgress | TrainingResult
 T = TypeVar("T")
 
@@ -75,6 +78,8 @@ class PopulationTrainer:
 
         Raises:
             TaskError: when there is no such environment, or its own code fails.
+            WorkerError: when no job of a population could be trained, nor then the task's human reward, tried for an
+                epoch: the machine is at fault, and no generated reward.
         """
         recipe = registry.get(env).recipe
         worlds = budget.worlds or recipe.worlds
@@ -110,7 +115,19 @@ class PopulationTrainer:
                         yield message
                 except WorkerError as error:
                     reasons |= {job.id: str(error) for job in group}
+        if len(left) == len(jobs) and not any(isinstance(job.program, str) for job in jobs):
+            self._control(env, jobs[0].seed, budget, device, threads, reasons[jobs[0].id])
         yield from (_failed(job, reasons[job.id]) for job in left.values())
+
+    def _control(self, env: str, seed: int, budget: TrainBudget, device: str, threads: int, reason: str) -> None:
+        """Raises WorkerError unless the human reward trains where every generated one ended its worker."""
+        brief = dataclasses.replace(budget, env_steps=1)
+        request = pack_jobs(env, [TrainJob(id=CONTROL, program="human", seed=seed)], brief)
+        try:
+            for _ in self._ask(Frame({"do": "train", "snapshot_seconds": 0.0, **request.header}), device, threads):
+                pass
+        except WorkerError:
+            raise WorkerError(reason) from None
 
     def _train_in_one(self, request: Frame, device: str, threads: int) -> Generator[Message | None]:
         """Messages of one worker, which goes on from where the one before it was."""

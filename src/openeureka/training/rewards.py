@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Mapping, Sequence, Set
 
 import torch
@@ -13,6 +14,9 @@ from ..tasks.faults import per_world
 from ..tasks.task import State, Task
 from ..types import RewardProgram
 from .replay import Replay, waits
+
+MAX_CALL_SECONDS = 2.0
+"""Processor time of one lane's reward for one step on a CPU: four times what a check lets through."""
 
 
 class LaneRewards:
@@ -112,19 +116,29 @@ class _Part:
         named = iter(tensors)
         values = {name: next(named) for name in self._names if name not in self._numbers}
         rewards, means = [], []
-        for lane, program in self.programs.items():
+        for lane in self.programs:
             own = {name: value[lane * n : (lane + 1) * n] for name, value in values.items() if name in self._per_world}
-            try:
-                reward, components = program({**self._numbers, **values, **own, "num_envs": n}, n)
-            except (IndexError, RuntimeError) as error:  # as an index that no recorded state had
-                if tensors[0].device.type != "cpu":
-                    raise  # after a fault a GPU computes nothing more in this process
-                self.errors.setdefault(lane, f"the reward failed with {type(error).__name__}: {error}"[:300])
-                reward = torch.full((n,), math.nan)
-                components = {name: reward for name, _ in program.graph.components}
+            reward, components = self._of_lane(lane, {**self._numbers, **values, **own, "num_envs": n})
             rewards.append(reward)
             means += [component.mean() for component in components.values()]
         return (*rewards, torch.stack(means) if means else rewards[0].new_zeros(0))
+
+    def _of_lane(self, lane: int, state: State) -> tuple[Tensor, Mapping[str, Tensor]]:
+        """Reward (n,) and components of one lane; NaN from the first error on, so that the lane is stopped."""
+        program, n, started = self.programs[lane], self._worlds, time.thread_time()
+        try:
+            if lane not in self.errors:
+                reward, components = program(state, n)
+                seconds = time.thread_time() - started
+                if seconds < MAX_CALL_SECONDS or reward.device.type != "cpu":
+                    return reward, components
+                self.errors[lane] = f"the reward took {seconds:.1f} s for one step"
+        except (IndexError, RuntimeError) as error:  # as an index that no recorded state had
+            if any(isinstance(value, Tensor) and value.device.type != "cpu" for value in state.values()):
+                raise  # after a fault a GPU computes nothing more in this process
+            self.errors[lane] = f"the reward failed with {type(error).__name__}: {error}"[:300]
+        reward = torch.full((n,), math.nan)
+        return reward, {name: reward for name, _ in program.graph.components}
 
 
 def moments(own: Tensor, human: Tensor) -> Tensor:

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from .case import Hostile, gate, gate_text, out_of_memory, out_of_time, probe, returns
 
+_DIVIDED = """least = torch.full((num_envs,), -(2**63), dtype=torch.int64)
+by = torch.where({condition}, torch.tensor(-1), torch.tensor(1))
+r = r + torch.div(least, by, rounding_mode="trunc") * 0"""
+"""The least integer by -1 ends a process; the condition hides it from whoever looks at other numbers of worlds."""
+
 RESOURCES: tuple[Hostile, ...] = (
     gate(41, "endless-while", "statement", "while True:\n    pass"),
     gate(42, "huge-range", "loop-size", "for i in range(1000000000000):\n    pass"),
@@ -36,4 +41,20 @@ RESOURCES: tuple[Hostile, ...] = (
     returns(55, "component-of-components", "components", "(r, {'r': {'r': r}})"),
     probe(56, "huge-message", "error", 'raise ValueError("x" * 10**8)'),
     gate(56, "prints-for-ever", "statement", 'while True:\n    print("x" * 10**6)'),
+    probe(91, "truncated-least-integer", "integer-division", _DIVIDED.format(condition="torch.tensor(num_envs) == 7")),
+    probe(
+        91, "truncated-with-many-worlds", "integer-division", _DIVIDED.format(condition="torch.tensor(num_envs) > 300")
+    ),
+    probe(
+        91,
+        "truncated-in-place",
+        "integer-division",
+        'x = pos.long()\nx.div_(vel.long(), rounding_mode="trunc")\nr = r + x.sum(dim=-1)',
+    ),
+    probe(
+        92,
+        "large-between-two-sizes",
+        "memory",
+        "x = torch.arange(16384.0, num_envs, -0.0154)\nr = r + (x * pos[256:, :1]).sum() * 0",
+    ),
 )
