@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from random import Random
 from typing import Literal, Protocol
 
@@ -68,10 +67,11 @@ class Best:
         ranking = Ranking(history)
         parent = ranking.favourite or ranking.best
         if parent is None:
-            return [_plan(self.samples, [], history, ranking)]
+            return [replace(_plan(self.samples, [], history, ranking), informed=True)]
         others = {winner.sample.candidate: winner for winner in ranking.winners}
         others.pop(parent.sample.candidate, None)  # a favourite need not have won its generation
-        return [_plan(self.samples, [*list(others.values())[-_EARLIER_TURNS:], parent], history, ranking)]
+        plan = _plan(self.samples, [*list(others.values())[-_EARLIER_TURNS:], parent], history, ranking)
+        return [replace(plan, informed=True, best=ranking.best)]
 
     def tell(self, history: History, entries: Sequence[Scored]) -> History:
         return history.grown(entries)
@@ -95,7 +95,7 @@ _SIZES = {"free": (16, 5), "grammar": (8, 3)}
 def sized(config: RunConfig, style: Literal["free", "grammar"]) -> RunConfig:
     """The settings with `sample` and `iteration` filled in for a model of this style."""
     sample, iteration = _SIZES[style]
-    return dataclasses.replace(config, sample=config.sample or sample, iteration=config.iteration or iteration)
+    return replace(config, sample=config.sample or sample, iteration=config.iteration or iteration)
 
 
 def _plan(samples: int, turns: Sequence[Scored], history: History, ranking: Ranking) -> PromptPlan:
@@ -121,4 +121,5 @@ def _opinion(parents: Sequence[Scored], history: History, ranking: Ranking) -> O
         won=won,
         lost=lost,
         vetoed=ranking.vetoed,
+        ranks=ranking.by_votes,
     )

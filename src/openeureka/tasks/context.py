@@ -15,7 +15,14 @@ _VISIBLE = ("apply_action", "compute_state", "observe")
 def context(env: str) -> TaskContext:
     """Description, state table and pruned source of a task."""
     task = get(env)
-    return TaskContext(env=env, description=task.description, state=task.spec, source=prune(task))
+    return TaskContext(
+        env=env,
+        description=task.description,
+        state=task.spec,
+        source=prune(task),
+        score_unit=task.score_unit,
+        score_range=task.score_range,
+    )
 
 
 def prune(task: type[Task]) -> str:

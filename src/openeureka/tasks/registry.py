@@ -91,7 +91,8 @@ def _changed(task: type[Task], settings: Mapping[str, str]) -> type[Task]:
         values[name] = float(value) if kind is float and type(value) is int else value
         if type(values[name]) is not kind:
             raise TaskError(f"`{name}` of `{task.env}` is {known[name]!r}; set another {kind.__name__}, not `{text}`.")
-    return type(task.__name__, (task,), {"__module__": task.__module__, **values})
+    # What bounds F, such as the length of an episode, may be what was changed.
+    return type(task.__name__, (task,), {"__module__": task.__module__, "score_range": (None, None), **values})
 
 
 def _named(env: str) -> type[Task]:

@@ -91,6 +91,12 @@ class Task(ABC):
     suite: ClassVar[str]
     description: ClassVar[str]
     """The intent, one sentence, as the language model reads it."""
+    score_unit: ClassVar[str] = ""
+    """What F counts or measures, in a few words that a table has room for; higher F is better."""
+    score_range: ClassVar[tuple[float | None, float | None]] = (None, None)
+    """Least and highest F there can be; None where nothing bounds it."""
+    ends: ClassVar[str] = ""
+    """When `terminated` ends an episode, as the language model reads it after "An episode ends early"."""
     episode_length: ClassVar[int]
     """[steps]; a time-out is raised when `progress` reaches episode_length - 1."""
     control_dt: ClassVar[float]

@@ -40,6 +40,7 @@ class TwoHands(Task):
 
     suite = "dexterity"
     control_dt = CONTROL_DT
+    score_unit, score_range = "share of episodes in which it is done", (0.0, 1.0)
     substeps = 2
     view = View(azimuth=160.0, elevation=-25.0)
     scene: ClassVar[Scene]

@@ -20,6 +20,7 @@ class Cartpole(Task):
     env = "cartpole"
     suite = "isaac"
     description = "to balance a pole on a cart so that the pole stays upright"
+    score_unit, score_range = "steps the pole stays up", (0.0, 499.0)
     episode_length = 500
     control_dt = 0.0166
     substeps = 2

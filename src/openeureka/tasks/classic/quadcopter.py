@@ -30,6 +30,7 @@ class Quadcopter(Task):
     env = "quadcopter"
     suite = "isaac"
     description = "to make the quadcopter reach and hover near a fixed position"
+    score_unit, score_range = "m", (None, 0.0)
     episode_length = 500
     control_dt = 0.01
     substeps = 2

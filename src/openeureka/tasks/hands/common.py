@@ -35,6 +35,7 @@ class Reorientation(Task):
 
     suite = "isaac"
     episode_length = 600
+    score_unit, score_range = "goals reached in an episode", (0.0, None)
     clip_observations = 5.0
     object_start: ClassVar[Vector]
     """Middle of the object's start positions [m]."""

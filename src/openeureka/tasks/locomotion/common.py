@@ -25,6 +25,7 @@ class Runner(Task):
     The first body is the torso with a free joint; every other joint is a limited hinge with one motor, in DOF order.
     """
 
+    score_unit = "m/s"
     feet: ClassVar[tuple[str, ...]]
     """Bodies whose contact wrenches are state, in order."""
     start_height: ClassVar[float]

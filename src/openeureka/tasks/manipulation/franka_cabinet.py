@@ -58,6 +58,7 @@ class FrankaCabinet(Task):
     env = "franka_cabinet"
     suite = "isaac"
     description = "to open the cabinet door"
+    score_unit, score_range = "share of episodes in which it opens", (0.0, 1.0)
     episode_length = 500
     control_dt = 0.0166
     substeps = 3  # the original takes one
