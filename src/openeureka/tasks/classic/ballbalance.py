@@ -57,7 +57,8 @@ class BallBalance(Task):
             StateVar(
                 name="obs_buf",
                 shape=(24,),
-                meaning="knee angles, knee rates, ball position, ball velocity, tray force x, tray torques x, y, z",
+                meaning="knee angles, knee rates, ball position, ball velocity, then of all 3 rim points sensor_forces "
+                "x / 20, sensor_torques x / 20, y / 20, z / 20",
             ),
             StateVar(name="ball_positions", shape=(3,), meaning="ball centre x, y, z [m], world frame"),
             StateVar(name="ball_linvels", shape=(3,), meaning="ball velocity x, y, z [m/s], world frame"),

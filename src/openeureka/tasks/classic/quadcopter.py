@@ -43,7 +43,7 @@ class Quadcopter(Task):
             StateVar(
                 name="obs_buf",
                 shape=(21,),
-                meaning="target - position / 3, quaternion, linear velocity / 2, angular velocity / pi, rotor angles",
+                meaning="(target - position) / 3, quaternion, linear velocity / 2, angular velocity / pi, rotor angles",
             ),
             StateVar(name="root_positions", shape=(3,), meaning="chassis position x, y, z [m], world frame"),
             StateVar(name="root_quats", shape=(4,), meaning="chassis orientation, quaternion x, y, z, w"),

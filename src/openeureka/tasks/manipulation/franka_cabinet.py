@@ -71,8 +71,8 @@ class FrankaCabinet(Task):
             StateVar(
                 name="obs_buf",
                 shape=(23,),
-                meaning="joint positions in their ranges, joint velocities / 10, from hand to handle [m], drawer "
-                "opening [m] and speed [m/s]",
+                meaning="joint positions, -1 and 1 at their limits, joint velocities / 10, from hand to handle [m], "
+                "drawer opening [m] and speed [m/s]",
             ),
             StateVar(name="franka_grasp_pos", shape=(3,), meaning="grasp point of the hand [m], world frame"),
             StateVar(
