@@ -78,7 +78,7 @@ def _free(context: TaskContext, plan: PromptPlan) -> Prompt:
         description=context.description,
         source=context.source.strip(),
         variables="\n".join(f"- `{v.name}`: {_annotation(v)}{_shape(v)}. {v.meaning}" for v in context.state.variables),
-        facts=f"{_score(context)}\n\n" if plan.informed else "",
+        facts="\n".join(["What else there is to know:", *facts(context)]) + "\n\n" if plan.informed else "",
     )
     turns = [message for turn in plan.turns for message in _turn(turn, plan, "free")]
     messages = _with_failures((Message("system", system), Message("user", task), *turns), plan)
@@ -148,15 +148,16 @@ def with_error(score: Evaluation) -> str:
     return f"{score.fitness:.{decimals}f} ± {score.error:.{decimals}f}"
 
 
-def _score(context: TaskContext) -> str:
-    """What the score is; nothing that tells how it comes about."""
+def facts(context: TaskContext) -> list[str]:
+    """What counts, and what the score does not betray; nothing that tells how it comes about."""
     low, high = (None if bound is None else f"{bound:g}" for bound in context.score_range)
     if low is not None and high is not None:
         bounds = f"from {low} to {high}"
     else:
         bounds = f"at least {low}" if low is not None else f"at most {high}" if high is not None else ""
     parts = [part for part in (context.score_unit, bounds) if part]
-    return f"The task score: {', '.join(parts)}; higher is better." if parts else "A higher task score is better."
+    score = f"The task score: {', '.join(parts)}; higher is better." if parts else "A higher task score is better."
+    return [score, *context.facts]
 
 
 def _with_failures(messages: tuple[Message, ...], plan: PromptPlan) -> tuple[Message, ...]:

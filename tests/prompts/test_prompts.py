@@ -99,7 +99,16 @@ def ranked(generation: int, name: str, fitness: float | None, error: float | Non
 
 OLDER, BEST = ranked(0, "angle", 302.46, 20.4), ranked(1, "height", 428.04, 33.1)
 INFORMED = PromptPlan(count=4, informed=True, turns=(OLDER, BEST), best=BEST)
-BALANCED = replace(CONTEXT, score_unit="steps the pole stays up", score_range=(0.0, 499.0))
+BALANCED = replace(
+    CONTEXT,
+    score_unit="steps the pole stays up",
+    score_range=(0.0, 499.0),
+    facts=(
+        "An episode has at most 499 steps of 0.0166 s, 8.28 s in all. An episode ends early when the pole falls.",
+        "At the start of an episode, in 64 of them:",
+        "  `pole_angle` -0.1 to 0.1",
+    ),
+)
 
 
 @pytest.mark.parametrize("style", ["free", "grammar"])
@@ -149,7 +158,7 @@ def test_advice_is_given_once_and_keeps_what_pays_for_brief_events():
 def test_the_published_search_is_told_no_score_unit_and_no_rank(style):
     plan = PromptPlan(count=4, turns=(OLDER, BEST))
     told = "".join(m.content for m in prompts.render(BALANCED, plan, style).messages)
-    for word in ("499", "428", "higher is better", "best of all", "stays up"):
+    for word in ("499", "428", "An episode has", "higher is better", "best of all", "stays up"):
         assert word not in told.replace(CONTEXT.description, "")
 
 

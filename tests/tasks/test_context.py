@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import math
 import re
 import textwrap
 from dataclasses import replace
@@ -10,7 +11,9 @@ from typing import Any
 
 import pytest
 
-from openeureka.tasks.context import context
+from openeureka.config import RunConfig
+from openeureka.tasks.context import context, informed
+from openeureka.tasks.record import record_states
 from openeureka.tasks.registry import _BUILT_IN, get
 from openeureka.tasks.task import Task
 
@@ -178,3 +181,64 @@ def test_statements_of_init_are_shown_for_what_they_name_alone():
 
 def test_sums_in_meanings_have_their_brackets():
     assert get("quadcopter").spec["obs_buf"].meaning.startswith("(target - position) / 3,")
+
+
+def terminating(task: type[Task]) -> set[float]:
+    """Numbers in `terminated` and in what it calls: literals, constants, the task's attributes, products of two."""
+    own, found = methods(task), set[float]()
+    waiting, seen = [*own.get("terminated", [])], set[Any]()
+    while waiting:
+        function = waiting.pop()
+        if function in seen:
+            continue
+        seen.add(function)
+        for node in ast.walk(parsed(function)):
+            if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+                found.add(float(node.value))
+            elif isinstance(node, ast.Attribute | ast.Name):
+                name = node.attr if isinstance(node, ast.Attribute) else node.id
+                waiting += own.get(name, [])
+                value = function.__globals__.get(name, getattr(task, name, None))
+                if type(value) in (int, float):
+                    found.add(float(value))
+                elif isinstance(value, FunctionType):
+                    waiting.append(value)
+    return found | {round(a * b, 9) for a in found for b in found}
+
+
+@pytest.mark.parametrize("task", TASKS, ids=lambda task: task.env)
+def test_what_ends_an_episode_is_what_the_task_says(task):
+    early = re.fullmatch(r"An episode ends early (?:when|as soon as) .*\.", task.ends)
+    assert early or task.ends == "No episode ends early."
+    assert numbers(task.ends) - terminating(task) == set()
+    if not early:
+        assert getattr(task, "reach", math.inf) == math.inf
+
+
+def test_a_model_is_told_what_the_score_does_not_betray():
+    config = RunConfig(env="quadcopter", steps=1_000_000, worlds=128)
+    facts = informed(context("quadcopter"), record_states("quadcopter"), config).facts
+    assert facts[0].startswith("An episode has at most 499 steps of 0.01 s, 4.99 s in all. An episode ends early when ")
+    # 1,000,000 steps / (128 worlds * 32 steps an epoch) = 244.1
+    assert facts[1] == "A policy trains for 1,000,000 steps in all: 244 epochs of 32 steps in each of 128 environments."
+    assert facts[2].startswith("The discount is 0.99 a step: what comes 100 steps (1 s) later counts ")
+    assert "  `up_proj` 1, `yaw_rate` 0" in facts
+    # The target is at (0, 0, 1), and starts are at most 1.5 m from it along x, y and z.
+    (position,) = (line for line in facts if line.startswith("  `position`"))
+    low, high = map(float, re.findall(r"([\d.]+) to ([\d.]+) m from `target_position`", position)[0])
+    assert 0 < low < 0.5 and 1.5 < high < math.hypot(1.5, 1.5, 1.5)
+
+
+def test_of_many_points_each_is_told_once_and_a_hand_for_its_fingers():
+    env = "shadow_hand_push_block"
+    facts = informed(context(env), record_states(env), RunConfig(env=env)).facts
+    lines = [line for line in facts if line.startswith("  ")]
+    assert len(lines) <= 12 and not any("_hand_ff_" in line for line in lines)
+    assert any(line.startswith("  `object_pos` (0, 0.2, 0.62) m, 0.2 m from `right_goal_pos`, ") for line in lines)
+    assert not any(line.startswith("  `block_right_handle_pos`") for line in lines)  # it is the object's middle
+
+
+def test_a_curriculum_is_told_as_the_steps_of_all_its_stages():
+    config = RunConfig(env="shadow_hand_spin", curriculum="pen_spinning")
+    facts = informed(context(config.env), record_states(config.env, worlds=4, steps=3, keep=2), config).facts
+    assert facts[1] == "A policy trains for 60,000,000 steps in all, over the stages of a curriculum."

@@ -19,7 +19,7 @@ from ..report.view import RunView
 from ..sandbox.client import Sandbox
 from ..store import Store, is_run, read_config, read_replies
 from ..store.paths import output_directory
-from ..tasks.context import context
+from ..tasks.context import context, informed
 from ..tasks.record import record_states
 from .desk import TerminalDesk
 from .live import view
@@ -53,7 +53,8 @@ def resume(words: Sequence[str]) -> None:
 
 
 def _search(config: RunConfig, directory: Path) -> None:
-    known = context(config.env)
+    states = record_states(config.env)
+    known = informed(context(config.env), states, config)
     trainer = trainer_of(config, directory, lanes=directory / "lanes")
     model = open_model(config, held=len(read_replies(directory)) if is_run(directory) else 0)
     config = search.sized(config, model.style)
@@ -61,7 +62,7 @@ def _search(config: RunConfig, directory: Path) -> None:
     print(f"{short_name(config.env)}: {size} by {config.model}, in {directory}")
     try:
         with (
-            Sandbox(known.state, record_states(config.env), unsafe=config.unsafe_no_sandbox) as checker,
+            Sandbox(known.state, states, unsafe=config.unsafe_no_sandbox) as checker,
             Store.open(directory, config) as store,
             _telling_how_to_continue(directory),
             stoppable(directory),

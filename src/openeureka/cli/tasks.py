@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from .. import baselines
-from ..config import parse
+from .. import baselines, prompts
+from ..config import RunConfig, parse
 from ..report.text import columns, number
 from ..score import mean
 from ..tasks import registry
 from ..tasks.context import context as context_of
+from ..tasks.context import informed
+from ..tasks.record import record_states
 from ..tasks.task import Task
 from ..types import StateVar
 from .settings import ContextConfig
@@ -36,10 +38,11 @@ def _baselines(env: str) -> tuple[str, str]:
 
 
 def context(words: Sequence[str]) -> None:
-    """Print description, state table and pruned source of a task."""
-    known = context_of(parse(ContextConfig, words).env)
+    """Print description, state table, facts and pruned source of a task."""
+    env = parse(ContextConfig, words).env
+    known = informed(context_of(env), record_states(env), RunConfig(env=env))
     table = columns([(variable.name, _type(variable), variable.meaning) for variable in known.state.variables])
-    print(f"Task: {known.description}\n\n{table}\n\n{known.source}")
+    print("\n\n".join([f"Task: {known.description}", table, "\n".join(prompts.facts(known)), known.source]))
 
 
 def _type(variable: StateVar) -> str:

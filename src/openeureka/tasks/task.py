@@ -96,7 +96,7 @@ class Task(ABC):
     score_range: ClassVar[tuple[float | None, float | None]] = (None, None)
     """Least and highest F there can be; None where nothing bounds it."""
     ends: ClassVar[str] = ""
-    """When `terminated` ends an episode, as the language model reads it after "An episode ends early"."""
+    """When `terminated` ends an episode: a sentence for the language model, which does not say what F wants."""
     episode_length: ClassVar[int]
     """[steps]; a time-out is raised when `progress` reaches episode_length - 1."""
     control_dt: ClassVar[float]

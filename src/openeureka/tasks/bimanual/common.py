@@ -41,6 +41,7 @@ class TwoHands(Task):
     suite = "dexterity"
     control_dt = CONTROL_DT
     score_unit, score_range = "share of episodes in which it is done", (0.0, 1.0)
+    ends = "No episode ends early."
     substeps = 2
     view = View(azimuth=160.0, elevation=-25.0)
     scene: ClassVar[Scene]

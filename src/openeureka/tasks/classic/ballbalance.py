@@ -45,6 +45,7 @@ class BallBalance(Task):
     suite = "isaac"
     description = "to keep the ball on the table top without falling"
     score_unit, score_range = "steps the ball stays on the table", (0.0, 499.0)
+    ends = "An episode ends early when the ball's centre is less than 0.15 m above the ground."
     episode_length = 500
     control_dt = 0.01
     substeps = 2  # the original takes one; legs this stiff need 5 ms in MuJoCo

@@ -31,6 +31,9 @@ class Quadcopter(Task):
     suite = "isaac"
     description = "to make the quadcopter reach and hover near a fixed position"
     score_unit, score_range = "m", (None, 0.0)
+    ends = (
+        "An episode ends early when the chassis is more than 3 m from its target, or less than 0.3 m above the ground."
+    )
     episode_length = 500
     control_dt = 0.01
     substeps = 2
