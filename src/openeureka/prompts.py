@@ -26,6 +26,8 @@ MAX_FEEDBACK = 8_000
 MAX_BRIEF_FEEDBACK = 2_000
 """Characters of feedback for the embedded model, whose context is small."""
 MAX_REASONS = 8
+MAX_SIBLINGS, MAX_TERMS, MAX_TERM = 15, 10, 30
+"""Other rewards of a generation that a prompt lists, terms of each, and characters of a term's name."""
 MAX_WORDS = 4_000
 """Characters of what a person said; the embedded model is shown half of it."""
 MAX_REJECTED = 2
@@ -110,6 +112,7 @@ def _turn(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"]) -> 
     feedback = _template(f"{style}_feedback").format(
         standing=_standing(turn, plan, style) if plan.informed else "",
         feedback=clean(turn.feedback, MAX_FEEDBACK if style == "free" else MAX_BRIEF_FEEDBACK),
+        siblings=_siblings(plan) if turn is plan.turns[-1] else "",
         tips=_template("free_tips") if turn is plan.turns[-1] else "",
     )
     return Message("assistant", f"```python\n{program}\n```"), Message("user", feedback)
@@ -136,6 +139,25 @@ def _standing(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"])
     else:
         rank += ". This is the one to improve."
     return f"A reward function of generation {turn.sample.generation}. {scores} (higher is better): {rank}\n\n"
+
+
+def _siblings(plan: PromptPlan) -> str:
+    """A line for each other reward of the parent's generation that trained, the best first: its score and its terms."""
+    trained = [entry for entry in plan.siblings if entry.trained and entry.score is not None]
+    trained.sort(key=lambda entry: entry.score or 0.0, reverse=True)
+    if not trained:
+        return ""
+    lines = ["The other rewards of its generation, by score and terms:"]
+    for entry in trained[:MAX_SIBLINGS]:
+        score = with_error(entry.played) if entry.played is not None else f"{entry.score:.4g} in training"
+        names = (
+            [clean(name, MAX_TERM) for name, _ in entry.sample.verdict.graph.components]
+            if entry.sample.verdict.graph
+            else []
+        )
+        terms = ", ".join(" ".join(name.split()) for name in names[:MAX_TERMS])
+        lines.append(f"- {score}: {terms or 'no terms named'}")
+    return "\n".join(lines) + "\n\n"
 
 
 def with_error(score: Evaluation) -> str:

@@ -43,7 +43,8 @@ def reflect(sample: Sample, result: TrainingResult | None, style: Style, played:
         interval=_interval(result.curves, points=10),
         ranks=_RANKS if played is not None else "",
     )
-    return "\n".join([*_ending(result), introduction, *summary(result.curves, points=10)])
+    parts = _parts(result.curves) if played is not None else []
+    return "\n".join([*_ending(result), introduction, *summary(result.curves, points=10), *parts])
 
 
 def refusal(sample: Sample) -> str:
@@ -59,6 +60,17 @@ def summary(curves: Curves, *, points: int, brief: bool = False) -> list[str]:
     shown["episode_length"] = curves.get("episode_length", ())
     interval = _interval(curves, points)
     return [_line(name, curve, interval, brief) for name, curve in shown.items()]
+
+
+def _parts(curves: Curves) -> list[str]:
+    """A line on where in an episode components pay; nothing for trainings that did not record it."""
+
+    def mean(part: str, name: str) -> str:
+        return _number(next(iter(curves.get(f"component_{part}/{name}", ())), None), brief=False)
+
+    names = [name.removeprefix("component_early/") for name in curves if name.startswith("component_early/")]
+    means = ", ".join(f"{name} {mean('early', name)} then {mean('late', name)}" for name in names)
+    return [f"At the end of training, in the first quarter of an episode then in the rest: {means}"] if means else []
 
 
 def _ending(result: TrainingResult) -> list[str]:

@@ -69,6 +69,20 @@ def test_feedback_for_small_models_has_fewer_points_and_no_advice() -> None:
     ]
 
 
+def test_where_played_policies_rank_components_are_told_early_and_late_in_an_episode() -> None:
+    played = Evaluation(job="a-s0", fitness=38.0, episode_length=38.0, episodes=64, error=1.0)
+    early = {"component_early/speed": (0.5,), "component_early/effort": (-0.002,)}
+    late = {"component_late/speed": (3.0,), "component_late/effort": (None,)}
+    result = replace(RESULT, curves={**RESULT.curves, **early, **late})
+    assert reflect(SAMPLE, result, "free", played).splitlines() == [
+        *reflect(SAMPLE, RESULT, "free", played).splitlines(),
+        "At the end of training, in the first quarter of an episode then in the rest: speed 0.50 then 3.00, effort "
+        "-0.002 then none",
+    ]
+    assert reflect(SAMPLE, result, "free") == reflect(SAMPLE, RESULT, "free")
+    assert reflect(SAMPLE, result, "grammar", played) == reflect(SAMPLE, RESULT, "grammar", played)
+
+
 def test_neither_the_own_total_nor_the_human_reward_is_shown() -> None:
     assert not any("human" in line or line.startswith("reward") for line in reflect(SAMPLE, RESULT, "free").split("\n"))
 

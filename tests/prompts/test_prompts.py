@@ -21,6 +21,8 @@ from openeureka.types import (
     StateSpec,
     StateVar,
     TaskContext,
+    TrainingResult,
+    TrainingState,
     Verdict,
     VerdictCode,
 )
@@ -98,6 +100,8 @@ def ranked(generation: int, name: str, fitness: float | None, error: float | Non
 
 
 OLDER, BEST = ranked(0, "angle", 302.46, 20.4), ranked(1, "height", 428.04, 33.1)
+DONE = TrainingResult(job="", state=TrainingState.FINISHED, fitness=1.0, curves={}, env_steps=1, seconds=1.0)
+TRAINED = replace(ranked(1, "height_and_angle", 405.2, 22.4), result=DONE)
 INFORMED = PromptPlan(count=4, informed=True, turns=(OLDER, BEST), best=BEST)
 BALANCED = replace(
     CONTEXT,
@@ -113,7 +117,8 @@ BALANCED = replace(
 
 @pytest.mark.parametrize("style", ["free", "grammar"])
 def test_the_prompt_that_says_what_counts_is_the_golden_one(style):
-    golden(GOLDEN / f"prompt_{style}_informed.md", text(prompts.render(BALANCED, INFORMED, style)))
+    plan = replace(INFORMED, siblings=(TRAINED,))
+    golden(GOLDEN / f"prompt_{style}_informed.md", text(prompts.render(BALANCED, plan, style)))
 
 
 def test_each_shown_reward_has_its_score_and_one_is_marked():
@@ -131,6 +136,21 @@ def test_each_shown_reward_has_its_score_and_one_is_marked():
     (_, small) = (m.content for m in prompts.render(BALANCED, INFORMED, "grammar").messages if m.role == "user")
     assert "Its policy, played after training, scores 428 ± 33, the best of all so far.\n" in small
     assert "generation" not in small
+
+
+def test_the_other_rewards_of_the_generation_are_told_by_score_and_terms():
+    result = TrainingResult(job="", state=TrainingState.FINISHED, fitness=1.0, curves={}, env_steps=1, seconds=1.0)
+    low, high = (
+        replace(entry, result=result) for entry in (ranked(1, "low\x1b\nterm", 12.0, 1.0), ranked(1, "far", 99.0))
+    )
+    never = ranked(1, "never", None)
+    plan = replace(INFORMED, siblings=(low, never, high))
+    told = prompts.render(BALANCED, plan, "free").messages[-1].content
+    assert "The other rewards of its generation, by score and terms:\n- 99: far\n- 12.0 ± 1.0: low term\n\n" in told
+    assert "never" not in told
+    assert "other rewards" not in prompts.render(BALANCED, plan, "grammar").messages[-1].content
+    many = replace(INFORMED, siblings=(low,) * 40)
+    assert prompts.render(BALANCED, many, "free").messages[-1].content.count("± 1.0") == prompts.MAX_SIBLINGS
 
 
 def test_the_choice_of_a_person_is_marked_as_such():

@@ -71,7 +71,8 @@ class Best:
         others = {winner.sample.candidate: winner for winner in ranking.winners}
         others.pop(parent.sample.candidate, None)  # a favourite need not have won its generation
         plan = _plan(self.samples, [*list(others.values())[-_EARLIER_TURNS:], parent], history, ranking)
-        return [replace(plan, informed=True, best=ranking.best)]
+        siblings = _siblings(parent, history)
+        return [replace(plan, informed=True, best=ranking.best, siblings=siblings)]
 
     def tell(self, history: History, entries: Sequence[Scored]) -> History:
         return history.grown(entries)
@@ -103,6 +104,14 @@ def _plan(samples: int, turns: Sequence[Scored], history: History, ranking: Rank
     return PromptPlan(
         count=samples, turns=tuple(turns), failures=_failures(history), opinion=_opinion(turns[-1:], history, ranking)
     )
+
+
+def _siblings(parent: Scored, history: History) -> tuple[Scored, ...]:
+    """The other programs of the parent's generation, each once."""
+    entries = history.generations[parent.sample.generation].entries
+    others = {entry.sample.verdict.candidate: entry for entry in reversed(entries)}
+    others.pop(parent.sample.verdict.candidate, None)
+    return tuple(reversed(others.values()))
 
 
 def _failures(history: History) -> tuple[Scored, ...]:

@@ -45,8 +45,9 @@ class LaneRewards:
         self._generated = torch.tensor(generated, dtype=torch.float32, device=task.device)[:, None]
         self._parts: list[_Part] = []
 
-    def __call__(self, state: State) -> tuple[Tensor, Tensor, Tensor]:
-        """Own reward (L, n), human reward (L, n) and the mean of each of `components`."""
+    def __call__(self, state: State, early: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor]:
+        """Own reward (L, n), human reward (L, n) and, of each of `components`, the mean over its worlds, and that of
+        its product with `early` (N,): (components, 2)."""
         lanes, n = len(self.programs), self.worlds
         human = self.task.human_reward(state).view(lanes, n)
         own = human.clone()
@@ -55,18 +56,19 @@ class LaneRewards:
             if program == "sparse" and sparse is not None:
                 own[lane] = sparse[lane]
         means = []
-        for part in self._parts or self._prepare(state):
-            *rewards, own_means = part(state)
+        early = torch.zeros_like(human).flatten() if early is None else early
+        for part in self._parts or self._prepare(state, early):
+            *rewards, own_means = part(state, early)
             for lane, reward in zip(part.lanes, rewards, strict=True):
                 own[lane] = reward
             means.append(own_means)
-        return own, human, torch.cat(means) if means else own.new_zeros(0)
+        return own, human, torch.cat(means) if means else own.new_zeros(0, 2)
 
-    def _prepare(self, state: State) -> list[_Part]:
+    def _prepare(self, state: State, early: Tensor) -> list[_Part]:
         """Parts in the order of `components`: runs of lanes that can be recorded, and single ones that cannot."""
         for lane, program in self._compiled.items():
             alone = _Part({lane: program}, self.worlds, self._per_world, recorded=False)
-            recorded = not waits(lambda part=alone: part(state))
+            recorded = not waits(lambda part=alone: part(state, early))
             if recorded and self._parts and self._parts[-1].recorded:
                 programs = {**self._parts.pop().programs, lane: program}
             else:
@@ -98,14 +100,16 @@ class _Part:
         self.errors: dict[int, str] = {}
         self._run = Replay(self._evaluate) if recorded else self._evaluate
 
-    def __call__(self, state: State) -> tuple[Tensor, ...]:
+    def __call__(self, state: State, early: Tensor) -> tuple[Tensor, ...]:
         # Numbers are constants of the task, so that a recording may hold them.
         self._numbers = {name: state[name] for name in self._names if not isinstance(state[name], Tensor)}
-        return self._run([state[name] for name in self._names if name not in self._numbers])
+        return self._run([early, *(state[name] for name in self._names if name not in self._numbers)])
 
     def _evaluate(self, tensors: Sequence[Tensor]) -> tuple[Tensor, ...]:
         n = self._worlds
-        named = iter(tensors)
+        early, *rest = tensors
+        named = iter(rest)
+        weights = torch.stack((torch.ones_like(early), early), dim=-1) / n
         values = {name: next(named) for name in self._names if name not in self._numbers}
         rewards, means = [], []
         for lane, program in self.programs.items():
@@ -119,8 +123,9 @@ class _Part:
                 reward = torch.full((n,), math.nan)
                 components = {name: reward for name, _ in program.graph.components}
             rewards.append(reward)
-            means += [component.mean() for component in components.values()]
-        return (*rewards, torch.stack(means) if means else rewards[0].new_zeros(0))
+            if components:  # one product: a mean of each would take longer
+                means.append(torch.stack(list(components.values())) @ weights[lane * n : (lane + 1) * n])
+        return (*rewards, torch.cat(means) if means else rewards[0].new_zeros(0, 2))
 
 
 def moments(own: Tensor, human: Tensor) -> Tensor:

@@ -137,6 +137,8 @@ class PromptPlan:
     """Whether the prompt says what the score is, how high each turn scores, and which is the best."""
     best: Scored | None = None
     """The best of all so far, which a favourite of a person need not be."""
+    siblings: tuple[Scored, ...] = ()
+    """The other rewards of the parent's generation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
