@@ -139,9 +139,8 @@ def test_each_shown_reward_has_its_score_and_one_is_marked():
 
 
 def test_the_other_rewards_of_the_generation_are_told_by_score_and_terms():
-    result = TrainingResult(job="", state=TrainingState.FINISHED, fitness=1.0, curves={}, env_steps=1, seconds=1.0)
     low, high = (
-        replace(entry, result=result) for entry in (ranked(1, "low\x1b\nterm", 12.0, 1.0), ranked(1, "far", 99.0))
+        replace(entry, result=DONE) for entry in (ranked(1, "low\x1b\nterm", 12.0, 1.0), ranked(1, "far", 99.0))
     )
     never = ranked(1, "never", None)
     plan = replace(INFORMED, siblings=(low, never, high))
