@@ -20,6 +20,9 @@ A policy was trained with this reward function for {epochs} epochs. Each list be
 value every {interval} epochs; Max, Mean and Min are over all of them. A component's value is its mean over all steps \
 and environments of the epoch. task_score is the score of the policy in training, while it explored{ranks}. \
 episode_length is the mean of the episodes that ended [steps]."""
+_EARLY_AND_LATE = (
+    "At the end of training, in the first quarter of a full episode, then in the rest (none: no episode lasted so long)"
+)
 _RANKS = "; rewards are ranked by the score when played instead"
 
 
@@ -70,7 +73,7 @@ def _parts(curves: Curves) -> list[str]:
 
     names = [name.removeprefix("component_early/") for name in curves if name.startswith("component_early/")]
     means = ", ".join(f"{name} {mean('early', name)} then {mean('late', name)}" for name in names)
-    return [f"At the end of training, in the first quarter of an episode then in the rest: {means}"] if means else []
+    return [f"{_EARLY_AND_LATE}: {means}"] if means else []
 
 
 def _ending(result: TrainingResult) -> list[str]:

@@ -76,8 +76,8 @@ def test_where_played_policies_rank_components_are_told_early_and_late_in_an_epi
     result = replace(RESULT, curves={**RESULT.curves, **early, **late})
     assert reflect(SAMPLE, result, "free", played).splitlines() == [
         *reflect(SAMPLE, RESULT, "free", played).splitlines(),
-        "At the end of training, in the first quarter of an episode then in the rest: speed 0.50 then 3.00, effort "
-        "-0.002 then none",
+        "At the end of training, in the first quarter of a full episode, then in the rest (none: no episode lasted so "
+        "long): speed 0.50 then 3.00, effort -0.002 then none",
     ]
     assert reflect(SAMPLE, result, "free") == reflect(SAMPLE, RESULT, "free")
     assert reflect(SAMPLE, result, "grammar", played) == reflect(SAMPLE, RESULT, "grammar", played)
