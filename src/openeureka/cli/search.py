@@ -53,14 +53,15 @@ def resume(words: Sequence[str]) -> None:
 
 
 def _search(config: RunConfig, directory: Path) -> None:
-    states = record_states(config.env)
-    known = informed(context(config.env), states, config)
+    known = context(config.env)
     trainer = trainer_of(config, directory, lanes=directory / "lanes")
     model = open_model(config, held=len(read_replies(directory)) if is_run(directory) else 0)
     config = search.sized(config, model.style)
     size = f"{config.iteration} generations of {config.sample} rewards"
     print(f"{short_name(config.env)}: {size} by {config.model}, in {directory}")
     try:
+        states = record_states(config.env)
+        known = informed(known, states, config)
         with (
             Sandbox(known.state, states, unsafe=config.unsafe_no_sandbox) as checker,
             Store.open(directory, config) as store,

@@ -40,10 +40,10 @@ def informed(known: TaskContext, recorded: Mapping[str, Tensor | float | int], c
     """With the facts of a search: how long episodes and trainings are, what ends them and where they start.
 
     Args:
-        recorded: as `record.record_states` gives them, start states first.
+        recorded: as `record.record_states` gives them, start states first; of what is missing nothing is told.
     """
     task = get(config.env)
-    states = {v.name: value for v in task.spec.variables if isinstance(value := recorded[v.name], Tensor)}
+    states = {name: value for name, value in recorded.items() if isinstance(value, Tensor)}
     starts = [*_scalars(task.spec, states), *_points(task.spec, states)]
     heading = [f"At the start of an episode, in {STARTS} of them:"] if starts else []
     return replace(known, facts=(_episode(task), _training(task, config), _discount(task), *heading, *starts))
@@ -79,13 +79,14 @@ def _discount(task: type[Task]) -> str:
 def _scalars(spec: StateSpec, states: Mapping[str, Tensor]) -> list[str]:
     """A line with the ranges of the numbers whose use is known."""
     told = [v.name for v in spec.variables if v.kind == "world" and not v.shape and v.use != "raw"]
-    ranges = [f"`{name}` {_range(states[name][:STARTS])}" for name in told]
+    ranges = [f"`{name}` {_range(states[name][:STARTS])}" for name in told if name in states]
     return [f"  {', '.join(ranges)}"] if ranges else []
 
 
 def _points(spec: StateSpec, states: Mapping[str, Tensor]) -> list[str]:
     """A line for each point: where it is, and how far the nearest others are that no line before has named."""
-    names = _distinct({v.name: states[v.name] for v in spec.variables if v.use == "point" and v.kind == "world"})
+    told = [v.name for v in spec.variables if v.kind == "world" and v.use == "point"]
+    names = _distinct({name: states[name] for name in told if name in states})
     points = {name: states[name][:STARTS] for name in names}
     gaps = {frozenset(pair): (points[pair[0]] - points[pair[1]]).norm(dim=-1) for pair in combinations(names, 2)}
     said: set[frozenset[str]] = set()
