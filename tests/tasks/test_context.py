@@ -26,7 +26,8 @@ def test_every_task_says_what_its_score_is(env):
     assert low is None or high is None or low < high
 
 
-def test_a_changed_task_claims_no_bounds_of_its_score():
+def test_a_changed_task_claims_no_bounds_of_its_score_and_no_ends_it_may_not_have():
+    assert get("ant+fall_height=0.2").ends == "" and get("ant+episode_length=100").ends == get("ant").ends != ""
     assert get("cartpole").score_range == (0.0, 499.0)
     assert get("cartpole+episode_length=100").score_range == (None, None)
 
