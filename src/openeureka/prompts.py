@@ -10,6 +10,7 @@ What programs, models and trainings wrote is data: it is cleaned and capped befo
 
 from __future__ import annotations
 
+import math
 import unicodedata
 from functools import cache
 from importlib.resources import files
@@ -17,7 +18,7 @@ from typing import Literal
 
 from .llm import grammar
 from .reward import surface
-from .types import Message, Opinion, Prompt, PromptPlan, Scored, StateVar, TaskContext, Verdict
+from .types import Evaluation, Message, Opinion, Prompt, PromptPlan, Scored, StateVar, TaskContext, Verdict
 
 MAX_PROGRAM = 12_000
 """Characters of an earlier program that a prompt shows."""
@@ -25,6 +26,8 @@ MAX_FEEDBACK = 8_000
 MAX_BRIEF_FEEDBACK = 2_000
 """Characters of feedback for the embedded model, whose context is small."""
 MAX_REASONS = 8
+MAX_SIBLINGS, MAX_TERMS, MAX_TERM = 15, 10, 30
+"""Other rewards of a generation that a prompt lists, terms of each, and characters of a term's name."""
 MAX_WORDS = 4_000
 """Characters of what a person said; the embedded model is shown half of it."""
 MAX_REJECTED = 2
@@ -77,8 +80,9 @@ def _free(context: TaskContext, plan: PromptPlan) -> Prompt:
         description=context.description,
         source=context.source.strip(),
         variables="\n".join(f"- `{v.name}`: {_annotation(v)}{_shape(v)}. {v.meaning}" for v in context.state.variables),
+        facts="\n".join(["What else there is to know:", *facts(context)]) + "\n\n" if plan.informed else "",
     )
-    turns = [message for turn in plan.turns for message in _turn(turn, "free_feedback", MAX_FEEDBACK)]
+    turns = [message for turn in plan.turns for message in _turn(turn, plan, "free")]
     messages = _with_failures((Message("system", system), Message("user", task), *turns), plan)
     return Prompt(messages=_with_opinion(messages, plan.opinion, MAX_WORDS, MAX_REJECTED))
 
@@ -92,7 +96,7 @@ def _grammar(context: TaskContext, plan: PromptPlan) -> Prompt:
     )
     system = f"{_template('grammar_system')}\n{_template('grammar_examples')}"
     # One turn only: the newest is the best reward, and a longer prompt costs each of the parallel samples its memory.
-    turns = [message for turn in plan.turns[-1:] for message in _turn(turn, "grammar_feedback", MAX_BRIEF_FEEDBACK)]
+    turns = [message for turn in plan.turns[-1:] for message in _turn(turn, plan, "grammar")]
     messages = _with_failures((Message("system", system), Message("user", task), *turns), plan)
     return Prompt(
         messages=_with_opinion(messages, plan.opinion, MAX_WORDS // 2, rejected=0),
@@ -101,12 +105,81 @@ def _grammar(context: TaskContext, plan: PromptPlan) -> Prompt:
     )
 
 
-def _turn(turn: Scored, template: str, limit: int) -> tuple[Message, ...]:
+def _turn(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"]) -> tuple[Message, ...]:
     """An earlier answer and what became of it."""
     candidate = turn.sample.candidate
     program = clean(candidate.source, MAX_PROGRAM).strip() if candidate is not None else ""
-    feedback = _template(template).format(feedback=clean(turn.feedback, limit))
+    feedback = _template(f"{style}_feedback").format(
+        standing=_standing(turn, plan, style) if plan.informed else "",
+        feedback=clean(turn.feedback, MAX_FEEDBACK if style == "free" else MAX_BRIEF_FEEDBACK),
+        siblings=_siblings(plan) if turn is plan.turns[-1] else "",
+        tips=_template("free_tips") if turn is plan.turns[-1] else "",
+    )
     return Message("assistant", f"```python\n{program}\n```"), Message("user", feedback)
+
+
+def _standing(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"]) -> str:
+    """A line: how high a shown reward scores, whether it is the best and whether it is the one to improve."""
+    if turn.played is not None:
+        episodes = f" in {turn.played.episodes} episodes" if style == "free" else ""
+        scores = f"Its policy, played{episodes} after training, scores {with_error(turn.played)}"
+    elif turn.score is not None:
+        scores = f"Its policy scored {turn.score:.4g} at best during training"
+    else:
+        scores = "The score of its policy is undefined"
+    best = plan.best is not None and plan.best.sample.verdict.candidate == turn.sample.verdict.candidate
+    votes = " by the votes of a person" if plan.opinion.ranks else ""
+    rank = f"the best of all so far{votes}" if best else f"not the best so far{votes}"
+    if style == "grammar":
+        return f"{scores}, {rank}.\n"
+    if turn is not plan.turns[-1]:
+        rank += "."
+    elif plan.opinion.chosen and not best:
+        rank += ", but the choice of a person. This is the one to improve."
+    else:
+        rank += ". This is the one to improve."
+    return f"A reward function of generation {turn.sample.generation}. {scores} (higher is better): {rank}\n\n"
+
+
+def _siblings(plan: PromptPlan) -> str:
+    """A line for each other reward of the parent's generation that trained, the best first: its score and its terms."""
+    trained = [entry for entry in plan.siblings if entry.trained and entry.score is not None]
+    trained.sort(key=lambda entry: entry.score or 0.0, reverse=True)
+    if not trained:
+        return ""
+    lines = ["The other rewards of its generation, by score and terms:"]
+    for entry in trained[:MAX_SIBLINGS]:
+        score = with_error(entry.played) if entry.played is not None else f"{entry.score:.4g} in training"
+        names = (
+            [clean(name, MAX_TERM) for name, _ in entry.sample.verdict.graph.components]
+            if entry.sample.verdict.graph
+            else []
+        )
+        terms = ", ".join(" ".join(name.split()) for name in names[:MAX_TERMS])
+        lines.append(f"- {score}: {terms or 'no terms named'}")
+    return "\n".join(lines) + "\n\n"
+
+
+def with_error(score: Evaluation) -> str:
+    """`428 ± 33`: the error with two significant digits, the score with as many decimals."""
+    if score.fitness is None:
+        return "undefined"
+    if not score.error:
+        return f"{score.fitness:.4g}"
+    decimals = max(0, 1 - math.floor(math.log10(score.error)))
+    return f"{score.fitness:.{decimals}f} ± {score.error:.{decimals}f}"
+
+
+def facts(context: TaskContext) -> list[str]:
+    """What counts, and what the score does not betray; nothing that tells how it comes about."""
+    low, high = (None if bound is None else f"{bound:g}" for bound in context.score_range)
+    if low is not None and high is not None:
+        bounds = f"from {low} to {high}"
+    else:
+        bounds = f"at least {low}" if low is not None else f"at most {high}" if high is not None else ""
+    parts = [part for part in (context.score_unit, bounds) if part]
+    score = f"The task score: {', '.join(parts)}; higher is better." if parts else "A higher task score is better."
+    return [score, *context.facts]
 
 
 def _with_failures(messages: tuple[Message, ...], plan: PromptPlan) -> tuple[Message, ...]:

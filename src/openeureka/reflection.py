@@ -1,7 +1,7 @@
 """Reward reflection: what a training tells about its reward, as text for the model that wrote it. Pure functions.
 
 The form is that of Eureka (arXiv 2310.12931, section 3.3): about ten points of every component's curve with its
-extremes, the task's score and the length of the episodes, and how to read them.
+extremes, the task's score and the length of the episodes. How to use them is said once, at the end of the prompt.
 """
 
 from __future__ import annotations
@@ -16,35 +16,38 @@ Style = Literal["free", "grammar"]
 Curves = Mapping[str, Sequence[float | None]]
 
 _INTRODUCTION = """\
-A policy was trained with this reward function. Every {interval} epochs the means of its components, the score of the \
-task and the length of the episodes [steps] were:"""
-
-_TIPS = """\
-Read these numbers before you write the improved reward function:
-(1) If the task score stays near where it began, the reward does not lead to the task: write all of it anew.
-(2) If a component hardly changes during training, the policy cannot influence it as it stands: change its scale or \
-its temperature, write it in another way, or drop it.
-(3) If a component is far larger than the others, they do not count beside it: bring it to their size.
-(4) If the task score falls while a component rises, that component pays for something else than the task.
-Go through the components one by one, then write the improved reward function."""
+A policy was trained with this reward function for {epochs} epochs. Each list begins with the first epoch and has a \
+value every {interval} epochs; Max, Mean and Min are over all of them. A component's value is its mean over all steps \
+and environments of the epoch. task_score is the score of the policy in training, while it explored{ranks}. \
+episode_length is the mean of the episodes that ended [steps]."""
+_EARLY_AND_LATE = (
+    "At the end of training, in the first quarter of a full episode, then in the rest (none: no episode lasted so long)"
+)
+_RANKS = "; rewards are ranked by the score when played instead"
 
 
 def reflect(sample: Sample, result: TrainingResult | None, style: Style, played: Evaluation | None = None) -> str:
     """Feedback on one slot: the findings where its program was refused, else what its training showed.
 
-    The style `grammar` is for small models: fewer points, shorter numbers, no advice.
+    The style `grammar` is for small models: fewer points, shorter numbers, no explanation.
+
+    Args:
+        played: what the policy scored when it was played, if that ranks. Those that lead play more episodes later, so
+            the number itself is for the prompt to say.
     """
     if result is None:
         return refusal(sample)
     if result.state is TrainingState.FAILED:
         return "No policy could be trained with this reward function."  # the reason is about this machine, not for it
     if style == "grammar":
-        return "\n".join(
-            [*_ending(result), *summary(result.curves, points=4, brief=True), *_played(played, brief=True)]
-        )
-    introduction = _INTRODUCTION.format(interval=_interval(result.curves, points=10))
-    lines = [*_ending(result), introduction, *summary(result.curves, points=10), *_played(played)]
-    return "\n".join([*lines, "", _TIPS])
+        return "\n".join([*_ending(result), *summary(result.curves, points=4, brief=True)])
+    introduction = _INTRODUCTION.format(
+        epochs=_epochs(result.curves),
+        interval=_interval(result.curves, points=10),
+        ranks=_RANKS if played is not None else "",
+    )
+    parts = _parts(result.curves) if played is not None else []
+    return "\n".join([*_ending(result), introduction, *summary(result.curves, points=10), *parts])
 
 
 def refusal(sample: Sample) -> str:
@@ -62,15 +65,15 @@ def summary(curves: Curves, *, points: int, brief: bool = False) -> list[str]:
     return [_line(name, curve, interval, brief) for name, curve in shown.items()]
 
 
-def _played(score: Evaluation | None, brief: bool = False) -> list[str]:
-    """A line on the number that ranks; nothing where training ranks."""
-    if score is None:
-        return []
-    error = f" ± {_number(score.error, brief)}" if score.error is not None else ""
-    return [
-        f"final task_score, of the trained policy without exploration noise in {score.episodes} new episodes: "
-        f"{_number(score.fitness, brief)}{error}"
-    ]
+def _parts(curves: Curves) -> list[str]:
+    """A line on where in an episode components pay; nothing for trainings that did not record it."""
+
+    def mean(part: str, name: str) -> str:
+        return _number(next(iter(curves.get(f"component_{part}/{name}", ())), None), brief=False)
+
+    names = [name.removeprefix("component_early/") for name in curves if name.startswith("component_early/")]
+    means = ", ".join(f"{name} {mean('early', name)} then {mean('late', name)}" for name in names)
+    return [f"{_EARLY_AND_LATE}: {means}"] if means else []
 
 
 def _ending(result: TrainingResult) -> list[str]:
@@ -83,7 +86,11 @@ def _ending(result: TrainingResult) -> list[str]:
 
 def _interval(curves: Curves, points: int) -> int:
     """Epochs from one shown point to the next, as published: a `points`-th of the training."""
-    return max(max(map(len, curves.values()), default=0) // points, 1)
+    return max(_epochs(curves) // points, 1)
+
+
+def _epochs(curves: Curves) -> int:
+    return max(map(len, curves.values()), default=0)
 
 
 def _line(name: str, curve: Sequence[float | None], interval: int, brief: bool) -> str:

@@ -46,6 +46,8 @@ def test_context_shows_the_state_and_hides_the_fitness(capsys):
     text = capsys.readouterr().out
     assert "pole_angle     Tensor (N)     pole angle from upright [rad]" in text
     assert "def compute_state" in text and "fitness" not in text
+    assert "The task score: steps the pole stays up, from 0 to 499; higher is better." in text
+    assert "MAX_FORCE" not in text and "An episode has at most 499 steps" in text and "`pole_angle` -0." in text
 
 
 def test_the_list_of_tasks_is_json_for_programs(capsys, monkeypatch):

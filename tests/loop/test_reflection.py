@@ -6,6 +6,7 @@ import pytest
 from openeureka.reflection import reflect, summary
 from openeureka.types import (
     Candidate,
+    Evaluation,
     Finding,
     Sample,
     TrainingResult,
@@ -37,18 +38,26 @@ RESULT = TrainingResult(
 
 def test_feedback_on_a_training() -> None:
     # 40 epochs, ten points: epochs 1, 5, ..., 37. Means: speed (0.1 + 4) / 2, score (2 + 40) / 2, length (1 + 40) / 2.
-    assert reflect(SAMPLE, RESULT, "free").splitlines()[:7] == [
-        "A policy was trained with this reward function. Every 4 epochs the means of its components, the score of the "
-        "task and the length of the episodes [steps] were:",
+    assert reflect(SAMPLE, RESULT, "free").splitlines() == [
+        "A policy was trained with this reward function for 40 epochs. Each list begins with the first epoch and has a "
+        "value every 4 epochs; Max, Mean and Min are over all of them. A component's value is its mean over all steps "
+        "and environments of the epoch. task_score is the score of the policy in training, while it explored. "
+        "episode_length is the mean of the episodes that ended [steps].",
         "speed: [0.10, 0.50, 0.90, 1.30, 1.70, 2.10, 2.50, 2.90, 3.30, 3.70], Max: 4.00, Mean: 2.05, Min: 0.10",
         "effort: [" + ", ".join(["-0.0012"] * 10) + "], Max: -0.0012, Mean: -0.0012, Min: -0.0012",
         "task_score: [none, 5.00, 9.00, 13.00, 17.00, 21.00, 25.00, 29.00, 33.00, 37.00], Max: 40.00, Mean: 21.00, "
         "Min: 2.00",
         "episode_length: [1.00, 5.00, 9.00, 13.00, 17.00, 21.00, 25.00, 29.00, 33.00, 37.00], Max: 40.00, Mean: 20.50, "
         "Min: 1.00",
-        "",
-        "Read these numbers before you write the improved reward function:",
     ]
+
+
+def test_where_played_policies_rank_the_score_in_training_is_told_apart() -> None:
+    played = Evaluation(job="a-s0", fitness=38.0, episode_length=38.0, episodes=64, error=1.0)
+    told = reflect(SAMPLE, RESULT, "free", played).splitlines()
+    assert "in training, while it explored; rewards are ranked by the score when played instead. " in told[0]
+    assert told[1:] == reflect(SAMPLE, RESULT, "free").splitlines()[1:]
+    assert reflect(SAMPLE, RESULT, "grammar", played) == reflect(SAMPLE, RESULT, "grammar")
 
 
 def test_feedback_for_small_models_has_fewer_points_and_no_advice() -> None:
@@ -58,6 +67,20 @@ def test_feedback_for_small_models_has_fewer_points_and_no_advice() -> None:
         "task_score: [none, 11.0, 21.0, 31.0], Max: 40.0, Mean: 21.0, Min: 2.0",
         "episode_length: [1.0, 11.0, 21.0, 31.0], Max: 40.0, Mean: 20.5, Min: 1.0",
     ]
+
+
+def test_where_played_policies_rank_components_are_told_early_and_late_in_an_episode() -> None:
+    played = Evaluation(job="a-s0", fitness=38.0, episode_length=38.0, episodes=64, error=1.0)
+    early = {"component_early/speed": (0.5,), "component_early/effort": (-0.002,)}
+    late = {"component_late/speed": (3.0,), "component_late/effort": (None,)}
+    result = replace(RESULT, curves={**RESULT.curves, **early, **late})
+    assert reflect(SAMPLE, result, "free", played).splitlines() == [
+        *reflect(SAMPLE, RESULT, "free", played).splitlines(),
+        "At the end of training, in the first quarter of a full episode, then in the rest (none: no episode lasted so "
+        "long): speed 0.50 then 3.00, effort -0.002 then none",
+    ]
+    assert reflect(SAMPLE, result, "free") == reflect(SAMPLE, RESULT, "free")
+    assert reflect(SAMPLE, result, "grammar", played) == reflect(SAMPLE, RESULT, "grammar", played)
 
 
 def test_neither_the_own_total_nor_the_human_reward_is_shown() -> None:

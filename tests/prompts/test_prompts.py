@@ -1,6 +1,7 @@
 """Golden texts: what is sent, word for word. `EUREKA_GOLDEN=write` renews them; the difference is read in review."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,15 +9,20 @@ import pytest
 from openeureka import prompts
 from openeureka.types import (
     Candidate,
+    Evaluation,
     Finding,
     Message,
+    Opinion,
     Prompt,
     PromptPlan,
+    RewardGraph,
     Sample,
     Scored,
     StateSpec,
     StateVar,
     TaskContext,
+    TrainingResult,
+    TrainingState,
     Verdict,
     VerdictCode,
 )
@@ -61,14 +67,17 @@ def text(prompt: Prompt) -> str:
     return "\n".join(parts)
 
 
+def golden(path: Path, rendered: str) -> None:
+    if os.environ.get("EUREKA_GOLDEN") == "write":
+        path.write_text(rendered, encoding="utf-8")
+    assert rendered == path.read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize("style", ["free", "grammar"])
 @pytest.mark.parametrize("turns", [(), (FIRST, SECOND)], ids=["first", "later"])
 def test_the_prompt_is_the_golden_one(style, turns):
     path = GOLDEN / f"prompt_{style}_{'later' if turns else 'first'}.md"
-    rendered = text(prompts.render(CONTEXT, PromptPlan(count=4, turns=turns), style))
-    if os.environ.get("EUREKA_GOLDEN") == "write":
-        path.write_text(rendered, encoding="utf-8")
-    assert rendered == path.read_text(encoding="utf-8")
+    golden(path, text(prompts.render(CONTEXT, PromptPlan(count=4, turns=turns), style)))
 
 
 def test_free_turns_alternate_and_grammar_keeps_the_newest():
@@ -77,6 +86,116 @@ def test_free_turns_alternate_and_grammar_keeps_the_newest():
     assert [message.role for message in free.messages] == ["system", "user", "assistant", "user", "assistant", "user"]
     assert [message.role for message in grammar.messages] == ["system", "user", "assistant", "user"]
     assert "dof_pos[:, 1]" in grammar.messages[2].content
+
+
+def ranked(generation: int, name: str, fitness: float | None, error: float | None = None) -> Scored:
+    """A reward with the score of its policy when played."""
+    graph = RewardGraph(nodes=(), reward=0, components=((name, 0),))
+    verdict = Verdict(candidate=name, code=VerdictCode.ACCEPTED, graph=graph)
+    scored = entry(
+        f"def compute_reward(pole_angle):\n    return -pole_angle.abs(), {{}}  # {name}\n", f"{name}: [1.00]", verdict
+    )
+    played = Evaluation(job=name, fitness=fitness, episode_length=9.0, episodes=64, error=error)
+    return replace(scored, sample=replace(scored.sample, generation=generation), played=played)
+
+
+OLDER, BEST = ranked(0, "angle", 302.46, 20.4), ranked(1, "height", 428.04, 33.1)
+DONE = TrainingResult(job="", state=TrainingState.FINISHED, fitness=1.0, curves={}, env_steps=1, seconds=1.0)
+TRAINED = replace(ranked(1, "height_and_angle", 405.2, 22.4), result=DONE)
+INFORMED = PromptPlan(count=4, informed=True, turns=(OLDER, BEST), best=BEST)
+BALANCED = replace(
+    CONTEXT,
+    score_unit="steps the pole stays up",
+    score_range=(0.0, 499.0),
+    facts=(
+        "An episode has at most 499 steps of 0.0166 s, 8.28 s in all. An episode ends early when the pole falls.",
+        "At the start of an episode, in 64 of them:",
+        "  `pole_angle` -0.1 to 0.1",
+    ),
+)
+
+
+@pytest.mark.parametrize("style", ["free", "grammar"])
+def test_the_prompt_that_says_what_counts_is_the_golden_one(style):
+    plan = replace(INFORMED, siblings=(TRAINED,))
+    golden(GOLDEN / f"prompt_{style}_informed.md", text(prompts.render(BALANCED, plan, style)))
+
+
+def test_each_shown_reward_has_its_score_and_one_is_marked():
+    told = [m.content for m in prompts.render(BALANCED, INFORMED, "free").messages if m.role == "user"]
+    assert "The task score: steps the pole stays up, from 0 to 499; higher is better." in told[0]
+    (line,) = (line for line in told[1].splitlines() if "generation 0" in line)
+    assert line.endswith(
+        "played in 64 episodes after training, scores 302 ± 20 (higher is better): not the best so far."
+    )
+    assert (
+        "generation 1. Its policy, played in 64 episodes after training, scores 428 ± 33 (higher is better): "
+        in told[2]
+    )
+    assert "the best of all so far. This is the one to improve." in told[2]
+    (_, small) = (m.content for m in prompts.render(BALANCED, INFORMED, "grammar").messages if m.role == "user")
+    assert "Its policy, played after training, scores 428 ± 33, the best of all so far.\n" in small
+    assert "generation" not in small
+
+
+def test_the_other_rewards_of_the_generation_are_told_by_score_and_terms():
+    low, high = (
+        replace(entry, result=DONE) for entry in (ranked(1, "low\x1b\nterm", 12.0, 1.0), ranked(1, "far", 99.0))
+    )
+    never = ranked(1, "never", None)
+    plan = replace(INFORMED, siblings=(low, never, high))
+    told = prompts.render(BALANCED, plan, "free").messages[-1].content
+    assert "The other rewards of its generation, by score and terms:\n- 99: far\n- 12.0 ± 1.0: low term\n\n" in told
+    assert "never" not in told
+    assert "other rewards" not in prompts.render(BALANCED, plan, "grammar").messages[-1].content
+    many = replace(INFORMED, siblings=(low,) * 40)
+    assert prompts.render(BALANCED, many, "free").messages[-1].content.count("± 1.0") == prompts.MAX_SIBLINGS
+
+
+def test_the_choice_of_a_person_is_marked_as_such():
+    plan = replace(INFORMED, best=OLDER, opinion=Opinion(chosen=True))
+    told = [m.content for m in prompts.render(BALANCED, plan, "free").messages if m.role == "user"]
+    assert "302 ± 20 (higher is better): the best of all so far." in told[1]
+    assert "not the best so far, but the choice of a person. This is the one to improve." in told[2]
+    plan = replace(INFORMED, opinion=Opinion(ranks=True))
+    assert (
+        "the best of all so far by the votes of a person" in prompts.render(BALANCED, plan, "free").messages[-1].content
+    )
+
+
+def test_advice_is_given_once_and_keeps_what_pays_for_brief_events():
+    users = [m.content for m in prompts.render(BALANCED, INFORMED, "free").messages if m.role == "user"]
+    assert [content.count("Read these numbers") for content in users] == [0, 0, 1]
+    assert (
+        "rare, brief events, such as reaching a goal, has a small and level mean even where it works: keep it"
+        in users[2]
+    )
+    assert "is level over the last part of training" in users[2]
+
+
+@pytest.mark.parametrize("style", ["free", "grammar"])
+def test_the_published_search_is_told_no_score_unit_and_no_rank(style):
+    plan = PromptPlan(count=4, turns=(OLDER, BEST))
+    told = "".join(m.content for m in prompts.render(BALANCED, plan, style).messages)
+    for word in ("499", "428", "An episode has", "higher is better", "best of all", "stays up"):
+        assert word not in told.replace(CONTEXT.description, "")
+
+
+@pytest.mark.parametrize(
+    ("fitness", "error", "text"),
+    [
+        (428.04, 33.1, "428 ± 33"),
+        (-0.26341, 0.0121, "-0.263 ± 0.012"),
+        (1234.5, 0.0, "1234"),
+        (5.4321, 0.31, "5.43 ± 0.31"),
+        (12345.6, 250.0, "12346 ± 250"),
+        (0.5, None, "0.5"),
+        (None, None, "undefined"),
+    ],
+)
+def test_a_score_has_as_many_digits_as_its_error_allows(fitness, error, text):
+    score = Evaluation(job="", fitness=fitness, episode_length=1.0, episodes=1, error=error)
+    assert prompts.with_error(score) == text
 
 
 @pytest.mark.parametrize("style", ["free", "grammar"])
@@ -116,4 +235,6 @@ def test_braces_of_a_program_are_not_taken_for_fields_of_a_template():
 def test_feedback_and_programs_are_capped():
     huge = entry("def f():\n" + "    pass\n" * 100_000, "y" * 100_000)
     free = prompts.render(CONTEXT, PromptPlan(count=1, turns=(huge,)), "free")
-    assert sum(len(message.content) for message in free.messages[2:]) < prompts.MAX_PROGRAM + prompts.MAX_FEEDBACK + 500
+    assert (
+        sum(len(message.content) for message in free.messages[2:]) < prompts.MAX_PROGRAM + prompts.MAX_FEEDBACK + 1500
+    )

@@ -48,6 +48,22 @@ def test_negative_scores_win_as_others_do() -> None:
         assert shown(strategy, history(strategy, [-3.0, -0.5, None])) == [-0.5]
 
 
+def test_best_tells_the_model_what_counts_and_eureka_as_little_as_published() -> None:
+    for strategy, informed in ((Best(samples=1), True), (Eureka(samples=1), False)):
+        (first,) = strategy.ask(History(), Random(0))
+        (later,) = strategy.ask(history(strategy, [5.0], [2.0]), Random(0))
+        assert (first.informed, later.informed, first.best) == (informed, informed, None)
+        assert (later.best.fitness if later.best else None) == (5.0 if informed else None)
+
+
+def test_best_tells_of_the_other_rewards_of_the_parents_generation() -> None:
+    strategy = Best(samples=1)
+    (plan,) = strategy.ask(history(strategy, [5.0, 4.0, None], [2.0, 3.0]), Random(0))
+    assert [entry.fitness for entry in plan.siblings] == [4.0, None]
+    (plan,) = Eureka(samples=1).ask(history(strategy, [5.0, 4.0]), Random(0))
+    assert plan.siblings == ()
+
+
 def test_failures_are_told_only_of_a_last_generation_in_which_nothing_trained() -> None:
     for strategy in (Eureka(samples=1), Best(samples=1)):
         told = strategy.tell(history(strategy, [1.0]), entries(1, [0.0, 0.0], refused=True))

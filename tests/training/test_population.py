@@ -91,8 +91,9 @@ def test_a_task_without_a_bonus_trains_as_ever():
 def test_curves_hold_one_point_an_epoch_and_every_component():
     result = results([TrainJob(id="a", program=upright(-2.0))])["a"]
     curves = result.curves
-    assert set(curves) == {"fitness", "episode_length", "reward", "human_reward", "component/angle"}
-    assert {len(curve) for curve in curves.values()} == {4}
+    whole = {"fitness", "episode_length", "reward", "human_reward", "component/angle"}
+    assert set(curves) == whole | {"component_early/angle", "component_late/angle"}
+    assert {len(curves[name]) for name in whole} == {4}
     assert curves["reward"] == pytest.approx([-2.0 * (x or 0.0) for x in curves["component/angle"]], rel=1e-4)
     assert result.fitness == max(x for x in curves["fitness"] if x is not None)
 
@@ -166,9 +167,49 @@ def step_of(score: Score, ended: bool) -> Step:
 def test_an_epoch_without_a_finished_episode_has_no_fitness():
     curves = Curves(lanes=1, worlds=2)
     zero = torch.zeros(2)
-    curves.add(step_of(Score(zero, zero), ended=False), zero.view(1, 2), zero.view(1, 2), torch.zeros(0))
+    curves.add(step_of(Score(zero, zero), ended=False), zero.view(1, 2), zero.view(1, 2), torch.zeros(0, 2), zero)
     assert curves.close_epoch() == ([None], [0.0])
     assert curves.curves[0]["episode_length"] == [None]
+
+
+def test_components_are_told_apart_early_and_late_in_episodes():
+    curves = Curves(lanes=1, worlds=2, components=[(0, "a"), (0, "never")])
+    score, zero = Score(torch.zeros(2), torch.zeros(2)), torch.zeros(1, 2)
+
+    def epoch(steps, parts):
+        for values, early in steps:
+            value, mask = torch.tensor(values), torch.tensor(early)
+            means = torch.stack((value.mean(), (value * mask).mean()))
+            undefined = torch.full((2,), torch.nan)
+            curves.add(step_of(score, ended=False), zero, zero, torch.stack((means, undefined)), mask)
+        curves.close_epoch(parts=parts)
+
+    epoch([([100.0, 100.0], [1.0, 0.0])], parts=False)
+    assert curves.early_and_late(0) == {}
+    epoch([([1.0, 2.0], [1.0, 1.0]), ([6.0, 10.0], [1.0, 0.0])], parts=True)
+    # Early: (1 + 2 + 6) / 3; late: 10 / 1.
+    assert curves.early_and_late(0)["component_early/a"] == (3.0,)
+    assert curves.early_and_late(0)["component_late/a"] == (10.0,)
+    assert curves.early_and_late(0)["component_late/never"] == (None,)
+    epoch([([4.0, 4.0], [0.0, 0.0])], parts=True)
+    assert curves.early_and_late(0)["component_late/a"] == (6.0,)  # (10 + 4 + 4) / 3
+    again = Curves(lanes=1, worlds=2, components=curves.components)
+    again.load_state_dict(curves.state_dict())
+    assert again.early_and_late(0)["component_late/a"] == (6.0,)
+    older = curves.state_dict()
+    del older["parts"]
+    Curves(lanes=1, worlds=2, components=curves.components).load_state_dict(older)
+
+
+def test_the_last_tenth_of_a_training_says_what_components_were_early_in_episodes():
+    """|pole angle| of a cart that nobody steers: near upright at first, then fallen."""
+    budget = TrainBudget(env_steps=32 * 16 * 20, worlds=32)
+    job = TrainJob(id="a", program=upright())
+    curves = results([job], budget)["a"].curves
+    assert [len(curves[f"component_{part}/angle"]) for part in ("early", "late")] == [1, 1]
+    # Episodes last about 30 of 500 steps, so all is early, as in the last two of the 20 epochs.
+    assert curves["component_early/angle"][0] == pytest.approx(sum(curves["component/angle"][-2:]) / 2, rel=1e-4)
+    assert curves["component_late/angle"] == (None,)
 
 
 def test_fitness_looks_back_over_the_window_and_weighs_episodes_alike():
@@ -177,7 +218,7 @@ def test_fitness_looks_back_over_the_window_and_weighs_episodes_alike():
     found = []
     for values, weights in (([10.0, 20.0], [1.0, 1.0]), ([30.0, 99.0], [1.0, 0.0]), ([50.0, 70.0], [1.0, 1.0])):
         score = Score(torch.tensor(values), torch.tensor(weights))
-        curves.add(step_of(score, ended=True), zero, zero, torch.zeros(0))
+        curves.add(step_of(score, ended=True), zero, zero, torch.zeros(0, 2), zero[0])
         found += curves.close_epoch()[0]
     # (10 + 20) / 2; (10 + 20 + 30) / 3; (30 + 50 + 70) / 3
     assert found == [15.0, 20.0, 50.0]

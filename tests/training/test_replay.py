@@ -52,13 +52,17 @@ def test_rewards_that_pick_by_a_mask_run_beside_those_that_are_recorded():
     assert rewards.components == [(0, "a"), (2, "picked"), (3, "b"), (4, "c")]
     for _ in range(2):
         state = simulation.step(torch.rand(25, 1)).state
-        own, human, means = rewards(state)
+        early = (torch.arange(25) % 2).float()
+        own, human, means = rewards(state, early)
         angle = state["pole_angle"].view(5, 5)
         assert torch.equal(own[1], human[1])
         assert torch.equal(own[0], 2.0 * angle[0]) and torch.equal(own[3:], angle[3:] * torch.tensor([[3.0], [4.0]]))
         assert torch.equal(own[2], angle[2].clamp(min=0.0))
         expected = [angle[0].mean(), angle[2].clamp(min=0.0).mean(), angle[3].mean(), angle[4].mean()]
-        assert means.tolist() == pytest.approx([float(x) for x in expected])
+        assert means[:, 0].tolist() == pytest.approx([float(x) for x in expected])
+        chosen = angle * early.view(5, 5)
+        expected = [chosen[0].mean(), chosen[2].clamp(min=0.0).mean(), chosen[3].mean(), chosen[4].mean()]
+        assert means[:, 1].tolist() == pytest.approx([float(x) for x in expected])
 
 
 def test_a_step_of_training_asks_a_gpu_nothing():
@@ -70,8 +74,9 @@ def test_a_step_of_training_asks_a_gpu_nothing():
     def step() -> None:
         action = population.ppo.act(observation)
         taken = population.env.step(action.action.flatten(0, 1))
-        own, human, means = population.rewards(taken.state)
-        population.curves.add(taken, own, human, means)
+        early = (taken.episode_length <= 125).float()
+        own, human, means = population.rewards(taken.state, early)
+        population.curves.add(taken, own, human, means, early)
         population.ppo.value(taken.final_observation.view_as(observation))
         population.rollout.store(0, observation, action, own, taken.done.view(2, 8))
 

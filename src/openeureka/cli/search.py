@@ -21,7 +21,7 @@ from ..reward import files
 from ..sandbox.client import Sandbox
 from ..store import Store, is_run, read_config, read_replies
 from ..store.paths import output_directory
-from ..tasks.context import context
+from ..tasks.context import context, informed
 from ..tasks.record import record_states
 from ..tasks.registry import get
 from . import trust
@@ -89,6 +89,7 @@ def _run(config: RunConfig, directory: Path) -> None:
         print("model=random draws rewards by chance: it reads neither results nor words, the control for a real model.")
     with working("Trying the task out"):
         states = record_states(config.env)
+    known = informed(known, states, config)
     try:
         with (
             Sandbox(

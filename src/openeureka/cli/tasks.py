@@ -7,13 +7,14 @@ import shutil
 import textwrap
 from collections.abc import Sequence
 
-from .. import baselines
-from ..config import parse
+from .. import baselines, prompts
+from ..config import RunConfig, parse
 from ..report.text import columns, number, plain
 from ..score import mean
 from ..tasks import registry
 from ..tasks.context import context as context_of
-from ..tasks.record import try_out
+from ..tasks.context import informed
+from ..tasks.record import record_states
 from ..tasks.task import Task
 from ..types import StateVar
 from .settings import ContextConfig
@@ -68,12 +69,11 @@ def _baselines(env: str) -> tuple[str, str]:
 
 
 def context(words: Sequence[str]) -> None:
-    """Print description, state table and pruned source of a task."""
+    """Print description, state table, facts and pruned source of a task."""
     env = parse(ContextConfig, words).env
-    known = context_of(env)
-    try_out(env)
+    known = informed(context_of(env), record_states(env), RunConfig(env=env))
     table = columns([(variable.name, _type(variable), variable.meaning) for variable in known.state.variables])
-    print(f"Task: {known.description}\n\n{table}\n\n{known.source}")
+    print("\n\n".join([f"Task: {known.description}", table, "\n".join(prompts.facts(known)), known.source]))
 
 
 def _type(variable: StateVar) -> str:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from random import Random
 from typing import Literal, Protocol
 
@@ -68,10 +67,12 @@ class Best:
         ranking = Ranking(history)
         parent = ranking.favourite or ranking.best
         if parent is None:
-            return [_plan(self.samples, [], history, ranking)]
+            return [replace(_plan(self.samples, [], history, ranking), informed=True)]
         others = {winner.sample.candidate: winner for winner in ranking.winners}
         others.pop(parent.sample.candidate, None)  # a favourite need not have won its generation
-        return [_plan(self.samples, [*list(others.values())[-_EARLIER_TURNS:], parent], history, ranking)]
+        plan = _plan(self.samples, [*list(others.values())[-_EARLIER_TURNS:], parent], history, ranking)
+        siblings = _siblings(parent, history)
+        return [replace(plan, informed=True, best=ranking.best, siblings=siblings)]
 
     def tell(self, history: History, entries: Sequence[Scored]) -> History:
         return history.grown(entries)
@@ -95,7 +96,7 @@ _SIZES = {"free": (16, 5), "grammar": (8, 3)}
 def sized(config: RunConfig, style: Literal["free", "grammar"]) -> RunConfig:
     """The settings with `sample` and `iteration` filled in for a model of this style."""
     sample, iteration = _SIZES[style]
-    return dataclasses.replace(config, sample=config.sample or sample, iteration=config.iteration or iteration)
+    return replace(config, sample=config.sample or sample, iteration=config.iteration or iteration)
 
 
 def _plan(samples: int, turns: Sequence[Scored], history: History, ranking: Ranking) -> PromptPlan:
@@ -103,6 +104,14 @@ def _plan(samples: int, turns: Sequence[Scored], history: History, ranking: Rank
     return PromptPlan(
         count=samples, turns=tuple(turns), failures=_failures(history), opinion=_opinion(turns[-1:], history, ranking)
     )
+
+
+def _siblings(parent: Scored, history: History) -> tuple[Scored, ...]:
+    """The other programs of the parent's generation, each once."""
+    entries = history.generations[parent.sample.generation].entries
+    others = {entry.sample.verdict.candidate: entry for entry in reversed(entries)}
+    others.pop(parent.sample.verdict.candidate, None)
+    return tuple(reversed(others.values()))
 
 
 def _failures(history: History) -> tuple[Scored, ...]:
@@ -121,4 +130,5 @@ def _opinion(parents: Sequence[Scored], history: History, ranking: Ranking) -> O
         won=won,
         lost=lost,
         vetoed=ranking.vetoed,
+        ranks=ranking.by_votes,
     )

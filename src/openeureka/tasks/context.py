@@ -2,31 +2,131 @@
 
 from __future__ import annotations
 
-import inspect
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import combinations
 
-from ..types import TaskContext
+from torch import Tensor
+
+from ..config import RunConfig
+from ..types import StateSpec, TaskContext
+from . import curriculum
+from .record import STARTS
 from .registry import get
+from .source import prune
 from .task import Task
 
-# An allow-list, so that nothing a task adds later (fitness, rewards, thresholds, training defaults) leaks by default.
-_VISIBLE = ("apply_action", "compute_state", "observe")
+_NEAREST = 2
+"""Distances that are told of each point."""
+_MAX_POINTS = 10
+_SAME, _PART = 1e-4, 0.2
+"""[m] between points that are one, and between those of one hand, which are told as its palm."""
 
 
 def context(env: str) -> TaskContext:
-    """Description, state table and pruned source of a task."""
+    """Description, score, state table and pruned source of a task."""
     task = get(env)
-    return TaskContext(env=env, description=task.description, state=task.spec, source=prune(task))
+    return TaskContext(
+        env=env,
+        description=task.description,
+        state=task.spec,
+        source=prune(task),
+        score_unit=task.score_unit,
+        score_range=task.score_range,
+    )
 
 
-def prune(task: type[Task]) -> str:
-    """The task's class, and above it those it builds on, with only the methods that turn actions into motion and motion
-    into state."""
-    lineage = [cls for cls in reversed(task.__mro__) if issubclass(cls, Task) and cls is not Task]
-    return "\n\n\n".join(_visible_part(cls) for cls in lineage)
+def informed(known: TaskContext, recorded: Mapping[str, Tensor | float | int], config: RunConfig) -> TaskContext:
+    """With the facts of a search: how long episodes and trainings are, what ends them and where they start.
+
+    Args:
+        recorded: as `record.record_states` gives them, start states first; of what is missing nothing is told.
+    """
+    task = get(config.env)
+    states = {name: value for name, value in recorded.items() if isinstance(value, Tensor)}
+    starts = [*_scalars(task.spec, states), *_points(task.spec, states)]
+    heading = [f"At the start of an episode, in {STARTS} of them:"] if starts else []
+    return replace(known, facts=(_episode(task), _training(task, config), _discount(task), *heading, *starts))
 
 
-def _visible_part(cls: type[Task]) -> str:
-    bases = ", ".join(base.__name__ for base in cls.__bases__ if base is not Task)
-    header = f"class {cls.__name__}({bases}):" if bases else f"class {cls.__name__}:"
-    shown = [inspect.getsource(vars(cls)[name]).rstrip() for name in _VISIBLE if name in vars(cls)]
-    return "\n\n".join((header, *shown))
+def _episode(task: type[Task]) -> str:
+    steps = task.episode_length - 1
+    length = f"An episode has at most {steps} steps of {task.control_dt:.3g} s, {steps * task.control_dt:.3g} s in all."
+    return f"{length} {task.ends}".rstrip()
+
+
+def _training(task: type[Task], config: RunConfig) -> str:
+    if config.curriculum:
+        steps = config.steps or sum(stage.steps for stage in curriculum.find(config.env, config.curriculum))
+        return f"A policy trains for {steps:,} steps in all, over the stages of a curriculum."
+    recipe = task.recipe
+    steps, worlds = config.steps or recipe.env_steps, config.worlds or recipe.worlds
+    epochs = max(1, steps // (worlds * recipe.horizon))
+    return (
+        f"A policy trains for {steps:,} steps in all: {epochs} epochs of {recipe.horizon} steps in each of {worlds} "
+        "environments."
+    )
+
+
+def _discount(task: type[Task]) -> str:
+    steps = round(1 / (1 - task.recipe.gamma))
+    return (
+        f"The discount is {task.recipe.gamma:g} a step: what comes {steps} steps ({steps * task.control_dt:.2g} s) "
+        "later counts about a third."
+    )
+
+
+def _scalars(spec: StateSpec, states: Mapping[str, Tensor]) -> list[str]:
+    """A line with the ranges of the numbers whose use is known."""
+    told = [v.name for v in spec.variables if v.kind == "world" and not v.shape and v.use != "raw"]
+    ranges = [f"`{name}` {_range(states[name][:STARTS])}" for name in told if name in states]
+    return [f"  {', '.join(ranges)}"] if ranges else []
+
+
+def _points(spec: StateSpec, states: Mapping[str, Tensor]) -> list[str]:
+    """A line for each point: where it is, and how far the nearest others are that no line before has named."""
+    told = [v.name for v in spec.variables if v.kind == "world" and v.use == "point"]
+    names = _distinct({name: states[name] for name in told if name in states})
+    points = {name: states[name][:STARTS] for name in names}
+    gaps = {frozenset(pair): (points[pair[0]] - points[pair[1]]).norm(dim=-1) for pair in combinations(names, 2)}
+    said: set[frozenset[str]] = set()
+    lines = []
+    for name, place in points.items():
+        own = sorted((pair for pair in gaps if name in pair), key=lambda pair: float(gaps[pair].mean()))
+        near = [pair for pair in own[:_NEAREST] if pair not in said]
+        said.update(near)
+        others = [f", {_range(gaps[pair])} m from `{next(iter(pair - {name}))}`" for pair in near]
+        where = ", ".join(_range(column) for column in place.unbind(dim=-1))
+        lines.append(f"  `{name}` ({where}) m{''.join(others)}")
+    return lines
+
+
+def _distinct(points: Mapping[str, Tensor]) -> list[str]:
+    """Names of points: of those that are always one the first, and of a hand's many the hand alone."""
+
+    def apart(one: str, other: str) -> float:
+        return float((points[one] - points[other]).norm(dim=-1).max())
+
+    kept: list[str] = []
+    for name in points:
+        if all(apart(name, other) > _SAME for other in kept):
+            kept.append(name)
+    stems = {name: name.removesuffix("_pos").removesuffix("_position") for name in kept}
+    parts = {
+        name: [part for part in kept if stems[part].startswith(f"{stems[name]}_") and apart(name, part) < _PART]
+        for name in kept
+    }
+    hidden = {part for family in parts.values() if len(family) > 2 for part in family}
+    return [name for name in kept if name not in hidden][:_MAX_POINTS]
+
+
+def _range(values: Tensor) -> str:
+    low, high = _number(float(values.min())), _number(float(values.max()))
+    return low if low == high else f"{low} to {high}"
+
+
+def _number(value: float) -> str:
+    """Two decimals, but two significant digits for what those would round away; what is smaller than 0.001 is 0."""
+    if abs(value) < 1e-3:
+        return "0"
+    return f"{value:.2g}" if abs(value) < 0.1 else f"{value:.2f}".rstrip("0").rstrip(".")

@@ -23,11 +23,15 @@ def _try_rewards(task: Task, state: State) -> None:
         per_world(task, method, getattr(task, method)(state))
 
 
-def record_states(env: str, *, worlds: int = 64, steps: int = 40, keep: int = 4) -> dict[str, Tensor | float | int]:
+STARTS = 64
+
+
+def record_states(env: str, *, worlds: int = STARTS, steps: int = 40, keep: int = 4) -> dict[str, Tensor | float | int]:
     """States along random play, start states included.
 
     Returns:
-        Every variable of the spec; world variables are (worlds * keep, *shape), taken at `keep` evenly spaced steps.
+        Every variable of the spec; world variables are (worlds * keep, *shape), taken at `keep` evenly spaced steps,
+        of which the first is the start.
     """
     simulation = make(env, worlds=worlds, threads=1)
     task = simulation.task

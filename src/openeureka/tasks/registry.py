@@ -102,7 +102,9 @@ def _changed(task: type[Task], settings: Mapping[str, str]) -> type[Task]:
         values[name] = float(value) if kind is float and type(value) is int else value
         if type(values[name]) is not kind:
             raise TaskError(f"`{name}` of `{task.env}` is {known[name]!r}; set another {kind.__name__}, not `{text}`.")
-    return type(task.__name__, (task,), {"__module__": task.__module__, **values})
+    # What was changed may be what bounds F, such as the length of an episode, or what ends one.
+    said = {"score_range": (None, None), "ends": task.ends if set(values) <= {"episode_length"} else ""}
+    return type(task.__name__, (task,), {"__module__": task.__module__, **said, **values})
 
 
 def _named(env: str) -> type[Task]:

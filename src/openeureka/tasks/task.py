@@ -95,6 +95,12 @@ class Task(ABC):
     suite: ClassVar[str]
     description: ClassVar[str]
     """The intent, one sentence, as the language model reads it."""
+    score_unit: ClassVar[str] = ""
+    """What F counts or measures, in a few words that a table has room for; higher F is better."""
+    score_range: ClassVar[tuple[float | None, float | None]] = (None, None)
+    """Least and highest F there can be; None where nothing bounds it."""
+    ends: ClassVar[str] = ""
+    """When `terminated` ends an episode: a sentence for the language model, which does not say what F wants."""
     episode_length: ClassVar[int]
     """[steps]"""
     time_out_early: ClassVar[int] = 1

@@ -40,15 +40,20 @@ class Curves:
         self.curves: list[dict[str, list[float | None]]] = [{} for _ in range(lanes)]
         self._scores: deque[Tensor] = deque(maxlen=window)
         self._moments = torch.zeros(lanes, 6, dtype=torch.float64, device=device)
+        self._parts = torch.zeros(len(components), 4, dtype=torch.float64)
+        """Of each component, over the epochs whose parts count: its sum over transitions, their number, and both of
+        those early in an episode."""
+        self._lane_of = torch.tensor([lane for lane, _ in components], dtype=torch.int64)
         self._start()
 
     def _start(self) -> None:
-        self._sums = torch.zeros(self.lanes, 6, dtype=torch.float64, device=self.device)
-        self._means = torch.zeros(len(self.components), dtype=torch.float64, device=self.device)
+        self._sums = torch.zeros(self.lanes, 7, dtype=torch.float64, device=self.device)
+        self._means = torch.zeros(len(self.components), 2, dtype=torch.float64, device=self.device)
         self._steps = 0
 
-    def add(self, step: Step, own: Tensor, human: Tensor, means: Tensor) -> None:
-        """Take in one step of all lanes: rewards (L, n), and the mean of each component."""
+    def add(self, step: Step, own: Tensor, human: Tensor, means: Tensor, early: Tensor) -> None:
+        """Take in one step of all lanes: rewards (L, n), what `LaneRewards` says of each component, and `early` (N,), 1
+        for worlds that are early in an episode."""
 
         def per_lane(x: Tensor) -> Tensor:
             return x.view(self.lanes, self.worlds).double().sum(1)
@@ -56,26 +61,33 @@ class Curves:
         value, weight = step.score
         length = step.episode_length * step.ended
         self._sums += torch.stack(
-            [per_lane(x) for x in (value * weight, weight, length, step.ended, own, human)], dim=-1
+            [per_lane(x) for x in (value * weight, weight, length, step.ended, own, human, early)], dim=-1
         )
         self._moments += moments(own, human)
         self._means += means
         self._steps += 1
 
-    def close_epoch(self) -> tuple[list[float | None], list[float]]:
+    def close_epoch(self, *, parts: bool = False) -> tuple[list[float | None], list[float]]:
         """Append the epoch to every curve; returns F and the mean own reward per step of each lane.
 
         F is None where no episode was scored; NaN or infinite where the task made it so, and None in its curve.
+
+        Args:
+            parts: whether the epoch counts for `early_and_late`.
         """
         fitness, own_means = [], []
         self._scores.append(self._sums[:, :2])
         scores = torch.stack(list(self._scores)).sum(0).tolist()
         components: list[dict[str, float | None]] = [{} for _ in range(self.lanes)]
-        for (lane, name), total in zip(self.components, self._means.tolist(), strict=True):
+        for (lane, name), (total, _) in zip(self.components, self._means.tolist(), strict=True):
             components[lane][f"component/{name}"] = total / self._steps
+        if parts:
+            every = torch.full((len(self.components),), float(self._steps * self.worlds), dtype=torch.float64)
+            total, early = (self._means.cpu() * self.worlds).unbind(dim=-1)
+            self._parts += torch.stack((total, every, early, self._sums[:, 6].cpu()[self._lane_of]), dim=-1)
         for lane, row in enumerate(self._sums.tolist()):
             value, weight = scores[lane]
-            length, done, own, human = row[2:]
+            length, done, own, human = row[2:6]
             transitions = self._steps * self.worlds
             point: dict[str, float | None] = {
                 "fitness": value / weight if weight else None,
@@ -91,13 +103,26 @@ class Curves:
         self._start()
         return fitness, own_means
 
+    def early_and_late(self, lane: int) -> dict[str, tuple[float | None]]:
+        """One number each, the mean of a component early in episodes and in the rest of them; nothing where no epoch
+        counted."""
+        found: dict[str, tuple[float | None]] = {}
+        for (own, name), (total, every, early, first) in zip(self.components, self._parts.tolist(), strict=True):
+            if own == lane and every:
+                parts = {"early": (early, first), "late": (total - early, every - first)}
+                for part, (value, count) in parts.items():
+                    finite = count > 0 and abs(value) < float("inf")
+                    found[f"component_{part}/{name}"] = (value / count if finite else None,)
+        return found
+
     def state_dict(self) -> dict[str, Any]:
         """All that is remembered between two epochs."""
-        return {"curves": self.curves, "scores": list(self._scores), "moments": self._moments}
+        return {"curves": self.curves, "scores": list(self._scores), "moments": self._moments, "parts": self._parts}
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         self.curves, self._moments = saved["curves"], saved["moments"]
         self._scores.extend(saved["scores"])
+        self._parts = saved.get("parts", self._parts)  # an older version saved none
 
     def correlation(self, lane: int) -> float | None:
         """Of own and human reward over every transition so far."""

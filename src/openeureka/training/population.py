@@ -67,6 +67,7 @@ class Population:
             components=self.rewards.components,
             device=self.device,
         )
+        self._early = task.episode_length // 4  # steps that count as early in an episode
         self.best_fitness: list[Peak | None] = [None] * self.lanes
         self.best_reward: list[Peak | None] = [None] * self.lanes
         self._largest = torch.zeros(self.lanes, device=self.device)
@@ -85,11 +86,12 @@ class Population:
             for t in range(self.horizon):
                 action = self.ppo.act(observation)
                 step = self.env.step(action.action.flatten(0, 1))
-                own, human, means = self.rewards(step.state)
+                early = (step.episode_length <= self._early).float()
+                own, human, means = self.rewards(step.state, early)
                 # What follows from the state of a world that broke down, and was put back, is nobody's merit.
                 bad = self._split(step.bad)
                 own, human = own.masked_fill(bad, 0.0), human.masked_fill(bad, 0.0)
-                self.curves.add(step, own, human, means)
+                self.curves.add(step, own, human, means, early)
                 self._watch(own)
                 if (bonus := self.rewards.bonus(step.state)) is not None:
                     own = own + bonus.masked_fill(bad, 0.0)
@@ -179,7 +181,7 @@ class Population:
 
     def _checkpoint(self, epoch: int) -> None:
         """Keep the policy that produced this epoch wherever F or the own reward peaks."""
-        fitness, own = self.curves.close_epoch()
+        fitness, own = self.curves.close_epoch(parts=epoch >= 9 * self.epochs // 10)
         for lane, active in enumerate(self.ppo.active.tolist()):
             if not active:
                 continue
@@ -199,11 +201,12 @@ class Population:
     def _result(self, lane: int, seconds: float) -> TrainingResult:
         peak, peak_reward = self.best_fitness[lane], self.best_reward[lane]
         message, trained = self.messages[lane], self.trained[lane]
+        curves = {name: tuple(curve[:trained]) for name, curve in self.curves.curves[lane].items()}
         return TrainingResult(
             job=self.jobs[lane].id,
             state=TrainingState.DIVERGED if message else TrainingState.FINISHED,
             fitness=peak.value if peak else None,
-            curves={name: tuple(curve[:trained]) for name, curve in self.curves.curves[lane].items()},
+            curves=curves if message else curves | self.curves.early_and_late(lane),
             env_steps=trained * self.horizon * self.worlds,
             seconds=seconds,
             correlation=self.curves.correlation(lane),

@@ -50,8 +50,9 @@ class LaneRewards:
         self._generated = torch.tensor(generated, dtype=torch.float32, device=task.device)[:, None]
         self._parts: list[_Part] = []
 
-    def __call__(self, state: State) -> tuple[Tensor, Tensor, Tensor]:
-        """Own reward (L, n), human reward (L, n) and the mean of each of `components`."""
+    def __call__(self, state: State, early: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor]:
+        """Own reward (L, n), human reward (L, n) and, of each of `components`, the mean over its worlds, and that of
+        its product with `early` (N,): (components, 2)."""
         lanes, n = len(self.programs), self.worlds
         task = self.task
         human = per_world(task, "human_reward", task.human_reward(state)).view(lanes, n)
@@ -63,18 +64,19 @@ class LaneRewards:
             if program == "sparse" and sparse is not None:
                 own[lane] = sparse[lane]
         means = []
-        for part in self._parts or self._prepare(state):
-            *rewards, own_means = part(state)
+        early = torch.zeros_like(human).flatten() if early is None else early
+        for part in self._parts or self._prepare(state, early):
+            *rewards, own_means = part(state, early)
             for lane, reward in zip(part.lanes, rewards, strict=True):
                 own[lane] = reward
             means.append(own_means)
-        return own, human, torch.cat(means) if means else own.new_zeros(0)
+        return own, human, torch.cat(means) if means else own.new_zeros(0, 2)
 
-    def _prepare(self, state: State) -> list[_Part]:
+    def _prepare(self, state: State, early: Tensor) -> list[_Part]:
         """Parts in the order of `components`: runs of lanes that can be recorded, and single ones that cannot."""
         for lane, program in self._compiled.items():
             alone = _Part({lane: program}, self.worlds, self._per_world, recorded=False)
-            recorded = not waits(lambda part=alone: part(state))
+            recorded = not waits(lambda part=alone: part(state, early))
             if recorded and self._parts and self._parts[-1].recorded:
                 programs = {**self._parts.pop().programs, lane: program}
             else:
@@ -106,22 +108,25 @@ class _Part:
         self.errors: dict[int, str] = {}
         self._run = Replay(self._evaluate) if recorded else self._evaluate
 
-    def __call__(self, state: State) -> tuple[Tensor, ...]:
+    def __call__(self, state: State, early: Tensor) -> tuple[Tensor, ...]:
         # Numbers are constants of the task, so that a recording may hold them.
         self._numbers = {name: state[name] for name in self._names if not isinstance(state[name], Tensor)}
-        return self._run([state[name] for name in self._names if name not in self._numbers])
+        return self._run([early, *(state[name] for name in self._names if name not in self._numbers)])
 
     def _evaluate(self, tensors: Sequence[Tensor]) -> tuple[Tensor, ...]:
         n = self._worlds
-        named = iter(tensors)
+        early, *rest = tensors
+        named = iter(rest)
+        weights = torch.stack((torch.ones_like(early), early), dim=-1) / n
         values = {name: next(named) for name in self._names if name not in self._numbers}
         rewards, means = [], []
         for lane in self.programs:
             own = {name: value[lane * n : (lane + 1) * n] for name, value in values.items() if name in self._per_world}
             reward, components = self._of_lane(lane, {**self._numbers, **values, **own, "num_envs": n})
             rewards.append(reward)
-            means += [component.mean() for component in components.values()]
-        return (*rewards, torch.stack(means) if means else rewards[0].new_zeros(0))
+            if components:  # one product: a mean of each would take longer
+                means.append(torch.stack(list(components.values())) @ weights[lane * n : (lane + 1) * n])
+        return (*rewards, torch.cat(means) if means else rewards[0].new_zeros(0, 2))
 
     def _of_lane(self, lane: int, state: State) -> tuple[Tensor, Mapping[str, Tensor]]:
         """Reward (n,) and components of one lane; NaN from the first error on, so that the lane is stopped."""

@@ -119,6 +119,8 @@ class Opinion:
     """Comparisons of the parent's policy with others."""
     vetoed: tuple[Scored, ...] = ()
     """Rejected programs, the newest veto last."""
+    ranks: bool = False
+    """Comparisons decide who is the best, not scores."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,6 +133,12 @@ class PromptPlan:
     failures: tuple[Scored, ...] = ()
     """Refused programs of a generation in which nothing trained: the model is told why."""
     opinion: Opinion = Opinion()
+    informed: bool = False
+    """Whether the prompt says what the score is, how high each turn scores, and which is the best."""
+    best: Scored | None = None
+    """The best of all so far, which a favourite of a person need not be."""
+    siblings: tuple[Scored, ...] = ()
+    """The other rewards of the parent's generation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

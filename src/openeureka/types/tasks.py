@@ -62,3 +62,9 @@ class TaskContext:
     state: StateSpec
     source: str
     """The task's file without fitness, rewards, success thresholds and training defaults."""
+    score_unit: str = ""
+    """What the score counts or measures; higher is better."""
+    score_range: tuple[float | None, float | None] = (None, None)
+    """Least and highest score there can be; None where nothing bounds it."""
+    facts: tuple[str, ...] = ()
+    """Lines on what the score does not betray: length, ends and starts of episodes, length of training, discount."""

@@ -63,7 +63,10 @@ class TrainingResult:
     """Maximum over epochs of the task's F; None when F was never defined."""
     curves: Mapping[str, tuple[float | None, ...]]
     """Per-epoch means over the lane's worlds: `fitness`, `episode_length` [steps], `reward` (own, per step),
-    `human_reward` (per step), and `component/<name>` for each component. None where undefined in that epoch."""
+    `human_reward` (per step), and `component/<name>` for each component. None where undefined in that epoch.
+
+    Of the last tenth of the epochs, a single number each: `component_early/<name>` in the first quarter of an episode's
+    longest length, `component_late/<name>` in the rest. Older trainings lack them."""
     env_steps: int
     seconds: float
     correlation: float | None = None

@@ -24,6 +24,7 @@ class ShadowHandBlockStack(Handles):
     env = "shadow_hand_block_stack"
     description = "to make the two hands stack the left block on the right block in the middle of the table"
     episode_length = 250
+    ends = "An episode ends early when the distances of a hand's five fingertips from its block add up to 0.75 m."
     num_observations = 428
     view = View(azimuth=160.0, elevation=-30.0)
     transition_scale = 0.2

@@ -23,6 +23,10 @@ class ShadowHandBottleCap(TwoHands):
     env = "shadow_hand_bottle_cap"
     description = "to make the left hand hold the bottle and the right hand pull its cap off"
     episode_length = 125
+    ends = (
+        "An episode ends early when the bottle's mouth falls to a height of 0.5 m, the right palm is 0.5 m "
+        "from the mouth, or the left palm 0.2 m from the bottle's middle."
+    )
     num_observations = 420
     num_actions = 52
     transition_scale = 0.1

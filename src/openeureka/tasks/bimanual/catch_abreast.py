@@ -20,6 +20,7 @@ class ShadowHandCatchAbreast(Catch):
         "to make the right hand throw the egg from its palm sideways so that the left hand next to it catches it"
     )
     episode_length = 150
+    ends = "An episode ends early when the egg falls to a height of 0.2 m, or a wrist moves by more than 0.1 m."
     num_observations = 422
     num_actions = 52
     view = View(azimuth=20.0, elevation=-35.0)

@@ -22,6 +22,10 @@ class ShadowHandCatchOver2Underarm(Catch):
         "which catches it on its upturned palm"
     )
     episode_length = 75
+    ends = (
+        "An episode ends early when the egg falls to a height of 0.3 m, or a forearm's lower end moves by "
+        "more than 0.1 m."
+    )
     num_observations = 422
     num_actions = 52
     transition_scale = 0.1

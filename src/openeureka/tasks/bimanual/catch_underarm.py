@@ -15,6 +15,7 @@ class ShadowHandCatchUnderarm(Catch):
     env = "shadow_hand_catch_underarm"
     description = "to make the right hand throw the egg underarm so that the left hand, which may move too, catches it"
     episode_length = 75
+    ends = "An episode ends early when the egg falls to a height of 0.1 m."
     num_observations = 422
     num_actions = 52
     transition_scale = 0.05

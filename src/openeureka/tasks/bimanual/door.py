@@ -53,6 +53,7 @@ class Doors(Handles):
     """Each hand opens or closes one leaf of a double door."""
 
     episode_length = 250
+    ends = "An episode ends early when the distances of a hand's five fingertips from its door handle add up to 1.5 m."
     num_observations = 417
     orientation_scale = 0.5
     view = View(azimuth=150.0, elevation=-20.0)

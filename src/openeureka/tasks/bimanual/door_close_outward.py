@@ -15,6 +15,7 @@ class ShadowHandDoorCloseOutward(Doors):
     description = "to make the two hands close the double door, open away from them, by pulling its handles"
     scene = door_scene(towards_hands=False, angle=SIDEWAYS)
     reach = 3.0  # the hands start far from the handles
+    ends = "An episode ends early when the distances of a hand's five fingertips from its door handle add up to 3 m."
     spec = two_handed(scene, Doors.num_observations, *DOOR_VARIABLES)
     recipe = dexterity_recipe(env_steps=5_000_000)
 

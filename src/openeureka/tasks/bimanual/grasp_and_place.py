@@ -19,6 +19,10 @@ class ShadowHandGraspAndPlace(Handles):
     env = "shadow_hand_grasp_and_place"
     description = "to make the left hand pick up the block and put it into the bucket that the right hand holds"
     episode_length = 500
+    ends = (
+        "An episode ends early when the distances of a hand's five fingertips from its bucket (right) or "
+        "block (left) add up to 1.5 m."
+    )
     num_observations = 425
     handles = ("block_right_handle_pos", "block_left_handle_pos")
     reach = 1.5

@@ -24,6 +24,7 @@ class ShadowHandKettle(Handles):
     env = "shadow_hand_kettle"
     description = "to make the right hand pour water from the kettle into the bucket that the left hand holds"
     episode_length = 125
+    ends = "An episode ends early when the point below the bucket, bucket_handle_pos, falls to a height of 0.2 m."
     num_observations = 417
     handles = ("kettle_handle_pos", "bucket_handle_pos")
     scene = Scene(

@@ -23,6 +23,7 @@ class ShadowHandLiftUnderarm(TwoHands):
     env = "shadow_hand_lift_underarm"
     description = "to make the two hands grip the pot by its handles and lift it to the goal above the table"
     episode_length = 500
+    ends = "An episode ends early when the pot falls to a height of 0.3 m, or a palm is 0.2 m from its handle."
     num_observations = 417
     num_actions = 52
     transition_scale = 0.25

@@ -15,6 +15,7 @@ class ShadowHandOver(Catch):
     env = "shadow_hand_over"
     description = "to make the right hand throw the egg that it holds so that it lands and stays on the left palm"
     episode_length = 75
+    ends = "An episode ends early when the egg falls to a height of 0.2 m."
     num_observations = 398
     num_actions = 40
     scene = Scene(

@@ -22,6 +22,9 @@ class ShadowHandPen(Handles):
     env = "shadow_hand_pen"
     description = "to make the right hand pull the cap off the pen that the left hand holds"
     episode_length = 125
+    ends = (
+        "An episode ends early when the distances of a hand's five fingertips from its point to grasp add up to 1.5 m."
+    )
     num_observations = 417
     handles = ("pen_right_handle_pos", "pen_left_handle_pos")
     reach = 1.5

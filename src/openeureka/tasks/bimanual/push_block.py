@@ -18,7 +18,9 @@ ARRIVED = 0.1  # [m] between a cube and its target
 class ShadowHandPushBlock(Handles):
     env = "shadow_hand_push_block"
     description = "to make each hand push the block in front of it forward to the block's goal position"
+    score_unit = "share of the blocks that reach their goals"
     episode_length = 125
+    ends = "An episode ends early when the distances of a hand's five fingertips from its block add up to 1.2 m."
     num_observations = 428
     handles = ("block_right_handle_pos", "block_left_handle_pos")
     reach = 1.2

@@ -24,6 +24,7 @@ class ShadowHandScissors(Handles):
     env = "shadow_hand_scissors"
     description = "to make the two hands open the scissors by pulling their handles apart"
     episode_length = 150
+    ends = "An episode ends early when the distances of a hand's five fingertips from its handle add up to 1.75 m."
     num_observations = 417
     handles = ("scissors_right_handle_pos", "scissors_left_handle_pos")
     reach = 1.75

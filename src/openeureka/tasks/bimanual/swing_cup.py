@@ -30,6 +30,7 @@ class ShadowHandSwingCup(Handles):
     env = "shadow_hand_swing_cup"
     description = "to make the two hands grasp the cup by its two handles and turn it by 180 degrees"
     episode_length = 150
+    ends = "An episode ends early when the cup falls to a height of 0.3 m."
     num_observations = 417
     handles = ("cup_right_handle_pos", "cup_left_handle_pos")
     scene = Scene(

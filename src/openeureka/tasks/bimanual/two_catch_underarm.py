@@ -19,6 +19,7 @@ class ShadowHandTwoCatchUnderarm(Pair):
     env = "shadow_hand_two_catch_underarm"
     description = "to make the two hands, which may move, swap their eggs by throwing both underarm at the same time"
     episode_length = 75
+    ends = "An episode ends early when an egg falls to a height of 0.2 m."
     num_observations = 446
     num_actions = 52
     transition_scale = 0.05

@@ -44,6 +44,8 @@ class BallBalance(Task):
     env = "ballbalance"
     suite = "isaac"
     description = "to keep the ball on the table top without falling"
+    score_unit, score_range = "steps the ball stays on the table", (0.0, 499.0)
+    ends = "An episode ends early when the ball's centre is less than 0.15 m above the ground."
     episode_length = 500
     control_dt = 0.01
     substeps = 2  # the original takes one; legs this stiff need 5 ms in MuJoCo
@@ -56,7 +58,8 @@ class BallBalance(Task):
             StateVar(
                 name="obs_buf",
                 shape=(24,),
-                meaning="knee angles, knee rates, ball position, ball velocity, tray force x, tray torques x, y, z",
+                meaning="knee angles, knee rates, ball position, ball velocity, then of all 3 rim points sensor_forces "
+                "x / 20, sensor_torques x / 20, y / 20, z / 20",
             ),
             StateVar(name="ball_positions", shape=(3,), meaning="ball centre x, y, z [m], world frame"),
             StateVar(name="ball_linvels", shape=(3,), meaning="ball velocity x, y, z [m/s], world frame"),

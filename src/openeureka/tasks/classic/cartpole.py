@@ -20,6 +20,11 @@ class Cartpole(Task):
     env = "cartpole"
     suite = "isaac"
     description = "to balance a pole on a cart so that the pole stays upright"
+    score_unit, score_range = "steps the pole stays up", (0.0, 499.0)
+    ends = (
+        "An episode ends early when the pole is more than pi / 2 rad from upright, or the cart more than 3 m "
+        "from the middle."
+    )
     episode_length = 500
     control_dt = 0.0166
     substeps = 2

@@ -30,6 +30,10 @@ class Quadcopter(Task):
     env = "quadcopter"
     suite = "isaac"
     description = "to make the quadcopter reach and hover near a fixed position"
+    score_unit, score_range = "m", (None, 0.0)
+    ends = (
+        "An episode ends early when the chassis is more than 3 m from its target, or less than 0.3 m above the ground."
+    )
     episode_length = 500
     control_dt = 0.01
     substeps = 2
@@ -42,7 +46,7 @@ class Quadcopter(Task):
             StateVar(
                 name="obs_buf",
                 shape=(21,),
-                meaning="target - position / 3, quaternion, linear velocity / 2, angular velocity / pi, rotor angles",
+                meaning="(target - position) / 3, quaternion, linear velocity / 2, angular velocity / pi, rotor angles",
             ),
             StateVar(name="root_positions", shape=(3,), meaning="chassis position x, y, z [m], world frame"),
             StateVar(name="root_quats", shape=(4,), meaning="chassis orientation, quaternion x, y, z, w"),

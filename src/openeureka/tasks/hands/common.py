@@ -35,6 +35,11 @@ class Reorientation(Task):
 
     suite = "isaac"
     episode_length = 600
+    score_unit, score_range = "goals reached in an episode", (0.0, None)
+    ends = (
+        "An episode ends early when the object is 0.24 m from its goal position; a goal reached gives way to "
+        "the next one."
+    )
     clip_observations = 5.0
     object_start: ClassVar[Vector]
     """Middle of the object's start positions [m]."""

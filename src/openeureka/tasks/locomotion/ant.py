@@ -43,6 +43,7 @@ class Ant(Runner):
     feet = tuple(f"{leg}_foot" for leg in LEGS)
     start_height = 0.44
     fall_height = 0.31
+    ends = "An episode ends early when the torso is less than 0.31 m above the ground."
     dof_vel_scale = 0.2
     contact_force_scale = 0.1
 

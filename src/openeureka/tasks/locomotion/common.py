@@ -25,6 +25,7 @@ class Runner(Task):
     The first body is the torso with a free joint; every other joint is a limited hinge with one motor, in DOF order.
     """
 
+    score_unit = "m/s"
     feet: ClassVar[tuple[str, ...]]
     """Bodies whose contact wrenches are state, in order."""
     start_height: ClassVar[float]
@@ -130,7 +131,7 @@ def running_variables(*, joints: str, dofs: int, feet: int, torque: str, standin
             "velocity [rad/s]; column 7 is the forward speed",
         ),
         StateVar(name="targets", shape=(3,), meaning="target position [m], 1000 m ahead along x"),
-        StateVar(name="potentials", meaning="minus horizontal distance to the target / dt; grows by the speed"),
+        StateVar(name="potentials", meaning="-(horizontal distance to the target) / dt; grows by the speed"),
         StateVar(name="prev_potentials", meaning="potentials one step ago; the difference is the forward speed [m/s]"),
         StateVar(name="up_vec", shape=(3,), meaning="up axis of the torso in the world frame"),
         StateVar(name="heading_vec", shape=(3,), meaning="forward axis of the torso in the world frame"),

@@ -152,6 +152,7 @@ class Humanoid(Runner):
     feet = ("right_foot", "left_foot")
     start_height = 1.34
     fall_height = 0.8
+    ends = "An episode ends early when the torso is less than 0.8 m above the ground."
     dof_vel_scale = 0.1
     contact_force_scale = 0.01
     angular_velocity_scale = 0.25

@@ -58,6 +58,8 @@ class FrankaCabinet(Task):
     env = "franka_cabinet"
     suite = "isaac"
     description = "to open the cabinet door"
+    score_unit, score_range = "share of episodes in which it opens", (0.0, 1.0)
+    ends = "An episode ends early as soon as the top drawer is pulled out all the way."
     episode_length = 500
     control_dt = 0.0166
     substeps = 3  # the original takes one
@@ -70,8 +72,8 @@ class FrankaCabinet(Task):
             StateVar(
                 name="obs_buf",
                 shape=(23,),
-                meaning="joint positions in their ranges, joint velocities / 10, from hand to handle [m], drawer "
-                "opening [m] and speed [m/s]",
+                meaning="joint positions, -1 and 1 at their limits, joint velocities / 10, from hand to handle [m], "
+                "drawer opening [m] and speed [m/s]",
             ),
             StateVar(name="franka_grasp_pos", shape=(3,), meaning="grasp point of the hand [m], world frame"),
             StateVar(
