@@ -55,6 +55,23 @@ PEAKS: tuple[Peak, ...] = get_args(Peak)
 JUDGED = 9_000_000
 """Seed of the held-out start states: neither a search nor its final scores use it."""
 
+RANKING = (
+    *(
+        "task",
+        "rewards",
+        "in training, same policy",
+        "played, same policy",
+        "in training, fresh seeds",
+        "played, fresh seeds",
+    ),
+    *("fresh seeds", "F of the one crowned by training", "crowned by playing", "the best there was", "human"),
+)
+CHECKPOINTS = ("task", "lanes", "peak of F", "peak of own reward", "end of training", "the one that plays best")
+NOTE = """*Same policy*: rank correlation with held-out F of the policy that was ranked. *Fresh seeds*: with that of
+trainings with other seeds; the last four columns are held-out F over those seeds.
+
+Which policy should stand for a lane? Held-out F, the mean over all lanes and seeds:"""
+
 Record = dict[str, Any]
 
 
@@ -144,7 +161,7 @@ def _ranking(env: str, lanes: Mapping[str, Record]) -> tuple[str, ...]:
     fresh = {name: _fresh(lanes, name) for name in [*names, "human"]}
     known = [name for name in names if fresh[name] is not None]
     if not known:
-        return (env, str(len(names)), *cells, *("-" for _ in range(6)))
+        return (env, str(len(names)), *cells, *("-" for _ in range(7)))
     by_training = dict(zip(names, training, strict=True))
     by_played = dict(zip(names, played, strict=True))
     again = [fresh[name] for name in known]

@@ -38,6 +38,9 @@ seed, between its least and largest value.
 """
 BLOCKS = "▁▂▃▄▅▆▇█"
 START, END = "<!-- tree -->\n", "<!-- /tree -->\n"
+SCORES = ROOT / "docs" / "concepts" / "scores.md"
+CHOOSING = ROOT / "benchmarks" / "results" / "choosing.json"
+CHOSEN = "<!-- choosing -->\n", "<!-- /choosing -->\n"
 
 
 def commands() -> str:
@@ -97,6 +100,20 @@ def _sparkline(curve: Sequence[float | None]) -> str:
     return "".join(" " if value is None else BLOCKS[round((value - low) / step)] for value in curve[::2])
 
 
+def choosing() -> str:
+    """What `benchmarks/choosing.py` has measured: how well a ranking tells what rewards are worth, and which policy."""
+    sys.path.insert(0, str(ROOT / "benchmarks"))
+    import choosing as study
+
+    measured: Mapping[str, Any] = json.loads(CHOOSING.read_text())
+    ranking = _table(study.RANKING, study.ranking(measured))
+    return f"{ranking}\n{study.NOTE}\n\n{_table(study.CHECKPOINTS, study.checkpoints(measured))}"
+
+
+def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    return "".join(f"| {' | '.join(row)} |\n" for row in (titles, ["---"] * len(titles), *rows))
+
+
 def tree() -> str:
     """The modules of the top folder and the packages, a line each."""
     top = [(path.name, _summary(path)) for path in sorted(PACKAGE.glob("*.py")) if not path.name.startswith("__")]
@@ -123,14 +140,19 @@ def _sentence(docstring: str) -> str:
 
 def generated() -> Mapping[Path, str]:
     """Path -> text as it should be."""
-    readme = README.read_text()
-    before, after = readme.split(START)[0], readme.split(END)[1]
     return {
         REFERENCE: commands(),
         MODULES: modules(),
         BASELINES: baselines(),
-        README: f"{before}{START}{tree()}{END}{after}",
+        README: _between(README, (START, END), tree()),
+        SCORES: _between(SCORES, CHOSEN, choosing()),
     }
+
+
+def _between(path: Path, marks: tuple[str, str], text: str) -> str:
+    """The file with `text` between its two marks."""
+    before, after = path.read_text().split(marks[0])[0], path.read_text().split(marks[1])[1]
+    return f"{before}{marks[0]}{text}{marks[1]}{after}"
 
 
 def main() -> int:

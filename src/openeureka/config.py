@@ -54,7 +54,7 @@ class RunConfig:
     """Stages to train each candidate through: one of the task's own, or a YAML file; empty means the task alone."""
     seed: int = 0
     seeds: int = 3
-    """Fresh seeds the best reward is retrained with at the end."""
+    """Most fresh seeds that the leading rewards train with at the end; fewer where two already decide."""
     steps: int = 0
     """Environment steps per candidate, over all stages of a curriculum."""
     worlds: int = 0

@@ -161,7 +161,10 @@ def test_training_sees_what_no_recorded_state_showed(hostile: Hostile, sandbox: 
     """`LaneRewards` hands out what the trainer's guard stops; `training/test_guards.py` has the guard."""
     accepted = sandbox.check(Candidate.of(hostile.source)).graph
     assert accepted is not None
-    zeros: Any = SimpleNamespace(spec=STATE, device=torch.device("cpu"), human_reward=lambda state: torch.zeros(4))
+    cpu = torch.device("cpu")
+    zeros: Any = SimpleNamespace(
+        env="toy", spec=STATE, device=cpu, num_envs=4, human_reward=lambda state: torch.zeros(4)
+    )
     reward, _, _ = LaneRewards(zeros, [accepted], worlds=4)(
         {
             "pos": torch.ones(4, 3),

@@ -10,7 +10,7 @@ from ..report import tables
 from ..report.build import build
 from ..report.stats import by_generation
 from ..report.text import columns, number, plain, scored, spread
-from ..report.verdict import verdict
+from ..report.verdict import meaning, verdict
 from ..report.view import RunView
 from ..score import Outcome
 from ..store import read_config
@@ -59,7 +59,7 @@ def summary(run: RunView) -> list[str]:
     lines += [f"{name.capitalize()} reward: F {number(run.baseline_score(name))}" for name in run.baselines]
     if run.outcome is not None:
         lines += final(run.outcome)
-        lines.append(verdict(run))
+        lines += [verdict(run), meaning(run)]
         lines += [run.known.sentence()] if run.known is not None else []
         lines += [f"Suspected reward hacking: {sign.kind}. {sign.sentence}" for sign in run.signs]
     elif len(run.history.generations) < run.config.generations:

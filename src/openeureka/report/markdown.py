@@ -20,7 +20,7 @@ def report(run: RunView) -> str:
     sections = (
         f"# {short_name(run.config.env)}: search for a reward",
         f"**{_cell(verdict.verdict(run))}**",
-        _cell(verdict.why(run)),
+        _cell(f"{verdict.meaning(run)} {verdict.why(run)}"),
         _final(run),
         "![Summary](summary.png)",
         _hacking(run),

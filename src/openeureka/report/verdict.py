@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from ..errors import TaskError
 from ..lanes import beside
+from ..prompts import scale
 from ..score import Arm, Difference, mean
+from ..tasks import registry
+from ..tasks.context import context
 from .text import number
 from .view import RunView
 
@@ -29,6 +33,15 @@ def verdict(run: RunView) -> str:
     if found.sure:
         return f"The generated reward is worse than the human one: {between}; {_interval(found)}."
     return f"Not decided: {between}; {_interval(found)}. {_needed(found, len(generated.scores))}"
+
+
+def meaning(run: RunView) -> str:
+    """What F counts, of a task that is installed; a report does not import other people's files."""
+    try:
+        found = scale(context(run.config.env)) if registry.installed(run.config.env) else ""
+    except TaskError:
+        found = ""
+    return f"F: {found}; higher is better." if found else "F is the task's own score; higher is better."
 
 
 def why(run: RunView) -> str:

@@ -1,0 +1,67 @@
+"""The sentence that opens every account of a search."""
+
+from dataclasses import replace
+
+import pytest
+
+from openeureka.report.verdict import meaning, verdict
+from openeureka.report.view import RunView
+from openeureka.types import Candidate, Evaluation, Generation, History
+
+from .search import BASELINES, BEST, HISTORY, finished, refused, result, run
+
+
+def ended(generated: list[float], human: list[float]) -> RunView:
+    """HISTORY with these held-out scores of fresh seeds."""
+    best = Candidate.of(BEST).id
+    scores = {f"{best}-s{seed}": value for seed, value in enumerate(generated, start=1)}
+    scores |= {f"human-s{seed}": value for seed, value in enumerate(human, start=1)}
+    lanes = [result(job, value) for job, value in scores.items()] + [result(f"sparse-s{s}", 0.0) for s in (1, 2)]
+    held_out = [Evaluation(job=job, fitness=value, episode_length=9.0, episodes=4) for job, value in scores.items()]
+    whole = run(HISTORY, [*BASELINES, *lanes], held_out)
+    config, best = replace(whole.config, seeds=max(len(generated), len(human))), HISTORY.generations[2].entries[0]
+    return replace(whole, config=config, crown=best.sample.place)
+
+
+@pytest.mark.parametrize(
+    ("generated", "human", "says"),
+    [
+        # Means 50 and 40, spread sqrt((2 + 2) / 2) = 1.41, t(2) = 4.303: half 6.09.
+        (
+            [49.0, 51.0],
+            [39.0, 41.0],
+            "The generated reward is better than the human one: F 50 ± 1 (2 seeds) against 40",
+        ),
+        ([39.0, 41.0], [49.0, 51.0], "The generated reward is worse than the human one: F 40 ± 1 (2 seeds) against 50"),
+        # Means 41 and 40 in the same spread.
+        (
+            [40.0, 42.0],
+            [39.0, 41.0],
+            "Not decided: F 41 ± 1 (2 seeds) against 40 ± 1 (2 seeds), held out; difference +1",
+        ),
+        ([41.0], [40.0], "Not decided: F 41 (1 seed) against 40 (1 seed), held out. One seed says nothing of the next"),
+        ([41.0], [], "The generated reward reaches F 41 (1 seed), held out; there is no human reward to compare with."),
+        ([], [40.0, 41.0], "The generated reward lost: none of its final trainings left a policy"),
+    ],
+)
+def test_the_verdict_follows_from_the_interval(generated: list[float], human: list[float], says: str) -> None:
+    assert verdict(ended(generated, human)).startswith(says)
+
+
+def test_an_open_verdict_says_how_many_seeds_would_close_it() -> None:
+    # n with t(2 n - 2) * 1.414 * sqrt(2 / n) < 1: 18 gives 0.958 (t(34) = 2.032), 17 gives 0.988, 16 gives 1.021.
+    assert verdict(ended([40.0, 42.0], [39.0, 41.0])).endswith(
+        "About 17 seeds of each would decide a difference of this size."
+    )
+    assert "more than 100 seeds" in verdict(ended([40.01, 42.0], [39.0, 43.0]))
+
+
+def test_before_the_end_nothing_is_claimed() -> None:
+    assert verdict(run(HISTORY, BASELINES)) == "Not decided yet: the final trainings are not done."
+    assert verdict(run(History((Generation(0, (refused(0, 0, "x"),)),)))) == "No reward has been trained yet."
+
+
+def test_f_is_explained_for_tasks_that_are_installed() -> None:
+    assert meaning(finished()) == "F: steps the pole stays up, from 0 to 499; higher is better."
+    own = replace(finished(), config=replace(finished().config, env="someone_s.py:Task"))
+    assert meaning(own) == "F is the task's own score; higher is better."
