@@ -185,7 +185,7 @@ def test_the_flag_must_be_typed_to_run_without_confinement(parts, tmp_path):
     asked: list[bool] = []
 
     class Noted(Checker):
-        def __init__(self, *_: object, unsafe: bool) -> None:
+        def __init__(self, *_: object, unsafe: bool, **__: object) -> None:
             super().__init__()
             asked.append(unsafe)
 

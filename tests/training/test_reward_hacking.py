@@ -28,14 +28,14 @@ def signs() -> dict[str, tuple[Sign, ...]]:
         for job, result in results.items()
         for trial in (
             Trial(job=job, name="peak of own reward", peak="reward"),
-            *hacking.trials({job: result}, kept=job, peak="reward"),
+            *hacking.trials({job: result}, kept=job, peaks={job: "reward"}),
         )
     }
     peaks = {(job, "fitness"): result.best_fitness for job, result in results.items()}
     peaks |= {(job, "reward"): result.best_reward for job, result in results.items()}
     policies = {key: peak.policy for key, trial in trials.items() if (peak := peaks[trial.job, trial.peak])}
     dynamics = {key: trial.dynamics for key, trial in trials.items()}
-    scores = evaluate("cartpole", policies, seed=5, dynamics=dynamics, worlds=32, threads=1)
+    scores = evaluate("cartpole", policies, seed=5, dynamics=dynamics, episodes=32, threads=1)
     found: dict[str, dict[str, Evaluation]] = {job: {} for job in results}
     for score in scores:
         found[trials[score.job].job][trials[score.job].name] = score

@@ -1,0 +1,100 @@
+"""What `make run` finds, over seeds: the table of README.md.
+
+    python benchmarks/make_run.py                    # seeds 0 to 4, about 9 minutes each on 2 cores
+    python benchmarks/make_run.py --seeds 7          # another; seeds that are done are not run again
+    python benchmarks/make_run.py --markdown         # the table
+
+The settings are those of the Makefile. Runs are kept under `outputs/make_run/`, a killed one goes on; the figures go to
+`benchmarks/results/make_run.json`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import subprocess
+import sys
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from openeureka.report.text import number, spread
+from openeureka.report.verdict import verdict
+from openeureka.report.view import RunView
+from openeureka.score import Arm
+from openeureka.search import Ranking
+from openeureka.types import History
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "benchmarks" / "results" / "make_run.json"
+OUTPUTS = ROOT / "outputs" / "make_run"
+
+
+def settings() -> list[str]:
+    """The words of `make run`."""
+    found = re.search(r"^RUN \?= (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert found is not None
+    return found[1].split()
+
+
+def measure(seed: int) -> dict[str, Any]:
+    """Run a seed and read what came of it."""
+    directory, began = OUTPUTS / f"seed{seed}", time.monotonic()
+    words = [*settings(), f"seed={seed}", f"dir={directory}", "video=none"]
+    subprocess.run([Path(sys.executable).with_name("eureka"), "run", *words], check=True)
+    run = RunView.read(directory)
+    outcome = run.outcome
+    assert outcome is not None and run.best is not None
+    history = run.history.generations
+    winners = [Ranking(History(history[: index + 1])).best for index in range(len(history))]
+    return {
+        "settings": " ".join(settings()),
+        "minutes": round((time.monotonic() - began) / 60, 1),
+        "date": datetime.now(UTC).date().isoformat(),
+        "best_played_up_to_generation": [winner.score if winner else None for winner in winners],
+        "human_played": run.baseline_score("human"),
+        "crowned": str(run.best.place),
+        "generated": _arm(outcome.method),
+        "runners_up": {str(place): _arm(arm) for place, arm in outcome.rivals.items()},
+        "human": _arm(outcome.human),
+        "sparse": _arm(outcome.sparse),
+        "score": outcome.normalised,
+        "verdict": verdict(run),
+    }
+
+
+def _arm(arm: Arm) -> list[float | None]:
+    return list(arm.held_out)
+
+
+def markdown(measured: dict[str, Any]) -> str:
+    """A column a seed."""
+    rows = {
+        "best of generation 0, F played": [
+            number(one["best_played_up_to_generation"][0], 3) for one in measured.values()
+        ],
+        "best of both generations": [number(one["best_played_up_to_generation"][-1], 3) for one in measured.values()],
+        "human reward, F played": [number(one["human_played"], 3) for one in measured.values()],
+        "generated reward, F held out": [spread(one["generated"]) for one in measured.values()],
+        "human reward, F held out": [spread(one["human"]) for one in measured.values()],
+        "sparse reward, F held out": [spread(one["sparse"]) for one in measured.values()],
+        "human-normalised score": [number(one["score"], 3) for one in measured.values()],
+        "minutes": [str(one["minutes"]) for one in measured.values()],
+    }
+    lines = [["", *(f"seed {seed}" for seed in measured)], ["---"] * (len(measured) + 1)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in [*lines, *([name, *cells] for name, cells in rows.items())])
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, nargs="+", default=list(range(5)))
+    parser.add_argument("--markdown", action="store_true")
+    options = parser.parse_args()
+    for seed in () if options.markdown else options.seeds:
+        done = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+        if str(seed) not in done:
+            done[str(seed)] = measure(seed)
+            RESULTS.write_text(json.dumps(dict(sorted(done.items())), indent=1) + "\n")
+    print(markdown(json.loads(RESULTS.read_text())))
