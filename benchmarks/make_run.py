@@ -69,8 +69,9 @@ def _arm(arm: Arm) -> list[float | None]:
     return list(arm.held_out)
 
 
-def markdown(measured: dict[str, Any]) -> str:
-    """A column a seed."""
+def markdown() -> str:
+    """What is known, a column a seed."""
+    measured: dict[str, Any] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     rows = {
         "best of generation 0, F played": [
             number(one["best_played_up_to_generation"][0], 3) for one in measured.values()
@@ -97,4 +98,4 @@ if __name__ == "__main__":
         if str(seed) not in done:
             done[str(seed)] = measure(seed)
             RESULTS.write_text(json.dumps(dict(sorted(done.items())), indent=1) + "\n")
-    print(markdown(json.loads(RESULTS.read_text())))
+    print(markdown())

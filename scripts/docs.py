@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import json
 import re
 import sys
@@ -40,6 +41,7 @@ BLOCKS = "▁▂▃▄▅▆▇█"
 START, END = "<!-- tree -->\n", "<!-- /tree -->\n"
 SCORES = ROOT / "docs" / "concepts" / "scores.md"
 CHOOSING = ROOT / "benchmarks" / "results" / "choosing.json"
+FIRST_RUNS = "<!-- make run -->\n", "<!-- /make run -->\n"
 CHOSEN = "<!-- choosing -->\n", "<!-- /choosing -->\n"
 
 
@@ -100,11 +102,20 @@ def _sparkline(curve: Sequence[float | None]) -> str:
     return "".join(" " if value is None else BLOCKS[round((value - low) / step)] for value in curve[::2])
 
 
+def first_runs() -> str:
+    """What `benchmarks/make_run.py` has measured: a column a seed."""
+    return f"{_benchmark('make_run').markdown()}\n"
+
+
+def _benchmark(name: str) -> Any:
+    """A script of `benchmarks/` as a module: it knows how to read its own results."""
+    sys.path.insert(0, str(ROOT / "benchmarks"))
+    return importlib.import_module(name)
+
+
 def choosing() -> str:
     """What `benchmarks/choosing.py` has measured: how well a ranking tells what rewards are worth, and which policy."""
-    sys.path.insert(0, str(ROOT / "benchmarks"))
-    import choosing as study
-
+    study = _benchmark("choosing")
     measured: Mapping[str, Any] = json.loads(CHOOSING.read_text())
     ranking = _table(study.RANKING, study.ranking(measured))
     return f"{ranking}\n{study.NOTE}\n\n{_table(study.CHECKPOINTS, study.checkpoints(measured))}"
@@ -144,14 +155,14 @@ def generated() -> Mapping[Path, str]:
         REFERENCE: commands(),
         MODULES: modules(),
         BASELINES: baselines(),
-        README: _between(README, (START, END), tree()),
-        SCORES: _between(SCORES, CHOSEN, choosing()),
+        README: _between(_between(README.read_text(), (START, END), tree()), FIRST_RUNS, first_runs()),
+        SCORES: _between(SCORES.read_text(), CHOSEN, choosing()),
     }
 
 
-def _between(path: Path, marks: tuple[str, str], text: str) -> str:
-    """The file with `text` between its two marks."""
-    before, after = path.read_text().split(marks[0])[0], path.read_text().split(marks[1])[1]
+def _between(whole: str, marks: tuple[str, str], text: str) -> str:
+    """The whole text with `text` between its two marks."""
+    before, after = whole.split(marks[0])[0], whole.split(marks[1])[1]
     return f"{before}{marks[0]}{text}{marks[1]}{after}"
 
 
