@@ -24,7 +24,7 @@ Scores = Mapping[str, Sequence[float]]
 
 
 def contenders(history: History) -> tuple[Scored, ...]:
-    """The best of a search, and after it those that the errors leave level with it; of equal graphs the first.
+    """The best of a search, and after it those that the errors leave level with it; of those that pay the same the first.
 
     Where a person's votes decide, or nothing was played, that is the best alone.
     """
@@ -38,7 +38,8 @@ def contenders(history: History) -> tuple[Scored, ...]:
     ordered = sorted((able[name] for name in close), key=lambda entry: -rank(entry.score))
     different: dict[str, Scored] = {}
     for entry in (best, *ordered):
-        different.setdefault(str(entry.sample.verdict.graph), entry)
+        graph = entry.sample.verdict.graph  # what its components are called makes no other reward of it
+        different.setdefault(str((graph.nodes, graph.reward)) if graph is not None else "", entry)
     return tuple(different.values())[:CONTENDERS]
 
 
