@@ -1,3 +1,4 @@
+import json
 import os
 import signal
 import threading
@@ -144,6 +145,40 @@ def test_show_prints_every_slot_and_the_final_scores(parts, tmp_path, capsys):
     assert any(line.startswith("Human-normalised score, held out: 1.4") for line in lines)
 
 
+def test_a_run_is_json_for_programs(parts, tmp_path, capsys):
+    run("run", *SETTINGS, f"dir={tmp_path}/run")
+    capsys.readouterr()
+    assert run("show", f"{tmp_path}/run", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["settings"]["env"], found["settings"]["sample"], found["ranked_by"]) == ("cartpole", 2, "played")
+    slots = [slot for generation in found["generations"] for slot in generation["slots"]]
+    told = [(s["name"], s["played_fitness"], s["played_error"], s["fitness"], s["verdict"], s["state"]) for s in slots]
+    assert told == [
+        ("g0s0", 2.0, 0.0, 3.0, "accepted", "trained"),
+        ("g0s1", 7.0, 0.0, 8.0, "accepted", "trained"),
+        ("g1s0", 11.0, 0.0, 12.0, "accepted", "trained"),
+        ("g1s1", 3.0, 0.0, 4.0, "accepted", "trained"),
+    ]
+    assert found["best"]["name"] == "g1s0" and "return 12.0" in found["best"]["source"]
+    # Held out takes one from each toy F, and a seed adds a hundredth; that of the search counts for baselines.
+    final = found["final"]["rewards"]
+    assert final["best"]["fitness"][0] - 1 == pytest.approx(final["best"]["held_out_fitness"][0])
+    assert final["human"]["held_out_fitness"] == pytest.approx([9.0, 9.01])
+    assert found["verdict"].startswith("The generated reward is better than the human one: F 11.01")
+    assert found["score"] == pytest.approx(1.4, abs=0.01)
+
+
+def test_a_run_under_way_is_json_too(parts, tmp_path, capsys):
+    parts.setattr(search, "open_model", lambda config, held: Failing(SCRIPT))
+    run("run", *SETTINGS, f"dir={tmp_path}/run")
+    capsys.readouterr()
+    assert run("show", f"{tmp_path}/run", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [generation["finished"] for generation in found["generations"]] == [True, False]
+    assert (found["final"], found["score"]) == (None, None)
+    assert found["verdict"] == "Not decided yet: the final trainings are not done."
+
+
 @pytest.mark.parametrize("name", ["show", "report", "resume"])
 def test_a_directory_that_is_no_run_is_said(name, tmp_path, capsys):
     assert run(name, str(tmp_path)) == 5
@@ -185,7 +220,7 @@ def test_the_flag_must_be_typed_to_run_without_confinement(parts, tmp_path):
     asked: list[bool] = []
 
     class Noted(Checker):
-        def __init__(self, *_: object, unsafe: bool) -> None:
+        def __init__(self, *_: object, unsafe: bool, **__: object) -> None:
             super().__init__()
             asked.append(unsafe)
 
