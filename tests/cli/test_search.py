@@ -13,12 +13,13 @@ from openeureka.cli import main as command
 from openeureka.config import RunConfig
 from openeureka.errors import ModelError
 from openeureka.report import video
+from openeureka.report.view import RunView
 from openeureka.sandbox import client, confine
-from openeureka.store import read_replies
+from openeureka.store import read_config, read_replies
 from openeureka.store.db import LOCK, LOG, STOP
 from openeureka.store.halt import ask_to_stop
 from openeureka.tasks import registry
-from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, reply
+from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, program, reply
 from openeureka.types import Usage
 
 SETTINGS = ["env=cartpole", "model=scripted", "sample=2", "iteration=2", "seeds=1", "video=none"]
@@ -177,6 +178,31 @@ def test_a_run_under_way_is_json_too(parts, tmp_path, capsys):
     assert [generation["finished"] for generation in found["generations"]] == [True, False]
     assert (found["final"], found["score"]) == (None, None)
     assert found["verdict"] == "Not decided yet: the final trainings are not done."
+
+
+def test_a_given_reward_that_is_refused_leaves_no_directory(parts, tmp_path, capsys):
+    (tmp_path / "mine.py").write_text("def compute_reward(x):\n    return x\n")
+    assert run("run", *SETTINGS, f"init={tmp_path}/mine.py", f"dir={tmp_path}/run") == 2
+    assert "was refused: line 1: nothing is returned" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_given_reward_may_be_a_chat_reply_and_is_found_from_any_directory(parts, tmp_path, capsys, monkeypatch):
+    (tmp_path / "chat.txt").write_text(f"Sure! Here it is.\n\n{reply(9.0)}\nIt is smooth.\n")
+    monkeypatch.chdir(tmp_path)
+    assert run("run", *SETTINGS, "init=chat.txt", f"dir={tmp_path}/run") == 0
+    (given,) = RunView.read(tmp_path / "run").generations[0].candidates
+    assert given.candidate is not None and given.candidate.source == program(9.0)
+    assert read_config(tmp_path / "run").init == f"{tmp_path}/chat.txt"
+
+
+def test_a_run_goes_on_without_the_given_file(parts, tmp_path, capsys):
+    (tmp_path / "mine.py").write_text(program(9.0))
+    parts.setattr(search, "open_model", lambda config, held: Interrupting(SCRIPT))
+    assert run("run", *SETTINGS, f"init={tmp_path}/mine.py", f"dir={tmp_path}/run") == 130
+    (tmp_path / "mine.py").unlink()
+    parts.setattr(search, "open_model", lambda config, held: ScriptedModel(SCRIPT[2:]))
+    assert run("resume", f"{tmp_path}/run") == 0, capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["show", "report", "resume"])

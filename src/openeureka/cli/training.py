@@ -11,6 +11,7 @@ from pathlib import Path
 from .. import baselines
 from ..config import as_dict, parse
 from ..errors import ConfigError, Interrupted, RewardFileError, WorkerError
+from ..llm.extract import in_file
 from ..report import build, events, tables, trained
 from ..report.tables import Table
 from ..report.text import columns, duration, number, plain, spread
@@ -31,7 +32,7 @@ from ..types import (
 )
 from . import trust
 from .progress import ProgressLine, working
-from .rewards import explain, judge, program_of
+from .rewards import explain, judge
 from .settings import TrainConfig
 from .stop import announced
 from .trainer import trainer_of
@@ -95,7 +96,7 @@ def _programs(config: TrainConfig) -> dict[str, RewardProgram]:
     names = [name.strip() for name in config.reward.split(",") if name.strip()]
     if not names:
         raise ConfigError("`reward` names nothing to train, write for example reward=human,sparse.")
-    files = {name: program_of(Path(name))[0] for name in names if name not in BUILT_IN}
+    files = {name: in_file(Path(name))[0] for name in names if name not in BUILT_IN}
     verdicts = judge(config.env, list(files.values()), worlds=config.worlds, unsafe=config.unsafe_no_sandbox)
     checked = dict(zip(files, verdicts, strict=True))
     programs: dict[str, RewardProgram] = {}
