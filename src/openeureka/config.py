@@ -127,7 +127,7 @@ def short_name(env: str) -> str:
 
 _FILES = {
     "env": r"(.+\.py)([:+].*)?",
-    "init": r"(.+\.py)()",
+    "init": r"(?!human\Z)(.+)()",
     "curriculum": r"(.+\.ya?ml)()",
 }
 

@@ -137,9 +137,12 @@ def drift(lane: Tried) -> str:
     if first is None or last is None or before is None or after is None:
         return ""
     loss = _loss(before, after)
-    if loss is None or loss <= DRIFT * _range(lane.result):
+    scale = _range(lane.result)
+    if loss is None or scale is None or loss <= DRIFT * scale:
         return ""
-    own = lane.result.curves["reward"]
+    own = lane.result.curves.get("reward", ())
+    if max(first.epoch, last.epoch) >= len(own):  # a trainer from elsewhere recorded less
+        return ""
     return (
         f"from epoch {first.epoch} to {last.epoch} the own reward rose from {_number(own[first.epoch])} to "
         f"{_number(own[last.epoch])} a step, while held-out F fell from {_number(before.fitness)} to "
@@ -175,15 +178,15 @@ def fragility(lane: Tried) -> str:
     )
 
 
-def _range(result: TrainingResult) -> float:
-    """How far F is apart at the worst and the best epoch."""
-    values = [value for value in result.curves["fitness"] if value is not None]
-    return max(values) - min(values)
+def _range(result: TrainingResult) -> float | None:
+    """How far F is apart at the worst and the best epoch; None where it was never defined."""
+    values = [value for value in result.curves.get("fitness", ()) if value is not None]
+    return max(values) - min(values) if values else None
 
 
 def _learnt(result: TrainingResult, score: Evaluation) -> float | None:
     """How far F is above that of the untrained policy; None when training gained nothing."""
-    untrained = next((value for value in result.curves["fitness"] if value is not None), None)
+    untrained = next((value for value in result.curves.get("fitness", ()) if value is not None), None)
     if untrained is None or score.fitness is None or score.fitness <= untrained:
         return None
     return score.fitness - untrained

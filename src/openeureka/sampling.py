@@ -14,7 +14,6 @@ from .errors import BudgetError, RewardFileError
 from .llm import extract
 from .llm.client import LanguageModel
 from .observer import Observer
-from .reward import files
 from .store import Store
 from .tasks import human
 from .types import GIVEN, Candidate, Finding, Prompt, PromptPlan, Reply, Sample, TaskContext, Verdict, VerdictCode
@@ -77,17 +76,10 @@ class Sampler:
             RewardFileError: when it cannot be read or was refused; nothing is kept of it then.
         """
         if self.store.reply(0, 0, 0) is None:
-            reply = Reply(text=f"```python\n{self._initial()}\n```", model=GIVEN)
-            _, verdict = self._judged(reply)
-            if not verdict.accepted:
-                reasons = "; ".join(finding.sentence() for finding in verdict.findings)
-                raise RewardFileError(f"init={self.config.init} was refused: {reasons}")
+            reply = Reply(text=f"```python\n{given(self.config).source}\n```", model=GIVEN)
+            _accept(self.config, self._judged(reply)[1])
             self.store.save_reply(0, 0, 0, reply)
         return (self._check(0, 0, 0),)
-
-    def _initial(self) -> str:
-        init = self.config.init
-        return human.program(self.config.env) if init == "human" else files.read(Path(init)).source
 
     def _fill(self, generation: int, prompt: Prompt, slots: Sequence[int], known: Sequence[Sample]) -> list[Sample]:
         filled: dict[int, Sample] = {}
@@ -160,6 +152,28 @@ class Sampler:
         reply = self.store.reply(generation, attempt, slot)
         assert reply is not None
         return reply
+
+
+def given(config: RunConfig) -> Candidate:
+    """The program that `init=` names: the human reward, or that of a file, which may be a model's whole answer.
+
+    Raises:
+        RewardFileError: when the file cannot be read.
+        TaskError: when the human reward of the task is no program by itself.
+    """
+    return Candidate.of(human.program(config.env)) if config.init == "human" else extract.in_file(Path(config.init))[0]
+
+
+def admit(config: RunConfig, checker: Checker) -> None:
+    """Raises what `Sampler.given` would, before anything of a run is made."""
+    if config.init:
+        _accept(config, checker.check(given(config)))
+
+
+def _accept(config: RunConfig, verdict: Verdict) -> None:
+    if not verdict.accepted:
+        reasons = "; ".join(finding.sentence() for finding in verdict.findings)
+        raise RewardFileError(f"init={config.init} was refused: {reasons}")
 
 
 def _repeating(filled: Mapping[int, Sample], known: Iterable[Sample]) -> list[int]:

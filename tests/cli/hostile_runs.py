@@ -145,6 +145,12 @@ _GONE = "is missing or damaged"
 _ROW = "holds a row that was changed"
 _TYPED = "would use what was never typed here"
 _TABLES = "has other tables than openeureka makes"
+
+
+def _peak(epoch: int) -> dict[str, object]:
+    return {"epoch": epoch, "value": 1.0, "sha256": ""}
+
+
 _ESCAPES = "\x1b]0;owned\x07\x1b[2J\u202e<script>alert(1)</script>\n# Heading [a](javascript:x)"
 
 CASES = (
@@ -214,6 +220,9 @@ CASES = (
     HostileRun("text-as-number", rows("UPDATE replies SET cost_usd = 'much'"), _ROW, _ROW),
     HostileRun("infinite-time", rows("UPDATE replies SET seconds = 9e999"), _ROW, _ROW),
     HostileRun("infinite-curve", inside("results", "result", seconds=float("inf")), _ROW, _ROW),
+    HostileRun("peak-after-the-end", inside("results", "result", best_reward=_peak(3)), _ROW, _ROW),
+    HostileRun("curves-of-two-lengths", inside("results", "result", curves={
+        "fitness": [1.0, 2.0], "reward": [1.0], "human_reward": [1.0, 2.0]}), _ROW, _ROW),
     HostileRun("digits-without-end", inside("entries", "verdict", findings=[
         {"rule": "a", "message": "b", "fix": "", "line": 10**4000}]), _ROW, _ROW),
     HostileRun("half-a-character", inside("results", "result", curves={"component/\ud800": [1.0]}), _ROW, _ROW),

@@ -1,3 +1,4 @@
+import json
 import os
 import signal
 import threading
@@ -12,12 +13,13 @@ from openeureka.cli import main as command
 from openeureka.config import RunConfig
 from openeureka.errors import ModelError
 from openeureka.report import video
+from openeureka.report.view import RunView
 from openeureka.sandbox import client, confine
-from openeureka.store import read_replies
+from openeureka.store import read_config, read_replies
 from openeureka.store.db import LOCK, LOG, STOP
 from openeureka.store.halt import ask_to_stop
 from openeureka.tasks import registry
-from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, reply
+from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, program, reply
 from openeureka.types import Usage
 
 SETTINGS = ["env=cartpole", "model=scripted", "sample=2", "iteration=2", "seeds=1", "video=none"]
@@ -142,6 +144,65 @@ def test_show_prints_every_slot_and_the_final_scores(parts, tmp_path, capsys):
         ("1", "1", "3", "4", "accepted"),
     ]
     assert any(line.startswith("Human-normalised score, held out: 1.4") for line in lines)
+
+
+def test_a_run_is_json_for_programs(parts, tmp_path, capsys):
+    run("run", *SETTINGS, f"dir={tmp_path}/run")
+    capsys.readouterr()
+    assert run("show", f"{tmp_path}/run", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["settings"]["env"], found["settings"]["sample"], found["ranked_by"]) == ("cartpole", 2, "played")
+    slots = [slot for generation in found["generations"] for slot in generation["slots"]]
+    told = [(s["name"], s["played_fitness"], s["played_error"], s["fitness"], s["verdict"], s["state"]) for s in slots]
+    assert told == [
+        ("g0s0", 2.0, 0.0, 3.0, "accepted", "trained"),
+        ("g0s1", 7.0, 0.0, 8.0, "accepted", "trained"),
+        ("g1s0", 11.0, 0.0, 12.0, "accepted", "trained"),
+        ("g1s1", 3.0, 0.0, 4.0, "accepted", "trained"),
+    ]
+    assert found["best"]["name"] == "g1s0" and "return 12.0" in found["best"]["source"]
+    # Held out takes one from each toy F, and a seed adds a hundredth; that of the search counts for baselines.
+    final = found["final"]["rewards"]
+    assert final["best"]["fitness"][0] - 1 == pytest.approx(final["best"]["held_out_fitness"][0])
+    assert final["human"]["held_out_fitness"] == pytest.approx([9.0, 9.01])
+    assert found["verdict"].startswith("The generated reward is better than the human one: F 11.01")
+    assert found["score"] == pytest.approx(1.4, abs=0.01)
+
+
+def test_a_run_under_way_is_json_too(parts, tmp_path, capsys):
+    parts.setattr(search, "open_model", lambda config, held: Failing(SCRIPT))
+    run("run", *SETTINGS, f"dir={tmp_path}/run")
+    capsys.readouterr()
+    assert run("show", f"{tmp_path}/run", "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [generation["finished"] for generation in found["generations"]] == [True, False]
+    assert (found["final"], found["score"]) == (None, None)
+    assert found["verdict"] == "Not decided yet: the final trainings are not done."
+
+
+def test_a_given_reward_that_is_refused_leaves_no_directory(parts, tmp_path, capsys):
+    (tmp_path / "mine.py").write_text("def compute_reward(x):\n    return x\n")
+    assert run("run", *SETTINGS, f"init={tmp_path}/mine.py", f"dir={tmp_path}/run") == 2
+    assert "was refused: line 1: nothing is returned" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_given_reward_may_be_a_chat_reply_and_is_found_from_any_directory(parts, tmp_path, capsys, monkeypatch):
+    (tmp_path / "chat.txt").write_text(f"Sure! Here it is.\n\n{reply(9.0)}\nIt is smooth.\n")
+    monkeypatch.chdir(tmp_path)
+    assert run("run", *SETTINGS, "init=chat.txt", f"dir={tmp_path}/run") == 0
+    (given,) = RunView.read(tmp_path / "run").generations[0].candidates
+    assert given.candidate is not None and given.candidate.source == program(9.0)
+    assert read_config(tmp_path / "run").init == f"{tmp_path}/chat.txt"
+
+
+def test_a_run_goes_on_without_the_given_file(parts, tmp_path, capsys):
+    (tmp_path / "mine.py").write_text(program(9.0))
+    parts.setattr(search, "open_model", lambda config, held: Interrupting(SCRIPT))
+    assert run("run", *SETTINGS, f"init={tmp_path}/mine.py", f"dir={tmp_path}/run") == 130
+    (tmp_path / "mine.py").unlink()
+    parts.setattr(search, "open_model", lambda config, held: ScriptedModel(SCRIPT[2:]))
+    assert run("resume", f"{tmp_path}/run") == 0, capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["show", "report", "resume"])

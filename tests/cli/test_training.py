@@ -66,6 +66,24 @@ def test_curves_policies_and_scores_are_left(toy, tmp_path):
     assert (tmp_path / "out" / "human-s0" / "policy.safetensors").read_bytes() == b"10.0"
 
 
+def test_scores_are_json_for_programs_and_nothing_else_is_printed(toy, tmp_path, capsys):
+    train(["env=cartpole", "reward=human", f"dir={tmp_path}/out"], as_json=True)
+    printed = capsys.readouterr()
+    found = json.loads(printed.out)
+    assert found.pop("directory") == f"{tmp_path}/out"
+    assert found == json.loads((tmp_path / "out" / "result.json").read_text())
+    assert found["jobs"]["human-s0"]["held_out_fitness"] == 9.0
+    assert "begin with report.html" in printed.err
+
+
+def test_what_could_be_trained_is_json_also_where_something_could_not(toy, tmp_path, capsys, monkeypatch):
+    ending(toy, TrainingState.FAILED, "sparse", monkeypatch)
+    with pytest.raises(WorkerError, match="^sparse-s0 could not be trained"):
+        train([f"dir={tmp_path}/out"], as_json=True)
+    jobs = json.loads(capsys.readouterr().out)["jobs"]
+    assert {name: job["state"] for name, job in jobs.items()} == {"human-s0": "finished", "sparse-s0": "failed"}
+
+
 def test_a_report_shows_the_table_and_the_curves_of_every_training(toy, tmp_path):
     train(["env=cartpole", "reward=human,sparse", "seeds=2", f"dir={tmp_path}/out"])
     text = (tmp_path / "out" / "report.html").read_text()

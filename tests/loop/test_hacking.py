@@ -84,6 +84,23 @@ def test_drift_says_what_rose_and_what_fell() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"best_reward": peak(5)},
+        {"best_fitness": peak(5)},
+        {"curves": {"fitness": RESULT.curves["fitness"]}},
+        {"curves": {"reward": RESULT.curves["reward"]}},
+        {"curves": {**RESULT.curves, "fitness": (None,) * 5}},
+        {"curves": {}},
+    ],
+)
+def test_a_training_that_recorded_less_than_its_peaks_shows_no_sign(changes: dict) -> None:
+    lost = drifting(score(110.0), score(60.0), dataclasses.replace(RESULT, **changes))
+    assert not hacking.drift(lost)
+    assert all(sign.kind is not Kind.DRIFT for sign in hacking.signs([lost]))
+
+
 @pytest.mark.parametrize(("share", "seen"), [(0.49, False), (0.51, True), (None, False)])
 def test_concentration_is_half_of_f_in_its_highest_twentieth(share: float | None, seen: bool) -> None:
     assert bool(hacking.concentration(lane(score(50.0, concentration=share)))) is seen

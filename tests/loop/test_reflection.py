@@ -52,6 +52,14 @@ def test_feedback_on_a_training() -> None:
     ]
 
 
+def test_the_model_is_not_shown_what_ppo_did() -> None:
+    names = ("surrogate_loss", "value_loss", "kl", "entropy", "learning_rate")
+    more = replace(RESULT, curves={**RESULT.curves, **{f"ppo/{name}": (7.75,) * 40 for name in names}})
+    played = Evaluation(job="a-s0", fitness=38.0, episode_length=38.0, episodes=64, error=1.0)
+    for style in ("free", "grammar"):
+        assert reflect(SAMPLE, more, style, played) == reflect(SAMPLE, RESULT, style, played)
+
+
 def test_where_played_policies_rank_the_score_in_training_is_told_apart() -> None:
     played = Evaluation(job="a-s0", fitness=38.0, episode_length=38.0, episodes=64, error=1.0)
     told = reflect(SAMPLE, RESULT, "free", played).splitlines()

@@ -4,10 +4,10 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from openeureka.report import charts
+from openeureka.report import charts, tables, verdict
 from openeureka.report.charts import BOTTOM, HEIGHT, LEFT, MAX_POINTS, RIGHT, TOP, WIDTH
 
-from .search import BASELINES, HISTORY, run, trained, view
+from .search import BASELINES, HISTORY, finished, run, trained, view
 
 
 def components(*curves: tuple[float | None, ...]) -> charts.Chart | None:
@@ -70,3 +70,14 @@ def test_every_point_lies_within_the_picture(values):
         for x, y in (point for piece in line.pieces for point in piece):
             assert math.isfinite(x) and LEFT <= x <= WIDTH - RIGHT
             assert math.isfinite(y) and TOP <= y <= HEIGHT - BOTTOM
+
+
+def test_what_ppo_did_is_no_component():
+    entry = trained(0, 0, 1.0)
+    assert entry.result is not None
+    curves = {**entry.result.curves, "ppo/kl": (0.008, 0.01)}
+    entry = dataclasses.replace(entry, result=dataclasses.replace(entry.result, curves=curves))
+    chart = charts.components(entry.result)
+    assert chart is not None and [line.name for line in chart.lines] == ["$upright"]
+    assert [row[0] for row in tables.components(view(entry)).rows] == ["$upright"]
+    assert "ppo" not in verdict.why(finished()) and verdict.why(finished())

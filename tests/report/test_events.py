@@ -30,3 +30,14 @@ def test_the_axes_are_environment_steps_and_seconds(tmp_path):
     found = [(e.step, e.wall_time) for e in EventFileLoader(str(path)).Load() if e.summary.value]
     # three epochs of 1000 steps and 20 s each; F is not defined in the first, the component only there
     assert found == [(2000, 40.0), (3000, 60.0), (1000, 20.0)]
+
+
+def test_an_epoch_has_the_time_at_which_it_was_done_and_ppo_a_place_of_its_own(tmp_path):
+    curves = {"fitness": (None, 2.0), "ppo/kl": (0.5, 0.25)}
+    result = TrainingResult(
+        job="a", state=TrainingState.FINISHED, fitness=2.0, curves=curves, env_steps=20, seconds=10.0, clock=(8.0, 9.5)
+    )
+    path = tmp_path / events.FILE_NAME
+    path.write_bytes(events.of(result))
+    found = [(v.tag, e.wall_time) for e in EventFileLoader(str(path)).Load() for v in e.summary.value]
+    assert found == [("fitness", 9.5), ("ppo/kl", 8.0), ("ppo/kl", 9.5)]

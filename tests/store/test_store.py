@@ -126,6 +126,15 @@ def test_a_result_comes_back_with_undefined_numbers_as_none_and_its_policies_apa
     assert store.policy("human-s0", "reward") is None
 
 
+def test_the_clock_of_a_training_is_kept_and_an_older_result_has_none(store: Store) -> None:
+    timed = dataclasses.replace(result("a"), clock=(1.5, 3.0))
+    store.save_result(timed)
+    older = json.loads(encode_result(result("b")))
+    del older["clock"]
+    store._database.put("results", {"job": "b", "fitness": 2.0, "result": json.dumps(older)})
+    assert {job: kept.clock for job, kept in store.results().items()} == {"a": (1.5, 3.0), "b": ()}
+
+
 def test_an_undefined_fitness_is_null_in_the_tables(store: Store) -> None:
     store.save_result(result("a", fitness=math.inf))
     store.save_evaluations([Evaluation(job="a", fitness=math.nan, episode_length=2.0, episodes=3)])

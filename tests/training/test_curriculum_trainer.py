@@ -36,6 +36,8 @@ class StagedTrainer(ToyTrainer):
         for event in super().train(env, jobs, budget):
             if isinstance(event, TrainingResult) and (state := self.states.get((env, event.job))):
                 event = replace(event, state=state, message="why", last=None)
+            if isinstance(event, TrainingResult):
+                event = replace(event, seconds=4.0, clock=(1.0, 2.0, 3.0))
             yield event
 
 
@@ -59,6 +61,8 @@ def test_all_lanes_go_on_from_their_own_last_policy(tmp_path: Path):
     ]
     assert found["human-s0"].fitness == 10.0
     assert found["human-s0"].env_steps == 6, "three a stage"
+    # The first stage took four seconds.
+    assert (found["human-s0"].seconds, found["human-s0"].clock) == (8.0, (5.0, 6.0, 7.0))
 
 
 def test_the_steps_that_are_asked_for_are_shared_out_in_proportion(tmp_path: Path):

@@ -1,4 +1,5 @@
 import dataclasses
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -10,6 +11,7 @@ from openeureka.training import population
 from openeureka.training.curves import Curves
 from openeureka.training.policy import Player, Policy
 from openeureka.training.population import Population
+from openeureka.training.ppo import STATISTICS
 from openeureka.training.rewards import correlation, moments
 from openeureka.types import Node, RewardGraph, TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
 
@@ -58,6 +60,55 @@ def test_a_training_goes_on_from_its_saved_state_as_if_nothing_had_happened(monk
             assert dataclasses.replace(message, seconds=0.0) == dataclasses.replace(whole[message.job], seconds=0.0)
 
 
+def test_what_ppo_did_is_a_curve_with_a_number_for_every_update():
+    found = results([TrainJob(id="human", program="human"), TrainJob(id="bad", program=upright(1e30))])
+    curves = found["human"].curves
+    assert all(value is not None for name in STATISTICS for value in curves[f"ppo/{name}"])
+    # Two normal actions would have more: cartpole has one, of standard deviation 1 at first.
+    assert curves["ppo/entropy"][0] == pytest.approx(1.4189, abs=0.01)
+    assert {curves[f"ppo/{name}"] for name in STATISTICS if name.endswith("loss")}.isdisjoint({(0.0,) * 4})
+    # A lane that was stopped in its first epoch had no update.
+    assert [found["bad"].curves[f"ppo/{name}"] for name in STATISTICS] == [(None,)] * len(STATISTICS)
+
+
+def test_the_clock_of_a_training_goes_on_after_a_pause(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(population, "PROGRESS_SECONDS", 0.0)
+    now = iter(range(0, 1000))
+    monkeypatch.setattr(population, "time", SimpleNamespace(monotonic=lambda: float(next(now))))
+    jobs = [TrainJob(id="human", program="human")]
+    first = Population("cartpole", jobs, SMALL, threads=1)
+    for message in first.train():
+        if isinstance(message, TrainingProgress) and message.epoch == 2:
+            break
+    saved = first.state_dict()
+    before = tuple(saved["clock"])
+    now = iter(range(5000, 6000))  # the machine was off
+    second = Population("cartpole", jobs, SMALL, threads=1)
+    second.load_state_dict(saved)
+    (result,) = [message for message in second.train() if isinstance(message, TrainingResult)]
+    assert len(result.clock) == 4 and list(result.clock) == sorted(result.clock)
+    assert result.clock[:2] == before and 0 < result.clock[0] < result.clock[3] <= result.seconds < 50
+
+
+def test_a_state_that_an_older_version_saved_is_gone_on_from(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(population, "PROGRESS_SECONDS", 0.0)
+    jobs = [TrainJob(id="human", program="human")]
+    first = Population("cartpole", jobs, SMALL, threads=1)
+    for message in first.train():
+        if isinstance(message, TrainingProgress) and message.epoch == 2:
+            break
+    saved = first.state_dict()
+    del saved["clock"]
+    for name in STATISTICS:
+        del saved["curves"]["curves"][0][f"ppo/{name}"]
+    second = Population("cartpole", jobs, SMALL, threads=1)
+    second.load_state_dict(saved)
+    (result,) = [message for message in second.train() if isinstance(message, TrainingResult)]
+    kl = result.curves["ppo/kl"]
+    assert kl[:2] == (None, None) and None not in kl[2:] and {len(c) for n, c in result.curves.items()} == {4}
+    assert len(result.clock) == 4 and result.clock[1] == pytest.approx(2 * result.clock[0], abs=0.002)
+
+
 def test_a_lane_trains_the_same_beside_others():
     job = TrainJob(id="a", program=upright(), seed=1)
     beside = results([TrainJob(id="x", program="human", seed=2), job])["a"].curves["reward"]
@@ -92,6 +143,7 @@ def test_curves_hold_one_point_an_epoch_and_every_component():
     result = results([TrainJob(id="a", program=upright(-2.0))])["a"]
     curves = result.curves
     whole = {"fitness", "episode_length", "reward", "human_reward", "component/angle"}
+    whole |= {f"ppo/{name}" for name in STATISTICS}
     assert set(curves) == whole | {"component_early/angle", "component_late/angle"}
     assert {len(curves[name]) for name in whole} == {4}
     assert curves["reward"] == pytest.approx([-2.0 * (x or 0.0) for x in curves["component/angle"]], rel=1e-4)

@@ -1,4 +1,5 @@
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -7,7 +8,7 @@ import torch
 from openeureka.tasks.task import Recipe
 from openeureka.training.network import StackedActorCritic
 from openeureka.training.normalize import RunningNorm
-from openeureka.training.ppo import PPO, Rollout, advantages
+from openeureka.training.ppo import PPO, STATISTICS, Rollout, advantages
 
 CPU = torch.device("cpu")
 RECIPE = Recipe(hidden=(8, 4), env_steps=0, epochs=2, minibatches=2)
@@ -155,3 +156,37 @@ def test_log_probabilities_are_those_of_the_gaussian():
     step = ppo.act(torch.randn(1, 5, 3))
     normal = torch.distributions.Normal(step.mean, torch.full((2,), 0.1).exp())
     torch.testing.assert_close(step.log_prob, normal.log_prob(step.action).sum(-1))
+
+
+def test_statistics_of_an_update_by_hand():
+    ppo = PPO([5, 9], 3, 2, dataclasses.replace(RECIPE, epochs=1, minibatches=1, max_grad_norm=None), CPU)
+    ppo.active[1] = False
+    assert ppo.statistics.isnan().all(), "nothing is known before the first"
+    rollout, last = filled(2)
+    step = ppo.act(rollout.observation[:, :, 0])
+    for t in range(4):
+        rollout.store(t, rollout.observation[:, :, 0].clone(), step, rollout.reward[:, :, t], rollout.done[:, :, t])
+    rate = float(ppo.learning_rate[0])
+    value = ppo.network(ppo.observations.normalize(rollout.observation.flatten(1, 2))).value[0].detach()
+    ppo.update(rollout, last)
+    told = dict(zip(STATISTICS, ppo.statistics[0].tolist(), strict=True))
+    # The policy is still the one that acted: every ratio is 1, so the loss is minus the mean of normalised advantages,
+    # 0; it has not diverged, so that the rate grows by half.
+    assert told["surrogate_loss"] == pytest.approx(0.0, abs=1e-5) and told["kl"] == pytest.approx(0.0, abs=1e-5)
+    assert told["learning_rate"] == pytest.approx(1.5 * rate)
+    # 2 actions of 0.5 + 0.5 log(2 pi) + log std each; Adam's first step moves each log std by the rate at most.
+    assert told["entropy"] == pytest.approx(1.0 + math.log(2 * math.pi), abs=2.01 * told["learning_rate"])
+    # The value loss is the larger of two squares, clipped and not; targets are normalised after they were counted.
+    returns = advantages(rollout, last, ppo.recipe.gamma, ppo.recipe.gae_lambda) + rollout.value
+    target, old = (ppo.values.normalize(x.reshape(2, -1, 1))[0, :, 0] for x in (returns, rollout.value))
+    near = old + (value - old).clamp(-ppo.recipe.clip, ppo.recipe.clip)
+    expected = torch.maximum((value - target) ** 2, (near - target) ** 2).mean()
+    assert told["value_loss"] == pytest.approx(float(expected), rel=1e-4)
+    assert ppo.statistics[1].isnan().all(), "a frozen lane learns nothing"
+
+
+def test_what_a_changed_policy_diverged_by_is_told():
+    ppo = PPO([5], 3, 2, dataclasses.replace(RECIPE, epochs=8, learning_rate=1e-3), CPU)
+    ppo.update(*filled(1))
+    told = dict(zip(STATISTICS, ppo.statistics[0].tolist(), strict=True))
+    assert told["kl"] > 0 and told["value_loss"] > 0

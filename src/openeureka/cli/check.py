@@ -7,7 +7,8 @@ import json
 from collections.abc import Sequence
 
 from ..config import parse
-from .rewards import MEANINGS, explain, judge, program_of
+from ..llm.extract import in_file
+from .rewards import MEANINGS, explain, judge
 from .settings import CheckConfig, only_path, split
 
 
@@ -16,7 +17,7 @@ def check(words: Sequence[str], *, as_json: bool = False) -> int:
     settings, paths = split(words)
     config = parse(CheckConfig, settings)
     path = only_path(paths, "eureka check env=cartpole my_reward.py")
-    candidate, note = program_of(path)
+    candidate, note = in_file(path)
     (verdict,) = judge(config.env, [candidate], unsafe=config.unsafe_no_sandbox)
     if as_json:
         findings = [dataclasses.asdict(finding) for finding in verdict.findings]

@@ -107,14 +107,14 @@ def feedback(directory: RunDirectory, words: Remarks = None) -> None:
 
 
 @app.command()
-def show(directory: RunDirectory) -> None:
+def show(directory: RunDirectory, as_json: Json = False) -> None:
     """Print a run as a table, finished or not.
 
     Example: eureka show outputs/2026-01-31_12-00-00_cartpole
     """
     from .show import show
 
-    show(directory)
+    show(directory, as_json=as_json)
 
 
 @app.command(epilog=describe(ReportConfig))
@@ -129,14 +129,14 @@ def report(words: Words = None) -> None:
 
 
 @app.command(epilog=describe(TrainConfig))
-def train(words: Settings = None) -> None:
+def train(words: Settings = None, as_json: Json = False) -> None:
     """Train and compare given rewards, without a language model.
 
     Example: eureka train env=cartpole reward=human,sparse seeds=3
     """
     from .training import train
 
-    train(words or [])
+    train(words or [], as_json=as_json)
 
 
 @app.command(epilog=describe(CheckConfig))

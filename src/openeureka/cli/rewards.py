@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import ast
-import warnings
 from collections.abc import Sequence
-from pathlib import Path
 
-from ..llm import extract
 from ..report.text import one_line, plain
-from ..reward.files import read
 from ..sandbox.client import Sandbox
 from ..tasks.record import record_states
 from ..tasks.registry import get
@@ -33,30 +28,6 @@ MEANINGS = {
     VerdictCode.TIMEOUT: "it was run on states of the task, and took too long",
     VerdictCode.CRASHED: "it was run on states of the task, and ended its process",
 }
-
-
-def program_of(path: Path) -> tuple[Candidate, str]:
-    """The program in a file, and a word on where it was found if the file is a model's whole answer.
-
-    Raises:
-        RewardFileError: for a file that cannot be read.
-    """
-    whole = read(path)
-    if _is_python(whole.source):
-        return whole, ""
-    found = extract.program(whole.source)
-    if found is None or not _is_python(found):
-        return whole, ""
-    return Candidate.of(found), f"{path} is prose with a program in it; lines are counted from the program's first."
-
-
-def _is_python(text: str) -> bool:
-    try:
-        with warnings.catch_warnings(action="ignore"):
-            ast.parse(text)
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
-        return False
-    return True
 
 
 def explain(verdict: Verdict, source: str = "") -> list[str]:

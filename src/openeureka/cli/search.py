@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from .. import baselines, loop, search
+from .. import baselines, loop, sampling, search
 from ..config import RunConfig, changed, parse, short_name
 from ..errors import ConfigError, EurekaError, Interrupted
 from ..llm import open_model
@@ -17,7 +17,6 @@ from ..report.build import build
 from ..report.filming import Filming
 from ..report.text import one_line, plain
 from ..report.view import RunView
-from ..reward import files
 from ..sandbox.client import Sandbox
 from ..store import Store, is_run, read_config, read_replies
 from ..store.paths import output_directory
@@ -78,10 +77,11 @@ def _search(config: RunConfig, directory: Path) -> None:
 def _run(config: RunConfig, directory: Path) -> None:
     known = context(config.env)
     baselines.chosen(config)
-    if config.init not in ("", "human"):
-        files.read(Path(config.init))
+    begun = is_run(directory)
+    if config.init and not begun:
+        sampling.given(config)
     trainer = trainer_of(config, directory, lanes="lanes")
-    model = open_model(config, held=len(read_replies(directory)) if is_run(directory) else 0)
+    model = open_model(config, held=len(read_replies(directory)) if begun else 0)
     config = search.sized(config, model.style)
     size = f"{config.iteration} generations of {config.sample} rewards"
     print(f"{short_name(config.env)}: {size} by {one_line(config.model)}, in {directory}")
@@ -91,23 +91,21 @@ def _run(config: RunConfig, directory: Path) -> None:
         states = record_states(config.env)
     known = informed(known, states, config)
     try:
-        with (
-            Sandbox(
-                known.state,
-                states,
-                worlds=config.worlds or get(config.env).recipe.worlds,
-                unsafe=config.unsafe_no_sandbox,
-            ) as checker,
-            Store.open(directory, config) as store,
-            _telling_how_to_continue(directory),
-            stoppable(directory),
-            logged(directory, config, store.usage()) as log,
-            _filming(directory, config) as films,
-            view(config, store.usage()) as table,
-        ):
-            desk = TerminalDesk(directory, config, films)
-            strategy = search.make(config, store.ranks)
-            loop.run(config, store, model, checker, trainer, known, strategy, Observers(table, *log, *films), desk)
+        worlds = config.worlds or get(config.env).recipe.worlds
+        with Sandbox(known.state, states, worlds=worlds, unsafe=config.unsafe_no_sandbox) as checker:
+            if not begun:
+                sampling.admit(config, checker)
+            with (
+                Store.open(directory, config) as store,
+                _telling_how_to_continue(directory),
+                stoppable(directory),
+                logged(directory, config, store.usage()) as log,
+                _filming(directory, config) as films,
+                view(config, store.usage()) as table,
+            ):
+                desk = TerminalDesk(directory, config, films)
+                strategy = search.make(config, store.ranks)
+                loop.run(config, store, model, checker, trainer, known, strategy, Observers(table, *log, *films), desk)
     finally:
         model.close()
 

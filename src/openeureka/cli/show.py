@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from ..config import parse
+from ..config import as_dict, parse
 from ..report import tables
 from ..report.build import build
 from ..report.stats import by_generation
 from ..report.text import columns, number, plain, scored, spread
 from ..report.verdict import meaning, verdict
-from ..report.view import RunView
-from ..score import Outcome
+from ..report.view import CandidateView, GenerationView, RunView
+from ..score import Arm, Outcome
 from ..store import read_config
-from ..types import CandidateId, Generation, Scored
+from ..types import CandidateId, Evaluation, Generation, Remark, Scored, TrainingResult
 from . import trust
 from .live import verdict_line
 from .progress import working
@@ -24,9 +26,12 @@ MAX_SAID = 4_000
 """Characters shown of what a person said after a generation."""
 
 
-def show(directory: Path) -> None:
+def show(directory: Path, *, as_json: bool = False) -> None:
     """Print every slot of every generation, the final scores and the best reward."""
     run = RunView.read(directory)
+    if as_json:
+        print(json.dumps(_facts(run), indent=2))
+        return
     strengths = run.ranking.strengths
     slots = [_slot(entry, strengths) for generation in run.history.generations for entry in generation.entries]
     votes = ["votes"] if strengths else []
@@ -76,6 +81,75 @@ def final(outcome: Outcome) -> list[str]:
     rows = [(name, spread(arm.training), spread(arm.held_out)) for name, arm in arms.items()]
     table = columns([("final, fresh seeds", "F in training", "F held out"), *rows])
     return [*table.splitlines(), f"Human-normalised score, held out: {number(outcome.normalised)}"]
+
+
+def _facts(run: RunView) -> dict[str, object]:
+    """The run for programs. Under `fitness` is F in training, its maximum over epochs; what is undefined is null."""
+    best, outcome = run.best, run.outcome
+    return {
+        "settings": as_dict(run.config),
+        "ranked_by": run.ranks,
+        "generations": [_generation(generation) for generation in run.generations],
+        "baselines": {name: _scores(run.played.get(r.job), r) for name, r in run.baselines.items()},
+        "best": {"name": str(best.place), "source": best.candidate.source} if best and best.candidate else None,
+        "final": _final(outcome) if outcome is not None else None,
+        "verdict": verdict(run),
+        "score": outcome.normalised if outcome is not None else None,
+        "suspected": [{"kind": sign.kind, "sentence": sign.sentence} for sign in run.signs],
+        "usage": dataclasses.asdict(run.usage),
+    }
+
+
+def _generation(generation: GenerationView) -> dict[str, object]:
+    return {
+        "index": generation.index,
+        "finished": generation.finished,
+        "slots": [_slot_facts(candidate) for candidate in generation.candidates],
+        "remarks": [_remark(remark) for remark in generation.remarks],
+    }
+
+
+def _remark(remark: Remark) -> dict[str, str | None]:
+    places = {"candidate": remark.candidate, "over": remark.over}
+    named = {name: str(place) if place is not None else None for name, place in places.items()}
+    return {"kind": remark.kind, "text": remark.text, **named}
+
+
+def _slot_facts(slot: CandidateView) -> dict[str, object]:
+    return {
+        "name": str(slot.place),
+        "candidate": slot.candidate.id if slot.candidate is not None else None,
+        "state": slot.state,
+        "verdict": slot.verdict.code if slot.verdict is not None else None,
+        "findings": [dataclasses.asdict(finding) for finding in slot.verdict.findings] if slot.verdict else [],
+        "attempts": len(slot.attempts),
+        **_scores(slot.played, slot.result),
+        "votes": slot.strength,
+        "vetoed": slot.vetoed,
+    }
+
+
+def _scores(played: Evaluation | None, result: TrainingResult | None) -> dict[str, float | None]:
+    return {
+        "played_fitness": played.fitness if played is not None else None,
+        "played_error": played.error if played is not None else None,
+        "fitness": result.fitness if result is not None else None,
+    }
+
+
+def _final(outcome: Outcome) -> dict[str, object]:
+    """Every reward of the final trainings, a number a seed, and how much better the best is than the human one."""
+    arms = {"best": outcome.method, **{str(place): arm for place, arm in outcome.rivals.items()}}
+    arms |= {"human": outcome.human, "sparse": outcome.sparse}
+    found = outcome.difference
+    return {
+        "rewards": {name: _arm(arm) for name, arm in arms.items()},
+        "difference": dataclasses.asdict(found) if found is not None else None,
+    }
+
+
+def _arm(arm: Arm) -> dict[str, object]:
+    return {"fitness": arm.training, "held_out_fitness": arm.held_out}
 
 
 def report(words: Sequence[str]) -> None:

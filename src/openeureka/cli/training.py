@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext, redirect_stdout
 from pathlib import Path
 
 from .. import baselines
 from ..config import as_dict, parse
 from ..errors import ConfigError, Interrupted, RewardFileError, WorkerError
+from ..llm.extract import in_file
 from ..report import build, events, tables, trained
 from ..report.tables import Table
 from ..report.text import columns, duration, number, plain, spread
 from ..score import human_normalised, mean, rank
 from ..store import artifacts
+from ..store.codec import finite
 from ..store.paths import output_directory
 from ..tasks.registry import get
 from ..types import (
@@ -28,7 +32,7 @@ from ..types import (
 )
 from . import trust
 from .progress import ProgressLine, working
-from .rewards import explain, judge, program_of
+from .rewards import explain, judge
 from .settings import TrainConfig
 from .stop import announced
 from .trainer import trainer_of
@@ -36,9 +40,22 @@ from .trainer import trainer_of
 BUILT_IN = ("human", "sparse")
 
 
-def train(words: Sequence[str]) -> None:
-    """Train every reward with every seed at once, print a table and leave curves and policies."""
+def train(words: Sequence[str], *, as_json: bool = False) -> None:
+    """Train every reward with every seed at once, print a table and leave curves and policies.
+
+    As JSON: what `result.json` holds, and the directory; what people are told goes to stderr.
+    """
     config = parse(TrainConfig, words)
+    with redirect_stdout(sys.stderr) if as_json else nullcontext():
+        directory, found, failed = _compared(config)
+    if as_json:
+        print(json.dumps({"directory": str(directory), **found}, indent=2))
+    if failed:
+        raise WorkerError(failed)
+
+
+def _compared(config: TrainConfig) -> tuple[Path, dict[str, object], str]:
+    """The directory, what `result.json` there holds, and a word on trainings that failed beside others."""
     get(config.env)
     trust.remember(config)
     programs = _programs(config)
@@ -59,7 +76,7 @@ def train(words: Sequence[str]) -> None:
     policies = {job: result.best_fitness.policy for job, result in results.items() if result.best_fitness}
     with working("Scoring on held-out episodes"):
         held_out = {score.job: score for score in trainer.evaluate(config.env, policies, seed=config.seed)}
-    _save(directory, config, results, held_out)
+    found = _save(directory, config, results, held_out)
     lanes = {name: [f"{name}-s{seed}" for seed in seeds] for name in programs}
     scores = _scores(config.env, lanes, results, held_out)
     artifacts.write(directory, "report.html", trained.report(config.env, scores, tables.settings(config), results))
@@ -70,8 +87,8 @@ def train(words: Sequence[str]) -> None:
         if result.state is TrainingState.DIVERGED:
             print(plain(f"{job} {result.message}"))
     print(f"\nCurves and policies are in {directory}; begin with report.html")
-    if failed:
-        raise WorkerError(f"{', '.join(failed)} could not be trained. {next(iter(failed.values()))}")
+    lost = f"{', '.join(failed)} could not be trained. {next(iter(failed.values()))}" if failed else ""
+    return directory, found, lost
 
 
 def _programs(config: TrainConfig) -> dict[str, RewardProgram]:
@@ -79,7 +96,7 @@ def _programs(config: TrainConfig) -> dict[str, RewardProgram]:
     names = [name.strip() for name in config.reward.split(",") if name.strip()]
     if not names:
         raise ConfigError("`reward` names nothing to train, write for example reward=human,sparse.")
-    files = {name: program_of(Path(name))[0] for name in names if name not in BUILT_IN}
+    files = {name: in_file(Path(name))[0] for name in names if name not in BUILT_IN}
     verdicts = judge(config.env, list(files.values()), worlds=config.worlds, unsafe=config.unsafe_no_sandbox)
     checked = dict(zip(files, verdicts, strict=True))
     programs: dict[str, RewardProgram] = {}
@@ -116,23 +133,26 @@ def _train(
 
 def _save(
     directory: Path, config: TrainConfig, results: Mapping[str, TrainingResult], held_out: Mapping[str, Evaluation]
-) -> None:
+) -> dict[str, object]:
+    """Write the curves and `result.json`; returns what that holds."""
     curves = {job: result.curves for job, result in results.items()}
     artifacts.write(directory, "curves.json", json.dumps(curves))
     jobs = {
         job: {
             "state": result.state,
-            "fitness": result.fitness,
-            "held_out_fitness": held_out[job].fitness if job in held_out else None,
+            "fitness": finite(result.fitness),
+            "held_out_fitness": finite(held_out[job].fitness) if job in held_out else None,
             "held_out_episode_length": held_out[job].episode_length if job in held_out else None,
-            "correlation_with_human": result.correlation,
+            "correlation_with_human": finite(result.correlation),
             "env_steps": result.env_steps,
             "seconds": result.seconds,
             "message": result.message,
         }
         for job, result in results.items()
     }
-    artifacts.write(directory, "result.json", json.dumps({"config": as_dict(config), "jobs": jobs}, indent=2))
+    found: dict[str, object] = {"config": as_dict(config), "jobs": jobs}
+    artifacts.write(directory, "result.json", json.dumps(found, indent=2))
+    return found
 
 
 def _save_best(directory: Path, policies: Mapping[str, bytes], held_out: Mapping[str, Evaluation]) -> str:

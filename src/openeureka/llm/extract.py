@@ -9,6 +9,10 @@ import warnings
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
+
+from ..reward import files
+from ..types import Candidate
 
 MAX_REPLY = 1_000_000
 """Characters of a reply that are looked at."""
@@ -39,6 +43,21 @@ def program(reply: str) -> str | None:
         return chosen.source if chosen is not None else None
     helpers = _helpers(chosen, blocks)
     return "\n\n".join([*(helper.source for helper in helpers), chosen.source])
+
+
+def in_file(path: Path) -> tuple[Candidate, str]:
+    """The program in a file, and a word on where it was found if the file is a model's whole answer.
+
+    Raises:
+        RewardFileError: for a file that cannot be read.
+    """
+    whole = files.read(path)
+    if _parsed(whole.source) is not None:
+        return whole, ""
+    found = program(whole.source)
+    if found is None or _parsed(found) is None:
+        return whole, ""
+    return Candidate.of(found), f"{path} is prose with a program in it; lines are counted from the program's first."
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,12 +16,19 @@ FILE_NAME = "events.out.tfevents.0"
 """TensorBoard recognises event files by `tfevents` in their name."""
 
 
-def encode(curves: Mapping[str, Sequence[float | None]], *, env_steps: int = 0, seconds: float = 0.0) -> bytes:
+def encode(
+    curves: Mapping[str, Sequence[float | None]],
+    *,
+    env_steps: int = 0,
+    seconds: float = 0.0,
+    clock: Sequence[float] = (),
+) -> bytes:
     """One scalar per curve and epoch, over environment steps. Equal trainings give equal bytes: no host name goes in.
 
     Args:
         env_steps: of the whole training; 0 counts epochs instead.
-        seconds: that the training took; epochs are taken to last equally long, and to begin at time 0.
+        seconds: that the training took, from time 0; without a clock, epochs are taken to last equally long.
+        clock: [s] at each epoch, waits between two processes left out.
     """
     epochs = max(map(len, curves.values()), default=0)
     buffer = BytesIO()
@@ -32,11 +39,11 @@ def encode(curves: Mapping[str, Sequence[float | None]], *, env_steps: int = 0, 
             if value is not None:
                 summary = Summary(value=[Summary.Value(tag=tag, simple_value=value)])
                 step = (epoch + 1) * env_steps // epochs if env_steps else epoch
-                time = (epoch + 1) * seconds / epochs
+                time = clock[epoch] if epoch < len(clock) else (epoch + 1) * seconds / epochs
                 writer.write(Event(step=step, wall_time=time, summary=summary).SerializeToString())
     return buffer.getvalue()
 
 
 def of(result: TrainingResult) -> bytes:
     """The event file of a training."""
-    return encode(result.curves, env_steps=result.env_steps, seconds=result.seconds)
+    return encode(result.curves, env_steps=result.env_steps, seconds=result.seconds, clock=result.clock)

@@ -31,6 +31,8 @@ MAX_TEXT = 1 << 20
 """Characters kept of a text that a model or a program wrote."""
 
 
+EVERY_EPOCH = ("fitness", "episode_length", "reward", "human_reward")
+"""Curves that have a value, or None, for each epoch."""
 DAMAGE = (ValueError, KeyError, TypeError, AttributeError, RecursionError)
 """What decoding raises for a row that somebody or something has changed."""
 _NUMBER = float | int | None
@@ -161,6 +163,7 @@ def encode_result(result: TrainingResult) -> str:
             "curves": {name: [finite(value) for value in curve] for name, curve in result.curves.items()},
             "env_steps": result.env_steps,
             "seconds": result.seconds,
+            "clock": list(result.clock),
             "correlation": finite(result.correlation),
             "best_fitness": _peak(result.best_fitness),
             "best_reward": _peak(result.best_reward),
@@ -199,18 +202,30 @@ def decode_result(job: str, text: str) -> TrainingResult:
     Raises one of `DAMAGE` for anything but a result.
     """
     data = json.loads(text)
-    return TrainingResult(
-        job=job,
-        state=TrainingState(data["state"]),
-        fitness=_number(data["fitness"]),
-        curves={_label(name): tuple(map(_number, curve)) for name, curve in data["curves"].items()},
-        env_steps=_count(data["env_steps"]),
-        seconds=_seconds(data["seconds"]),
-        correlation=_number(data["correlation"]),
-        message=_typed(str, data["message"]),
-        best_fitness=_checkpoint(data["best_fitness"]),
-        best_reward=_checkpoint(data["best_reward"]),
+    return _sound(
+        TrainingResult(
+            job=job,
+            state=TrainingState(data["state"]),
+            fitness=_number(data["fitness"]),
+            curves={_label(name): tuple(map(_number, curve)) for name, curve in data["curves"].items()},
+            env_steps=_count(data["env_steps"]),
+            clock=tuple(map(_seconds, data.get("clock", ()))),
+            seconds=_seconds(data["seconds"]),
+            correlation=_number(data["correlation"]),
+            message=_typed(str, data["message"]),
+            best_fitness=_checkpoint(data["best_fitness"]),
+            best_reward=_checkpoint(data["best_reward"]),
+        )
     )
+
+
+def _sound(result: TrainingResult) -> TrainingResult:
+    """Raises ValueError where its epochs contradict each other: who reads a curve at a peak's epoch relies on them."""
+    lengths = {len(result.curves[name]) for name in EVERY_EPOCH if name in result.curves}
+    peaks = [peak.epoch for peak in (result.best_fitness, result.best_reward) if peak is not None]
+    if len(lengths) > 1 or any(epoch >= length for epoch in peaks for length in lengths):
+        raise ValueError("a training has as many epochs in all of its curves, and its peaks among them")
+    return result
 
 
 def _checkpoint(data: Any) -> Checkpoint | None:

@@ -107,9 +107,10 @@ def _overall(progress: TrainingProgress, steps: Sequence[int], number: int) -> T
 
 
 def _summed(results: Sequence[TrainingResult]) -> TrainingResult:
-    """The last stage's result, with what all stages took."""
+    """The last stage's result, with what all stages took; its clock goes on from the earlier ones'."""
     env_steps, seconds = sum(result.env_steps for result in results), sum(result.seconds for result in results)
-    return dataclasses.replace(results[-1], env_steps=env_steps, seconds=seconds)
+    clock = tuple(seconds - results[-1].seconds + time for time in results[-1].clock)
+    return dataclasses.replace(results[-1], env_steps=env_steps, seconds=seconds, clock=clock)
 
 
 def _lost(results: Sequence[TrainingResult]) -> TrainingResult:

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ..tasks.env import Step
+from .ppo import STATISTICS
 from .rewards import correlation, moments
 
 
@@ -95,13 +96,25 @@ class Curves:
                 "reward": own / transitions,
                 "human_reward": human / transitions,
             }
-            for name, number in (point | components[lane]).items():
+            learnt: dict[str, float | None] = {f"ppo/{name}": None for name in STATISTICS}  # `learned` fills it in
+            before = len(self.curves[lane].get("fitness", ()))  # an older version saved no such curves
+            for name, number in (point | components[lane] | learnt).items():
                 finite = number is not None and abs(number) < float("inf")
-                self.curves[lane].setdefault(name, []).append(number if finite else None)
+                self.curves[lane].setdefault(name, [None] * before).append(number if finite else None)
             fitness.append(point["fitness"])
             own_means.append(own / transitions)
         self._start()
         return fitness, own_means
+
+    def learned(self, statistics: Tensor) -> None:
+        """What PPO says of the update (L, 5) that followed the closed epoch; where it is not finite, nothing.
+
+        Six digits: what is stored of these curves is read by people alone.
+        """
+        for curves, row in zip(self.curves, statistics.tolist(), strict=True):
+            for name, number in zip(STATISTICS, row, strict=True):
+                if abs(number) < float("inf"):
+                    curves[f"ppo/{name}"][-1] = float(f"{number:.6g}")
 
     def early_and_late(self, lane: int) -> dict[str, tuple[float | None]]:
         """One number each, the mean of a component early in episodes and in the rest of them; nothing where no epoch

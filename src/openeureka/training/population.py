@@ -39,6 +39,7 @@ class Population:
 
     Attributes:
         epoch: epochs that are done.
+        clock: [s] of training, over all processes, at the end of the rollout of each epoch.
     """
 
     def __init__(
@@ -75,6 +76,7 @@ class Population:
         self.messages = [""] * self.lanes
         self.trained = [self.epochs] * self.lanes  # epochs until the lane ended
         self.epoch, self.observation = 0, self._split(self.env.reset(stagger=True))
+        self.clock: list[float] = []
         self._before = 0.0  # [s] that training took in processes before this one
 
     def train(self) -> Iterator[TrainingProgress | TrainingResult]:
@@ -103,9 +105,11 @@ class Population:
             self.env.check()
             self._mask_diverged(epoch)
             self._checkpoint(epoch)
+            self.clock.append(self._seconds())
             if not bool(self.ppo.active.any()):
                 break
             self.ppo.update(self.rollout, self.ppo.value(observation))
+            self.curves.learned(self.ppo.statistics)
             self.epoch, self.observation = epoch + 1, observation
             now = time.monotonic()
             if now - reported > PROGRESS_SECONDS:
@@ -128,6 +132,7 @@ class Population:
         return {
             "epoch": self.epoch,
             "seconds": self._seconds(),
+            "clock": self.clock,
             "observation": self.observation,
             "env": self.env.state_dict(),
             "ppo": self.ppo.state_dict(),
@@ -142,6 +147,8 @@ class Population:
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Go on where another population of the same task, jobs and budget was; what follows is the same to the bit."""
         self.epoch, self.observation, self._before = saved["epoch"], saved["observation"], saved["seconds"]
+        equal = [self._before * (epoch + 1) / self.epoch for epoch in range(self.epoch)]
+        self.clock = saved.get("clock", equal)  # an older version saved none
         self.env.load_state_dict(saved["env"])
         self.ppo.load_state_dict(saved["ppo"])
         self.curves.load_state_dict(saved["curves"])
@@ -209,6 +216,7 @@ class Population:
             curves=curves if message else curves | self.curves.early_and_late(lane),
             env_steps=trained * self.horizon * self.worlds,
             seconds=seconds,
+            clock=tuple(round(time, 3) for time in self.clock[:trained]),
             correlation=self.curves.correlation(lane),
             best_fitness=peak.checkpoint() if peak else None,
             best_reward=peak_reward.checkpoint() if peak_reward else None,

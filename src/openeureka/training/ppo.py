@@ -16,6 +16,8 @@ from .normalize import ALL, RunningNorm
 
 BOUND = 1.1  # action means beyond this are pulled back
 LEARNING_RATES = (1e-6, 1e-2)
+STATISTICS = ("surrogate_loss", "value_loss", "kl", "entropy", "learning_rate")
+"""What `PPO.statistics` tells of an update, under the names of its columns."""
 _HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 
 
@@ -71,6 +73,10 @@ class PPO:
 
     Lanes share every kernel and nothing else: gradients, gradient norms, learning rates and statistics are per lane, so
     that a lane learns what it would learn alone. A lane of `active` False is frozen.
+
+    Attributes:
+        statistics: (L, 5), a column for each of `STATISTICS`, of the last update: means over its minibatches, the
+            divergence from when a minibatch was last seen; entropy [nats] and learning rate after it. NaN where frozen.
     """
 
     def __init__(
@@ -86,6 +92,7 @@ class PPO:
         self._first = torch.zeros_like(self.network.flat)
         self._second = torch.zeros_like(self.network.flat)
         self._updates = 0
+        self.statistics = torch.full((lanes, len(STATISTICS)), math.nan, device=device)
         # Lanes of equal seed share their noise: candidates are compared under the same exploration.
         distinct = sorted(set(seeds))
         self._row = torch.tensor([distinct.index(seed) for seed in seeds], device=device)
@@ -140,13 +147,24 @@ class PPO:
         edges = [round(i * size / recipe.minibatches) for i in range(recipe.minibatches + 1)]
         slices = [slice(a, b) for a, b in pairwise(edges)]
         old_std = [self.network.log_std.detach().clone() for _ in slices]
+        told: list[Tensor] = []
         for _ in range(recipe.epochs):
             for index, part in enumerate(slices):
                 old = (means[:, part], old_std[index], log_prob[:, part], old_value[:, part])
-                means[:, part], old_std[index] = self._step(
+                means[:, part], old_std[index], of_step = self._step(
                     observations[:, part], actions[:, part], old, advantage[:, part], target[:, part]
                 )
+                told.append(of_step)
         self.observations.update(raw)
+        self._tell(told)
+
+    @torch.no_grad()
+    def _tell(self, steps: Sequence[Tensor]) -> None:
+        """Statistics of an update from those of its gradient steps, (L, 3) each; they stay on the device."""
+        log_std = self.network.log_std
+        entropy = log_std.sum((1, 2)) + log_std.shape[2] * (0.5 + _HALF_LOG_2PI)
+        told = torch.cat((torch.stack(list(steps)).mean(0), entropy[:, None], self.learning_rate), dim=1)
+        self.statistics = told.masked_fill(~self.active[:, None], math.nan)
 
     def state_dict(self) -> dict[str, Any]:
         """All that the next update depends on; tensors are live."""
@@ -174,8 +192,9 @@ class PPO:
 
     def _step(
         self, observation: Tensor, action: Tensor, old: tuple[Tensor, ...], advantage: Tensor, target: Tensor
-    ) -> tuple[Tensor, Tensor]:
-        """One gradient step on a minibatch; returns the means and log std that it measured the divergence with."""
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """One gradient step on a minibatch; returns the means and log std that it measured the divergence with, and
+        (L, 3) surrogate loss, value loss and divergence."""
         recipe = self.recipe
         old_mean, old_log_std, old_log_prob, old_value = old
         mean, value = self.network(observation)
@@ -194,9 +213,11 @@ class PPO:
         gradients = torch.autograd.grad(loss.sum(), list(self.network.parameters.values()))
         with torch.no_grad():
             new_mean, new_log_std = mean.detach(), log_std.detach().clone()
-            self._adapt(_divergence(new_mean, new_log_std, old_mean, old_log_std))
+            divergence = _divergence(new_mean, new_log_std, old_mean, old_log_std)
+            self._adapt(divergence)
             self._adam(torch.cat([g.flatten(1) for g in gradients], dim=1))
-        return new_mean, new_log_std
+            told = torch.cat((policy_loss.mean(1, keepdim=True), value_loss.mean(1, keepdim=True), divergence), dim=1)
+        return new_mean, new_log_std, told
 
     def _adapt(self, divergence: Tensor) -> None:
         """Per-lane learning rate from the KL divergence (L, 1) since the minibatch was last seen."""

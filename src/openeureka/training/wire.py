@@ -65,6 +65,7 @@ def unpack(frame: Frame) -> TrainingProgress | TrainingResult:
     peaks = {name: Checkpoint(policy=frame.blobs[name], **peak) for name, peak in fields.pop("peaks").items()}
     fields["state"] = TrainingState(fields["state"])
     fields["curves"] = {name: tuple(curve) for name, curve in fields["curves"].items()}
+    fields["clock"] = tuple(fields["clock"])
     return TrainingResult(
         **fields,
         best_fitness=peaks.get("best_fitness"),

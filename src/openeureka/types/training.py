@@ -63,12 +63,16 @@ class TrainingResult:
     """Maximum over epochs of the task's F; None when F was never defined."""
     curves: Mapping[str, tuple[float | None, ...]]
     """Per-epoch means over the lane's worlds: `fitness`, `episode_length` [steps], `reward` (own, per step),
-    `human_reward` (per step), and `component/<name>` for each component. None where undefined in that epoch.
+    `human_reward` (per step), and `component/<name>` for each component; of the update that followed,
+    `ppo/surrogate_loss`, `ppo/value_loss`, `ppo/kl`, `ppo/entropy` [nats] and `ppo/learning_rate`, which older
+    trainings lack and no model is shown. None where undefined in that epoch.
 
     Of the last tenth of the epochs, a single number each: `component_early/<name>` in the first quarter of an episode's
     longest length, `component_late/<name>` in the rest. Older trainings lack them."""
     env_steps: int
     seconds: float
+    clock: tuple[float, ...] = field(default=(), compare=False, repr=False)
+    """[s] of the training at each epoch of the curves; empty where an older version kept none."""
     correlation: float | None = None
     """Pearson correlation of own and human reward over the transitions of training; None when either is constant."""
     best_fitness: Checkpoint | None = None
