@@ -24,7 +24,7 @@ Scores = Mapping[str, Sequence[float]]
 
 
 def contenders(history: History) -> tuple[Scored, ...]:
-    """The best of a search, and after it those that the errors leave level with it; of those that pay the same the first.
+    """The best of a search, then those that the errors leave level with it; of those that pay the same the first.
 
     Where a person's votes decide, or nothing was played, that is the best alone.
     """
