@@ -121,7 +121,12 @@ def test_what_the_command_itself_says_is_not_asked_about(asked, tmp_path):
 
 def test_no_store_switches_the_sandbox_off(asked, tmp_path, monkeypatch):
     seen: list[object] = []
-    monkeypatch.setattr(Checker, "__init__", lambda self, *_, unsafe: seen.append(unsafe) or ToyChecker.__init__(self))
+
+    def noted(checker: ToyChecker, *_: object, unsafe: bool, **__: object) -> None:
+        seen.append(unsafe)
+        ToyChecker.__init__(checker)
+
+    monkeypatch.setattr(Checker, "__init__", noted)
     run = foreign(tmp_path / "run", env="cartpole", model="local", base_url="", unsafe_no_sandbox=True)
     search.resume([str(run)])
     search.resume([str(run), "unsafe_no_sandbox=true"])
