@@ -88,3 +88,8 @@ def test_web_serves_a_page_with_or_without_a_display(asked, shown, monkeypatch):
     monkeypatch.setattr(play.viewer, "has_display", lambda: False)
     play.play(["env=ant", "policy=zero", "port=9000"], web=True)
     assert (shown, asked) == ([("page at 9000", "ant zero 0")], [])
+
+
+def test_without_a_policy_it_says_what_may_be_played():
+    with pytest.raises(ConfigError, match=r"^Name what to play: a run directory, or policy=FILE, random or zero\.$"):
+        play.play(["env=cartpole"])

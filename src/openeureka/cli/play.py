@@ -25,6 +25,8 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
     config = parse(PlayConfig, settings)
     in_window = not web and not config.out and viewer.has_display()
     directory = only_path(paths, "eureka play DIR") if paths else None
+    if directory is None and not config.policy:
+        raise ConfigError("Name what to play: a run directory, or policy=FILE, random or zero.")
     if config.policy in AGENTS:
         policy = config.policy
         env = config.env or "cartpole"
