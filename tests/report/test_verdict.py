@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import pytest
 
+from openeureka.report.tables import scale
 from openeureka.report.verdict import meaning, verdict
 from openeureka.report.view import RunView
+from openeureka.score import Arm, Outcome
 from openeureka.types import Candidate, Evaluation, Generation, History
 
 from .search import BASELINES, BEST, HISTORY, finished, refused, result, run
@@ -59,6 +61,17 @@ def test_an_open_verdict_says_how_many_seeds_would_close_it() -> None:
 def test_before_the_end_nothing_is_claimed() -> None:
     assert verdict(run(HISTORY, BASELINES)) == "Not decided yet: the final trainings are not done."
     assert verdict(run(History((Generation(0, (refused(0, 0, "x"),)),)))) == "No reward has been trained yet."
+
+
+def test_a_score_of_0_beside_a_perfect_f_is_explained() -> None:
+    perfect = Outcome(
+        best=None, method=Arm(held_out=(499.0,)), human=Arm(held_out=(403.0,)), sparse=Arm(held_out=(499.0,))
+    )
+    assert perfect.normalised == 0
+    assert scale(perfect).endswith(
+        "Here the sparse reward is the better of the two: 0 is better than the human reward."
+    )
+    assert scale(Outcome(best=None, human=Arm(held_out=(3.0,)), sparse=Arm(held_out=(1.0,)))).endswith("the human one.")
 
 
 def test_f_is_explained_for_tasks_that_are_installed() -> None:

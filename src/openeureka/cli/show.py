@@ -80,7 +80,8 @@ def final(outcome: Outcome) -> list[str]:
     arms |= {"human": outcome.human, "sparse": outcome.sparse}
     rows = [(name, spread(arm.training), spread(arm.held_out)) for name, arm in arms.items()]
     table = columns([("final, fresh seeds", "F in training", "F held out"), *rows])
-    return [*table.splitlines(), f"Human-normalised score, held out: {number(outcome.normalised)}"]
+    score = f"Human-normalised score, held out: {number(outcome.normalised)}. {tables.scale(outcome)}"
+    return [*table.splitlines(), score]
 
 
 def _facts(run: RunView) -> dict[str, object]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ..config import as_dict
 from ..hacking import PEAKS, WORLDS, Kind
-from ..score import Baselines, Outcome
+from ..score import Baselines, Outcome, mean
 from ..types import Evaluation, Remark, RemarkKind
 from .stats import by_generation, trained_share
 from .text import duration, number, scored, spread
@@ -60,7 +60,16 @@ def measures(outcome: Outcome) -> Table:
         ("correlation with the human reward over transitions", number(outcome.correlation, 2)),
         ("the same over epochs, as the published code computes it", number(outcome.curve_correlation, 2)),
     ]
-    return Table(("score", "value"), rows)
+    return Table(("score", "value"), rows, scale(outcome))
+
+
+def scale(outcome: Outcome) -> str:
+    """How to read the human-normalised score of a run."""
+    words = "Human-normalised: 0 is as good as the sparse reward, 1 as good as the human one."
+    human, sparse = mean(outcome.human.held_out), mean(outcome.sparse.held_out)
+    if human is None or sparse is None or human > sparse:
+        return words
+    return f"{words} Here the sparse reward is the better of the two: 0 is better than the human reward."
 
 
 def exploits(run: RunView) -> Table:
