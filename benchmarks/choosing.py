@@ -115,14 +115,22 @@ def measure(env: str, seed: int, trainer: PopulationTrainer) -> None:
         lanes = Lanes(config, store, trainer, Say())
         results = lanes.train(rewards, seeds=[seed])
         lanes.play(results, Best(samples=0, peaks=PEAKS))
-        done = _read()
-        own: Record = done.setdefault(env, {"steps": STEPS[env], "lanes": {}})
-        for job in (job for job in results if job not in own["lanes"]):
+        known = _read().get(env, {"lanes": {}})["lanes"]
+        records: Record = {}
+        for job in (job for job in results if job not in known):
             policies = {peak: policy for peak in PEAKS if (policy := store.policy(job, peak)) is not None}
             judged = {score.job: score for score in trainer.evaluate(env, policies, seed=JUDGED)}
-            own["lanes"][job] = _record(results[job], store.plays().get(job, {}), judged)
-        own["date"] = datetime.now(UTC).date().isoformat()
-        RESULTS.write_text(json.dumps(done, indent=1, sort_keys=True) + "\n")
+            records[job] = _record(results[job], store.plays().get(job, {}), judged)
+        _write(env, records)
+
+
+def _write(env: str, records: Record) -> None:
+    """Add lanes to the file as it is by now: another task may have been measured meanwhile."""
+    done = _read()
+    own: Record = done.setdefault(env, {"lanes": {}})
+    own["lanes"] |= records
+    own |= {"steps": STEPS[env], "date": datetime.now(UTC).date().isoformat()}
+    RESULTS.write_text(json.dumps(done, indent=1, sort_keys=True) + "\n")
 
 
 def _record(
