@@ -60,11 +60,11 @@ def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | 
     config, names, raced = lanes.config, list(arms), strategy.judge == "played"
     known, others = baselines.chosen(config), beside(config)[: 1 if raced else None]
     for seeds in rounds(final_seeds(config), raced=raced):
-        results = lanes.train([*programs(arms[name].sample for name in names), *others], seeds)
+        lanes.train([*programs(arms[name].sample for name in names), *others], seeds)
         if not raced:
             break
         finals = lanes.final(tuple(arms.values()))
-        played = lanes.play([*results, *(job for jobs in finals.values() for job in jobs)], strategy)
+        played = lanes.play([job for jobs in finals.values() for job in jobs], strategy)
         scores = {
             name: [score.fitness for job in jobs if (score := played.get(job)) and score.fitness is not None]
             for name, jobs in finals.items()
