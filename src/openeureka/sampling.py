@@ -11,12 +11,24 @@ from typing import Protocol
 from . import prompts
 from .config import RunConfig
 from .errors import BudgetError, RewardFileError
-from .llm import extract
 from .llm.client import LanguageModel
 from .observer import Observer
+from .reward import extract
 from .store import Store
 from .tasks import human
-from .types import GIVEN, Candidate, Finding, Prompt, PromptPlan, Reply, Sample, TaskContext, Verdict, VerdictCode
+from .types import (
+    GIVEN,
+    Candidate,
+    Finding,
+    Message,
+    Prompt,
+    PromptPlan,
+    Reply,
+    Sample,
+    TaskContext,
+    Verdict,
+    VerdictCode,
+)
 
 
 class Checker(Protocol):
@@ -65,7 +77,7 @@ class Sampler:
             slots = range(len(samples), len(samples) + plan.count)
             prompt = prompts.render(self.context, plan, self.model.style)
             parent = plan.turns[-1].sample.place if plan.turns else None
-            self.store.save_prompt(generation, slots.start, prompt, parent)
+            self.store.save_prompt(generation, slots, prompt, parent)
             samples += self._fill(generation, prompt, slots, known=[*earlier, *samples])
         return tuple(samples)
 
@@ -79,25 +91,29 @@ class Sampler:
             reply = Reply(text=f"```python\n{given(self.config).source}\n```", model=GIVEN)
             _accept(self.config, self._judged(reply)[1])
             self.store.save_reply(0, 0, 0, reply)
+        self.store.save_slots(0, range(1), asked=None, parent=None)
         return (self._check(0, 0, 0),)
 
     def _fill(self, generation: int, prompt: Prompt, slots: Sequence[int], known: Sequence[Sample]) -> list[Sample]:
         filled: dict[int, Sample] = {}
+        shown: dict[int, tuple[Message, ...]] = {}
         turns = 1 + self.config.repair
         for attempt in range(turns * (1 + self.config.refill)):
             vacant = [slot for slot in slots if slot not in filled or not filled[slot].verdict.accepted]
             if attempt % turns == 0:
                 vacant = sorted({*vacant, *_repeating(filled, known)})
+                shown.clear()
                 self._draw(prompt, generation, attempt, vacant)
             else:
                 for slot in vacant:
                     reply = self._reply(generation, attempt - 1, slot)
                     repair = prompts.repair(prompt, reply.text, filled[slot].verdict)
+                    shown[slot] = repair.messages[len(prompt.messages) :]
                     self._draw(repair, generation, attempt, [slot])
             if vacant:
                 self.observer.phase(generation, "check")
             for slot in vacant:
-                sample = self._check(generation, attempt, slot)
+                sample = self._check(generation, attempt, slot, shown.get(slot, ()))
                 if slot not in filled or sample.verdict.accepted or not filled[slot].verdict.accepted:
                     filled[slot] = sample
         return [filled[slot] for slot in slots]
@@ -129,8 +145,9 @@ class Sampler:
                 "Nothing is lost; run the same command with a higher max_cost to go on."
             )
 
-    def _check(self, generation: int, attempt: int, slot: int) -> Sample:
+    def _check(self, generation: int, attempt: int, slot: int, repair: Sequence[Message] = ()) -> Sample:
         candidate, verdict = self._judged(self._reply(generation, attempt, slot))
+        self.store.save_attempt(generation, attempt, slot, candidate.id if candidate is not None else None, repair)
         sample = Sample(generation=generation, slot=slot, candidate=candidate, verdict=verdict, attempts=attempt + 1)
         self.observer.verdict(sample)
         return sample

@@ -15,7 +15,7 @@ from ui.serving import visitor
 
 from openeureka.cli import main as command
 from openeureka.cli import play, search, trainer
-from openeureka.report import plots, video
+from openeureka.report import video
 from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, reply
 from openeureka.training.policy import Policy
 
@@ -61,7 +61,6 @@ def things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setattr(search, "Sandbox", Checker)
     monkeypatch.setattr(search, "record_states", lambda env: {})
     monkeypatch.setattr(trainer, "PopulationTrainer", lambda **_: Known())
-    monkeypatch.setattr(plots, "summary", lambda run: b"png")
     monkeypatch.setattr(play.viewer, "has_display", lambda: False)
     for module in (video, play):
         monkeypatch.setattr(module, "render", rendered)

@@ -166,7 +166,7 @@ def test_a_generation_comes_back_whole(store: Store) -> None:
 def test_messages_json_shows_each_prompt_once(store: Store) -> None:
     prompt = Prompt(messages=(Message("system", "be brief"), Message("user", "write \ud800")))
     for _ in range(2):  # a resumed run asks again
-        store.save_prompt(0, 0, prompt, None)
+        store.save_prompt(0, range(0, 2), prompt, None)
     (asked,) = json.loads((store.directory / "messages.json").read_text())
     assert asked["messages"] == [
         {"role": "system", "content": "be brief"},

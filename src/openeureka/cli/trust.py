@@ -16,7 +16,7 @@ from pathlib import Path
 
 import platformdirs
 
-from ..config import absolute
+from ..config import NO_MODEL, absolute
 from ..errors import ConfigError
 from ..report.text import plain
 from ..tasks import registry
@@ -39,7 +39,7 @@ def claims(config: object) -> dict[str, str]:
         "env": "" if registry.installed(env) else absolute("env", env),
         "curriculum": absolute("curriculum", curriculum) if curriculum.endswith((".yaml", ".yml")) else "",
         "init": "" if init == "human" else _whole(init),
-        "model": "" if model in ("local", "random") else _model(model),
+        "model": "" if model in ("local", "random", NO_MODEL) else _model(model),
         "base_url": base_url,
         "price": price,
     }

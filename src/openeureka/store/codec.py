@@ -7,13 +7,14 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast, get_args
 
 from ..types import (
     Arg,
     Checkpoint,
     Evaluation,
     Finding,
+    Lane,
     Message,
     Node,
     Peak,
@@ -21,6 +22,7 @@ from ..types import (
     Remark,
     RemarkKind,
     RewardGraph,
+    Role,
     TrainingResult,
     TrainingState,
     Verdict,
@@ -149,6 +151,17 @@ def _message(role: Any, content: Any) -> Message:
     if role not in ("system", "user", "assistant"):
         raise ValueError(f"{role!r:.40} takes no part in a conversation")
     return Message(role, safe_text(_typed(str, content)))
+
+
+# --- lanes -----------------------------------------------------------------------------------------------------------
+
+
+def decode_lane(job: str, reward: str, seed: int, role: str) -> Lane:
+    """Raises one of `DAMAGE` for a lane that contradicts its name."""
+    lane = Lane(_label(reward), _count(seed), cast(Role, role))
+    if role not in get_args(Role) or lane.id != job:
+        raise ValueError(f"{job!r:.40} is no lane")
+    return lane
 
 
 # --- training results ------------------------------------------------------------------------------------------------

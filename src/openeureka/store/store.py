@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import sqlite3
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import MappingProxyType, TracebackType
@@ -19,11 +19,14 @@ from ..errors import ConfigError, StoreError
 from ..score import played
 from ..types import (
     GIVEN,
+    Attempt,
     Candidate,
+    CandidateId,
     Evaluation,
     Generation,
     Glance,
     History,
+    Lane,
     Message,
     Peak,
     Place,
@@ -39,6 +42,7 @@ from . import artifacts
 from .codec import (
     DAMAGE,
     decode_digest,
+    decode_lane,
     decode_messages,
     decode_result,
     decode_verdict,
@@ -132,9 +136,9 @@ class Store:
     ) -> None:
         self.close()
 
-    def _decoded(self, decode: Callable[..., T], *texts: str) -> T:
+    def _decoded(self, decode: Callable[..., T], *values: object) -> T:
         try:
-            return decode(*texts)
+            return decode(*values)
         except DAMAGE as error:
             raise changed_row(self.directory, error) from None
 
@@ -179,19 +183,25 @@ class Store:
 
     # --- prompts and replies -----------------------------------------------------------------------------------------
 
-    def save_prompt(self, generation: int, slot: int, prompt: Prompt, parent: Place | None) -> None:
+    def save_prompt(self, generation: int, slots: range, prompt: Prompt, parent: Place | None) -> None:
         """Keep what was asked, for people, and which candidate to improve: `messages.json` shows every conversation."""
-        if self._database.row("prompts", generation=generation, slot=slot) is None:
-            messages = [{"role": message.role, "content": safe_text(message.content)} for message in prompt.messages]
-            row = {"generation": generation, "slot": slot, "messages": json.dumps(messages)}
-            if parent is not None:
-                row |= {"parent_generation": parent.generation, "parent_slot": parent.slot}
-            self._database.put("prompts", row)
+        if self._database.row("prompts", generation=generation, slot=slots.start) is None:
+            messages = _plain(prompt.messages)
+            self._database.put("prompts", {"generation": generation, "slot": slots.start, "messages": messages})
+        self.save_slots(generation, slots, asked=slots.start, parent=parent)
         asked = [
             {**dict(row), "messages": [dataclasses.asdict(m) for m in self._decoded(decode_messages, row["messages"])]}
             for row in self._database.rows("prompts")
         ]
         artifacts.write(self.directory, "messages.json", json.dumps(asked, indent=2))
+
+    def save_slots(self, generation: int, slots: range, *, asked: int | None, parent: Place | None) -> None:
+        """Keep where the programs of some slots come from: the prompt, by its first slot, and whom to improve."""
+        known = {row["slot"] for row in self._database.rows("slots", generation=generation)}
+        row = {"generation": generation, "prompt": asked}
+        if parent is not None:
+            row |= {"parent_generation": parent.generation, "parent_slot": parent.slot}
+        self._database.put("slots", *(row | {"slot": slot} for slot in slots if slot not in known))
 
     def save_reply(self, generation: int, attempt: int, slot: int, reply: Reply) -> None:
         place = {"generation": generation, "attempt": attempt, "slot": slot}
@@ -217,16 +227,31 @@ class Store:
         rows = self._database.rows("prompts", order=("generation", "slot"))
         return {(row["generation"], row["slot"]): self._decoded(decode_messages, row["messages"]) for row in rows}
 
-    def parents(self) -> dict[tuple[int, int], Place]:
-        """Which candidate the model was asked to improve, by generation and the first slot that the prompt fills.
-
-        Prompts without a parent, and those of versions that did not keep it, have no entry.
-        """
-        rows = self._database.rows("prompts")
+    def parents(self) -> dict[Place, Place]:
+        """Which candidate the model was asked to improve, by slot; a first answer and a given reward have none."""
         return {
-            (row["generation"], row["slot"]): Place(row["parent_generation"], row["parent_slot"])
-            for row in rows
+            Place(row["generation"], row["slot"]): Place(row["parent_generation"], row["parent_slot"])
+            for row in self._database.rows("slots")
             if row["parent_generation"] is not None
+        }
+
+    def save_attempt(
+        self, generation: int, attempt: int, slot: int, candidate: CandidateId | None, repair: Sequence[Message]
+    ) -> None:
+        """Keep which program a reply holds, once it is judged, and what a repair showed beyond the slot's prompt."""
+        place = {"generation": generation, "attempt": attempt, "slot": slot}
+        if self._database.row("attempts", **place) is None:
+            shown = _plain(repair) if repair else None
+            self._database.put("attempts", {**place, "candidate": candidate, "repair": shown})
+
+    def attempts(self) -> dict[tuple[int, int, int], Attempt]:
+        """Every judged reply, by generation, attempt and slot."""
+        return {
+            (row["generation"], row["attempt"], row["slot"]): Attempt(
+                candidate=self.candidate(row["candidate"]),
+                repair=self._decoded(decode_messages, row["repair"]) if row["repair"] is not None else (),
+            )
+            for row in self._database.rows("attempts")
         }
 
     def usage(self) -> Usage:
@@ -248,7 +273,28 @@ class Store:
         row = self._database.row("verdicts", candidate=candidate)
         return self._decoded(decode_verdict, row["verdict"]) if row is not None else None
 
+    def save_given(self, rewards: Mapping[str, CandidateId | None]) -> None:
+        """Keep what given rewards are called; `human` and `sparse`, which come with the task, are no candidates."""
+        self._database.put("given", *({"name": name, "candidate": own} for name, own in rewards.items()))
+
+    def given(self) -> dict[str, CandidateId | None]:
+        """The rewards of a run that searches for none, by name, in the order in which they were given."""
+        return {row["name"]: row["candidate"] for row in self._database.rows("given")}
+
     # --- training ----------------------------------------------------------------------------------------------------
+
+    def save_lanes(self, lanes: Iterable[Lane]) -> None:
+        """Keep what is about to train, where the run does not know it yet."""
+        known = self.lanes()
+        fresh = {lane.id: lane for lane in lanes if lane.id not in known}
+        self._database.put("lanes", *({"job": name} | dataclasses.asdict(lane) for name, lane in fresh.items()))
+
+    def lanes(self) -> dict[str, Lane]:
+        """Every lane of the run by its id, trained or not, in the order in which they began."""
+        rows = self._database.rows("lanes")
+        return {
+            row["job"]: self._decoded(decode_lane, row["job"], row["reward"], row["seed"], row["role"]) for row in rows
+        }
 
     def save_result(self, result: TrainingResult) -> None:
         folder = f"lanes/{result.job}"
@@ -374,14 +420,15 @@ class Store:
         sample = Sample(
             generation=row["generation"],
             slot=row["slot"],
-            candidate=self._candidate(row["candidate"]),
+            candidate=self.candidate(row["candidate"]),
             verdict=self._decoded(decode_verdict, row["verdict"]),
             attempts=row["attempts"],
         )
         result = self._decoded(results.__getitem__, row["job"]) if row["job"] is not None else None
         return Scored(sample=sample, result=result, feedback=row["feedback"], played=scores.get(row["job"]))
 
-    def _candidate(self, identity: str | None) -> Candidate | None:
+    def candidate(self, identity: CandidateId | None) -> Candidate | None:
+        """A judged program; None where nothing of that name was judged."""
         row = self._database.row("verdicts", candidate=identity) if identity is not None else None
         return Candidate(id=row["candidate"], source=row["source"]) if row is not None else None
 
@@ -397,14 +444,16 @@ class Store:
 
     # --- the best ----------------------------------------------------------------------------------------------------
 
-    def save_best(self, best: Scored, job: str, peak: Peak) -> None:
+    def save_best(self, program: Candidate | None, job: str, peak: Peak) -> None:
         """Fill `best/` with the program and a lane's policy: the one place that changes, as better rewards come.
+
+        A reward that comes with the task has no program of its own.
 
         What was made of another policy (its video, its ONNX file) goes before the policy does: a file in `best/` is
         missing or fits, whatever the clock says that dates them.
         """
-        assert best.sample.candidate is not None
-        artifacts.write(self.directory, "best/reward.py", best.sample.candidate.source)
+        if program is not None:
+            artifacts.write(self.directory, "best/reward.py", program.source)
         policy, kept = self.policy(job, peak), "best/policy.safetensors"
         if policy is None or artifacts.read(self.directory, kept) == policy:
             return
@@ -419,6 +468,10 @@ def _foreign(directory: Path) -> bool:
     with explained(directory):
         own = {LOCK, LOG, STOP, FILENAME, f"{FILENAME}-wal", f"{FILENAME}-shm"}
         return any(path.name not in own for path in directory.iterdir())
+
+
+def _plain(messages: Iterable[Message]) -> str:
+    return json.dumps([{"role": message.role, "content": safe_text(message.content)} for message in messages])
 
 
 def _reply(row: sqlite3.Row) -> Reply:

@@ -21,8 +21,7 @@ from random import Random
 
 import torch
 
-from ..llm import extract
-from ..reward import examine, gate, load, probe
+from ..reward import examine, extract, gate, load, probe
 from ..reward import graph as graphs
 from ..reward.trace import Refused
 from ..reward.validate import GraphError

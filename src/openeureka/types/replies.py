@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from .rewards import Candidate
+
 
 @dataclass(frozen=True, slots=True)
 class Message:
@@ -48,3 +50,13 @@ class Reply:
 
 GIVEN = "given"
 """`Reply.model` of a reward that the run began with: nobody was asked for it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Attempt:
+    """What a reply was found to hold."""
+
+    candidate: Candidate | None
+    """None where it holds no program."""
+    repair: tuple[Message, ...] = ()
+    """What the model was shown beyond the slot's prompt, where it was to repair a refused program."""

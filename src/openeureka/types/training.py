@@ -15,6 +15,30 @@ Peak = Literal["fitness", "reward", "last"]
 """Which of a lane's policies: where F was highest in training, where its own reward was, or the one at the end."""
 
 
+Role = Literal["candidate", "baseline", "final", "given"]
+"""Why a lane is trained: for a slot of a generation; to compare those with; with a fresh seed at the end; or because
+somebody gave the reward and wants no search."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """One training of a run: a reward and a seed."""
+
+    reward: str
+    """A candidate's id, `human` or `sparse`, or what a given reward is called."""
+    seed: int
+    role: Role
+
+    @property
+    def id(self) -> str:
+        return lane_id(self.reward, self.seed)
+
+
+def lane_id(reward: str, seed: int) -> str:
+    """What a lane is called within its run."""
+    return f"{reward}-s{seed}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainJob:
     """One lane: a reward program and a seed."""
