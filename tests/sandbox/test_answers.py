@@ -9,6 +9,7 @@ import pytest
 
 from openeureka.codec import encode
 from openeureka.sandbox import client, server
+from openeureka.sandbox.answer import Answer
 from openeureka.testing.hostile import STATE
 from openeureka.types import Finding, Node, RewardGraph
 from sandbox.states import recorded
@@ -20,7 +21,7 @@ GOOD = RewardGraph(
 
 
 def answer(**changes: Any) -> bytes:
-    return json.dumps(json.loads(encode(server.Answer(graph=GOOD, lines=(1, 2)))) | changes).encode()
+    return json.dumps(json.loads(encode(Answer(graph=GOOD, lines=(1, 2)))) | changes).encode()
 
 
 def test_an_honest_answer_is_a_graph() -> None:
@@ -48,12 +49,12 @@ def test_an_honest_answer_is_a_graph() -> None:
     ],
 )
 def test_an_answer_of_another_form_says_nothing(said: bytes) -> None:
-    assert server._examine(said, BENCH) == client._parse(said) == server.Answer()
+    assert server._examine(said, BENCH) == client._parse(said) == Answer()
 
 
 def test_a_forged_operation_is_named_by_both_readers() -> None:
     forged = RewardGraph(nodes=(Node("from_file.default", ("/etc/passwd",)),), reward=0, components=())
-    (finding,) = server._examine(encode(server.Answer(graph=forged)).encode(), BENCH).findings
+    (finding,) = server._examine(encode(Answer(graph=forged)).encode(), BENCH).findings
     _, (again,), accepted = client._accepted(forged)
     assert accepted is None
     assert finding.rule == again.rule == "operation"

@@ -16,7 +16,7 @@ from ..reward.validate import GraphError, validate
 from ..types import Candidate, Finding, RewardGraph, StateSpec, Verdict, VerdictCode
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 from . import confine, server
-from .server import Answer
+from .answer import Answer
 
 SECONDS = 2.0
 """A candidate's time, by the wall clock, for everything it does in its child."""

@@ -29,8 +29,9 @@ from ..reward import examine, gate, graph, load, probe
 from ..reward.states import only
 from ..reward.trace import Refused
 from ..reward.validate import GraphError, validate
-from ..types import Finding, RewardGraph, StateSpec
+from ..types import Finding, StateSpec
 from ..worker import Channel, Frame
+from .answer import Answer
 from .confine import confine
 
 LENGTH = struct.Struct("<I")
@@ -67,18 +68,6 @@ class _Outcome:
     answer: bytes = b""
     died_of: int = 0
     """Signal that ended the child, 0 for none. For the message only: how a process ends is never a verdict."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
-    """What a child says of a program: findings, or its graph. Neither, where it made no sense."""
-
-    findings: tuple[Finding, ...] = ()
-    graph: RewardGraph | None = None
-    lines: tuple[int | None, ...] = ()
-    """Of the program, for each node."""
-    returns: int | None = None
-    """The line that returns the result."""
 
 
 def _decode_recorded(frame: Frame) -> dict[str, Any]:

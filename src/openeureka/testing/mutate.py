@@ -77,7 +77,7 @@ def _changed(data: Any, random: Random) -> Any:
         # Most nodes have no keyword arguments: look elsewhere.
         filled = [key for key in sorted(data) if data[key] != {} or random.random() < 0.1]
         key = random.choice(filled or sorted(data))
-        if random.random() < 0.1:
+        if random.random() < 0.03:
             return {other: value for other, value in data.items() if other != key}
         return {**data, key: _changed(data[key], random)}
     return _value(data, random)
