@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 import torch
 
+from openeureka.codec import encode
 from openeureka.reward import graph
 from openeureka.reward.validate import COMPONENT_NAME
 from openeureka.sandbox import client, confine
@@ -108,7 +109,7 @@ class Watch:
         assert self._world() == self._before
         assert self.sandbox._worker is not None
         text = [finding.sentence() for finding in verdict.findings]
-        text += [graph.to_json(verdict.graph)] if verdict.graph else []
+        text += [encode(verdict.graph)] if verdict.graph else []
         assert SECRET not in " ".join((*text, self.sandbox._worker.stderr_tail(1 << 20)))
         assert all(len(sentence) < 1500 and sentence.isprintable() for sentence in text[: len(verdict.findings)])
         assert (verdict.graph is not None) == verdict.accepted

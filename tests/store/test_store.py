@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from openeureka.codec import encode
 from openeureka.config import RunConfig
 from openeureka.errors import StoreError
 from openeureka.store import Store, read_config, read_replies
-from openeureka.store.codec import encode_result, encode_verdict
+from openeureka.store.codec import encode_result
 from openeureka.testing.scripted import program
 from openeureka.types import (
     Candidate,
@@ -251,9 +252,9 @@ def test_a_damaged_file_is_named(tmp_path: Path) -> None:
         Store.open(tmp_path, CONFIG)
 
 
-STORED = json.loads(encode_verdict(ACCEPTED))
+STORED = json.loads(encode(ACCEPTED))
 CHANGED = {
-    "cut off": encode_verdict(ACCEPTED)[:-20],
+    "cut off": encode(ACCEPTED)[:-20],
     "another type": "[]",
     "nested without end": "[" * 100_000,
     "a code nobody knows": json.dumps(STORED | {"code": "harmless"}),

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
+from ..codec import DecodeError
 from ..types import TrainingResult
 from . import artifacts
-from .codec import DAMAGE, decode_result, encode_result
+from .codec import decode_result, encode_result
 
 
 class StageFiles:
@@ -31,9 +31,10 @@ class StageFiles:
             return None
         last = artifacts.read(self._directory, self._name(stage, job, "safetensors"))
         try:
-            return dataclasses.replace(decode_result(job, text.decode()), last=last)
-        except DAMAGE:
+            result = decode_result(job, text)
+        except DecodeError:
             return None
+        return result.holding({"last": last} if last is not None else {})
 
     def _name(self, stage: int, job: str, suffix: str) -> str:
         return f"lanes/{job}/stage{stage}.{suffix}"

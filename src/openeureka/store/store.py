@@ -14,6 +14,7 @@ from typing import Literal, TypeVar
 from filelock import FileLock, Timeout
 
 from .. import __version__
+from ..codec import DecodeError, decode, encode
 from ..config import RunConfig, as_dict, restored
 from ..errors import ConfigError, StoreError
 from ..score import played
@@ -40,7 +41,6 @@ from ..types import (
 )
 from . import artifacts
 from .codec import (
-    DAMAGE,
     decode_digest,
     decode_lane,
     decode_messages,
@@ -49,7 +49,6 @@ from .codec import (
     digest,
     encode_evaluation,
     encode_result,
-    encode_verdict,
     finite,
     policy_name,
     safe_text,
@@ -139,7 +138,7 @@ class Store:
     def _decoded(self, decode: Callable[..., T], *values: object) -> T:
         try:
             return decode(*values)
-        except DAMAGE as error:
+        except (DecodeError, KeyError, TypeError) as error:
             raise changed_row(self.directory, error) from None
 
     # --- settings ----------------------------------------------------------------------------------------------------
@@ -168,7 +167,7 @@ class Store:
         if row is None:
             raise StoreError(f"{self.directory} holds a run that never began; {AGAIN}")
         try:
-            return self._decoded(lambda text: restored(RunConfig, json.loads(text)), row["config"])
+            return self._decoded(lambda text: restored(RunConfig, decode(dict[str, object], text)), row["config"])
         except ConfigError:
             version = row["version"]
             raise StoreError(
@@ -265,8 +264,8 @@ class Store:
         folder = f"candidates/{candidate.id}"
         artifacts.write(self.directory, f"{folder}/reward.py", candidate.source)
         artifacts.write(self.directory, f"{folder}/reply.txt", reply.text)
-        artifacts.write(self.directory, f"{folder}/verdict.json", encode_verdict(verdict, indent=2))
-        row = {"candidate": candidate.id, "source": candidate.source, "verdict": encode_verdict(verdict)}
+        artifacts.write(self.directory, f"{folder}/verdict.json", encode(verdict, indent=2))
+        row = {"candidate": candidate.id, "source": candidate.source, "verdict": encode(verdict)}
         self._database.put("verdicts", row)
 
     def verdict(self, candidate: str) -> Verdict | None:
@@ -391,7 +390,7 @@ class Store:
                 "generation": generation.index,
                 "slot": entry.sample.slot,
                 "candidate": entry.sample.candidate.id if entry.sample.candidate is not None else None,
-                "verdict": encode_verdict(entry.sample.verdict),
+                "verdict": encode(entry.sample.verdict),
                 "job": entry.result.job if entry.result is not None else None,
                 "attempts": entry.sample.attempts,
                 "feedback": safe_text(entry.feedback),

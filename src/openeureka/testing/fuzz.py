@@ -21,6 +21,7 @@ from random import Random
 
 import torch
 
+from ..codec import encode
 from ..reward import examine, extract, gate, load, probe
 from ..reward import graph as graphs
 from ..reward.trace import Refused
@@ -62,7 +63,7 @@ def _graphs() -> tuple[str, ...]:
     for body in _REWARDS:
         program = gate.check(_PROGRAM.format(body=body), STATE)
         assert isinstance(program, gate.Program), program
-        found.append(graphs.to_json(probe.probe(load.load(program), STATE, _states()).graph))
+        found.append(encode(probe.probe(load.load(program), STATE, _states()).graph))
     return tuple(found)
 
 
@@ -111,7 +112,7 @@ def call(random: Random) -> str:
     """`refused` as a graph, `raised` the error that a verdict is made of, or `ran`."""
     made = odd.call(random)
     try:
-        list(graphs.values(graphs.from_json(graphs.to_json(made)), _states(), _WORLDS))
+        list(graphs.values(graphs.from_json(encode(made)), _states(), _WORLDS))
     except GraphError:
         return "refused"
     except (RuntimeError, IndexError, ValueError, TypeError, NotImplementedError, ZeroDivisionError, OverflowError):
