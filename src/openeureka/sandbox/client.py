@@ -59,7 +59,6 @@ class Sandbox:
         self._worlds = worlds
         self._confined = not unsafe
         self._worker: Worker | None = None
-        self._gated = True  # tests of confinement switch the gate off
 
     def __enter__(self) -> Sandbox:
         if self._confined and not (offered := confine.support()).complete:
@@ -138,7 +137,7 @@ class Sandbox:
         for attempt in (1, 2):
             worker = self._worker or self._start()
             try:
-                worker.send({"source": source, "gated": self._gated, "seconds": SECONDS})
+                worker.send({"source": source, "seconds": SECONDS})
                 return worker.receive(SECONDS + _GRACE_SECONDS)
             except WorkerTimeout:
                 self.close()

@@ -90,24 +90,19 @@ def _gate(source: str, bench: _Bench) -> gate.Program | dict[str, Any]:
     return program if isinstance(program, gate.Program) else {"findings": _findings(program)}
 
 
-def _probe(program: gate.Program | str, bench: _Bench) -> dict[str, Any]:
-    """What one program comes to, as JSON data; a text is run as it stands."""
-    returns = None
+def _probe(program: gate.Program, bench: _Bench) -> dict[str, Any]:
+    """What one program comes to, as JSON data."""
+    recorded = only(bench.recorded, bench.spec, program.inputs)
     try:
-        if isinstance(program, gate.Program):
-            run, recorded = load.load(program), only(bench.recorded, bench.spec, program.inputs)
-            returns = program.return_line
-        else:
-            run, recorded = load.unchecked(program), bench.recorded
-        traced = probe.probe(run, bench.spec, recorded)
+        traced = probe.probe(load.load(program), bench.spec, recorded)
     except Refused as refusal:
-        return {"findings": _findings([_twinned(refusal.finding, program)], returns)}
-    return {"graph": graph.to_json(traced.graph), "lines": traced.lines, "returns": returns}
+        return {"findings": _findings([_twinned(refusal.finding, program)], program.return_line)}
+    return {"graph": graph.to_json(traced.graph), "lines": traced.lines, "returns": program.return_line}
 
 
-def _twinned(finding: Finding, program: gate.Program | str) -> Finding:
+def _twinned(finding: Finding, program: gate.Program) -> Finding:
     """A finding that something took a tensor for a number; where that is a function of numpy's, what torch calls it."""
-    if finding.rule != "branch" or isinstance(program, str) or not (found := gate.twins(program, finding.line)):
+    if finding.rule != "branch" or not (found := gate.twins(program, finding.line)):
         return finding
     (name, known), *_ = found.items()
     return replace(finding, message=f"`{name}` takes numbers and this is a tensor", fix=f"use `{known}`")
@@ -201,7 +196,7 @@ def _serve(request: int, answer: int, work: Callable[[], Mapping[str, Any]], con
             _answer({"unconfined": str(error)})
         else:
             _answer(work())
-    except Exception as error:  # a fault of ours, or of a program without the gate: say which, then go
+    except Exception as error:  # a fault of ours, or of a program that slipped through the gate: say which, then go
         _answer({"findings": [["error", f"the probe failed: {type(error).__name__}: {error}"[:400], "", None]]})
     finally:
         os._exit(0)
@@ -255,7 +250,7 @@ def _kill(pid: int) -> int:
     return os.waitpid(pid, 0)[1]
 
 
-def _judge(program: gate.Program | str, bench: _Bench, seconds: float) -> tuple[str, _Outcome]:
+def _judge(program: gate.Program, bench: _Bench, seconds: float) -> tuple[str, _Outcome]:
     """What became of a program, and in which child: `program` or `graph`."""
     deadline = time.monotonic() + seconds
     first = _Child(lambda: _probe(program, bench), confined=bench.confined)
@@ -280,7 +275,7 @@ def main() -> None:
     channel.send({"problem": problem})
     while not problem and (frame := channel.receive()) is not None:
         request = frame.header
-        program = _gate(request["source"], bench) if request["gated"] else request["source"]
+        program = _gate(request["source"], bench)
         if isinstance(program, dict):
             channel.send({"outcome": "refused"}, {"answer": json.dumps(program).encode()})
             continue
