@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import importlib
 import logging
-import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
-from email.utils import parsedate_to_datetime
 from typing import Any, Literal
 from urllib.parse import urlsplit
 
+import httpx2
 import openai
 
 from ..errors import BudgetError, ConfigError, ModelError
@@ -22,13 +20,13 @@ from . import completion
 from .client import share
 from .completion import Completion, Unreadable
 from .price import Price
+from .retry import delay
 
 ATTEMPTS = 7
 """Tries of one request; with the waits between them about a minute, or as long as the endpoint asks for."""
 ROUNDS = 3
 """Times that empty or truncated replies are asked for again."""
 PARALLEL = 8
-MAX_WAIT = 120.0  # [s]
 TIMEOUT = 300.0
 """[s] for a sign of life."""
 PATIENCE = 900.0
@@ -42,8 +40,6 @@ _PASSING = {408, 409, 425, 429}
 """Client errors that are none: too slow, a conflict, too early, too often (RFC 9110, RFC 8470, RFC 6585)."""
 _SHORTEST_SECRET = 8
 """Characters of a key that is worth hiding; servers that need none are given words such as `none` or `ollama`."""
-_http = importlib.import_module(openai.DefaultHttpxClient.__mro__[1].__module__.partition(".")[0])
-"""The HTTP library under the openai package: httpx, or the fork of it that newer ones have."""
 _log = logging.getLogger(__name__)
 
 
@@ -161,12 +157,12 @@ class EndpointModel:
             except Unreadable as error:
                 if last or not error.broken:
                     raise self._unreadable(error) from None
-                self._wait(_delay({}, attempt))
+                self._wait(delay({}, attempt))
             except openai.APIError as error:
                 if not self._adapted(error, n):
                     if last or not self._passing(error, attempt):
                         raise self._explained(error) from None
-                    self._wait(_delay(_headers(error), attempt))
+                    self._wait(delay(_headers(error), attempt))
             else:
                 return self._replies_of(answer, n, time.monotonic() - began)
         raise ModelError(f"{self._where} accepts no request for {self.name}; choose another model.")
@@ -185,9 +181,9 @@ class EndpointModel:
                         raise Unreadable(f"more than {MAX_BODY >> 20} MB", broken=False)
                     if time.monotonic() > until:
                         raise openai.APITimeoutError(request=response.http_request)
-            except _http.TimeoutException:
+            except httpx2.TimeoutException:
                 raise openai.APITimeoutError(request=response.http_request) from None
-            except _http.HTTPError:
+            except httpx2.HTTPError:
                 raise openai.APIConnectionError(request=response.http_request) from None
         return bytes(body)
 
@@ -318,23 +314,3 @@ def _without_secrets(url: str) -> str:
 
 def _headers(error: openai.APIError) -> Mapping[str, str]:
     return error.response.headers if isinstance(error, openai.APIStatusError) else {}
-
-
-def _delay(headers: Mapping[str, str], attempt: int) -> float:
-    """Seconds to wait: what the endpoint says, else 1, 2, 4, ..."""
-    stated = _stated(headers)
-    return min(2.0**attempt if stated is None else max(stated, 0.0), MAX_WAIT)
-
-
-def _stated(headers: Mapping[str, str]) -> float | None:
-    """Seconds of a `Retry-After` header, which is a number or a date (RFC 9110, 10.2.3)."""
-    value = headers.get("retry-after", "")
-    try:
-        seconds = float(value)
-    except ValueError:
-        try:
-            # By the endpoint's own clock: this machine's may be wrong.
-            seconds = (parsedate_to_datetime(value) - parsedate_to_datetime(headers["date"])).total_seconds()
-        except (KeyError, ValueError, TypeError):
-            return None
-    return None if math.isnan(seconds) else seconds
