@@ -1,14 +1,14 @@
 """`curriculum=` of `eureka run` and `eureka train`, with a trainer of pure functions."""
 
 import os
-from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
+from toys import ToySandbox
 
 from openeureka.cli import main as command
 from openeureka.cli import search, trainer
-from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, reply
+from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 
 EASY, LAST = "cartpole+episode_length=100", "cartpole"
 SETTINGS = ["env=cartpole", "model=scripted", "sample=1", "iteration=1", "seeds=1", "video=none"]
@@ -34,7 +34,7 @@ def toy(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> StagedTrainer:
     """In place of model, sandbox and trainer; the working directory holds `stages.yaml`."""
     staged = StagedTrainer()
     monkeypatch.setattr(search, "open_model", lambda config, held: ScriptedModel([reply(3.0)]))
-    monkeypatch.setattr(search, "Sandbox", lambda *_, **__: nullcontext(ToyChecker()))
+    monkeypatch.setattr(search, "Sandbox", ToySandbox)
     monkeypatch.setattr(search, "record_states", lambda env: {})
     monkeypatch.setattr(trainer, "PopulationTrainer", lambda **_: staged)
     monkeypatch.chdir(tmp_path)
