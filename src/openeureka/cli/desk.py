@@ -12,9 +12,10 @@ from ..config import RunConfig
 from ..errors import FeedbackError
 from ..lanes import lane
 from ..report.filming import Filming
-from ..report.text import columns, duration, number, plain
+from ..report.text import columns, duration, number
 from ..report.view import VIDEO
 from ..store import artifacts, say
+from ..text import plain
 from ..types import Generation
 from .feedback import typed
 

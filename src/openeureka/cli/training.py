@@ -14,12 +14,13 @@ from ..errors import ConfigError, Interrupted, RewardFileError, WorkerError
 from ..llm.extract import in_file
 from ..report import build, events, tables, trained
 from ..report.tables import Table
-from ..report.text import columns, duration, number, plain, spread
+from ..report.text import columns, duration, number, spread
 from ..score import human_normalised, mean, rank
 from ..store import artifacts
 from ..store.codec import finite
 from ..store.paths import output_directory
 from ..tasks.registry import get
+from ..text import plain
 from ..types import (
     Evaluation,
     RewardProgram,

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from ..config import short_name
+from ..text import one_line, plain
 from ..types import Message, Remark, Verdict
 from . import diff, tables, verdict
 from .tables import Table
-from .text import number, one_line, plain
+from .text import number
 from .view import AttemptView, CandidateView, GenerationView, RunView
 
 MAX_TEXT = 30_000

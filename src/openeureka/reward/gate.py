@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from types import CodeType
 
+from ..text import printable
 from ..types import Finding, StateSpec
 from .fold import twin
 from .normalise import Draft, Normaliser
@@ -61,11 +62,7 @@ def check(source: str, state: StateSpec) -> Program | tuple[Finding, ...]:
         return _check(source, state)
     except Exception as error:  # a text that nobody thought of is refused like any other
         message = f"the gate cannot read it ({type(error).__name__}: {str(error)[:200]})"
-        return (Finding(rule="unreadable", message=_printable(message), fix="write it in a plainer way"),)
-
-
-def _printable(text: str) -> str:
-    return "".join(character if character.isprintable() else " " for character in text)
+        return (Finding(rule="unreadable", message=printable(message), fix="write it in a plainer way"),)
 
 
 def _check(source: str, state: StateSpec) -> Program | tuple[Finding, ...]:

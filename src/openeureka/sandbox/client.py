@@ -6,7 +6,6 @@ import json
 import re
 import signal
 import time
-import unicodedata
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,6 +13,7 @@ from torch import Tensor
 
 from ..errors import SandboxUnavailable, WorkerError
 from ..reward import graph
+from ..text import printable
 from ..types import Candidate, Finding, RewardGraph, StateSpec, Verdict, VerdictCode
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 from . import confine, server
@@ -158,7 +158,7 @@ def _accepted(text: object) -> _Judgement:
     try:
         return VerdictCode.ACCEPTED, (), graph.from_json(str(text))
     except graph.GraphError as error:
-        finding = Finding(rule="operation", message=f"its graph is not allowed: {_clean(error, 200)}")
+        finding = Finding(rule="operation", message=f"its graph is not allowed: {printable(str(error), 200)}")
         return VerdictCode.CONTRACT, (finding,), None
 
 
@@ -190,12 +190,6 @@ def _read_findings(data: object) -> tuple[Finding, ...]:
             continue
         rule, message, fix, line = item
         known = rule if isinstance(rule, str) and _RULE.fullmatch(rule) else "error"
-        fixed = _clean(fix, _MAX_FIX)
-        findings.append(Finding(rule=known, message=_clean(message), fix=fixed, line=_line(line)))
+        fixed = printable(str(fix), _MAX_FIX)
+        findings.append(Finding(rule=known, message=printable(str(message)), fix=fixed, line=_line(line)))
     return tuple(findings) or (Finding(rule="crash", message="the program sent an answer of the wrong form"),)
-
-
-def _clean(text: object, size: int = 500) -> str:
-    """One printable line of at most `size` characters."""
-    shown = str(text)[: 4 * size]
-    return "".join(c if unicodedata.category(c)[0] != "C" else " " for c in shown).strip()[:size]
