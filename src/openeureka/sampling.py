@@ -10,8 +10,8 @@ from typing import Protocol
 
 from . import prompts
 from .config import RunConfig
-from .errors import BudgetError, RewardFileError
-from .llm import extract
+from .errors import RewardFileError
+from .llm import extract, price
 from .llm.client import LanguageModel
 from .observer import Observer
 from .store import Store
@@ -108,26 +108,14 @@ class Sampler:
         if not missing:
             return
         self.observer.phase(generation, "sample")
-        self._afford(len(missing))
+        if self.config.max_cost:
+            known = price.find(self.config.model, self.config.price)
+            price.afford(self.config.max_cost, self.store.replies(), known, prompt, len(missing))
         self.observer.asked(missing)
         seed = request_seed(self.config.seed, generation, attempt, missing[0])
         for slot, reply in zip(missing, self.model.sample(prompt, n=len(missing), seed=seed), strict=True):
             self.store.save_reply(generation, attempt, slot, reply)
             self.observer.reply(generation, slot, reply)
-
-    def _afford(self, count: int) -> None:
-        """Stop before a request that would, at the mean price so far, pass the limit."""
-        limit = self.config.max_cost
-        if not limit:
-            return
-        replies = self.store.replies()
-        spent = sum(reply.usage.cost_usd for reply in replies)
-        price = spent / len(replies) if replies else 0.0
-        if spent + price * count > limit:
-            raise BudgetError(
-                f"{count} more replies would pass max_cost={limit:g}: {spent:.2f} US dollars are spent. "
-                "Nothing is lost; run the same command with a higher max_cost to go on."
-            )
 
     def _check(self, generation: int, attempt: int, slot: int) -> Sample:
         candidate, verdict = self._judged(self._reply(generation, attempt, slot))

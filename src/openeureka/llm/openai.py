@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 import httpx2
 import openai
 
-from ..errors import BudgetError, ConfigError, ModelError
+from ..errors import ModelError
 from ..types import Prompt, Reply, Usage
 from . import completion
 from .client import share
@@ -34,8 +34,6 @@ PATIENCE = 900.0
 MAX_BODY = 64 << 20
 """Bytes of an answer."""
 
-_FIRST_GUESS = 1500
-"""Tokens of a reply, before the first one is in."""
 _PASSING = {408, 409, 425, 429}
 """Client errors that are none: too slow, a conflict, too early, too often (RFC 9110, RFC 8470, RFC 6585)."""
 _SHORTEST_SECRET = 8
@@ -53,12 +51,10 @@ class EndpointModel:
         name: of the model, as the endpoint knows it.
         base_url: of the endpoint; empty means the openai package's.
         price: None where it is not known; costs then count as zero.
-        max_cost: US dollars that this process may spend; 0 means no limit.
         wait: sleeps between tries; tests pass one that does not.
 
     Raises:
         ModelError: no key.
-        ConfigError: `max_cost` for a model whose price is not known.
     """
 
     style: Literal["free", "grammar"] = "free"
@@ -70,11 +66,8 @@ class EndpointModel:
         base_url: str = "",
         temperature: float = 1.0,
         price: Price | None = None,
-        max_cost: float = 0.0,
         wait: Callable[[float], None] = time.sleep,
     ) -> None:
-        if price is None and max_cost:
-            raise ConfigError(f"The price of {name} is not known, so max_cost cannot be kept; add price=INPUT,OUTPUT.")
         if price is None:
             _log.warning("The price of %s is not known: its replies count as free. Add price=INPUT,OUTPUT.", name)
         self.name = name
@@ -91,10 +84,7 @@ class EndpointModel:
         self._where = _without_secrets(str(self._client.base_url))
         self._temperature: float | None = temperature
         self._price = price
-        self._max_cost = max_cost
         self._wait = wait
-        self._spent = Usage()
-        self._replies = 0
         self._knows_n = True
         self._reached = False
 
@@ -103,14 +93,10 @@ class EndpointModel:
 
         Raises:
             ModelError: the endpoint cannot answer.
-            BudgetError: the replies would cost more than is left of `max_cost`.
         """
         missing, wasted = n, Usage()
         for last in (*[False] * (ROUNDS - 1), True):
-            self._afford(prompt, missing)
             for reply, whole in self._round(prompt, missing):
-                self._spent += reply.usage
-                self._replies += 1
                 if whole or last:  # in the end a slot is better spent on half a reply than the run on one slot
                     yield replace(reply, usage=reply.usage + wasted)
                     missing, wasted = missing - 1, Usage()
@@ -274,20 +260,6 @@ class EndpointModel:
     def _used(self, prompt_tokens: int, completion_tokens: int) -> Usage:
         cost = self._price.of(prompt_tokens, completion_tokens) if self._price is not None else 0.0
         return Usage(prompt_tokens=prompt_tokens, completion_tokens=completion_tokens, cost_usd=cost)
-
-    def _afford(self, prompt: Prompt, n: int) -> None:
-        """Stop before a round of requests that is expected to pass the limit."""
-        if self._price is None or not self._max_cost:
-            return
-        prompt_tokens = sum(len(message.content) for message in prompt.messages) / 4
-        each = self._spent.completion_tokens / self._replies if self._replies else _FIRST_GUESS
-        prompts = 1 if self._knows_n else n
-        expected = self._price.of(prompt_tokens * prompts, each * n)
-        if self._spent.cost_usd + expected > self._max_cost:
-            raise BudgetError(
-                f"{n} more replies of {self.name} would cost about {expected:.2f} US dollars and pass max_cost="
-                f"{self._max_cost:g}. Nothing is lost; run the same command with a higher max_cost to go on."
-            )
 
 
 class _BatchRefused(Exception):
