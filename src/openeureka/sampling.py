@@ -15,7 +15,6 @@ from .llm import extract, price
 from .llm.client import LanguageModel
 from .observer import Observer
 from .store import Store
-from .tasks import human
 from .types import GIVEN, Candidate, Finding, Prompt, PromptPlan, Reply, Sample, TaskContext, Verdict, VerdictCode
 
 
@@ -149,6 +148,8 @@ def given(config: RunConfig) -> Candidate:
         RewardFileError: when the file cannot be read.
         TaskError: when the human reward of the task is no program by itself.
     """
+    from .tasks import human  # the loop itself needs neither torch nor a simulator
+
     return Candidate.of(human.program(config.env)) if config.init == "human" else extract.in_file(Path(config.init))[0]
 
 

@@ -9,7 +9,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
-from huggingface_hub import file_download
+from huggingface_hub import constants, file_download
 
 from openeureka.errors import ConfigError, ModelError
 from openeureka.llm import hub
@@ -96,7 +96,10 @@ def test_no_key_of_the_hub_is_sent(served: Hub, tmp_path: Path, monkeypatch: pyt
     assert set(served.keys) == {None}
 
 
-def test_a_connection_that_breaks_goes_on_where_it_stopped(served: Hub, tmp_path: Path):
+def test_a_connection_that_breaks_goes_on_where_it_stopped(
+    served: Hub, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(constants, "DOWNLOAD_CHUNK_SIZE", 500)  # what is held in memory is lost: 10 MB
     served.break_after = 1000
     assert hub.fetch(NAME, tmp_path).read_bytes() == DATA
     assert served.ranges == [None, "bytes=1000-"]

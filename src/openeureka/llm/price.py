@@ -11,7 +11,6 @@ from importlib.resources import files
 from ..errors import BudgetError, ConfigError
 from ..types import Prompt, Reply
 
-
 _FIRST_GUESS = 1500
 """Tokens of a reply, before the first one is in."""
 _CHARACTERS = 4
