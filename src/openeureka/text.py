@@ -31,7 +31,7 @@ def printable(text: str, size: int = 500) -> str:
 
 
 def visible(text: str) -> str:
-    """For a person who decides by it: what does not print is written out, as `\\x1b`."""
+    r"""For a person who decides by it: what does not print is written out, as `\x1b`."""
     return text if text.isprintable() else ascii(text)
 
 
