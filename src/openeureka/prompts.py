@@ -198,7 +198,7 @@ def _with_failures(messages: tuple[Message, ...], plan: PromptPlan) -> tuple[Mes
 
 def _with_opinion(messages: tuple[Message, ...], opinion: Opinion, limit: int, rejected: int) -> tuple[Message, ...]:
     """What a person said, at the end of the last request; the newest words survive the limit."""
-    lines = []
+    lines: list[str] = []
     if opinion.chosen:
         lines.append("They chose the last reward function above as the one to improve.")
     if opinion.won or opinion.lost:

@@ -168,7 +168,7 @@ def _accept(config: RunConfig, verdict: Verdict) -> None:
 def _repeating(filled: Mapping[int, Sample], known: Iterable[Sample]) -> list[int]:
     """Slots whose accepted program computes what a known one, or that of a slot before, computes already."""
     seen = {str(sample.verdict.graph) for sample in known}
-    repeating = []
+    repeating: list[int] = []
     for slot, sample in sorted(filled.items()):
         program = str(sample.verdict.graph)
         if sample.verdict.accepted and program in seen:

@@ -33,7 +33,7 @@ _EXPRESSIONS = (
     ast.Starred, ast.JoinedStr, ast.FormattedValue,
     ast.operator, ast.unaryop, ast.boolop, ast.cmpop, ast.expr_context,
 )  # fmt: skip
-_FIXES = {
+_FIXES: dict[type[ast.AST], str] = {
     ast.While: "use tensor operations, or `for` over a small `range`",
     ast.Try: "remove it: an error in a reward is reported with its line",
     ast.ClassDef: "write plain functions",
@@ -43,7 +43,7 @@ _FIXES = {
     ast.With: "remove it",
 }
 _COPY = "copy it first: `{name} = {name}.clone()`"
-_AUGMENTED = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
+_AUGMENTED: dict[type[ast.operator], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 
 
 class Rules(ast.NodeVisitor):
