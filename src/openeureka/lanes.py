@@ -183,7 +183,7 @@ class Lanes:
             return
         episodes = affordable([results[job] for job in jobs], len(peaks))
         seed = self.config.seed + CHOOSING + look
-        scores = []
+        scores: list[Evaluation] = []
         for score in self.trainer.evaluate(self.config.env, playing, seed=seed, episodes=episodes):
             job, peak = places[score.job]
             scores.append(dataclasses.replace(score, job=job, peak=peak))

@@ -61,7 +61,7 @@ def run(
             observer.phase(index, "play")
         scores = lanes.play([*history.jobs, *results], strategy)
 
-        entries = []
+        entries: list[Scored] = []
         for sample in samples:
             job = lane_id(sample.verdict.candidate, config.seed)
             feedback = reflect(sample, results.get(job), model.style, scores.get(job))

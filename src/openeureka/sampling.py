@@ -10,12 +10,12 @@ from typing import Protocol
 
 from . import prompts
 from .config import RunConfig
-from .errors import BudgetError, RewardFileError
+from .errors import RewardFileError
+from .llm import price
 from .llm.client import LanguageModel
 from .observer import Observer
 from .reward import extract
 from .store import Store
-from .tasks import human
 from .types import (
     GIVEN,
     Candidate,
@@ -124,26 +124,14 @@ class Sampler:
         if not missing:
             return
         self.observer.phase(generation, "sample")
-        self._afford(len(missing))
+        if self.config.max_cost:
+            known = price.find(self.config.model, self.config.price)
+            price.afford(self.config.max_cost, self.store.replies(), known, prompt, len(missing))
         self.observer.asked(missing)
         seed = request_seed(self.config.seed, generation, attempt, missing[0])
         for slot, reply in zip(missing, self.model.sample(prompt, n=len(missing), seed=seed), strict=True):
             self.store.save_reply(generation, attempt, slot, reply)
             self.observer.reply(generation, slot, reply)
-
-    def _afford(self, count: int) -> None:
-        """Stop before a request that would, at the mean price so far, pass the limit."""
-        limit = self.config.max_cost
-        if not limit:
-            return
-        replies = self.store.replies()
-        spent = sum(reply.usage.cost_usd for reply in replies)
-        price = spent / len(replies) if replies else 0.0
-        if spent + price * count > limit:
-            raise BudgetError(
-                f"{count} more replies would pass max_cost={limit:g}: {spent:.2f} US dollars are spent. "
-                "Nothing is lost; run the same command with a higher max_cost to go on."
-            )
 
     def _check(self, generation: int, attempt: int, slot: int, repair: Sequence[Message] = ()) -> Sample:
         candidate, verdict = self._judged(self._reply(generation, attempt, slot))
@@ -178,6 +166,8 @@ def given(config: RunConfig) -> Candidate:
         RewardFileError: when the file cannot be read.
         TaskError: when the human reward of the task is no program by itself.
     """
+    from .tasks import human  # the loop itself needs neither torch nor a simulator
+
     return Candidate.of(human.program(config.env)) if config.init == "human" else extract.in_file(Path(config.init))[0]
 
 
@@ -196,7 +186,7 @@ def _accept(config: RunConfig, verdict: Verdict) -> None:
 def _repeating(filled: Mapping[int, Sample], known: Iterable[Sample]) -> list[int]:
     """Slots whose accepted program computes what a known one, or that of a slot before, computes already."""
     seen = {str(sample.verdict.graph) for sample in known}
-    repeating = []
+    repeating: list[int] = []
     for slot, sample in sorted(filled.items()):
         program = str(sample.verdict.graph)
         if sample.verdict.accepted and program in seen:

@@ -60,6 +60,8 @@ class WorkerTimeout(WorkerError):
 
 @dataclass(frozen=True, slots=True)
 class Frame:
+    """One message: data that JSON can say, and bytes by name."""
+
     header: Mapping[str, Any]
     blobs: Mapping[str, bytes] = field(default_factory=dict)
 

@@ -11,9 +11,10 @@ from pathlib import Path
 from ..config import RunConfig
 from ..errors import FeedbackError
 from ..report.filming import Filming
-from ..report.text import columns, duration, number, plain
+from ..report.text import columns, duration, number
 from ..report.view import VIDEO
 from ..store import artifacts, say
+from ..text import plain
 from ..types import Generation, lane_id
 from .feedback import typed
 

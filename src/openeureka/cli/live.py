@@ -14,8 +14,9 @@ from rich.text import Text
 from ..config import RunConfig, short_name
 from ..lanes import BASELINES
 from ..observer import Phase
-from ..report.text import duration, number, one_line, scored
+from ..report.text import duration, number, scored
 from ..score import Outcome
+from ..text import one_line
 from ..types import (
     Evaluation,
     Generation,

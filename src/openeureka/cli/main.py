@@ -17,7 +17,7 @@ import typer.core
 from .. import __version__
 from ..config import RunConfig
 from ..errors import ConfigError, EurekaError, Interrupted, StoreError
-from ..report.text import plain
+from ..text import plain
 from .settings import CheckConfig, ContextConfig, NewConfig, PageConfig, PlayConfig, ReportConfig, TrainConfig, describe
 
 

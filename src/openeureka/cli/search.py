@@ -15,7 +15,6 @@ from ..llm.registry import KINDS
 from ..observer import Observers
 from ..report.build import build
 from ..report.filming import Filming
-from ..report.text import one_line, plain
 from ..report.view import RunView
 from ..sandbox.client import Sandbox
 from ..store import Store, is_run, read_config, read_replies
@@ -23,6 +22,7 @@ from ..store.paths import output_directory
 from ..tasks.context import context, informed
 from ..tasks.record import record_states
 from ..tasks.registry import get
+from ..text import one_line, plain
 from . import training, trust
 from .desk import TerminalDesk
 from .live import view

@@ -11,11 +11,12 @@ from ..config import as_dict, parse
 from ..report import tables
 from ..report.build import build
 from ..report.stats import by_generation
-from ..report.text import columns, number, plain, scored, spread
+from ..report.text import columns, number, scored, spread
 from ..report.verdict import meaning, verdict
 from ..report.view import CandidateView, GenerationView, RunView
 from ..score import Arm, Outcome
 from ..store import read_config
+from ..text import plain
 from ..types import CandidateId, Evaluation, Generation, Remark, Scored, TrainingResult
 from . import trust
 from .live import verdict_line

@@ -16,13 +16,14 @@ from ..given import Given
 from ..observer import Observers
 from ..report import tables
 from ..report.build import build
-from ..report.text import columns, plain
+from ..report.text import columns
 from ..report.verdict import verdict
 from ..report.view import RunView
 from ..reward.extract import in_file
 from ..store import Store
 from ..store.paths import output_directory
 from ..tasks.registry import get
+from ..text import plain
 from ..types import Candidate, TrainingState, Usage, Verdict
 from . import trust
 from .live import view

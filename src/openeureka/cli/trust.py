@@ -18,8 +18,8 @@ import platformdirs
 
 from ..config import NO_MODEL, absolute
 from ..errors import ConfigError
-from ..report.text import plain
 from ..tasks import registry
+from ..text import plain, visible
 
 RECORD = "typed"
 _EFFECTS = {
@@ -102,18 +102,13 @@ def agree(config: object, directory: Path, *, typed: Collection[str], trusted: P
 def _ask(asked: Mapping[str, str], directory: Path) -> None:
     print(f"{directory} was not started here. It wants to use:")
     for key, value in asked.items():
-        print(f"  {key}={_visible(value)}\n    which {_EFFECTS[key]}")
+        print(f"  {key}={visible(value)}\n    which {_EFFECTS[key]}")
     try:
         answer = input("Do you know where it comes from, and agree? [y/N] ")
     except EOFError:
         answer = ""
     if answer.strip().lower() not in ("y", "yes"):
         raise ConfigError(f"Nothing was done; `eureka show {directory}` reads the run without using any of it.")
-
-
-def _visible(value: str) -> str:
-    """The value with nothing hidden: what does not print is written out."""
-    return value if plain(value) == value and value.isprintable() else ascii(value)
 
 
 def _line(key: str, value: str) -> str:

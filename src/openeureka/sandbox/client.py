@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import signal
 import time
-import unicodedata
 from collections.abc import Mapping
 
 from torch import Tensor
@@ -13,6 +12,7 @@ from torch import Tensor
 from ..codec import DecodeError, decode
 from ..errors import SandboxUnavailable, WorkerError
 from ..reward.validate import GraphError, validate
+from ..text import printable
 from ..types import Candidate, Finding, RewardGraph, StateSpec, Verdict, VerdictCode
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 from . import confine, server
@@ -59,7 +59,6 @@ class Sandbox:
         self._worlds = worlds
         self._confined = not unsafe
         self._worker: Worker | None = None
-        self._gated = True  # tests of confinement switch the gate off
 
     def __enter__(self) -> Sandbox:
         if self._confined and not (offered := confine.support()).complete:
@@ -141,7 +140,7 @@ class Sandbox:
         for attempt in (1, 2):
             worker = self._worker or self._start()
             try:
-                worker.send({"source": source, "gated": self._gated, "seconds": SECONDS})
+                worker.send({"source": source, "seconds": SECONDS})
                 return worker.receive(SECONDS + _GRACE_SECONDS)
             except WorkerTimeout:
                 self.close()
@@ -163,7 +162,7 @@ def _accepted(graph: RewardGraph) -> _Judgement:
         validate(graph)
         return VerdictCode.ACCEPTED, (), graph
     except GraphError as error:
-        finding = Finding(rule="operation", message=f"its graph is not allowed: {_clean(error, 200)}")
+        finding = Finding(rule="operation", message=f"its graph is not allowed: {printable(str(error), 200)}")
         return VerdictCode.CONTRACT, (finding,), None
 
 
@@ -185,13 +184,7 @@ def _cleaned(finding: Finding) -> Finding:
     """A finding from a child, which may hold any text."""
     return Finding(
         rule=finding.rule if _RULE.fullmatch(finding.rule) else "error",
-        message=_clean(finding.message),
-        fix=_clean(finding.fix, _MAX_FIX),
+        message=printable(finding.message),
+        fix=printable(finding.fix, _MAX_FIX),
         line=finding.line if finding.line is not None and 0 < finding.line < _MAX_LINE else None,
     )
-
-
-def _clean(text: object, size: int = 500) -> str:
-    """One printable line of at most `size` characters."""
-    shown = str(text)[: 4 * size]
-    return "".join(c if unicodedata.category(c)[0] != "C" else " " for c in shown).strip()[:size]

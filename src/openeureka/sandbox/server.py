@@ -84,24 +84,19 @@ def _gate(source: str, bench: _Bench) -> gate.Program | Answer:
     return program if isinstance(program, gate.Program) else Answer(findings=_findings(program))
 
 
-def _probe(program: gate.Program | str, bench: _Bench) -> Answer:
-    """What one program comes to; a text is run as it stands."""
-    returns = None
+def _probe(program: gate.Program, bench: _Bench) -> Answer:
+    """What one program comes to."""
+    recorded = only(bench.recorded, bench.spec, program.inputs)
     try:
-        if isinstance(program, gate.Program):
-            run, recorded = load.load(program), only(bench.recorded, bench.spec, program.inputs)
-            returns = program.return_line
-        else:
-            run, recorded = load.unchecked(program), bench.recorded
-        traced = probe.probe(run, bench.spec, recorded)
+        traced = probe.probe(load.load(program), bench.spec, recorded)
     except Refused as refusal:
-        return Answer(findings=_findings([_twinned(refusal.finding, program)], returns))
-    return Answer(graph=traced.graph, lines=tuple(traced.lines), returns=returns)
+        return Answer(findings=_findings([_twinned(refusal.finding, program)], program.return_line))
+    return Answer(graph=traced.graph, lines=tuple(traced.lines), returns=program.return_line)
 
 
-def _twinned(finding: Finding, program: gate.Program | str) -> Finding:
+def _twinned(finding: Finding, program: gate.Program) -> Finding:
     """A finding that something took a tensor for a number; where that is a function of numpy's, what torch calls it."""
-    if finding.rule != "branch" or isinstance(program, str) or not (found := gate.twins(program, finding.line)):
+    if finding.rule != "branch" or not (found := gate.twins(program, finding.line)):
         return finding
     (name, known), *_ = found.items()
     return replace(finding, message=f"`{name}` takes numbers and this is a tensor", fix=f"use `{known}`")
@@ -193,7 +188,7 @@ def _serve(request: int, answer: int, work: Callable[[], Answer], confined: bool
             _answer({"unconfined": str(error)})
         else:
             _answer(work())
-    except Exception as error:  # a fault of ours, or of a program without the gate: say which, then go
+    except Exception as error:  # a fault of ours, or of a program that slipped through the gate: say which, then go
         said = f"the probe failed: {type(error).__name__}: {error}"[:400]
         _answer(Answer(findings=(Finding(rule="error", message=said),)))
     finally:
@@ -248,7 +243,7 @@ def _kill(pid: int) -> int:
     return os.waitpid(pid, 0)[1]
 
 
-def _judge(program: gate.Program | str, bench: _Bench, seconds: float) -> tuple[str, _Outcome]:
+def _judge(program: gate.Program, bench: _Bench, seconds: float) -> tuple[str, _Outcome]:
     """What became of a program, and in which child: `program` or `graph`."""
     deadline = time.monotonic() + seconds
     first = _Child(lambda: _probe(program, bench), confined=bench.confined)
@@ -273,7 +268,7 @@ def main() -> None:
     channel.send({"problem": problem})
     while not problem and (frame := channel.receive()) is not None:
         request = frame.header
-        program = _gate(request["source"], bench) if request["gated"] else request["source"]
+        program = _gate(request["source"], bench)
         if isinstance(program, Answer):
             channel.send({"outcome": "refused"}, {"answer": encode(program).encode()})
             continue

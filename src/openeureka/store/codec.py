@@ -9,17 +9,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..codec import DecodeError, decode, defined, encode, shaped
+from ..text import safe_text
 from ..types import Evaluation, Lane, Message, Peak, Remark, TrainingResult, Verdict
 
-MAX_TEXT = 1 << 20
-"""Characters kept of a text that a model or a program wrote."""
 EVERY_EPOCH = ("fitness", "episode_length", "reward", "human_reward")
 """Curves that have a value, or None, for each epoch."""
-
-
-def safe_text(text: str) -> str:
-    """Text that UTF-8 and SQLite can hold: capped, without lone surrogates and NUL."""
-    return text[:MAX_TEXT].encode("utf-8", "replace").decode().replace("\0", "\N{REPLACEMENT CHARACTER}")
 
 
 def finite(value: float | None) -> float | None:

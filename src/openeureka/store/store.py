@@ -18,6 +18,7 @@ from ..codec import DecodeError, decode, encode
 from ..config import RunConfig, as_dict, restored
 from ..errors import ConfigError, StoreError
 from ..score import played
+from ..text import safe_text
 from ..types import (
     GIVEN,
     Attempt,
@@ -51,7 +52,6 @@ from .codec import (
     encode_result,
     finite,
     policy_name,
-    safe_text,
 )
 from .db import AGAIN, FILENAME, LOCK, LOG, STOP, Database, changed_row, explained
 from .remark_log import RemarkLog

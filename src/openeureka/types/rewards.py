@@ -24,7 +24,7 @@ class Node:
 
     op: str
     args: tuple[Arg, ...] = ()
-    kwargs: Mapping[str, Arg] = field(default_factory=dict)
+    kwargs: Mapping[str, Arg] = field(default_factory=dict[str, Arg])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

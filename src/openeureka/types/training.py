@@ -63,6 +63,8 @@ class TrainBudget:
 
 
 class TrainingState(StrEnum):
+    """How the training of a lane ended."""
+
     FINISHED = "finished"
     DIVERGED = "diverged"  # non-finite or absurd reward, policy or physics: the lane was masked
     FAILED = "failed"  # the worker died with it, more often than it may

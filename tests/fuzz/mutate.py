@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from random import Random
 from typing import Any
 
-from ..reward import surface
+from openeureka.reward import surface
 
 _OPERATIONS = (
     *sorted(surface.ATEN),
