@@ -27,8 +27,8 @@ from typing import Any
 
 import torch
 
+from openeureka.executors.local import PopulationTrainer
 from openeureka.tasks import registry
-from openeureka.training.executor import PopulationTrainer
 from openeureka.types import Evaluation, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainJob
 
 ROOT = Path(__file__).parents[1]

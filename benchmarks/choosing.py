@@ -22,6 +22,7 @@ from typing import Any, get_args
 from scipy.stats import spearmanr
 
 from openeureka.config import RunConfig
+from openeureka.executors.local import PopulationTrainer
 from openeureka.lanes import Lanes, lane
 from openeureka.llm import extract
 from openeureka.observer import NullObserver
@@ -32,7 +33,6 @@ from openeureka.search.strategy import Best
 from openeureka.store import Store
 from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
-from openeureka.training.executor import PopulationTrainer
 from openeureka.types import Candidate, Evaluation, Peak, Reply, RewardProgram, TrainingProgress, TrainingResult
 
 ROOT = Path(__file__).parents[1]

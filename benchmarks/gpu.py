@@ -42,6 +42,7 @@ from throughput import RAW_EPISODE, sleep_when_idle
 from throughput import raw as raw_on_cpu
 
 from openeureka import prompts
+from openeureka.executors.local import PopulationTrainer
 from openeureka.llm import extract
 from openeureka.llm.random import RandomModel
 from openeureka.sandbox.client import Sandbox
@@ -49,7 +50,6 @@ from openeureka.tasks import registry
 from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
 from openeureka.testing.conformance.parity import compare
-from openeureka.training.executor import PopulationTrainer
 from openeureka.types import Candidate, PromptPlan, RewardGraph, TrainBudget, TrainingResult, TrainingState, TrainJob
 
 KINDS = ("parity", "raw", "env", "lanes", "processes", "human")

@@ -25,12 +25,12 @@ from typing import Any
 
 from openeureka import prompts
 from openeureka.config import RunConfig
+from openeureka.executors.local import PopulationTrainer
 from openeureka.llm import extract, open_model
 from openeureka.sandbox.client import Sandbox
 from openeureka.tasks import registry
 from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
-from openeureka.training.executor import PopulationTrainer
 from openeureka.types import (
     Candidate,
     PromptPlan,

@@ -21,6 +21,7 @@ from typing import Any
 from baselines import machine, read, thinned, write
 
 from openeureka.cli.rewards import explain, judge
+from openeureka.executors.local import PopulationTrainer
 from openeureka.reward.files import read as read_reward
 from openeureka.score import mean
 from openeureka.store import StageFiles, artifacts
@@ -28,7 +29,6 @@ from openeureka.tasks import curriculum
 from openeureka.tasks.hands.pen import CYCLE
 from openeureka.tasks.registry import get
 from openeureka.training.curriculum import CurriculumTrainer
-from openeureka.training.executor import PopulationTrainer
 from openeureka.types import RewardProgram, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainJob
 
 ENV, CURRICULUM = "shadow_hand_spin", "pen_spinning"

@@ -28,9 +28,9 @@ import numpy as np
 import torch
 from mujoco.batch import Batch
 
+from openeureka.executors import devices
+from openeureka.executors.local import PopulationTrainer
 from openeureka.tasks import registry
-from openeureka.training import devices
-from openeureka.training.executor import PopulationTrainer
 from openeureka.training.population import Population
 from openeureka.types import TrainBudget, TrainingResult, TrainJob
 

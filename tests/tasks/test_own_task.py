@@ -10,11 +10,11 @@ import torch
 from openeureka.cli.main import main
 from openeureka.config import RunConfig, parse, short_name
 from openeureka.errors import TaskError
+from openeureka.executors.local import PopulationTrainer
 from openeureka.store.paths import output_directory
 from openeureka.tasks.context import context
 from openeureka.tasks.registry import get, make
 from openeureka.testing.conformance.task import TaskConformance
-from openeureka.training.executor import PopulationTrainer
 from openeureka.training.policy import Policy
 from openeureka.types import TrainBudget, TrainingResult, TrainingState, TrainJob
 

@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 import torch
 
+from openeureka.executors.local import PopulationTrainer
 from openeureka.store import StageFiles
 from openeureka.tasks import curriculum
 from openeureka.tasks.task import Stage
 from openeureka.testing.conformance.trainer import TrainerConformance
 from openeureka.testing.scripted import ToyTrainer
 from openeureka.training.curriculum import CurriculumTrainer
-from openeureka.training.executor import PopulationTrainer
 from openeureka.training.policy import Policy
 from openeureka.training.population import Population
 from openeureka.types import TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..config import RunConfig
+from ..executors.local import PopulationTrainer
 from ..store import StageFiles
 from ..tasks import curriculum
 from ..training.curriculum import CurriculumTrainer
-from ..training.executor import PopulationTrainer
 from ..types import Trainer
 from .settings import TrainConfig
 

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from openeureka.errors import ConfigError
-from openeureka.training.devices import CPU_WORKERS, devices, workers
-from openeureka.training.executor import Message, PopulationTrainer
+from openeureka.executors.devices import CPU_WORKERS, devices, workers
+from openeureka.executors.local import Message, PopulationTrainer
 from openeureka.types import TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
 
 
@@ -21,7 +21,7 @@ def signal(tmp_path: Path) -> Path:
 @pytest.fixture
 def gpus(monkeypatch: pytest.MonkeyPatch, signal: Path) -> None:
     """Three GPUs, as far as anyone asks for their number, and workers that only say on which one they are."""
-    monkeypatch.setattr("openeureka.training.devices.check_device", lambda _: None)
+    monkeypatch.setattr("openeureka.executors.devices.check_device", lambda _: None)
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 3)
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     monkeypatch.setenv("SIGNAL", str(signal))

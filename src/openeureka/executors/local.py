@@ -14,12 +14,12 @@ from typing import TypeVar
 
 from ..errors import TaskError, WorkerError
 from ..tasks import registry
+from ..training.wire import SNAPSHOT, pack_jobs, unpack
 from ..types import Dynamics, Evaluation, TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 from . import snapshots
 from .devices import devices, workers
 from .snapshots import Snapshot
-from .wire import SNAPSHOT, pack_jobs, unpack
 
 SILENCE = 600.0
 """[s] without a sign of life after which a worker counts as hung; it reports every second and compiles for seconds."""
@@ -62,7 +62,7 @@ class PopulationTrainer:
         threads: int = 0,
         *,
         snapshots: Path | None = None,
-        module: str = "openeureka.training.worker",
+        module: str = "openeureka.executors.child",
         silence: float = SILENCE,
         max_worlds: int = 0,
     ) -> None:

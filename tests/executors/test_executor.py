@@ -4,9 +4,9 @@ from pathlib import Path
 import pytest
 
 from openeureka.errors import TaskError, WorkerError
-from openeureka.training import executor
-from openeureka.training.executor import PopulationTrainer
-from openeureka.training.snapshots import Snapshot
+from openeureka.executors import local as executor
+from openeureka.executors.local import PopulationTrainer
+from openeureka.executors.snapshots import Snapshot
 from openeureka.training.wire import pack, pack_jobs, unpack, unpack_jobs
 from openeureka.types import (
     Checkpoint,

@@ -1,5 +1,5 @@
+from openeureka.executors.local import PopulationTrainer
 from openeureka.testing.conformance.trainer import TrainerConformance
-from openeureka.training.executor import PopulationTrainer
 from openeureka.types import TrainBudget
 
 

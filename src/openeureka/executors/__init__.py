@@ -1,0 +1,1 @@
+"""Where lanes run: the cores and GPUs of this machine."""
