@@ -22,7 +22,7 @@ from typing import Any, get_args
 from scipy.stats import spearmanr
 
 from openeureka.config import RunConfig
-from openeureka.executors.local import PopulationTrainer
+from openeureka.executors.local import LocalExecutor
 from openeureka.lanes import Lanes, lane
 from openeureka.llm import extract
 from openeureka.observer import NullObserver
@@ -107,7 +107,7 @@ def programs(env: str, store: Store) -> list[tuple[str, RewardProgram]]:
     return [*found.items(), ("human", "human")]
 
 
-def measure(env: str, seed: int, trainer: PopulationTrainer) -> None:
+def measure(env: str, seed: int, trainer: LocalExecutor) -> None:
     """Train what is missing of one task and seed, play it, and write it down."""
     config = RunConfig(env=env, model="replay", steps=STEPS[env], seed=0)
     with Store.open(OUTPUTS / env, config) as store:
@@ -232,4 +232,4 @@ if __name__ == "__main__":
     for seed in options.seeds:
         for env in options.env:
             print(f"{env}, seed {seed}", flush=True)
-            measure(env, seed, PopulationTrainer(threads=options.threads, snapshots=OUTPUTS / env / "snapshots"))
+            measure(env, seed, LocalExecutor(threads=options.threads, snapshots=OUTPUTS / env / "snapshots"))

@@ -21,7 +21,7 @@ from typing import Any
 from baselines import machine, read, thinned, write
 
 from openeureka.cli.rewards import explain, judge
-from openeureka.executors.local import PopulationTrainer
+from openeureka.executors.local import LocalExecutor
 from openeureka.reward.files import read as read_reward
 from openeureka.score import mean
 from openeureka.store import StageFiles, artifacts
@@ -130,7 +130,7 @@ def main(words: Sequence[str] | None = None) -> None:
     budget = TrainBudget(env_steps=steps, worlds=worlds, bonus=True)
     jobs = [TrainJob(id=f"s{seed}", program=program(options.reward), seed=seed) for seed in range(options.seeds)]
     folder = options.policies / "_".join(map(str, settings.values()))
-    trainer = PopulationTrainer(options.device, options.threads, snapshots=folder / "snapshots")
+    trainer = LocalExecutor(options.device, options.threads, snapshots=folder / "snapshots")
     for names, learn in PARTS.items():
         if not found["arms"].keys() >= set(names):
             found["arms"] |= {

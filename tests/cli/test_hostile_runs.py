@@ -14,7 +14,7 @@ from report.scripted import search_in
 from ui.serving import visitor
 
 from openeureka.cli import main as command
-from openeureka.cli import play, search, trainer
+from openeureka.cli import play, search
 from openeureka.report import plots, video
 from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, reply
 from openeureka.training.policy import Policy
@@ -60,7 +60,7 @@ def things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setattr(search, "open_model", lambda config, held: ScriptedModel([reply(5), reply(6)]))
     monkeypatch.setattr(search, "Sandbox", Checker)
     monkeypatch.setattr(search, "record_states", lambda env: {})
-    monkeypatch.setattr(trainer, "PopulationTrainer", lambda **_: Known())
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: Known())
     monkeypatch.setattr(plots, "summary", lambda run: b"png")
     monkeypatch.setattr(play.viewer, "has_display", lambda: False)
     for module in (video, play):

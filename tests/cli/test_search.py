@@ -8,7 +8,7 @@ import pytest
 import torch
 from filelock import FileLock
 
-from openeureka.cli import log, search, stop, trainer
+from openeureka.cli import log, search, stop
 from openeureka.cli import main as command
 from openeureka.config import RunConfig
 from openeureka.errors import ModelError
@@ -60,7 +60,7 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     monkeypatch.setattr(search, "open_model", lambda config, held: ScriptedModel(SCRIPT))
     monkeypatch.setattr(search, "Sandbox", Checker)
     monkeypatch.setattr(search, "record_states", lambda env: {})
-    monkeypatch.setattr(trainer, "PopulationTrainer", lambda **_: ToyTrainer())
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: ToyTrainer())
     return monkeypatch
 
 
@@ -110,7 +110,7 @@ def test_a_replay_broken_off_goes_on_where_it_stopped(parts, tmp_path, capsys):
     for name, stand_in in (("Sandbox", Checker), ("record_states", lambda env: {})):
         parts.setattr(search, name, stand_in)
     trainings = iter([Interruption(), ToyTrainer()])
-    parts.setattr(trainer, "PopulationTrainer", lambda **_: next(trainings))
+    parts.setattr("openeureka.executors.local.LocalExecutor", lambda **_: next(trainings))
     assert run("run", *again, f"dir={tmp_path}/second") == 130
     assert run("resume", f"{tmp_path}/second") == 0
     texts = [[reply.text for reply in read_replies(tmp_path / name)] for name in ("first", "second")]

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from openeureka import search as strategies
-from openeureka.cli import search, trainer, trust
+from openeureka.cli import search, trust
 from openeureka.cli.play import play
 from openeureka.cli.settings import PlayConfig
 from openeureka.cli.show import report
@@ -50,7 +50,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.setattr(search, "context", lambda env: TOY)
     monkeypatch.setattr(search, "Sandbox", Checker)
     monkeypatch.setattr(search, "record_states", lambda env: {})
-    monkeypatch.setattr(trainer, "PopulationTrainer", lambda **_: ToyTrainer())
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: ToyTrainer())
     return opened
 
 

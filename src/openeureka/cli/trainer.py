@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..config import RunConfig
-from ..executors.local import PopulationTrainer
+from ..executors import local
 from ..store import StageFiles
 from ..tasks import curriculum
 from ..training.curriculum import CurriculumTrainer
@@ -19,7 +19,7 @@ def trainer_of(config: RunConfig | TrainConfig, directory: Path, *, lanes: str) 
     Raises:
         ConfigError: for a device or a curriculum that does not exist or does not fit.
     """
-    trainer = PopulationTrainer(device=config.device, threads=config.threads, snapshots=directory / "snapshots")
+    trainer = local.LocalExecutor(device=config.device, threads=config.threads, snapshots=directory / "snapshots")
     if not config.curriculum:
         return trainer
     stages = curriculum.find(config.env, config.curriculum)
