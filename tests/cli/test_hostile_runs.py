@@ -69,6 +69,7 @@ def things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     folder = tmp_path / "things"
     bystanders(folder)
     monkeypatch.chdir(folder)
+    monkeypatch.syspath_prepend(folder)
     before = snapshot(folder)
     yield folder
     assert snapshot(folder) == before

@@ -94,6 +94,7 @@ def _parts(config: RunConfig, directory: Path) -> Iterator[Parts]:
     trainer = trainer_of(config, directory, lanes="lanes")
     model = open_model(config, held=len(read_replies(directory)) if begun else 0)
     config = search.sized(config, model.style)
+    search.make(config)  # refuses what is none; which one it will be, the store says
     size = f"{config.iteration} generations of {config.sample} rewards"
     print(f"{short_name(config.env)}: {size} by {one_line(config.model)}, in {directory}")
     if config.model == "random":

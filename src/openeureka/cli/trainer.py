@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..config import RunConfig
-from ..executors import local
+from ..executors import EXECUTORS
 from ..store import StageFiles
 from ..tasks import curriculum
 from ..training.curriculum import CurriculumTrainer
@@ -17,9 +17,10 @@ def trainer_of(config: RunConfig | TrainConfig, directory: Path, *, lanes: str) 
     """Trains the task alone, or through the stages of a curriculum, kept in the folder `lanes` of the directory.
 
     Raises:
-        ConfigError: for a device or a curriculum that does not exist or does not fit.
+        ConfigError: for an executor, a device or a curriculum that does not exist or does not fit.
     """
-    trainer = local.LocalExecutor(device=config.device, threads=config.threads, snapshots=directory / "snapshots")
+    options = {"device": config.device, "threads": config.threads, "snapshots": directory / "snapshots"}
+    trainer: Trainer = EXECUTORS.make(config.executor, **options)
     if not config.curriculum:
         return trainer
     stages = curriculum.find(config.env, config.curriculum)

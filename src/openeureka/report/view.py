@@ -176,7 +176,7 @@ class RunView:
             config, history = store.config, store.history(results)
             videos = _videos(directory, results)
             programs = earlier.programs if earlier is not None else {}
-            strategy = search.make(config, store.ranks)
+            strategy = search.recorded(config, store.ranks)
             played = {job: score.played(plays) for job, plays in store.plays().items()}
             reader = _Reader(
                 config, history, strategy, search.Ranking(history), results, played, videos, programs, store
@@ -190,7 +190,7 @@ class RunView:
                 trials=store.trials(),
                 usage=store.usage(),
                 played=played,
-                ranks=strategy.judge,
+                ranks=strategy.judge if strategy is not None else "played" if played else "training",
                 crown=store.crown(),
                 unheard=store.remarks.unheard(),
                 videos=videos,
@@ -275,7 +275,7 @@ class _Reader:
 
     config: RunConfig
     history: History
-    strategy: search.SearchStrategy
+    strategy: search.SearchStrategy | None
     ranking: search.Ranking
     results: Mapping[str, TrainingResult]
     played: Mapping[str, Evaluation]
@@ -314,7 +314,7 @@ class _Reader:
     def _parents(self, index: int, asked: Sequence[int], slots: Iterable[int]) -> dict[int, Sample]:
         """Parent by slot. Where the store did not keep it, the strategy is asked again: it has no state."""
         kept = {first: place for (generation, first), place in self.store.parents().items() if generation == index}
-        if kept or self.strategy.judge == "played":
+        if kept or self.strategy is None or self.strategy.judge == "played":
             entries = {e.sample.place: e.sample for g in self.history.generations for e in g.entries}
             firsts = {slot: max((first for first in asked if first <= slot), default=0) for slot in slots}
             return {slot: entries[kept[first]] for slot, first in firsts.items() if first in kept}
