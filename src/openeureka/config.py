@@ -36,7 +36,7 @@ class RunConfig:
     iteration: int = 0
     """Generations, N."""
     search: str = "best"
-    """`best` (global best is the parent, four-turn history), `eureka` (as published) or `pkg.mod:Name` of your own."""
+    """`best` (the best so far is the parent), `eureka` (as published) or `pkg.mod:Name` of your own."""
     init: str = ""
     """Begin with a given reward: `human`, or the path of a reward file; empty means with the model's own."""
     feedback: str = "none"
