@@ -27,8 +27,8 @@ from typing import Any
 
 import torch
 
+from openeureka.executors.local import LocalExecutor
 from openeureka.tasks import registry
-from openeureka.training.executor import PopulationTrainer
 from openeureka.types import Evaluation, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainJob
 
 ROOT = Path(__file__).parents[1]
@@ -64,7 +64,7 @@ def settings(env: str, budget: TrainBudget) -> Record:
 
 def learn(env: str, jobs: Sequence[TrainJob], budget: TrainBudget, device: str, threads: int) -> Record:
     """Train the lanes and score the peaks of F on held-out episodes; one record a lane."""
-    trainer = PopulationTrainer(device, threads, snapshots=SNAPSHOTS)
+    trainer = LocalExecutor(device, threads, snapshots=SNAPSHOTS)
     started = time.perf_counter()
     results: list[TrainingResult] = []
     for message in trainer.train(env, jobs, budget):

@@ -38,7 +38,7 @@ class RunConfig:
     iteration: int = 0
     """Generations, N."""
     search: str = "best"
-    """`best` (global best is the parent, four-turn history) or `eureka` (as published)."""
+    """`best` (the best so far is the parent), `eureka` (as published) or `pkg.mod:Name` of your own."""
     init: str = ""
     """Begin with a given reward: `human`, or the path of a reward file; empty means with the model's own."""
     feedback: str = "none"
@@ -67,6 +67,8 @@ class RunConfig:
     """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
     threads: int = 0
     """Cores to train on; 0 means all of them."""
+    executor: str = "local"
+    """Where lanes run: `local`, on this machine, or `pkg.mod:Name` of your own."""
     max_cost: float = 0.0
     """Stop before the spending on replies exceeds this many US dollars; 0 means no limit."""
     price: str = ""
@@ -95,7 +97,6 @@ class RunConfig:
         if self.seeds < 1:
             raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")
         choices = {
-            "search": ("best", "eureka"),
             "feedback": FEEDBACKS,
             "judge": ("fitness", "votes"),
             "bonus": BONUSES,

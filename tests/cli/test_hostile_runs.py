@@ -15,7 +15,7 @@ from toys import ToySandbox
 from ui.serving import visitor
 
 from openeureka.cli import main as command
-from openeureka.cli import play, search, trainer
+from openeureka.cli import play, search
 from openeureka.report import video
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 from openeureka.training.policy import Policy
@@ -56,7 +56,7 @@ def things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setattr(search, "open_model", lambda config, held: ScriptedModel([reply(5), reply(6)]))
     monkeypatch.setattr(search, "Sandbox", Confined)
     monkeypatch.setattr(search, "record_states", lambda env: {})
-    monkeypatch.setattr(trainer, "PopulationTrainer", lambda **_: Known())
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: Known())
     monkeypatch.setattr(play.viewer, "has_display", lambda: False)
     for module in (video, play):
         monkeypatch.setattr(module, "render", rendered)
@@ -64,6 +64,7 @@ def things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     folder = tmp_path / "things"
     bystanders(folder)
     monkeypatch.chdir(folder)
+    monkeypatch.syspath_prepend(folder)
     before = snapshot(folder)
     yield folder
     assert snapshot(folder) == before

@@ -4,7 +4,6 @@ from dataclasses import replace
 import pytest
 
 from openeureka import baselines
-from openeureka.cli import trainer as parts
 from openeureka.cli import training
 from openeureka.cli.main import main
 from openeureka.cli.search import resume
@@ -25,7 +24,7 @@ GOOD = "def compute_reward(pole_angle):\n    upright = torch.exp(-pole_angle**2)
 def toy(monkeypatch: pytest.MonkeyPatch) -> ToyTrainer:
     """Human rewards are worth 10, sparse ones 5, plus a hundredth of the seed; one less when held out."""
     trainer = ToyTrainer()
-    monkeypatch.setattr(parts, "PopulationTrainer", lambda **_: trainer)
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: trainer)
     return trainer
 
 

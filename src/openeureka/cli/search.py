@@ -11,6 +11,7 @@ from .. import baselines, loop, sampling, search
 from ..config import NO_MODEL, RunConfig, changed, parse, short_name
 from ..errors import ConfigError, Interrupted
 from ..llm import open_model
+from ..llm.client import LanguageModel
 from ..llm.registry import KINDS
 from ..observer import Observers
 from ..report.build import build
@@ -23,6 +24,7 @@ from ..tasks.context import context, informed
 from ..tasks.record import record_states
 from ..tasks.registry import get
 from ..text import one_line, plain
+from ..types import TaskContext, Trainer
 from . import training, trust
 from .desk import TerminalDesk
 from .live import view
@@ -32,6 +34,11 @@ from .settings import only_path, split
 from .show import summary
 from .stop import continuable, stoppable, stopped
 from .trainer import trainer_of
+
+Parts = tuple[
+    RunConfig, Store, LanguageModel, Sandbox, Trainer, TaskContext, search.SearchStrategy, Observers, TerminalDesk
+]
+"""Arguments of `loop.run`."""
 
 
 def run(words: Sequence[str]) -> None:
@@ -67,10 +74,11 @@ def resume(words: Sequence[str]) -> None:
 
 
 def _search(config: RunConfig, directory: Path) -> None:
-    """Search, then report. What a person can get wrong is refused before a directory is made."""
+    """Search, then report."""
     begun = is_run(directory)
     try:
-        _run(config, directory)
+        with _parts(config, directory) as parts:
+            loop.run(*parts)
     except KeyboardInterrupt:  # before the search, or a resumed one, was at work
         raise Interrupted(stopped(directory) if begun or is_run(directory) else "Stopped before it began.") from None
     try:
@@ -79,7 +87,10 @@ def _search(config: RunConfig, directory: Path) -> None:
         raise Interrupted(f"Stopped; the search is done. Write its report with: eureka report {directory}") from None
 
 
-def _run(config: RunConfig, directory: Path) -> None:
+@contextmanager
+def _parts(config: RunConfig, directory: Path) -> Iterator[Parts]:
+    """What a search is made of, as long as it is at work. What a person can get wrong is refused before a directory is
+    made."""
     known = context(config.env)
     baselines.chosen(config)
     begun = is_run(directory)
@@ -88,6 +99,7 @@ def _run(config: RunConfig, directory: Path) -> None:
     trainer = trainer_of(config, directory)
     model = open_model(config, held=len(read_replies(directory)) if begun else 0)
     config = search.sized(config, model.style)
+    search.make(config)  # refuses what is none; which one it will be, the store says
     size = f"{config.iteration} generations of {config.sample} rewards"
     print(f"{short_name(config.env)}: {size} by {one_line(config.model)}, in {directory}")
     if config.model == "random":
@@ -110,7 +122,7 @@ def _run(config: RunConfig, directory: Path) -> None:
             ):
                 desk = TerminalDesk(directory, config, films)
                 strategy = search.make(config, store.ranks)
-                loop.run(config, store, model, checker, trainer, known, strategy, Observers(table, *log, *films), desk)
+                yield config, store, model, checker, trainer, known, strategy, Observers(table, *log, *films), desk
     finally:
         model.close()
 

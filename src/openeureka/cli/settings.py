@@ -36,6 +36,8 @@ class TrainConfig:
     """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
     threads: int = 0
     """Cores to train on; 0 means all of them."""
+    executor: str = "local"
+    """Where lanes run: `local`, on this machine, or `pkg.mod:Name` of your own."""
     dir: str = ""
     """Run directory; empty means `outputs/<time>_train_<env>`. One that holds such a run is continued."""
     unsafe_no_sandbox: bool = False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import torch
 
@@ -12,6 +13,14 @@ from ..sim import check_device
 CPU = "cpu"
 CPU_WORKERS = 8
 """The most processes that share one CPU: each costs 0.4 GB of memory before its worlds."""
+
+
+class Slot(NamedTuple):
+    """Room for one worker."""
+
+    device: str
+    threads: int
+    """Of simulation and tensors; 0 for all cores."""
 
 
 def devices(setting: str) -> tuple[str, ...]:
@@ -29,8 +38,8 @@ def devices(setting: str) -> tuple[str, ...]:
     return tuple(found)
 
 
-def workers(devices: Sequence[str], threads: int, populations: int) -> tuple[tuple[str, int], ...]:
-    """Device and threads of each worker process, where up to so many populations can train side by side.
+def workers(devices: Sequence[str], threads: int, populations: int) -> tuple[Slot, ...]:
+    """A slot for each worker process, where up to so many populations can train side by side.
 
     On one CPU they get a process each, as far as there are cores: while the small operations of one population keep a
     single core busy, the others need not wait.
@@ -39,10 +48,10 @@ def workers(devices: Sequence[str], threads: int, populations: int) -> tuple[tup
         threads: of all workers on a CPU together, or of each worker where several devices are named; 0 for all cores.
     """
     if tuple(devices) != (CPU,):
-        return tuple((device, threads) for device in devices)
+        return tuple(Slot(device, threads) for device in devices)
     available = threads or usable_cores()
     count = max(1, min(available, populations, CPU_WORKERS))
-    return ((CPU, available // count),) * count
+    return (Slot(CPU, available // count),) * count
 
 
 def usable_cores() -> int:

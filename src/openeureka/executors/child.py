@@ -12,11 +12,11 @@ import torch
 from ..codec import defined, shaped
 from ..errors import CapacityError, TaskError
 from ..tasks.faults import fault
+from ..training.evaluate import evaluate
+from ..training.population import Population
+from ..training.wire import SNAPSHOT, pack, unpack_jobs
 from ..types import Dynamics, TrainingProgress
 from ..worker import Channel, Frame
-from .evaluate import evaluate
-from .population import Population
-from .wire import SNAPSHOT, pack, unpack_jobs
 
 
 def main() -> None:

@@ -7,8 +7,9 @@ import pytest
 import torch
 
 from openeureka.errors import ConfigError
-from openeureka.training.devices import CPU_WORKERS, devices, workers
-from openeureka.training.executor import Message, PopulationTrainer
+from openeureka.executors import scheduler
+from openeureka.executors.devices import CPU_WORKERS, devices, workers
+from openeureka.executors.local import LocalExecutor, Message
 from openeureka.types import TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
 
 
@@ -21,14 +22,14 @@ def signal(tmp_path: Path) -> Path:
 @pytest.fixture
 def gpus(monkeypatch: pytest.MonkeyPatch, signal: Path) -> None:
     """Three GPUs, as far as anyone asks for their number, and workers that only say on which one they are."""
-    monkeypatch.setattr("openeureka.training.devices.check_device", lambda _: None)
+    monkeypatch.setattr("openeureka.executors.devices.check_device", lambda _: None)
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 3)
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     monkeypatch.setenv("SIGNAL", str(signal))
 
 
 def train(names: Sequence[str], device: str = "cuda", **options) -> Iterator[Message]:
-    trainer = PopulationTrainer(device, module="reporting_worker", **options)
+    trainer = LocalExecutor(device, module="reporting_worker", **options)
     return trainer.train("cartpole", [TrainJob(id=name, program="human") for name in names], TrainBudget())
 
 
@@ -79,19 +80,22 @@ def test_lanes_on_a_cpu_train_side_by_side(monkeypatch: pytest.MonkeyPatch, gpus
     [("cpu", ["ab", "cd", "ef"]), ("cuda:1,cuda:1", ["ab", "cd", "ef"]), ("cuda:0,cuda:1", ["abc", "def"])],
 )
 def test_worlds_of_all_workers_on_a_device_count(monkeypatch: pytest.MonkeyPatch, gpus, device, expected):
-    populations: list[str] = []
-    trainer = PopulationTrainer(device, threads=2, max_worlds=1024)  # 256 worlds a lane: room for four on a device
-    monkeypatch.setattr(
-        trainer, "_train", lambda _, jobs, *rest: populations.append("".join(job.id for job in jobs)) or ()
-    )
+    dealt: list[str] = []
+
+    def noted(transport, populations, slots) -> tuple[()]:
+        dealt.extend("".join(lane.id for lane in population.lanes) for population in populations)
+        return ()
+
+    monkeypatch.setattr(scheduler, "train", noted)
+    trainer = LocalExecutor(device, threads=2, max_worlds=1024)  # 256 worlds a lane: room for four on a device
     list(trainer.train("cartpole", [TrainJob(id=name, program="human") for name in "abcdef"], TrainBudget()))
-    assert populations == expected
+    assert dealt == expected
 
 
 @pytest.mark.parametrize("setting", ["", "cpu,", "cpu,tpu"])
 def test_each_of_the_devices_must_exist(setting):
     with pytest.raises(ConfigError, match="There is no device"):
-        PopulationTrainer(setting)
+        LocalExecutor(setting)
 
 
 def test_lanes_are_spread_over_all_gpus(gpus):
@@ -148,7 +152,7 @@ def test_lanes_learn_the_same_in_two_processes_as_in_one():
     jobs = [TrainJob(id=name, program="human", seed=seed) for seed, name in enumerate("ab")]
     budget = TrainBudget(env_steps=16 * 32 * 2, worlds=32)
     apart, beside = (
-        results(PopulationTrainer(device, threads=1).train("cartpole", jobs, budget)) for device in ("cpu,cpu", "cpu")
+        results(LocalExecutor(device, threads=1).train("cartpole", jobs, budget)) for device in ("cpu,cpu", "cpu")
     )
     for name in "ab":
         assert apart[name].state is TrainingState.FINISHED

@@ -2,7 +2,8 @@
 
 import os
 
-from openeureka.training import population, worker
+from openeureka.executors import child
+from openeureka.training import population
 from openeureka.training.wire import SNAPSHOT
 from openeureka.worker import Channel
 
@@ -23,5 +24,5 @@ class KillingChannel(Channel):
             os._exit(1)
 
 
-worker.Channel = KillingChannel
-worker.main()
+child.Channel = KillingChannel
+child.main()

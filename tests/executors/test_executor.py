@@ -4,9 +4,9 @@ from pathlib import Path
 import pytest
 
 from openeureka.errors import TaskError, WorkerError
-from openeureka.training import executor
-from openeureka.training.executor import PopulationTrainer
-from openeureka.training.snapshots import Snapshot
+from openeureka.executors import local, retry
+from openeureka.executors.local import LocalExecutor
+from openeureka.executors.snapshots import Snapshot
 from openeureka.training.wire import pack, pack_jobs, unpack, unpack_jobs
 from openeureka.types import (
     Checkpoint,
@@ -37,7 +37,7 @@ def test_jobs_and_results_survive_the_pipe():
 
 def test_a_job_that_kills_its_worker_takes_no_other_with_it(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    trainer = PopulationTrainer(module="dying_worker")
+    trainer = LocalExecutor(module="dying_worker")
     jobs = [TrainJob(id=name, program="human", seed=seed) for seed, name in enumerate(["a", "b", "deadly", "late"])]
     found = {r.job: r for r in trainer.train("cartpole", jobs, TrainBudget()) if isinstance(r, TrainingResult)}
     assert [found[name].state for name in ("a", "b", "late")] == [TrainingState.FINISHED] * 3
@@ -48,8 +48,8 @@ def test_a_job_that_kills_its_worker_takes_no_other_with_it(monkeypatch: pytest.
 def interrupted(monkeypatch: pytest.MonkeyPatch, folder: Path | None) -> dict[str, TrainingResult]:
     """Results of a training whose worker is killed after its first snapshot."""
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    monkeypatch.setattr(executor, "SNAPSHOT_SECONDS", 1e-9)
-    trainer = PopulationTrainer(module="interrupted_worker", snapshots=folder, threads=1)
+    monkeypatch.setattr(retry, "SNAPSHOT_SECONDS", 1e-9)
+    trainer = LocalExecutor(module="interrupted_worker", snapshots=folder, threads=1)
     jobs = [TrainJob(id="human", program="human"), TrainJob(id="angle", program=GRAPH, seed=1)]
     budget = TrainBudget(env_steps=16 * 32 * 3, worlds=32)
     found = (r for r in trainer.train("cartpole", jobs, budget) if isinstance(r, TrainingResult))
@@ -68,7 +68,7 @@ def test_a_training_that_is_stopped_goes_on_from_where_it_was(tmp_path: Path):
 
     def trained(folder: Path, stop: bool) -> list[TrainingProgress | TrainingResult]:
         messages: list[TrainingProgress | TrainingResult] = []
-        training = PopulationTrainer(snapshots=folder, threads=1).train("cartpole", jobs, budget)
+        training = LocalExecutor(snapshots=folder, threads=1).train("cartpole", jobs, budget)
         for message in training:
             messages.append(message)
             if stop:
@@ -101,8 +101,13 @@ def test_what_is_left_of_a_training_keeps_the_populations_that_left_a_snapshot(
 ):
     def populations(names: str) -> list[list[str]]:
         found: list[list[str]] = []
-        trainer = PopulationTrainer(threads=2, snapshots=tmp_path)
-        monkeypatch.setattr(trainer, "_train", lambda _, jobs, *rest: found.append([job.id for job in jobs]) or ())
+        trainer = LocalExecutor(threads=2, snapshots=tmp_path)
+
+        def train(transport, populations, slots) -> tuple[()]:
+            found.extend([lane.id for lane in population.lanes] for population in populations)
+            return ()
+
+        monkeypatch.setattr(local.scheduler, "train", train)
         list(trainer.train("cartpole", [TrainJob(id=name, program="human") for name in names], TrainBudget(worlds=1)))
         return found
 
@@ -126,7 +131,7 @@ def test_another_training_does_not_go_on_from_this_snapshot(tmp_path: Path):
 
 
 def test_training_and_evaluation_in_a_worker():
-    trainer = PopulationTrainer(threads=1)
+    trainer = LocalExecutor(threads=1)
     jobs = [TrainJob(id="a", program="human")]
     budget = TrainBudget(env_steps=16 * 32 * 2, worlds=32)
     (result,) = (r for r in trainer.train("cartpole", jobs, budget) if isinstance(r, TrainingResult))
@@ -137,10 +142,10 @@ def test_training_and_evaluation_in_a_worker():
 
 
 def test_lanes_that_are_too_many_for_one_simulation_train_one_population_after_another():
-    trainer = PopulationTrainer(threads=1, max_worlds=64)
+    trainer = LocalExecutor(threads=1, max_worlds=64)
     jobs = [TrainJob(id=str(i), program="human", seed=i) for i in range(3)]
     budget = TrainBudget(env_steps=16 * 32, worlds=32)
-    together = PopulationTrainer(threads=1)
+    together = LocalExecutor(threads=1)
     split, whole = (
         [r for r in t.train("cartpole", jobs, budget) if isinstance(r, TrainingResult)] for t in (trainer, together)
     )
@@ -149,18 +154,9 @@ def test_lanes_that_are_too_many_for_one_simulation_train_one_population_after_a
         assert apart.curves["reward"] == pytest.approx(beside.curves["reward"], rel=1e-3)
 
 
-def test_progress_of_one_population_after_another_counts_on(monkeypatch: pytest.MonkeyPatch):
-    trainer = PopulationTrainer(max_worlds=1, threads=1)
-    step = TrainingProgress(epoch=2, epochs=4, env_steps_per_second=1.0, fitness={})
-    monkeypatch.setattr(trainer, "_train", lambda *_: (message for message in [step]))
-    jobs = [TrainJob(id=name, program="human") for name in "ab"]
-    seen = [m for m in trainer.train("cartpole", jobs, TrainBudget(worlds=1)) if isinstance(m, TrainingProgress)]
-    assert [(m.epoch, m.epochs) for m in seen] == [(2, 8), (6, 8)]
-
-
 def test_a_worker_that_hangs_is_given_up(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    trainer = PopulationTrainer(module="silent_worker", silence=0.2)
+    trainer = LocalExecutor(module="silent_worker", silence=0.2)
     (result,) = trainer.train("cartpole", [TrainJob(id="a", program="human")], TrainBudget())
     assert isinstance(result, TrainingResult) and result.state is TrainingState.FAILED
     assert "did not answer in time" in result.message
@@ -168,13 +164,13 @@ def test_a_worker_that_hangs_is_given_up(monkeypatch: pytest.MonkeyPatch):
 
 def test_an_evaluation_may_take_longer_than_a_worker_may_be_silent(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    (score,) = PopulationTrainer(module="evaluating_worker", silence=2.0).evaluate("cartpole", {"a": b""}, seed=0)
+    (score,) = LocalExecutor(module="evaluating_worker", silence=2.0).evaluate("cartpole", {"a": b""}, seed=0)
     assert (score.job, score.fitness, score.episode_length, score.episodes) == ("a", 1.0, 2.0, 3)
 
 
 def test_an_unknown_environment_is_an_error_of_the_caller_and_not_of_the_worker():
     with pytest.raises(TaskError, match="Did you mean `cartpole`"):
-        list(PopulationTrainer().train("cartpol", [TrainJob(id="a", program="human")], TrainBudget(worlds=1)))
+        list(LocalExecutor().train("cartpol", [TrainJob(id="a", program="human")], TrainBudget(worlds=1)))
 
 
 @pytest.mark.parametrize(
@@ -187,7 +183,7 @@ def test_an_unknown_environment_is_an_error_of_the_caller_and_not_of_the_worker(
 )
 def test_what_the_kernel_does_to_a_worker_is_said(signal: str, sentence: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    trainer = PopulationTrainer(module="ended_worker", silence=2.0)
+    trainer = LocalExecutor(module="ended_worker", silence=2.0)
     (result,) = trainer.train("cartpole", [TrainJob(id=signal, program="human")], TrainBudget())
     assert isinstance(result, TrainingResult) and result.state is TrainingState.FAILED
     assert sentence in result.message
@@ -196,7 +192,7 @@ def test_what_the_kernel_does_to_a_worker_is_said(signal: str, sentence: str, mo
 def test_a_reward_that_ends_its_worker_has_a_result_also_when_it_trains_alone(monkeypatch: pytest.MonkeyPatch):
     """The human reward trains on this machine, so the reward is at fault."""
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    (result,) = PopulationTrainer(module="choosy_worker").train(
+    (result,) = LocalExecutor(module="choosy_worker").train(
         "cartpole", [TrainJob(id="a", program=GRAPH)], TrainBudget()
     )
     assert isinstance(result, TrainingResult) and result.state is TrainingState.FAILED
@@ -206,16 +202,12 @@ def test_a_reward_that_ends_its_worker_has_a_result_also_when_it_trains_alone(mo
 def test_where_not_even_the_human_reward_trains_the_machine_is_at_fault(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     with pytest.raises(WorkerError, match="It was killed"):
-        list(
-            PopulationTrainer(module="killed_worker").train(
-                "cartpole", [TrainJob(id="a", program=GRAPH)], TrainBudget()
-            )
-        )
+        list(LocalExecutor(module="killed_worker").train("cartpole", [TrainJob(id="a", program=GRAPH)], TrainBudget()))
 
 
 def test_a_worker_that_dies_in_an_evaluation_is_started_again_once_for_what_is_left(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    trainer = PopulationTrainer(module="half_evaluating_worker")
+    trainer = LocalExecutor(module="half_evaluating_worker")
     assert [score.job for score in trainer.evaluate("cartpole", {"a": b"", "b": b""}, seed=0)] == ["a", "b"]
     scores = trainer.evaluate("cartpole", {"a": b"", "b": b"", "c": b""}, seed=0)
     assert [next(scores).job, next(scores).job] == ["a", "b"]
