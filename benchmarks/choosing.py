@@ -22,10 +22,10 @@ from typing import Any, get_args
 from scipy.stats import spearmanr
 
 from openeureka.config import RunConfig
-from openeureka.lanes import Lanes, lane
-from openeureka.llm import extract
+from openeureka.lanes import Lanes, deal
 from openeureka.observer import NullObserver
 from openeureka.report.text import number
+from openeureka.reward import extract
 from openeureka.sandbox.client import Sandbox
 from openeureka.score import mean, rank
 from openeureka.search.strategy import Best
@@ -33,7 +33,16 @@ from openeureka.store import Store
 from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
 from openeureka.training.executor import PopulationTrainer
-from openeureka.types import Candidate, Evaluation, Peak, Reply, RewardProgram, TrainingProgress, TrainingResult
+from openeureka.types import (
+    Candidate,
+    Evaluation,
+    Peak,
+    Reply,
+    RewardProgram,
+    TrainingProgress,
+    TrainingResult,
+    lane_id,
+)
 
 ROOT = Path(__file__).parents[1]
 REPLIES = ROOT / "benchmarks" / "choosing"
@@ -113,7 +122,7 @@ def measure(env: str, seed: int, trainer: PopulationTrainer) -> None:
     with Store.open(OUTPUTS / env, config) as store:
         rewards = programs(env, store)
         lanes = Lanes(config, store, trainer, Say())
-        results = lanes.train(rewards, seeds=[seed])
+        results = lanes.train(deal(rewards, [seed], "final" if seed else "candidate"))
         lanes.play(results, Best(samples=0, peaks=PEAKS))
         known = _read().get(env, {"lanes": {}})["lanes"]
         records: Record = {}
@@ -158,7 +167,7 @@ def ranking(measured: Record) -> list[tuple[str, ...]]:
 
 def _ranking(env: str, lanes: Mapping[str, Record]) -> tuple[str, ...]:
     names = sorted({job.rpartition("-s")[0] for job in lanes} - {"human"})
-    first = {name: lanes[lane(name, SEEDS[0])] for name in names}
+    first = {name: lanes[lane_id(name, SEEDS[0])] for name in names}
     names = [name for name in names if first[name]["held_out"] and first[name]["training"] is not None]
     training = [first[name]["training"] for name in names]
     played = [_score(first[name], _standing(first[name])) for name in names]
@@ -192,12 +201,12 @@ def _score(record: Record, peak: Peak) -> float:
 
 def _seeds(lanes: Mapping[str, Record], name: str) -> list[int]:
     """Further ones that are done."""
-    return [seed for seed in SEEDS[1:] if lane(name, seed) in lanes]
+    return [seed for seed in SEEDS[1:] if lane_id(name, seed) in lanes]
 
 
 def _fresh(lanes: Mapping[str, Record], name: str) -> float | None:
     """Held-out F of further trainings, mean over seeds; None where there are none."""
-    done = [lanes[lane(name, seed)] for seed in _seeds(lanes, name)]
+    done = [lanes[lane_id(name, seed)] for seed in _seeds(lanes, name)]
     return mean([one["held_out"][_standing(one)]["fitness"] for one in done if one["held_out"]])
 
 

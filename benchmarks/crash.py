@@ -1,10 +1,11 @@
-"""What a search loses when it is killed: SIGKILL at its k-th step, for every k there is, and each time a resumption.
+"""What a run loses when it is killed: SIGKILL at its k-th step, for every k there is, and each time a resumption.
 
     python benchmarks/crash.py                    # every point; writes benchmarks/results/crash.json
     python benchmarks/crash.py --stride 5         # every fifth point of each mode
 
 The search is scripted, so that all of its steps are the same each time: three generations, repairs, refills, equal
-programs, a slot that is given up, a person's remarks, final trainings, trials. Steps are, by mode:
+programs, a slot that is given up, a person's remarks, final trainings, trials. So is a training of given rewards, as of
+`eureka train`. Steps are, by mode:
 
     around   just before and just after each write to the store or to a file
     within   before each SQL statement and each rename, so also between a reply's arrival and its commit
@@ -22,20 +23,20 @@ import sqlite3
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from openeureka import search
-from openeureka.config import RunConfig
+from openeureka import given, search
+from openeureka.config import NO_MODEL, RunConfig
 from openeureka.loop import run
 from openeureka.observer import NullObserver
 from openeureka.person import EmptyDesk
 from openeureka.store import Store, artifacts, say
 from openeureka.store.db import FILENAME, Database
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
-from openeureka.types import Generation, Place, Prompt, Remark, RemarkKind, Reply
+from openeureka.types import Candidate, Generation, Place, Prompt, Remark, RemarkKind, Reply
 
 RESULT = Path(__file__).parent / "results" / "crash.json"
 CONFIG = RunConfig(sample=3, iteration=3, repair=1, refill=1, seeds=3, feedback="human")
@@ -142,6 +143,20 @@ def whole_run(directory: Path) -> None:
         run(CONFIG, store, model, ToyChecker(), ToyTrainer(error=0.5), TOY, search.make(CONFIG), None, Person(store))
 
 
+GIVEN = replace(CONFIG, model=NO_MODEL, sample=0, iteration=0, feedback="none")
+
+
+def whole_training(directory: Path) -> None:
+    """Three given rewards with three seeds each, as far as the directory lacks them."""
+    candidate = Candidate.of("def compute_reward():\n    return 3.0, {}\n")
+    with Store.open(directory, GIVEN) as store:
+        given.keep(store, {"human": None, "mine": (candidate, ToyChecker().check(candidate)), "sparse": None})
+        given.train(GIVEN, store, ToyTrainer(error=0.5))
+
+
+WHOLE: Mapping[str, Callable[[Path], None]] = {"search": whole_run, "train": whole_training}
+
+
 def in_child(work: Callable[[], None]) -> int:
     """Run in a fork, so that Python starts once for all of them; the signal that ended it, or 0."""
     child = os.fork()
@@ -154,17 +169,17 @@ def in_child(work: Callable[[], None]) -> int:
     return os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
 
 
-def kill_and_resume(folder: Path, mode: str, k: int) -> Path | None:
+def kill_and_resume(folder: Path, kind: str, mode: str, k: int) -> Path | None:
     """A run killed at its k-th step and finished by a second process; None when it has fewer steps."""
-    directory = folder / f"{mode}-{k}"
+    directory = folder / f"{kind}-{mode}-{k}"
 
     def killed() -> None:
         MODES[mode](Countdown(k))
-        whole_run(directory)
+        WHOLE[kind](directory)
 
     if in_child(killed) == 0:
         return None
-    in_child(lambda: whole_run(directory))
+    in_child(lambda: WHOLE[kind](directory))
     return directory
 
 
@@ -189,7 +204,7 @@ class Outcome:
         self.intact += intact(directory)
         self.same_rows += rows(directory) == rows(whole)
         self.same_files += files(directory) == files(whole)
-        again = len(asked(directory)) - REPLIES
+        again = len(asked(directory)) - len(asked(whole))
         if again > 1:
             sys.exit(f"{directory.name} asked again for {again} replies, and only one can have been in flight.")
         self.replies_asked_again += again
@@ -212,16 +227,19 @@ def files(directory: Path) -> dict[str, bytes]:
 
 
 def asked(directory: Path) -> list[str]:
-    return directory.with_suffix(".meter").read_text().split()
+    meter = directory.with_suffix(".meter")
+    return meter.read_text().split() if meter.exists() else []
 
 
-def measure(folder: Path, stride: int) -> dict[str, Outcome]:
-    whole = folder / "whole"
-    in_child(lambda: whole_run(whole))
+def measure(folder: Path, kind: str, stride: int) -> dict[str, Outcome]:
+    whole = folder / kind
+    in_child(lambda: WHOLE[kind](whole))
+    if kind == "search":
+        assert len(asked(whole)) == REPLIES
     found = {mode: Outcome() for mode in MODES}
     for mode, outcome in found.items():
         k = 0
-        while (directory := kill_and_resume(folder, mode, k)) is not None:
+        while (directory := kill_and_resume(folder, kind, mode, k)) is not None:
             outcome.add(directory, whole)
             k += stride
     return found
@@ -235,18 +253,19 @@ def main() -> None:
     # A killed process needs no disk: the page cache outlives it, and memory makes the syncs of hundreds of runs free.
     place = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
     with tempfile.TemporaryDirectory(dir=place) as folder:
-        found = measure(Path(folder), options.stride)
+        found = {kind: measure(Path(folder), kind, options.stride) for kind in WHOLE}
     report = {
         "date": datetime.now(UTC).date().isoformat(),
         "python": platform.python_version(),
         "sqlite": sqlite3.sqlite_version,
         "stride": options.stride,
-        "modes": {mode: asdict(outcome) for mode, outcome in found.items()},
+        "runs": {kind: {mode: asdict(outcome) for mode, outcome in modes.items()} for kind, modes in found.items()},
     }
     options.out.parent.mkdir(parents=True, exist_ok=True)
     options.out.write_text(json.dumps(report, indent=1) + "\n")
-    for mode, outcome in found.items():
-        print(f"{mode}: {outcome}")
+    for kind, modes in found.items():
+        for mode, outcome in modes.items():
+            print(f"{kind}, {mode}: {outcome}")
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ import argparse
 import json
 import subprocess
 import sys
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -35,23 +36,26 @@ SETTINGS = ("env=ballbalance", "steps=600000", "seed=100", "seeds=5")
 def measure() -> dict[str, Any]:
     """Train all lanes at once and read what came of them."""
     rewards = ",".join("human" if name == "human" else str(REPLIES / f"{name}.md") for name in AUTHORS)
-    words = [*SETTINGS, f"reward={rewards}", f"dir={OUTPUT}"]
-    subprocess.run([Path(sys.executable).with_name("eureka"), "train", *words], check=True)
-    jobs = json.loads((OUTPUT / "result.json").read_text())["jobs"]
+    command = [
+        Path(sys.executable).with_name("eureka"),
+        "train",
+        *SETTINGS,
+        f"reward={rewards}",
+        f"dir={OUTPUT}",
+        "--json",
+    ]
+    lanes = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)["given"].values()
     return {
         "settings": " ".join(SETTINGS),
         "date": datetime.now(UTC).date().isoformat(),
-        "held_out": {name: _lanes(jobs, name, "held_out_fitness") for name in AUTHORS},
-        "in_training": {name: _lanes(jobs, name, "fitness") for name in AUTHORS},
+        "held_out": {name: _seeds(lanes, name, "held_out_fitness") for name in AUTHORS},
+        "in_training": {name: _seeds(lanes, name, "fitness") for name in AUTHORS},
     }
 
 
-def _lanes(jobs: dict[str, Any], name: str, key: str) -> list[float]:
-    """In the order of seeds; results come as they finish."""
-    seeds = {
-        int(seed): lane[key] for job, lane in jobs.items() for own, _, seed in [job.rpartition("-s")] if own == name
-    }
-    return [seeds[seed] for seed in sorted(seeds)]
+def _seeds(lanes: Iterable[dict[str, Any]], name: str, key: str) -> list[float]:
+    """A value a seed, in their order."""
+    return [lane[key] for lane in sorted(lanes, key=lambda lane: lane["seed"]) if lane["reward"] == name]
 
 
 def markdown() -> str:

@@ -42,8 +42,8 @@ from throughput import RAW_EPISODE, sleep_when_idle
 from throughput import raw as raw_on_cpu
 
 from openeureka import prompts
-from openeureka.llm import extract
 from openeureka.llm.random import RandomModel
+from openeureka.reward import extract
 from openeureka.sandbox.client import Sandbox
 from openeureka.tasks import registry
 from openeureka.tasks.context import context

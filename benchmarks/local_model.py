@@ -25,7 +25,8 @@ from typing import Any
 
 from openeureka import prompts
 from openeureka.config import RunConfig
-from openeureka.llm import extract, open_model
+from openeureka.llm import open_model
+from openeureka.reward import extract
 from openeureka.sandbox.client import Sandbox
 from openeureka.tasks import registry
 from openeureka.tasks.context import context

@@ -45,7 +45,8 @@ PAINT = {"ball": (0.95, 0.45, 0.1, 1.0), "tray": (0.8, 0.82, 0.85, 1.0)}  # bodi
 
 def played() -> tuple[np.ndarray, np.ndarray]:
     """Positions (pictures, policies * balls, nq), and the step (policies * balls,) at which a ball fell, or STEPS."""
-    policies = [Policy.from_bytes((RUN / f"{name}-s{SEED}" / "policy.safetensors").read_bytes()) for name in NAMES]
+    paths = [RUN / "lanes" / f"{name}-s{SEED}" / "best_fitness.safetensors" for name in NAMES]
+    policies = [Policy.from_bytes(path.read_bytes()) for path in paths]
     simulation = registry.make("ballbalance", worlds=BALLS, lane_seeds=[SEED + HELD_OUT_SEED] * len(NAMES), threads=1)
     player, observation = Player(policies), simulation.reset()
     ends = np.full(BALLS * len(NAMES), STEPS)

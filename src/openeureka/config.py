@@ -11,6 +11,8 @@ from typing import Any, TypeVar, get_type_hints
 
 from .errors import ConfigError, nearest
 
+NO_MODEL = "none"
+"""`model` of a run that searches for nothing: given rewards train, and are compared."""
 BONUSES = ("none", "original")
 VIDEOS = ("all", "best", "none")
 FEEDBACKS = ("none", "human")
@@ -111,7 +113,7 @@ class RunConfig:
     @property
     def generations(self) -> int:
         """All generations: those of the model, after that of a given reward."""
-        return self.iteration + bool(self.init)
+        return self.iteration + bool(self.init) if self.model != NO_MODEL else 0
 
     @property
     def hearings(self) -> int:

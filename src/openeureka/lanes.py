@@ -1,4 +1,4 @@
-"""Trains and scores what the store does not hold yet, and names every lane."""
+"""Trains, plays and scores the lanes that the store does not hold yet."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ from .store import Store
 from .types import (
     CandidateId,
     Evaluation,
+    Lane,
     Peak,
     RewardProgram,
+    Role,
     Sample,
     Scored,
     TrainBudget,
@@ -26,6 +28,7 @@ from .types import (
     TrainingResult,
     TrainingState,
     TrainJob,
+    lane_id,
 )
 
 HELD_OUT, CHOOSING = 1_000_003, 2_000_003
@@ -38,9 +41,13 @@ SHARE = 0.1
 BASELINES: tuple[tuple[str, RewardProgram], ...] = (("human", "human"), ("sparse", "sparse"))
 
 
-def lane(name: str, seed: int) -> str:
-    """The job id of a reward (candidate id, `human` or `sparse`) and a seed."""
-    return f"{name}-s{seed}"
+Wanted = tuple[Lane, RewardProgram]
+"""A lane, and what it trains under."""
+
+
+def deal(rewards: Iterable[tuple[str, RewardProgram]], seeds: Iterable[int], role: Role) -> list[Wanted]:
+    """A lane for every reward and seed."""
+    return [(Lane(name, seed, role), program) for name, program in rewards for seed in seeds]
 
 
 def programs(samples: Iterable[Sample]) -> list[tuple[CandidateId, RewardProgram]]:
@@ -69,7 +76,9 @@ def final_lanes(
     fresh = {entry.sample.verdict.candidate: list(final_seeds(config)) for entry in arms}
     fresh |= {name: [config.seed, *final_seeds(config)] for name, _ in beside(config)}
     return {
-        name: [job for seed in seeds if (job := lane(name, seed)) in results and (seed != config.seed or job in scores)]
+        name: [
+            job for seed in seeds if (job := lane_id(name, seed)) in results and (seed != config.seed or job in scores)
+        ]
         for name, seeds in fresh.items()
     }
 
@@ -92,41 +101,41 @@ class Lanes:
     trainer: Trainer
     observer: Observer
 
-    def train(self, rewards: Iterable[tuple[str, RewardProgram]], seeds: Sequence[int]) -> dict[str, TrainingResult]:
-        """Results of every reward with every seed, by job id.
+    def train(self, wanted: Iterable[Wanted]) -> dict[str, TrainingResult]:
+        """Results of all these lanes, by id; those that the store holds are not trained again.
 
         Raises:
             WorkerError: when no lane at all could be trained, nor the task's own reward: the machine's fault, not a
                 reward's. A lane that ends its worker by itself has a result that says so.
         """
-        jobs = [
-            TrainJob(id=lane(name, seed), program=program, seed=seed) for name, program in rewards for seed in seeds
-        ]
+        lanes = dict(wanted)
+        self.store.save_lanes(lanes)
         known = self.store.results()
         # Programs that differ only in comments or local names have equal graphs: they train once and share the result.
         twins: dict[str, list[TrainJob]] = {}
-        for job in jobs:
-            if job.id not in known:
-                twins.setdefault(f"{job.seed} {job.program}", []).append(job)
-        wanted = [group[0] for group in twins.values()]
+        for lane, program in lanes.items():
+            if lane.id not in known:
+                job = TrainJob(id=lane.id, program=program, seed=lane.seed)
+                twins.setdefault(f"{lane.seed} {program}", []).append(job)
+        missing = [group[0] for group in twins.values()]
         sharing = {group[0].id: group for group in twins.values()}
         budget = TrainBudget(
             env_steps=self.config.steps, worlds=self.config.worlds, bonus=self.config.bonus == "original"
         )
         failed: list[TrainingResult] = []
-        for event in self.trainer.train(self.config.env, wanted, budget) if wanted else ():
+        for event in self.trainer.train(self.config.env, missing, budget) if missing else ():
             if isinstance(event, TrainingProgress):
                 self.observer.progress(event)
             elif event.state is TrainingState.FAILED:
                 failed.append(event)
             else:
                 self._keep(event, sharing[event.job])
-        if failed and len(failed) == len(wanted) and any(isinstance(job.program, str) for job in wanted):
+        if failed and len(failed) == len(missing) and any(isinstance(job.program, str) for job in missing):
             raise WorkerError(failed[0].message)
         for result in failed:
             self._keep(result, sharing[result.job])
         results = self.store.results()
-        return {job.id: results[job.id] for job in jobs}
+        return {lane.id: results[lane.id] for lane in lanes}
 
     def _keep(self, result: TrainingResult, jobs: Iterable[TrainJob]) -> None:
         for job in jobs:
@@ -139,7 +148,7 @@ class Lanes:
         return final_lanes(self.config, arms, self.store.results(), self.store.plays())
 
     def play(self, jobs: Iterable[str], strategy: SearchStrategy) -> dict[str, Evaluation]:
-        """What each job scores by the one of its policies that plays best, on start states kept for choosing; nothing
+        """What each lane scores by the one of its policies that plays best, on start states kept for choosing; nothing
         where the strategy ranks by training.
 
         All play some episodes; those candidates that are level with the best of them within the errors of both play
@@ -148,9 +157,9 @@ class Lanes:
         if strategy.judge == "training":
             return {}
         jobs = tuple(dict.fromkeys(jobs))
-        beside = {lane(name, seed) for name, _ in BASELINES for seed in (self.config.seed, *final_seeds(self.config))}
         self._look(0, jobs, strategy.peaks)
-        rivals = [job for job in jobs if job not in beside]
+        lanes, beside = self.store.lanes(), dict(BASELINES)
+        rivals = [job for job in jobs if lanes[job].role == "given" or lanes[job].reward not in beside]
         self._look(1, level(self._scores(rivals)), strategy.peaks)
         scores = self._scores(jobs)
         self.observer.played(scores)
@@ -174,7 +183,7 @@ class Lanes:
             return
         episodes = affordable([results[job] for job in jobs], len(peaks))
         seed = self.config.seed + CHOOSING + look
-        scores = []
+        scores: list[Evaluation] = []
         for score in self.trainer.evaluate(self.config.env, playing, seed=seed, episodes=episodes):
             job, peak = places[score.job]
             scores.append(dataclasses.replace(score, job=job, peak=peak))

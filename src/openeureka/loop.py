@@ -9,7 +9,7 @@ from random import Random
 
 from . import baselines, hacking, race
 from .config import RunConfig
-from .lanes import Lanes, beside, lane, programs
+from .lanes import Lanes, beside, deal, programs
 from .llm.client import LanguageModel
 from .observer import NullObserver, Observer
 from .person import Desk, EmptyDesk, Hearing
@@ -18,7 +18,7 @@ from .sampling import Checker, Sampler
 from .score import Outcome, rank
 from .search import Ranking, SearchStrategy
 from .store import Store
-from .types import History, Scored, TaskContext, Trainer
+from .types import History, Scored, TaskContext, Trainer, lane_id
 
 
 def run(
@@ -55,14 +55,15 @@ def run(
 
         observer.phase(index, "train")
         others = beside(config) if index == 0 else ()
-        results = lanes.train([*programs(samples), *others], seeds=[config.seed])
+        own = [config.seed]
+        results = lanes.train([*deal(programs(samples), own, "candidate"), *deal(others, own, "baseline")])
         if strategy.judge == "played":
             observer.phase(index, "play")
         scores = lanes.play([*history.jobs, *results], strategy)
 
-        entries = []
+        entries: list[Scored] = []
         for sample in samples:
-            job = lane(sample.verdict.candidate, config.seed)
+            job = lane_id(sample.verdict.candidate, config.seed)
             feedback = reflect(sample, results.get(job), model.style, scores.get(job))
             entries.append(Scored(sample=sample, result=results.get(job), played=scores.get(job), feedback=feedback))
         history = strategy.tell(history.replayed(scores), entries)
@@ -105,8 +106,8 @@ def conclude(
 
 def keep(store: Store, lanes: Lanes, strategy: SearchStrategy, best: Scored, job: str | None = None) -> None:
     """Leave the best reward in `best/`, with the policy of its lane in the search, or of another."""
-    job = job or lane(best.sample.verdict.candidate, lanes.config.seed)
-    store.save_best(best, job, lanes.standing([job], strategy)[job])
+    job = job or lane_id(best.sample.verdict.candidate, lanes.config.seed)
+    store.save_best(best.sample.candidate, job, lanes.standing([job], strategy)[job])
 
 
 def summarise(config: RunConfig, store: Store, history: History) -> Outcome:

@@ -11,13 +11,13 @@ What programs, models and trainings wrote is data: it is cleaned and capped befo
 from __future__ import annotations
 
 import math
-import unicodedata
 from functools import cache
 from importlib.resources import files
 from typing import Literal
 
 from .llm import grammar
 from .reward import surface
+from .text import plain
 from .types import Evaluation, Message, Opinion, Prompt, PromptPlan, Scored, StateVar, TaskContext, Verdict
 
 MAX_PROGRAM = 12_000
@@ -60,13 +60,13 @@ def repair(prompt: Prompt, reply: str, verdict: Verdict) -> Prompt:
 
 
 def clean(text: str, limit: int) -> str:
-    """Printable text of at most about `limit` characters: no control, invisible or direction-changing ones.
+    """Plain text of at most about `limit` characters.
 
     What is too long loses its middle: mistakes are named at the end of a text as often as at its beginning.
     """
     if len(text) > limit:
         text = text[: limit // 2] + _CUT + text[-(limit // 2) :]
-    return "".join(c for c in text.replace("\r\n", "\n") if c in "\n\t" or unicodedata.category(c)[0] != "C")
+    return plain(text)
 
 
 def _free(context: TaskContext, plan: PromptPlan) -> Prompt:
@@ -198,7 +198,7 @@ def _with_failures(messages: tuple[Message, ...], plan: PromptPlan) -> tuple[Mes
 
 def _with_opinion(messages: tuple[Message, ...], opinion: Opinion, limit: int, rejected: int) -> tuple[Message, ...]:
     """What a person said, at the end of the last request; the newest words survive the limit."""
-    lines = []
+    lines: list[str] = []
     if opinion.chosen:
         lines.append("They chose the last reward function above as the one to improve.")
     if opinion.won or opinion.lost:

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from . import baselines
 from .config import RunConfig
-from .lanes import Lanes, beside, final_lanes, final_seeds, programs
+from .lanes import Lanes, beside, deal, final_lanes, final_seeds, programs
 from .score import Outcome, compare, difference, level, mean, rank
 from .search import Ranking, SearchStrategy
 from .types import Evaluation, History, Place, Scored, TrainingResult
@@ -60,7 +60,7 @@ def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | 
     config, names, raced = lanes.config, list(arms), strategy.judge == "played"
     known, others = baselines.chosen(config), beside(config)[: 1 if raced else None]
     for seeds in rounds(final_seeds(config), raced=raced):
-        lanes.train([*programs(arms[name].sample for name in names), *others], seeds)
+        lanes.train(deal([*programs(arms[name].sample for name in names), *others], seeds, "final"))
         if not raced:
             break
         finals = lanes.final(tuple(arms.values()))

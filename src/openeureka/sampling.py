@@ -10,13 +10,25 @@ from typing import Protocol
 
 from . import prompts
 from .config import RunConfig
-from .errors import BudgetError, RewardFileError
-from .llm import extract
+from .errors import RewardFileError
+from .llm import price
 from .llm.client import LanguageModel
 from .observer import Observer
+from .reward import extract
 from .store import Store
-from .tasks import human
-from .types import GIVEN, Candidate, Finding, Prompt, PromptPlan, Reply, Sample, TaskContext, Verdict, VerdictCode
+from .types import (
+    GIVEN,
+    Candidate,
+    Finding,
+    Message,
+    Prompt,
+    PromptPlan,
+    Reply,
+    Sample,
+    TaskContext,
+    Verdict,
+    VerdictCode,
+)
 
 
 class Checker(Protocol):
@@ -65,7 +77,7 @@ class Sampler:
             slots = range(len(samples), len(samples) + plan.count)
             prompt = prompts.render(self.context, plan, self.model.style)
             parent = plan.turns[-1].sample.place if plan.turns else None
-            self.store.save_prompt(generation, slots.start, prompt, parent)
+            self.store.save_prompt(generation, slots, prompt, parent)
             samples += self._fill(generation, prompt, slots, known=[*earlier, *samples])
         return tuple(samples)
 
@@ -79,25 +91,29 @@ class Sampler:
             reply = Reply(text=f"```python\n{given(self.config).source}\n```", model=GIVEN)
             _accept(self.config, self._judged(reply)[1])
             self.store.save_reply(0, 0, 0, reply)
+        self.store.save_slots(0, range(1), asked=None, parent=None)
         return (self._check(0, 0, 0),)
 
     def _fill(self, generation: int, prompt: Prompt, slots: Sequence[int], known: Sequence[Sample]) -> list[Sample]:
         filled: dict[int, Sample] = {}
+        shown: dict[int, tuple[Message, ...]] = {}
         turns = 1 + self.config.repair
         for attempt in range(turns * (1 + self.config.refill)):
             vacant = [slot for slot in slots if slot not in filled or not filled[slot].verdict.accepted]
             if attempt % turns == 0:
                 vacant = sorted({*vacant, *_repeating(filled, known)})
+                shown.clear()
                 self._draw(prompt, generation, attempt, vacant)
             else:
                 for slot in vacant:
                     reply = self._reply(generation, attempt - 1, slot)
                     repair = prompts.repair(prompt, reply.text, filled[slot].verdict)
+                    shown[slot] = repair.messages[len(prompt.messages) :]
                     self._draw(repair, generation, attempt, [slot])
             if vacant:
                 self.observer.phase(generation, "check")
             for slot in vacant:
-                sample = self._check(generation, attempt, slot)
+                sample = self._check(generation, attempt, slot, shown.get(slot, ()))
                 if slot not in filled or sample.verdict.accepted or not filled[slot].verdict.accepted:
                     filled[slot] = sample
         return [filled[slot] for slot in slots]
@@ -108,29 +124,18 @@ class Sampler:
         if not missing:
             return
         self.observer.phase(generation, "sample")
-        self._afford(len(missing))
+        if self.config.max_cost:
+            known = price.find(self.config.model, self.config.price)
+            price.afford(self.config.max_cost, self.store.replies(), known, prompt, len(missing))
         self.observer.asked(missing)
         seed = request_seed(self.config.seed, generation, attempt, missing[0])
         for slot, reply in zip(missing, self.model.sample(prompt, n=len(missing), seed=seed), strict=True):
             self.store.save_reply(generation, attempt, slot, reply)
             self.observer.reply(generation, slot, reply)
 
-    def _afford(self, count: int) -> None:
-        """Stop before a request that would, at the mean price so far, pass the limit."""
-        limit = self.config.max_cost
-        if not limit:
-            return
-        replies = self.store.replies()
-        spent = sum(reply.usage.cost_usd for reply in replies)
-        price = spent / len(replies) if replies else 0.0
-        if spent + price * count > limit:
-            raise BudgetError(
-                f"{count} more replies would pass max_cost={limit:g}: {spent:.2f} US dollars are spent. "
-                "Nothing is lost; run the same command with a higher max_cost to go on."
-            )
-
-    def _check(self, generation: int, attempt: int, slot: int) -> Sample:
+    def _check(self, generation: int, attempt: int, slot: int, repair: Sequence[Message] = ()) -> Sample:
         candidate, verdict = self._judged(self._reply(generation, attempt, slot))
+        self.store.save_attempt(generation, attempt, slot, candidate.id if candidate is not None else None, repair)
         sample = Sample(generation=generation, slot=slot, candidate=candidate, verdict=verdict, attempts=attempt + 1)
         self.observer.verdict(sample)
         return sample
@@ -161,6 +166,8 @@ def given(config: RunConfig) -> Candidate:
         RewardFileError: when the file cannot be read.
         TaskError: when the human reward of the task is no program by itself.
     """
+    from .tasks import human  # the loop itself needs neither torch nor a simulator
+
     return Candidate.of(human.program(config.env)) if config.init == "human" else extract.in_file(Path(config.init))[0]
 
 
@@ -179,7 +186,7 @@ def _accept(config: RunConfig, verdict: Verdict) -> None:
 def _repeating(filled: Mapping[int, Sample], known: Iterable[Sample]) -> list[int]:
     """Slots whose accepted program computes what a known one, or that of a slot before, computes already."""
     seen = {str(sample.verdict.graph) for sample in known}
-    repeating = []
+    repeating: list[int] = []
     for slot, sample in sorted(filled.items()):
         program = str(sample.verdict.graph)
         if sample.verdict.accepted and program in seen:

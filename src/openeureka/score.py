@@ -140,7 +140,7 @@ def difference(
 
 
 def _quantile(freedom: int, claims: int) -> float:
-    from scipy.special import stdtrit  # a third of a second that only the end of a search needs
+    from scipy.special import stdtrit  # pyright: ignore[reportMissingTypeStubs] # a third of a second that only the end of a search needs
 
     return float(stdtrit(freedom, 1 - (1 - CONFIDENCE) / (2 * max(1, claims))))
 
@@ -187,7 +187,7 @@ class Outcome:
     method: Arm = Arm()
     human: Arm = Arm()
     sparse: Arm = Arm()
-    rivals: Mapping[Place, Arm] = field(default_factory=dict)
+    rivals: Mapping[Place, Arm] = field(default_factory=dict[Place, Arm])
     """The other rewards that the best was confirmed against."""
     correlation: float | None = None
     """Pearson correlation of the best reward with the human reward over transitions, mean over seeds."""

@@ -7,7 +7,6 @@ by `Worker`; on their side they open a `Channel`. Whatever is started otherwise,
 from __future__ import annotations
 
 import ctypes
-import json
 import os
 import select
 import signal
@@ -20,7 +19,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import IO, Any
 
+from . import codec
+from .codec import DecodeError
 from .errors import WorkerError
+from .types.bounds import Count
 
 _PREFIX = struct.Struct("<IQ")  # header bytes, blob bytes
 MAX_HEADER = 64 << 20
@@ -58,12 +60,21 @@ class WorkerTimeout(WorkerError):
 
 @dataclass(frozen=True, slots=True)
 class Frame:
+    """One message: data that JSON can say, and bytes by name."""
+
     header: Mapping[str, Any]
     blobs: Mapping[str, bytes] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, slots=True)
+class _Head:
+    header: Mapping[str, Any]
+    blobs: Mapping[str, Count]
+    """Their sizes [bytes], in order."""
+
+
 def _encode(header: Mapping[str, Any], blobs: Mapping[str, bytes]) -> bytes:
-    head = json.dumps({"header": header, "blobs": {name: len(blob) for name, blob in blobs.items()}}).encode()
+    head = codec.encode(_Head(header, {name: len(blob) for name, blob in blobs.items()})).encode()
     return b"".join((_PREFIX.pack(len(head), sum(map(len, blobs.values()))), head, *blobs.values()))
 
 
@@ -98,13 +109,12 @@ class _Reader:
         if head_size > self.max_header or blob_size > self.max_blobs:
             raise WorkerDied(f"The worker process announced an oversized frame ({head_size} + {blob_size} bytes).")
         try:
-            head = json.loads(self._take(head_size, deadline))
-            header, sizes = head["header"], head["blobs"]
-            if not isinstance(header, dict) or sum(sizes.values()) != blob_size:
-                raise ValueError
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            head = codec.decode(_Head, self._take(head_size, deadline))
+            if sum(head.blobs.values()) != blob_size:
+                raise DecodeError("blobs of another size")
+        except DecodeError:
             raise WorkerDied("The worker process sent a malformed frame.") from None
-        return Frame(header, {name: self._take(size, deadline) for name, size in sizes.items()})
+        return Frame(head.header, {name: self._take(size, deadline) for name, size in head.blobs.items()})
 
 
 class Worker:

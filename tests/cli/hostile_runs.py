@@ -158,10 +158,8 @@ CASES = (
     *(
         HostileRun(f"link-{name.replace('/', '-')}", linked(name, "secret.txt"))
         for name in (
-            ".report.md.tmp",
-            "report.md",
+            "report.html",
             ".report.html.tmp",
-            "summary.png",
             ".messages.json.tmp",
             "best/video.mp4",
             "best/policy.onnx",

@@ -1,14 +1,14 @@
 """`curriculum=` of `eureka run` and `eureka train`, with a trainer of pure functions."""
 
 import os
-from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
+from toys import ToySandbox
 
 from openeureka.cli import main as command
 from openeureka.cli import search, trainer
-from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, reply
+from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 
 EASY, LAST = "cartpole+episode_length=100", "cartpole"
 SETTINGS = ["env=cartpole", "model=scripted", "sample=1", "iteration=1", "seeds=1", "video=none"]
@@ -34,7 +34,7 @@ def toy(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> StagedTrainer:
     """In place of model, sandbox and trainer; the working directory holds `stages.yaml`."""
     staged = StagedTrainer()
     monkeypatch.setattr(search, "open_model", lambda config, held: ScriptedModel([reply(3.0)]))
-    monkeypatch.setattr(search, "Sandbox", lambda *_, **__: nullcontext(ToyChecker()))
+    monkeypatch.setattr(search, "Sandbox", ToySandbox)
     monkeypatch.setattr(search, "record_states", lambda env: {})
     monkeypatch.setattr(trainer, "PopulationTrainer", lambda **_: staged)
     monkeypatch.chdir(tmp_path)
@@ -51,14 +51,18 @@ def run(*words: str) -> int:
 def test_train_takes_every_reward_through_the_stages_and_leaves_their_policies(toy: StagedTrainer, tmp_path: Path):
     assert run("train", "reward=human,sparse", "curriculum=stages.yaml", "dir=out") == 0
     assert toy.stages == [f"{env} {job}" for env in (EASY, LAST) for job in ("human-s0", "parse-s0")]
-    assert (tmp_path / "out" / "human-s0" / "stage1.safetensors").read_bytes() == b"10.0"
-    assert (tmp_path / "out" / "human-s0" / "policy.safetensors").read_bytes() == b"10.0"
+    lane = tmp_path / "out" / "lanes" / "human-s0"
+    assert (lane / "stage1.safetensors").read_bytes() == b"10.0"
+    assert (lane / "best_fitness.safetensors").read_bytes() == b"10.0"
 
 
-def test_training_again_into_the_same_directory_begins_anew(toy: StagedTrainer):
-    for _ in range(2):
-        assert run("train", "reward=human", "curriculum=stages.yaml", "dir=out") == 0
-    assert toy.stages == [f"{EASY} human-s0", f"{LAST} human-s0"] * 2
+def test_training_that_is_stopped_goes_on_with_the_stage_under_way(toy: StagedTrainer):
+    words = ("train", "reward=human", "curriculum=stages.yaml", "dir=out")
+    toy.stops = True
+    assert run(*words) == 130
+    toy.stops = False
+    assert run(*words) == 0
+    assert toy.stages == [f"{EASY} human-s0", f"{LAST} human-s0"]
 
 
 def test_a_search_that_is_resumed_elsewhere_goes_on_with_the_stage_under_way(

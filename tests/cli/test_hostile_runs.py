@@ -11,12 +11,13 @@ import pytest
 from hostile_runs import CASES, SECRET, HostileRun, bystanders
 from report.policies import policy
 from report.scripted import search_in
+from toys import ToySandbox
 from ui.serving import visitor
 
 from openeureka.cli import main as command
 from openeureka.cli import play, search, trainer
-from openeureka.report import plots, video
-from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, reply
+from openeureka.report import video
+from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 from openeureka.training.policy import Policy
 
 DRIVES = {"\x1b", "\x07", "\x9b", "\u202e"}
@@ -24,15 +25,10 @@ HERE = "# Heading"
 """How a line of a hostile text would begin, were it not kept to the line that it is shown in."""
 
 
-class Checker(ToyChecker):
-    def __init__(self, *_: object, unsafe: bool, **__: object) -> None:
-        super().__init__()
-        assert not unsafe, "a store has switched the sandbox off"
-
-    def __enter__(self):
+class Confined(ToySandbox):
+    def __enter__(self) -> ToySandbox:
+        assert not self.unsafe, "a store has switched the sandbox off"
         return self
-
-    def __exit__(self, *_: object) -> None: ...
 
 
 class Known(ToyTrainer):
@@ -58,10 +54,9 @@ def things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setenv("CANARY", SECRET)
     monkeypatch.setenv("OPENAI_API_KEY", f"sk-{SECRET}")
     monkeypatch.setattr(search, "open_model", lambda config, held: ScriptedModel([reply(5), reply(6)]))
-    monkeypatch.setattr(search, "Sandbox", Checker)
+    monkeypatch.setattr(search, "Sandbox", Confined)
     monkeypatch.setattr(search, "record_states", lambda env: {})
     monkeypatch.setattr(trainer, "PopulationTrainer", lambda **_: Known())
-    monkeypatch.setattr(plots, "summary", lambda run: b"png")
     monkeypatch.setattr(play.viewer, "has_display", lambda: False)
     for module in (video, play):
         monkeypatch.setattr(module, "render", rendered)

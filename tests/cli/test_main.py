@@ -30,7 +30,7 @@ def test_help_imports_nothing_slow():
         "import sys\n"
         "from openeureka.cli.main import main\n"
         "try: main(['--help'])\n"
-        "except SystemExit: print(sorted({'torch', 'mujoco', 'matplotlib', 'openai'} & set(sys.modules)))"
+        "except SystemExit: print(sorted({'torch', 'mujoco', 'openai'} & set(sys.modules)))"
     )
     output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert output.splitlines()[-1] == "[]"

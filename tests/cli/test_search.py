@@ -7,6 +7,7 @@ import time
 import pytest
 import torch
 from filelock import FileLock
+from toys import ToySandbox
 
 from openeureka.cli import log, search, stop, trainer
 from openeureka.cli import main as command
@@ -19,7 +20,7 @@ from openeureka.store import read_config, read_replies
 from openeureka.store.db import LOCK, LOG, STOP
 from openeureka.store.halt import ask_to_stop
 from openeureka.tasks import registry
-from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, program, reply
+from openeureka.testing.scripted import ScriptedModel, ToyTrainer, program, reply
 from openeureka.types import Usage
 
 SETTINGS = ["env=cartpole", "model=scripted", "sample=2", "iteration=2", "seeds=1", "video=none"]
@@ -44,21 +45,11 @@ class Interrupting(ScriptedModel):
         yield from super().sample(prompt, n=n, seed=seed)
 
 
-class Checker(ToyChecker):
-    def __init__(self, *_: object, **__: object) -> None:
-        super().__init__()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_: object) -> None: ...
-
-
 @pytest.fixture
 def parts(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """A search of pure functions in place of model, sandbox and trainer."""
     monkeypatch.setattr(search, "open_model", lambda config, held: ScriptedModel(SCRIPT))
-    monkeypatch.setattr(search, "Sandbox", Checker)
+    monkeypatch.setattr(search, "Sandbox", ToySandbox)
     monkeypatch.setattr(search, "record_states", lambda env: {})
     monkeypatch.setattr(trainer, "PopulationTrainer", lambda **_: ToyTrainer())
     return monkeypatch
@@ -76,10 +67,10 @@ def test_a_run_prints_its_best_reward_and_leaves_the_files_of_a_report(parts, tm
     assert "Generation 1: best F 11, 2 of 2 trained" in text
     assert "return 12.0" in text
     made = {path.relative_to(tmp_path / "run").as_posix() for path in (tmp_path / "run").rglob("*")}
-    assert {"report.md", "summary.png", "best/reward.py", "best/policy.safetensors", "messages.json"} <= made
+    assert {"report.html", "best/reward.py", "best/policy.safetensors", "messages.json"} <= made
     assert "lanes/human-s0/events.out.tfevents.0" in made
     # Held out takes one from each toy F, seed 0 counts for baselines: (11.01 - 4) / (9.005 - 4).
-    assert "| 1.401 |" in (tmp_path / "run" / "report.md").read_text()
+    assert "<td>1.401</td>" in (tmp_path / "run" / "report.html").read_text()
 
 
 def test_a_failing_endpoint_is_one_sentence_and_the_way_to_continue(parts, tmp_path, capsys):
@@ -107,7 +98,7 @@ def test_a_replay_broken_off_goes_on_where_it_stopped(parts, tmp_path, capsys):
     run("run", *SETTINGS, f"dir={tmp_path}/first")
     again = [f"model=replay:{tmp_path}/first" if word.startswith("model=") else word for word in SETTINGS]
     parts.undo()
-    for name, stand_in in (("Sandbox", Checker), ("record_states", lambda env: {})):
+    for name, stand_in in (("Sandbox", ToySandbox), ("record_states", lambda env: {})):
         parts.setattr(search, name, stand_in)
     trainings = iter([Interruption(), ToyTrainer()])
     parts.setattr(trainer, "PopulationTrainer", lambda **_: next(trainings))
@@ -245,10 +236,10 @@ def test_a_run_refuses_a_kernel_that_cannot_confine_before_the_model_is_asked(pa
 def test_the_flag_must_be_typed_to_run_without_confinement(parts, tmp_path):
     asked: list[bool] = []
 
-    class Noted(Checker):
-        def __init__(self, *_: object, unsafe: bool, **__: object) -> None:
-            super().__init__()
-            asked.append(unsafe)
+    class Noted(ToySandbox):
+        def __enter__(self) -> ToySandbox:
+            asked.append(self.unsafe)
+            return self
 
     parts.setattr(search, "Sandbox", Noted)
     assert run("run", *SETTINGS, f"dir={tmp_path}/a") == 0

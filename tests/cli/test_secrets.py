@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 from llm.endpoint import Endpoint, answer, failure
+from toys import ToySandbox
 
 from openeureka.cli import main as command
 from openeureka.cli import search, trainer
-from openeureka.testing.scripted import ToyChecker, ToyTrainer, reply
+from openeureka.testing.scripted import ToyTrainer, reply
 
 KEY = "sk-canary-0123456789"
 PASSWORD = "canary-password"
@@ -19,23 +20,13 @@ ESCAPES = "\x1b]0;owned\x07\x1b[2J\x9b31m\u202e<script>alert(1)</script>"
 DRIVES = {"\x1b", "\x07", "\x9b", "\u202e"}
 
 
-class Checker(ToyChecker):
-    def __init__(self, *_: object, **__: object) -> None:
-        super().__init__()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_: object) -> None: ...
-
-
 @pytest.fixture
 def endpoint(monkeypatch: pytest.MonkeyPatch) -> Iterator[Endpoint]:
     """An endpoint that says back what it was sent, named with a password, and a search of pure functions around it."""
     served = Endpoint()
     monkeypatch.setenv("OPENAI_API_KEY", KEY)
     monkeypatch.setenv("OPENAI_BASE_URL", served.url.replace("http://", f"http://user:{PASSWORD}@"))
-    monkeypatch.setattr(search, "Sandbox", Checker)
+    monkeypatch.setattr(search, "Sandbox", ToySandbox)
     monkeypatch.setattr(search, "record_states", lambda env: {})
     monkeypatch.setattr(trainer, "PopulationTrainer", lambda **_: ToyTrainer())
     served.script = lambda body: answer(*[f"{reply(3.0)} Bearer {KEY} {ESCAPES}"] * body.get("n", 1))

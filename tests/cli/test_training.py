@@ -1,15 +1,22 @@
 import json
+from dataclasses import replace
 
 import pytest
 
 from openeureka import baselines
 from openeureka.cli import trainer as parts
 from openeureka.cli import training
+from openeureka.cli.main import main
+from openeureka.cli.search import resume
+from openeureka.cli.show import facts, show
 from openeureka.cli.training import train
-from openeureka.errors import ConfigError, RewardFileError, WorkerError
+from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError, WorkerError
+from openeureka.report.view import RunView
 from openeureka.score import Arm, Baselines
+from openeureka.store import Store
 from openeureka.testing.scripted import ToyTrainer
-from openeureka.types import RewardGraph, TrainingResult, TrainingState
+from openeureka.types import Lane, RewardGraph, TrainingResult, TrainingState
+from openeureka.ui import folder, pages
 
 GOOD = "def compute_reward(pole_angle):\n    upright = torch.exp(-pole_angle**2)\n    return upright, {}\n"
 
@@ -56,14 +63,14 @@ def test_scores_are_normalised_by_human_and_sparse(toy, tmp_path, capsys, monkey
     assert note in text
 
 
-def test_curves_policies_and_scores_are_left(toy, tmp_path):
+def test_it_leaves_a_run(toy, tmp_path):
     train(["env=cartpole", "reward=human", f"dir={tmp_path}/out"])
-    result = json.loads((tmp_path / "out" / "result.json").read_text())
-    assert result["config"]["env"] == "cartpole"
-    assert result["jobs"]["human-s0"]["fitness"] == 10.0
-    assert result["jobs"]["human-s0"]["held_out_fitness"] == 9.0
-    assert json.loads((tmp_path / "out" / "curves.json").read_text())["human-s0"]["fitness"] == [None, 5.0, 10.0]
-    assert (tmp_path / "out" / "human-s0" / "policy.safetensors").read_bytes() == b"10.0"
+    run = RunView.read(tmp_path / "out")
+    assert not run.searched and run.lanes == {"human-s0": Lane("human", 0, "given")}
+    assert run.results["human-s0"].fitness == 10.0
+    assert run.evaluations["human-s0"].fitness == 9.0
+    assert (tmp_path / "out" / "lanes" / "human-s0" / "best_fitness.safetensors").read_bytes() == b"10.0"
+    assert (tmp_path / "out" / "lanes" / "human-s0" / "events.out.tfevents.0").is_file()
 
 
 def test_scores_are_json_for_programs_and_nothing_else_is_printed(toy, tmp_path, capsys):
@@ -71,8 +78,8 @@ def test_scores_are_json_for_programs_and_nothing_else_is_printed(toy, tmp_path,
     printed = capsys.readouterr()
     found = json.loads(printed.out)
     assert found.pop("directory") == f"{tmp_path}/out"
-    assert found == json.loads((tmp_path / "out" / "result.json").read_text())
-    assert found["jobs"]["human-s0"]["held_out_fitness"] == 9.0
+    assert found == json.loads(json.dumps(facts(RunView.read(tmp_path / "out"))))
+    assert found["given"]["human-s0"]["held_out_fitness"] == 9.0
     assert "begin with report.html" in printed.err
 
 
@@ -80,7 +87,7 @@ def test_what_could_be_trained_is_json_also_where_something_could_not(toy, tmp_p
     ending(toy, TrainingState.FAILED, "sparse", monkeypatch)
     with pytest.raises(WorkerError, match="^sparse-s0 could not be trained"):
         train([f"dir={tmp_path}/out"], as_json=True)
-    jobs = json.loads(capsys.readouterr().out)["jobs"]
+    jobs = json.loads(capsys.readouterr().out)["given"]
     assert {name: job["state"] for name, job in jobs.items()} == {"human-s0": "finished", "sparse-s0": "failed"}
 
 
@@ -100,9 +107,10 @@ def test_the_policy_of_highest_held_out_f_is_the_best(toy, tmp_path, capsys):
 
 def test_a_reward_file_is_checked_and_named_by_its_stem(tmp_path):
     (tmp_path / "mine.py").write_text(GOOD)
-    programs = training._programs(training.parse(training.TrainConfig, [f"reward=human,{tmp_path}/mine.py"]))
-    assert list(programs) == ["human", "mine"]
-    assert isinstance(programs["mine"], RewardGraph)
+    rewards = training._given(training.parse(training.TrainConfig, [f"reward=human,{tmp_path}/mine.py"]))
+    assert list(rewards) == ["human", "mine"] and rewards["human"] is None
+    candidate, verdict = rewards["mine"]
+    assert candidate.source == GOOD and isinstance(verdict.graph, RewardGraph)
 
 
 def test_a_refused_reward_file_trains_nothing(toy, tmp_path):
@@ -134,7 +142,7 @@ def ending(trainer: ToyTrainer, state: TrainingState, jobs: str, monkeypatch: py
 
 def test_where_nothing_could_be_trained_the_reason_is_all_that_is_said(toy, tmp_path, capsys, monkeypatch):
     ending(toy, TrainingState.FAILED, "", monkeypatch)
-    with pytest.raises(WorkerError, match=r"^It went wrong\.$"):
+    with pytest.raises(WorkerError, match=r"^It went wrong\.\nWhat is done is kept"):
         train([f"dir={tmp_path}/out"])
     assert "report.html" not in capsys.readouterr().out
 
@@ -150,3 +158,64 @@ def test_why_a_training_ended_early_is_said(toy, tmp_path, capsys, monkeypatch):
     ending(toy, TrainingState.DIVERGED, "sparse", monkeypatch)
     train([f"dir={tmp_path}/out"])
     assert "sparse-s0 It went wrong." in capsys.readouterr().out
+
+
+def stopping(trainer: ToyTrainer, after: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have somebody press Ctrl-C when so many lanes have trained."""
+    whole = trainer._result
+
+    def result(job):
+        if len(trainer.trained) > after:
+            raise KeyboardInterrupt
+        return whole(job)
+
+    monkeypatch.setattr(trainer, "_result", result)
+
+
+@pytest.mark.parametrize("again", [train, resume])
+def test_a_stopped_training_goes_on_with_what_is_missing(toy, tmp_path, monkeypatch, again):
+    (tmp_path / "mine.py").write_text(GOOD.replace("return upright", "return upright * 3"))
+    words = ["env=cartpole", "reward=human,sparse", "seeds=2", f"dir={tmp_path}/out"]
+    with monkeypatch.context() as once, pytest.raises(Interrupted, match=f"eureka resume {tmp_path}/out"):
+        stopping(toy, 3, once)
+        train(words)
+    assert folder.entry("", tmp_path / "out").standing is folder.Standing.STOPPED
+    again(words if again is train else [f"{tmp_path}/out"])
+    assert toy.trained == ["human-s0", "human-s1", "sparse-s0", "sparse-s1", "sparse-s1"]
+    assert folder.entry("", tmp_path / "out").standing is folder.Standing.FINISHED
+    run = RunView.read(tmp_path / "out")
+    assert {name: arm.held_out for name, arm in run.given.items()} == {"human": (9.0, 9.01), "sparse": (4.0, 4.01)}
+
+
+def test_a_run_of_other_rewards_is_refused(toy, tmp_path):
+    train(["reward=human", f"dir={tmp_path}/out"])
+    with pytest.raises(StoreError, match=r"holds a run of other rewards \(human\)"):
+        train(["reward=human,sparse", f"dir={tmp_path}/out"])
+
+
+def test_a_reward_file_is_kept_so_that_the_run_needs_it_no_more(toy, tmp_path, monkeypatch):
+    (tmp_path / "my reward.py").write_text(GOOD)
+    monkeypatch.setattr(toy, "_result", lambda job: ToyTrainer()._result(replace(job, program="sparse")))
+    train([f"reward={tmp_path}/my reward.py", f"dir={tmp_path}/out"])
+    (tmp_path / "my reward.py").unlink()
+    with Store.view(tmp_path / "out") as store:
+        assert list(store.given()) == ["my_reward"]
+    assert (tmp_path / "out" / "best" / "reward.py").read_text() == GOOD
+    resume([f"{tmp_path}/out"])
+    assert toy.trained == ["my_reward-s0"]
+
+
+def test_a_training_is_shown_by_show_and_on_the_page(toy, tmp_path, capsys):
+    train(["reward=human,sparse", "seeds=2", f"dir={tmp_path}/out"])
+    capsys.readouterr()
+    show(tmp_path / "out")
+    verdict = "human is better than sparse: F 9.005 ± 0.005 (2 seeds) against 4.005 ± 0.005 (2 seeds)"
+    assert verdict in capsys.readouterr().out
+    page = str(pages.overview(tmp_path / "out", RunView.read(tmp_path / "out")))
+    assert "4 of 4 trainings done" in page and verdict in page
+
+
+def test_a_search_without_a_model_is_no_search(toy, capsys):
+    with pytest.raises(SystemExit):
+        main(["run", "model=none"])
+    assert "`eureka train` trains and compares given rewards" in capsys.readouterr().err

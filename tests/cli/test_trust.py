@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from toys import ToySandbox
 
 from openeureka import search as strategies
 from openeureka.cli import search, trainer, trust
@@ -27,16 +28,6 @@ SETTINGS = ["sample=2", "iteration=2", "seeds=1", "video=none", "baselines=train
 ADDRESS = "http://127.0.0.1:9/v1"
 
 
-class Checker(ToyChecker):
-    def __init__(self, *_: object, **__: object) -> None:
-        super().__init__()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_: object) -> None: ...
-
-
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The endpoints that were opened."""
@@ -48,7 +39,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     monkeypatch.setattr(search, "open_model", open_model)
     monkeypatch.setattr(search, "context", lambda env: TOY)
-    monkeypatch.setattr(search, "Sandbox", Checker)
+    monkeypatch.setattr(search, "Sandbox", ToySandbox)
     monkeypatch.setattr(search, "record_states", lambda env: {})
     monkeypatch.setattr(trainer, "PopulationTrainer", lambda **_: ToyTrainer())
     return opened
@@ -122,11 +113,11 @@ def test_what_the_command_itself_says_is_not_asked_about(asked, tmp_path):
 def test_no_store_switches_the_sandbox_off(asked, tmp_path, monkeypatch):
     seen: list[object] = []
 
-    def noted(self, *_: object, unsafe: bool, **__: object) -> None:
-        seen.append(unsafe)
-        ToyChecker.__init__(self)
+    def noted(sandbox: ToySandbox) -> ToySandbox:
+        seen.append(sandbox.unsafe)
+        return sandbox
 
-    monkeypatch.setattr(Checker, "__init__", noted)
+    monkeypatch.setattr(ToySandbox, "__enter__", noted)
     run = foreign(tmp_path / "run", env="cartpole", model="local", base_url="", unsafe_no_sandbox=True)
     search.resume([str(run)])
     search.resume([str(run), "unsafe_no_sandbox=true"])

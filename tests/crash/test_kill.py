@@ -14,15 +14,28 @@ SCRIPT = Path(__file__).parents[2] / "benchmarks" / "crash.py"
 
 
 @pytest.fixture(scope="module")
-def outcomes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, int]]:
+def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, dict[str, int]]]:
     out = tmp_path_factory.mktemp("crash") / "crash.json"
     subprocess.run([sys.executable, SCRIPT, "--stride", "7", "--out", out], check=True, timeout=110)
-    return json.loads(out.read_text())["modes"]
+    return json.loads(out.read_text())["runs"]
 
 
-@pytest.mark.parametrize(("mode", "least"), [("around", 30), ("within", 30), ("between", 8)])
-def test_a_killed_run_ends_the_same(outcomes: dict[str, dict[str, int]], mode: str, least: int) -> None:
-    found = outcomes[mode]
+@pytest.fixture
+def outcomes(runs: dict[str, dict[str, dict[str, int]]]) -> dict[str, dict[str, int]]:
+    return runs["search"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "mode", "least"),
+    [
+        *(("search", "around", 30), ("search", "within", 30), ("search", "between", 8)),
+        *(("train", "around", 10), ("train", "within", 10), ("train", "between", 2)),
+    ],
+)
+def test_a_killed_run_ends_the_same(
+    runs: dict[str, dict[str, dict[str, int]]], kind: str, mode: str, least: int
+) -> None:
+    found = runs[kind][mode]
     points = found["points"]
     assert points >= least
     assert (found["intact"], found["same_rows"], found["same_files"]) == (points, points, points)

@@ -6,10 +6,10 @@ import pytest
 import torch
 
 from openeureka.errors import TaskError
-from openeureka.llm import extract, grammar
+from openeureka.llm import grammar
 from openeureka.llm.gbnf import parse
 from openeureka.llm.random import RandomModel
-from openeureka.reward import gate
+from openeureka.reward import extract, gate
 from openeureka.types import Prompt, StateSpec, StateVar
 
 from .specs import ANT, CARTPOLE, HAND, HOPPER, SPECS

@@ -2,7 +2,7 @@
 
 import pytest
 
-from openeureka.errors import BudgetError, ConfigError, ModelError
+from openeureka.errors import ModelError
 from openeureka.llm.openai import EndpointModel
 from openeureka.llm.price import Price
 
@@ -106,29 +106,6 @@ def test_replies_that_were_paid_for_are_handed_over_before_an_error(endpoint: En
     with pytest.raises(ModelError, match="refused the key"):
         got.extend(endpoint.model().sample(PROMPT, n=3, seed=0))
     assert texts(got) == ["a", "b"]
-
-
-def test_max_cost_stops_before_a_request(endpoint: Endpoint):
-    # A reply is first guessed at 1500 tokens: 2 of them cost 2 * 1500 * 10 / 1e6 = 0.03 dollars.
-    with pytest.raises(BudgetError, match=r"max_cost=0\.02"):
-        sample(endpoint.model(price=Price(0.0, 10.0), max_cost=0.02), 2)
-    assert endpoint.bodies == []
-
-
-def test_max_cost_counts_what_is_spent_and_learns_the_length_of_replies(endpoint: Endpoint):
-    endpoint.script = lambda body: answer("a")
-    # A reply has 10 tokens and costs 10 * 1000 / 1e6 = 0.01 dollars, at first guessed at 1.50.
-    model = endpoint.model(price=Price(0.0, 1000.0), max_cost=1.505)
-    for _ in range(150):
-        sample(model, 1)
-    with pytest.raises(BudgetError):
-        sample(model, 1)
-    assert len(endpoint.bodies) == 150
-
-
-def test_a_limit_needs_a_price(endpoint: Endpoint):
-    with pytest.raises(ConfigError, match="add price=INPUT,OUTPUT"):
-        endpoint.model(max_cost=1.0)
 
 
 def test_an_unknown_price_is_said_once(endpoint: Endpoint, caplog: pytest.LogCaptureFixture):

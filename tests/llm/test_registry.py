@@ -35,6 +35,13 @@ def test_at_an_endpoint_of_its_own_a_name_may_hold_a_colon():
     assert open_model(RunConfig(model="qwen2.5:7b", base_url="http://127.0.0.1:1/v1")).name == "qwen2.5:7b"
 
 
+def test_a_limit_needs_a_price():
+    settings = {"model": "m", "base_url": "http://127.0.0.1:1/v1", "max_cost": 1.0}
+    with pytest.raises(ConfigError, match="add price=INPUT,OUTPUT"):
+        open_model(RunConfig(**settings))
+    open_model(RunConfig(**settings, price="1,2")).close()
+
+
 def test_a_missing_weights_file_is_said_when_it_is_needed(tmp_path):
     model = open_model(RunConfig(model=f"local:{tmp_path}/none.gguf"))
     with pytest.raises(ModelError, match="cannot be read"):

@@ -217,7 +217,7 @@ def test_a_repair_shows_the_reply_and_its_findings():
 
 def test_control_invisible_and_direction_changing_characters_vanish():
     hostile = "a\x1b[31mb\u202ec\u200bd\x00e\ud800f\r\ng\th"
-    assert prompts.clean(hostile, 100) == "a[31mbcdef\ng\th"
+    assert prompts.clean(hostile, 100) == "abcdef\ng\th"
 
 
 def test_a_long_text_loses_its_middle():

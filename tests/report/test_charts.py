@@ -4,7 +4,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from openeureka.report import charts, tables, verdict
+from openeureka.report import charts, verdict
 from openeureka.report.charts import BOTTOM, HEIGHT, LEFT, MAX_POINTS, RIGHT, TOP, WIDTH
 
 from .search import BASELINES, HISTORY, finished, run, trained, view
@@ -79,5 +79,4 @@ def test_what_ppo_did_is_no_component():
     entry = dataclasses.replace(entry, result=dataclasses.replace(entry.result, curves=curves))
     chart = charts.components(entry.result)
     assert chart is not None and [line.name for line in chart.lines] == ["$upright"]
-    assert [row[0] for row in tables.components(view(entry)).rows] == ["$upright"]
     assert "ppo" not in verdict.why(finished()) and verdict.why(finished())

@@ -84,7 +84,7 @@ def test_a_machine_that_cannot_render_is_asked_once_and_says_so_in_one_sentence(
 
     monkeypatch.setattr(video, "render", render)
     search_in(tmp_path, [reply(7), reply(8)])
-    assert filming.film(tmp_path, "toy", filming.missing(tmp_path, CONFIG).items()) == "No video: install one."
+    assert filming.film(tmp_path, "toy", filming.missing(tmp_path).items()) == "No video: install one."
     assert len(asked) == 1
 
 
@@ -96,6 +96,6 @@ def test_a_policy_that_cannot_be_shown_costs_its_own_video_only(monkeypatch, tmp
 
     monkeypatch.setattr(video, "render", render)
     search_in(tmp_path, [reply(7), reply(8)])
-    problem = filming.film(tmp_path, "toy", filming.missing(tmp_path, CONFIG).items())
+    problem = filming.film(tmp_path, "toy", filming.missing(tmp_path).items())
     assert problem == f"No video of {SEVEN}-s0: It is broken."
     assert len(list(tmp_path.glob("lanes/*/video.mp4"))) == 3

@@ -6,11 +6,12 @@ import dataclasses
 from pathlib import Path
 
 from openeureka.cli.show import summary
-from openeureka.report import html, markdown
+from openeureka.report import html
 from openeureka.report.view import RunView
 from openeureka.types import Evaluation
 
 from . import search
+from .page import words
 
 
 def judged(concentration: float) -> RunView:
@@ -26,20 +27,19 @@ def test_a_sign_is_flagged_on_the_page_in_the_file_and_in_the_terminal(tmp_path:
     run = judged(0.8)
     sentence = "In 2 of 2 trainings; the first: the highest twentieth of what counts for held-out F"
     assert "⚑ suspected reward hacking" in html.report(run, tmp_path) and sentence in html.report(run, tmp_path)
-    assert f"| F rests on few moments | SUSPECTED | {sentence}" in markdown.report(run)
+    assert f"| F rests on few moments | SUSPECTED | {sentence}" in words(html.report(run, tmp_path))
     assert any(line.startswith("Suspected reward hacking: F rests on few moments.") for line in summary(run))
 
 
 def test_a_reward_without_signs_says_what_was_looked_for(tmp_path: Path) -> None:
     run = judged(0.06)
     assert "suspected reward hacking" not in html.report(run, tmp_path)
-    report = markdown.report(run)
+    report = words(html.report(run, tmp_path))
     assert report.count("| not seen |") == 3 and "SUSPECTED" not in report
     # The best policy's own held-out F is 50 - 2.
-    assert "| as the task has it | 48 ± 0.5 |\n| mass +10 % | 40 ± 0.25 |" in report
+    assert "| as the task has it | 48 ± 0.5 |" in report and "| mass +10 % | 40 ± 0.25 |" in report
     assert not any("hacking" in line for line in summary(run))
 
 
 def test_a_run_that_was_never_tried_says_nothing(tmp_path: Path) -> None:
-    assert "hacking" not in markdown.report(search.finished())
     assert "hacking" not in html.report(search.finished(), tmp_path)

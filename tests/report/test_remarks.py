@@ -9,7 +9,7 @@ from openeureka import search
 from openeureka.cli.show import show
 from openeureka.config import RunConfig
 from openeureka.loop import run
-from openeureka.report import html, markdown
+from openeureka.report import html
 from openeureka.report.view import RunView
 from openeureka.store import Store, say
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
@@ -56,17 +56,17 @@ def test_remarks_strengths_and_vetoes_are_in_every_report(finished, capsys) -> N
     preferred, other = view.generations[0].candidates
     assert preferred.strength is not None and other.strength is not None and preferred.strength > other.strength
     show(directory)
-    for text in (html.report(view, directory), markdown.report(view), capsys.readouterr().out):
+    for text in (html.report(view, directory), capsys.readouterr().out):
         assert "too jerky" in text
         assert "g0s0 is better than g0s1" in text and "veto: g0s1" in text
-    assert "strength by votes" in markdown.report(view)
+    assert "strength by votes" in html.report(view, directory)
 
 
 def test_what_nobody_has_heard_yet_is_shown_too(finished) -> None:
     directory = finished("too jerky")
     waiting = replace(RunView.read(directory), unheard=(Remark(kind=RemarkKind.WORDS, text="later"),))
-    for text in (html.report(waiting, directory), markdown.report(waiting)):
-        assert "What a person said since then" in text and "later" in text
+    text = html.report(waiting, directory)
+    assert "What a person said since then" in text and "later" in text
 
 
 def test_hostile_words_are_text_and_a_megabyte_is_cut(finished, capsys) -> None:
@@ -75,6 +75,6 @@ def test_hostile_words_are_text_and_a_megabyte_is_cut(finished, capsys) -> None:
     page = html.report(view, directory)
     assert "<script>alert" not in page and "&lt;script&gt;alert" in page
     show(directory)
-    for text in (page, markdown.report(view), capsys.readouterr().out):
+    for text in (page, capsys.readouterr().out):
         assert "\x1b" not in text and "\u202e" not in text
         assert len(text) < 200_000

@@ -1,28 +1,6 @@
 import pytest
 
-from openeureka.report.text import columns, duration, number, one_line, plain, spread
-
-
-@pytest.mark.parametrize(
-    ("text", "safe"),
-    [
-        ("\x1b[31mred\x1b[0m", "red"),
-        ("\x1b]0;window title\x07after", "after"),
-        ("\x1b]8;;http://x\x1b\\link", "link"),
-        ("a\x9b31mb", "a31mb"),  # the one-byte form of ESC [
-        ("abc\rdef\x08\x00", "abcdef"),
-        ("user\u202egpj.exe", "usergpj.exe"),
-        ("zero\u200bwidth", "zerowidth"),
-        ("kept\n\ttoo: é λ 你", "kept\n\ttoo: é λ 你"),
-    ],
-)
-def test_terminal_controls_and_invisible_marks_are_removed(text, safe):
-    assert plain(text) == safe
-
-
-def test_one_line_is_cut_to_its_width():
-    assert one_line("a\n b\tc") == "a b c"
-    assert one_line("abcdef", width=4) == "abc…"
+from openeureka.report.text import columns, duration, number, spread
 
 
 def test_columns_are_as_wide_as_their_widest_cell():

@@ -178,7 +178,7 @@ def test_whatever_the_gate_trips_over_is_a_finding(monkeypatch: pytest.MonkeyPat
     def trip(tree: object) -> None:
         raise AttributeError("\x1b no such\nthing")
 
-    monkeypatch.setattr(gate, "_Rules", lambda *_: trip(None))
+    monkeypatch.setattr(gate, "Rules", lambda *_: trip(None))
     (finding,) = gate.check("def f(pos):\n    return pos[:, 0], {}\n", STATE)  # type: ignore[misc]
     assert finding.rule == "unreadable" and finding.sentence().isprintable()
 

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 import torch
 
+from openeureka.codec import encode
 from openeureka.reward import examine, graph, probe
 from openeureka.types import Node, RewardGraph
 from reward.honest import CARTPOLE, recorded
@@ -27,7 +28,7 @@ def cart_reward() -> RewardGraph:
 
 def test_text_and_back_is_the_same_graph() -> None:
     made = cart_reward()
-    assert graph.from_json(graph.to_json(made)) == made
+    assert graph.from_json(encode(made)) == made
 
 
 def test_infinite_numbers_survive_as_strict_json() -> None:
@@ -40,7 +41,7 @@ def test_infinite_numbers_survive_as_strict_json() -> None:
         reward=2,
         components=(),
     )
-    text = graph.to_json(made)
+    text = encode(made)
     json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
     assert graph.from_json(text) == made
 
@@ -80,12 +81,17 @@ def test_the_interpreter_and_the_compiled_graph_agree() -> None:
 
 
 def broken(**changes: Any) -> str:
-    data = json.loads(graph.to_json(cart_reward()))
+    data = json.loads(encode(cart_reward()))
     data.update(changes)
+    data["nodes"] = [node if isinstance(node, dict) else _node(*node) for node in data["nodes"]]
     return json.dumps(data)
 
 
-NODES = json.loads(graph.to_json(cart_reward()))["nodes"]
+def _node(op: Any, args: Any, kwargs: Any) -> dict[str, Any]:
+    return {"op": op, "args": args, "kwargs": kwargs}
+
+
+NODES = json.loads(encode(cart_reward()))["nodes"]
 FORGED = {
     "not JSON": "{",
     "not an object": "[]",

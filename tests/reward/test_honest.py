@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import torch
 
+from openeureka.codec import encode
 from openeureka.reward import examine, gate, graph, load, probe
 from openeureka.reward import math as helpers
 from openeureka.types import StateSpec
@@ -52,7 +53,7 @@ def plain_python(
 def test_the_graph_computes_what_the_program_computes(name: str) -> None:
     spec, source = PROGRAMS[name]
     traced = accepted(spec, source)
-    compiled = graph.compile(graph.from_json(graph.to_json(traced.graph)), spec)
+    compiled = graph.compile(graph.from_json(encode(traced.graph)), spec)
     for worlds in (1, 33):
         states = recorded(spec, worlds, seed=worlds)
         before = {key: value.clone() for key, value in states.items() if isinstance(value, torch.Tensor)}

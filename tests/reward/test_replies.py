@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from openeureka.llm import extract
-from openeureka.reward import examine, gate, graph, load, probe
+from openeureka.reward import examine, extract, gate, graph, load, probe
 from openeureka.reward.states import Recorded, take
 from openeureka.reward.trace import Refused
 from openeureka.tasks import registry

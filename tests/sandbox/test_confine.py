@@ -1,4 +1,4 @@
-"""What a confined child can and cannot do, with the gate switched off; and how the server outlives it."""
+"""What a confined child can and cannot do, without the gate; and how the server outlives it."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ import pytest
 import torch
 
 from openeureka.errors import SandboxUnavailable
+from openeureka.reward import gate
 from openeureka.sandbox import client, confine, server
 from openeureka.sandbox.client import Sandbox
 from openeureka.testing.hostile import STATE
 from openeureka.types import Candidate, Verdict, VerdictCode
 from openeureka.worker import Frame
+from sandbox.ungated import Ungated
 
 pytestmark = pytest.mark.skipif(not confine.support().complete, reason=confine.support().sentence())
 RECORDED = {"pos": torch.randn(64, 3), "vel": torch.randn(64, 3), "phase": torch.randn(64), "dt": 0.02}
@@ -25,8 +27,7 @@ RECORDED = {"pos": torch.randn(64, 3), "vel": torch.randn(64, 3), "phase": torch
 
 @pytest.fixture(scope="module")
 def sandbox() -> Iterator[Sandbox]:
-    with Sandbox(STATE, RECORDED) as running:
-        running._gated = False
+    with Ungated(STATE, RECORDED) as running:
         yield running
 
 
@@ -215,7 +216,9 @@ def test_lines_that_a_child_forges_are_lines(sandbox: Sandbox) -> None:
 def test_the_death_of_a_child_that_runs_a_graph_is_a_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "_examine", lambda *_: os.kill(os.getpid(), signal.SIGFPE))
     bench = server._Bench(STATE, RECORDED, 0, confined=False)
-    where, outcome = server._judge("def f(pos):\n    return pos[:, 0], {}\n", bench, 20.0)
+    program = gate.check("def f(pos):\n    return pos[:, 0], {}\n", STATE)
+    assert isinstance(program, gate.Program)
+    where, outcome = server._judge(program, bench, 20.0)
     assert (where, outcome) == ("graph", server._Outcome("crashed", b"", signal.SIGFPE))
     answers = Frame({"outcome": outcome.kind, "where": where, "signal": outcome.died_of})
     monkeypatch.setattr(Sandbox, "_ask", lambda *_: answers)

@@ -1,4 +1,4 @@
-"""Every hostile program meets its verdict, and does no harm even where the gate is switched off."""
+"""Every hostile program meets its verdict, and does no harm even where there is no gate."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 import torch
 
+from openeureka.codec import encode
 from openeureka.reward import graph
 from openeureka.reward.validate import COMPONENT_NAME
 from openeureka.sandbox import client, confine
@@ -23,6 +24,7 @@ from openeureka.training.population import ABSURD
 from openeureka.training.rewards import LaneRewards
 from openeureka.types import Candidate, Verdict
 from sandbox.states import recorded
+from sandbox.ungated import Ungated
 
 SECRET = "sk-this-must-not-leak"
 GOLDEN = Path(__file__).parents[1] / "golden" / "hostile.md"
@@ -36,16 +38,28 @@ PR_SET_CHILD_SUBREAPER = 36
 
 
 @pytest.fixture(scope="module")
-def sandbox() -> Iterator[Sandbox]:
+def surroundings() -> Iterator[None]:
+    """A secret to steal, and eyes on whoever runs away."""
     if not confine.support().complete:
         pytest.skip(confine.support().sentence())
     os.environ["SOME_API_KEY"] = SECRET
     # Whoever escapes from the server's care becomes a child of this process, and is seen.
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1)
-    with Sandbox(STATE, recorded()) as running:
-        yield running
+    yield
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 0)
     del os.environ["SOME_API_KEY"]
+
+
+@pytest.fixture(scope="module")
+def sandbox(surroundings: None) -> Iterator[Sandbox]:
+    with Sandbox(STATE, recorded()) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def ungated(surroundings: None) -> Iterator[Sandbox]:
+    with Ungated(STATE, recorded()) as running:
+        yield running
 
 
 @pytest.fixture
@@ -108,7 +122,7 @@ class Watch:
         assert self._world() == self._before
         assert self.sandbox._worker is not None
         text = [finding.sentence() for finding in verdict.findings]
-        text += [graph.to_json(verdict.graph)] if verdict.graph else []
+        text += [encode(verdict.graph)] if verdict.graph else []
         assert SECRET not in " ".join((*text, self.sandbox._worker.stderr_tail(1 << 20)))
         assert all(len(sentence) < 1500 and sentence.isprintable() for sentence in text[: len(verdict.findings)])
         assert (verdict.graph is not None) == verdict.accepted
@@ -133,12 +147,11 @@ def test_the_named_layer_stops_it(hostile: Hostile, sandbox: Sandbox, canary: Pa
 
 @pytest.mark.parametrize("hostile", [h for h in CORPUS if h.layer is Layer.GATE], ids=lambda hostile: hostile.id)
 def test_without_the_gate_the_kernel_holds(
-    hostile: Hostile, sandbox: Sandbox, canary: Path, monkeypatch: pytest.MonkeyPatch
+    hostile: Hostile, ungated: Sandbox, canary: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sandbox, "_gated", False)
     monkeypatch.setattr(client, "SECONDS", 0.6)
-    watch = Watch(sandbox, canary)
-    watch.assert_no_harm(sandbox.check(Candidate.of(hostile.source.replace("CANARY", str(canary)))))
+    watch = Watch(ungated, canary)
+    watch.assert_no_harm(ungated.check(Candidate.of(hostile.source.replace("CANARY", str(canary)))))
 
 
 @pytest.mark.parametrize("hostile", [h for h in CORPUS if h.layer is Layer.GRAPH], ids=lambda hostile: hostile.id)

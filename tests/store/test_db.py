@@ -10,7 +10,7 @@ from openeureka.store.db import MIGRATIONS, Database
 
 TABLES = (
     "run", "prompts", "replies", "verdicts", "results", "entries", "evaluations", "remarks", "heard", "trials",
-    "plays", "crown",
+    "plays", "crown", "lanes", "given", "slots", "attempts",
 )  # fmt: skip
 REPLY = {
     "generation": 0,
@@ -102,6 +102,10 @@ def test_a_finished_row_never_changes(tmp_path: Path, database: Database, table:
         "crown": {"id": 1, "generation": 0, "slot": 0},
         "plays": {"job": "a-s0", "peak": "last", "look": 0, "episode_length": 1.0, "episodes": 1},
         "trials": {"job": "a-s0", "name": "mass +10 %", "fitness": 1.0, "episode_length": 1.0, "episodes": 1},
+        "lanes": {"job": "a-s0", "reward": "a", "seed": 0, "role": "candidate"},
+        "given": {"name": "human"},
+        "slots": {"generation": 0, "slot": 0},
+        "attempts": {"generation": 0, "attempt": 0, "slot": 0},
     }
     database.put("results", rows["results"])
     if table != "results":

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from openeureka.codec import encode
 from openeureka.config import RunConfig
 from openeureka.errors import StoreError
 from openeureka.store import Store, read_config, read_replies
-from openeureka.store.codec import encode_result, encode_verdict
+from openeureka.store.codec import encode_result
 from openeureka.testing.scripted import program
 from openeureka.types import (
     Candidate,
@@ -166,7 +167,7 @@ def test_a_generation_comes_back_whole(store: Store) -> None:
 def test_messages_json_shows_each_prompt_once(store: Store) -> None:
     prompt = Prompt(messages=(Message("system", "be brief"), Message("user", "write \ud800")))
     for _ in range(2):  # a resumed run asks again
-        store.save_prompt(0, 0, prompt, None)
+        store.save_prompt(0, range(0, 2), prompt, None)
     (asked,) = json.loads((store.directory / "messages.json").read_text())
     assert asked["messages"] == [
         {"role": "system", "content": "be brief"},
@@ -251,9 +252,9 @@ def test_a_damaged_file_is_named(tmp_path: Path) -> None:
         Store.open(tmp_path, CONFIG)
 
 
-STORED = json.loads(encode_verdict(ACCEPTED))
+STORED = json.loads(encode(ACCEPTED))
 CHANGED = {
-    "cut off": encode_verdict(ACCEPTED)[:-20],
+    "cut off": encode(ACCEPTED)[:-20],
     "another type": "[]",
     "nested without end": "[" * 100_000,
     "a code nobody knows": json.dumps(STORED | {"code": "harmless"}),

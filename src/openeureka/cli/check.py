@@ -7,7 +7,7 @@ import json
 from collections.abc import Sequence
 
 from ..config import parse
-from ..llm.extract import in_file
+from ..reward.extract import in_file
 from .rewards import MEANINGS, explain, judge
 from .settings import CheckConfig, only_path, split
 

@@ -10,12 +10,12 @@ from pathlib import Path
 
 from ..config import RunConfig
 from ..errors import FeedbackError
-from ..lanes import lane
 from ..report.filming import Filming
-from ..report.text import columns, duration, number, plain
+from ..report.text import columns, duration, number
 from ..report.view import VIDEO
 from ..store import artifacts, say
-from ..types import Generation
+from ..text import plain
+from ..types import Generation, lane_id
 from .feedback import typed
 
 
@@ -44,7 +44,7 @@ class TerminalDesk:
     def _videos(self, generation: Generation) -> Iterator[tuple[str, str, str]]:
         for entry in generation.entries:
             if entry.result is not None:
-                video = f"lanes/{lane(entry.sample.verdict.candidate, self._config.seed)}/{VIDEO}"
+                video = f"lanes/{lane_id(entry.sample.verdict.candidate, self._config.seed)}/{VIDEO}"
                 shown = str(self._directory / video) if artifacts.exists(self._directory, video) else "none"
                 yield str(entry.sample.place), number(entry.score), shown
 

@@ -41,9 +41,7 @@ def python() -> list[Finding]:
 
 def packages() -> list[Finding]:
     """Versions of the packages that do the work."""
-    return [
-        _package(name) for name in ("torch", "mujoco", "openai", "imageio-ffmpeg", "matplotlib", "tensorboard", "onnx")
-    ]
+    return [_package(name) for name in ("torch", "mujoco", "openai", "imageio-ffmpeg", "tensorboard", "onnx")]
 
 
 def _package(name: str) -> Finding:

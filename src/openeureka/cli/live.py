@@ -12,11 +12,22 @@ from rich.table import Table
 from rich.text import Text
 
 from ..config import RunConfig, short_name
-from ..lanes import BASELINES, lane
+from ..lanes import BASELINES
 from ..observer import Phase
-from ..report.text import duration, number, one_line, scored
+from ..report.text import duration, number, scored
 from ..score import Outcome
-from ..types import Evaluation, Generation, Reply, Sample, TrainingProgress, TrainingResult, TrainingState, Usage
+from ..text import one_line
+from ..types import (
+    Evaluation,
+    Generation,
+    Reply,
+    Sample,
+    TrainingProgress,
+    TrainingResult,
+    TrainingState,
+    Usage,
+    lane_id,
+)
 from .progress import ProgressLine
 
 _PHASES: dict[Phase, str] = {
@@ -92,13 +103,14 @@ class Tally:
         left = self.remaining()
         spent = self.usage.prompt_tokens + self.usage.completion_tokens
         last = self.config.generations - 1
+        final = "final" if self.config.generations else ""
         parts = (
             short_name(self.config.env),
-            f"generation {self.index} (0 to {last})" if self.index <= last else "final",
+            f"generation {self.index} (0 to {last})" if self.index <= last else final,
             self.doing,
             duration(time.monotonic() - self.started),
             f"about {duration(left)} of search left" if left else "",
-            f"{spent:,} tokens",
+            f"{spent:,} tokens" if self.config.generations else "",
             f"US$ {self.usage.cost_usd:.4f}" if self.usage.cost_usd else "",
         )
         return " · ".join(part for part in parts if part)
@@ -241,11 +253,11 @@ class TerminalView:
                 table.add_row(str(slot), "", "", "replied" if slot in self._replied else "", "", "")
                 continue
             name = sample.candidate.id if sample.candidate else "-"
-            scores = self._scores(lane(name, seed))
+            scores = self._scores(lane_id(name, seed))
             table.add_row(str(slot), name, str(sample.attempts), Text(verdict_line(sample)), *scores)
         for name, _ in BASELINES:
-            if lane(name, seed) in self._fitness:
-                table.add_row("", f"{name} reward", "", "", *self._scores(lane(name, seed)))
+            if lane_id(name, seed) in self._fitness:
+                table.add_row("", f"{name} reward", "", "", *self._scores(lane_id(name, seed)))
         return table
 
     def _writing(self, slot: int) -> str:

@@ -13,9 +13,9 @@ from rich.console import Console
 
 from ..config import RunConfig
 from ..errors import EurekaError, StoreError
-from ..report.text import plain
 from ..store import artifacts
 from ..store.db import LOG
+from ..text import plain
 from ..types import Usage
 from .live import PlainView
 

@@ -17,7 +17,7 @@ import typer.core
 from .. import __version__
 from ..config import RunConfig
 from ..errors import ConfigError, EurekaError, Interrupted, StoreError
-from ..report.text import plain
+from ..text import plain
 from .settings import CheckConfig, ContextConfig, NewConfig, PageConfig, PlayConfig, ReportConfig, TrainConfig, describe
 
 
@@ -119,7 +119,7 @@ def show(directory: RunDirectory, as_json: Json = False) -> None:
 
 @app.command(epilog=describe(ReportConfig))
 def report(words: Words = None) -> None:
-    """Write report.html, report.md, summary.png, policy.onnx, TensorBoard events and missing videos of a run.
+    """Write report.html, policy.onnx, TensorBoard events and missing videos of a run.
 
     Example: eureka report outputs/2026-01-31_12-00-00_cartpole video=all
     """

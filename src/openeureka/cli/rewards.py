@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..report.text import one_line, plain
 from ..sandbox.client import Sandbox
 from ..tasks.record import record_states
 from ..tasks.registry import get
+from ..text import one_line, plain
 from ..types import Candidate, Verdict, VerdictCode
 
 

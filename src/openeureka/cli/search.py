@@ -8,14 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from .. import baselines, loop, sampling, search
-from ..config import RunConfig, changed, parse, short_name
-from ..errors import ConfigError, EurekaError, Interrupted
+from ..config import NO_MODEL, RunConfig, changed, parse, short_name
+from ..errors import ConfigError, Interrupted
 from ..llm import open_model
 from ..llm.registry import KINDS
 from ..observer import Observers
 from ..report.build import build
 from ..report.filming import Filming
-from ..report.text import one_line, plain
 from ..report.view import RunView
 from ..sandbox.client import Sandbox
 from ..store import Store, is_run, read_config, read_replies
@@ -23,20 +22,23 @@ from ..store.paths import output_directory
 from ..tasks.context import context, informed
 from ..tasks.record import record_states
 from ..tasks.registry import get
-from . import trust
+from ..text import one_line, plain
+from . import training, trust
 from .desk import TerminalDesk
 from .live import view
 from .log import logged
 from .progress import working
 from .settings import only_path, split
 from .show import summary
-from .stop import stoppable
+from .stop import continuable, stoppable, stopped
 from .trainer import trainer_of
 
 
 def run(words: Sequence[str]) -> None:
     """Start a search, or continue the one that `dir=` holds."""
     config = parse(RunConfig, words)
+    if config.model == NO_MODEL:
+        raise ConfigError("model=none searches for nothing; `eureka train` trains and compares given rewards.")
     if config.base_url and config.model.partition(":")[0] in KINDS:
         raise ConfigError(f"model={config.model} is at no endpoint: name the one at base_url= with model=NAME.")
     if config.feedback == "human" and not any(word.startswith("video=") for word in words):
@@ -46,7 +48,7 @@ def run(words: Sequence[str]) -> None:
 
 
 def resume(words: Sequence[str]) -> None:
-    """Continue a search; settings that do not change what is searched may be given anew.
+    """Continue a run; settings that do not change what is searched may be given anew.
 
     What the stored settings reach outside the run is agreed to first, see `trust`. That generated programs need no
     sandbox is never taken from a store.
@@ -58,7 +60,10 @@ def resume(words: Sequence[str]) -> None:
     config = changed(replace(read_config(directory), unsafe_no_sandbox=False), settings)
     typed = {word.partition("=")[0] for word in settings}
     trust.agree(config, directory, typed=typed, trusted=Path(trusted[-1]) if trusted else None)
-    _search(config, directory)
+    if config.model == NO_MODEL:
+        training.resume(config, directory)
+    else:
+        _search(config, directory)
 
 
 def _search(config: RunConfig, directory: Path) -> None:
@@ -67,7 +72,7 @@ def _search(config: RunConfig, directory: Path) -> None:
     try:
         _run(config, directory)
     except KeyboardInterrupt:  # before the search, or a resumed one, was at work
-        raise Interrupted(_stopped(directory) if begun or is_run(directory) else "Stopped before it began.") from None
+        raise Interrupted(stopped(directory) if begun or is_run(directory) else "Stopped before it began.") from None
     try:
         _conclude(config, directory)
     except KeyboardInterrupt:
@@ -80,7 +85,7 @@ def _run(config: RunConfig, directory: Path) -> None:
     begun = is_run(directory)
     if config.init and not begun:
         sampling.given(config)
-    trainer = trainer_of(config, directory, lanes="lanes")
+    trainer = trainer_of(config, directory)
     model = open_model(config, held=len(read_replies(directory)) if begun else 0)
     config = search.sized(config, model.style)
     size = f"{config.iteration} generations of {config.sample} rewards"
@@ -97,7 +102,7 @@ def _run(config: RunConfig, directory: Path) -> None:
                 sampling.admit(config, checker)
             with (
                 Store.open(directory, config) as store,
-                _telling_how_to_continue(directory),
+                continuable(directory),
                 stoppable(directory),
                 logged(directory, config, store.usage()) as log,
                 _filming(directory, config) as films,
@@ -108,21 +113,6 @@ def _run(config: RunConfig, directory: Path) -> None:
                 loop.run(config, store, model, checker, trainer, known, strategy, Observers(table, *log, *films), desk)
     finally:
         model.close()
-
-
-@contextmanager
-def _telling_how_to_continue(directory: Path) -> Iterator[None]:
-    try:
-        yield
-    except KeyboardInterrupt:
-        raise Interrupted(_stopped(directory)) from None
-    except EurekaError as error:
-        error.add_note(f"What is done is kept. Continue with: eureka resume {directory}")
-        raise
-
-
-def _stopped(directory: Path) -> str:
-    return f"Stopped, nothing is lost. Continue with: eureka resume {directory}"
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..config import BONUSES, VIDEOS
+from ..config import BONUSES, NO_MODEL, VIDEOS, RunConfig
 from ..errors import ConfigError
 
 
@@ -37,7 +37,7 @@ class TrainConfig:
     threads: int = 0
     """Cores to train on; 0 means all of them."""
     dir: str = ""
-    """Output directory; empty means `outputs/<time>_train_<env>`."""
+    """Run directory; empty means `outputs/<time>_train_<env>`. One that holds such a run is continued."""
     unsafe_no_sandbox: bool = False
     """Run reward files in an unconfined child process where the kernel cannot confine it."""
 
@@ -49,6 +49,11 @@ class TrainConfig:
                 raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
         if self.bonus not in BONUSES:
             raise ConfigError(f"`bonus` must be one of {', '.join(BONUSES)}, not `{self.bonus}`.")
+
+    def run(self) -> RunConfig:
+        """The settings of the run: one that searches for nothing."""
+        shared = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "reward"}
+        return RunConfig(model=NO_MODEL, video="none", **shared)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

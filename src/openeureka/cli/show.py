@@ -11,11 +11,12 @@ from ..config import as_dict, parse
 from ..report import tables
 from ..report.build import build
 from ..report.stats import by_generation
-from ..report.text import columns, number, plain, scored, spread
+from ..report.text import columns, number, scored, spread
 from ..report.verdict import meaning, verdict
 from ..report.view import CandidateView, GenerationView, RunView
 from ..score import Arm, Outcome
 from ..store import read_config
+from ..text import plain
 from ..types import CandidateId, Evaluation, Generation, Remark, Scored, TrainingResult
 from . import trust
 from .live import verdict_line
@@ -30,7 +31,11 @@ def show(directory: Path, *, as_json: bool = False) -> None:
     """Print every slot of every generation, the final scores and the best reward."""
     run = RunView.read(directory)
     if as_json:
-        print(json.dumps(_facts(run), indent=2))
+        print(json.dumps(facts(run), indent=2))
+        return
+    if not run.searched:
+        scores = tables.given(run)
+        print(f"{columns([scores.titles, *scores.rows])}\n\n{scores.note}\n{plain(verdict(run))}")
         return
     strengths = run.ranking.strengths
     slots = [_slot(entry, strengths) for generation in run.history.generations for entry in generation.entries]
@@ -84,7 +89,7 @@ def final(outcome: Outcome) -> list[str]:
     return [*table.splitlines(), score]
 
 
-def _facts(run: RunView) -> dict[str, object]:
+def facts(run: RunView) -> dict[str, object]:
     """The run for programs. Under `fitness` is F in training, its maximum over epochs; what is undefined is null."""
     best, outcome = run.best, run.outcome
     return {
@@ -92,12 +97,30 @@ def _facts(run: RunView) -> dict[str, object]:
         "ranked_by": run.ranks,
         "generations": [_generation(generation) for generation in run.generations],
         "baselines": {name: _scores(run.played.get(r.job), r) for name, r in run.baselines.items()},
+        "given": {lane.id: _lane(run, lane.id) for lane in run.lanes.values() if lane.role == "given"},
         "best": {"name": str(best.place), "source": best.candidate.source} if best and best.candidate else None,
         "final": _final(outcome) if outcome is not None else None,
         "verdict": verdict(run),
         "score": outcome.normalised if outcome is not None else None,
         "suspected": [{"kind": sign.kind, "sentence": sign.sentence} for sign in run.signs],
         "usage": dataclasses.asdict(run.usage),
+    }
+
+
+def _lane(run: RunView, lane: str) -> dict[str, object]:
+    """A training of a given reward; its state is null until it ends."""
+    result, score = run.results.get(lane), run.evaluations.get(lane)
+    return {
+        "reward": run.lanes[lane].reward,
+        "seed": run.lanes[lane].seed,
+        "state": result.state if result is not None else None,
+        **_scores(run.played.get(lane), result),
+        "held_out_fitness": score.fitness if score is not None else None,
+        "held_out_episode_length": score.episode_length if score is not None else None,
+        "correlation_with_human": result.correlation if result is not None else None,
+        "env_steps": result.env_steps if result is not None else 0,
+        "seconds": result.seconds if result is not None else 0.0,
+        "message": result.message if result is not None else "",
     }
 
 
@@ -162,6 +185,6 @@ def report(words: Sequence[str]) -> None:
     env = config.env or (stored.env if "env" not in trust.unknown(stored) else "")
     with working("Writing the report and the videos that are missing"):
         problems = build(directory, config.video, env)
-    print(f"Wrote {directory / 'report.html'} and {directory / 'report.md'}")
+    print(f"Wrote {directory / 'report.html'}")
     for problem in problems:
         print(plain(problem))

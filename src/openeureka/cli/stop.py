@@ -1,4 +1,4 @@
-"""`eureka stop`, and how a run hears of it."""
+"""How a run is stopped, hears of it, and says how to go on."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 
-from ..errors import StoreError
+from ..errors import EurekaError, Interrupted, StoreError
 from ..store import is_held
 from ..store.halt import ask_to_stop, is_asked_to_stop, withdraw
 
@@ -28,7 +28,24 @@ def stop(directory: Path) -> None:
         if time.monotonic() > end:
             raise StoreError(f"The run in {directory} was asked to stop and goes on; end its process where it runs.")
         time.sleep(0.1)
-    print(f"Stopped, nothing is lost. Continue with: eureka resume {directory}")
+    print(stopped(directory))
+
+
+@contextmanager
+def continuable(directory: Path) -> Iterator[None]:
+    """Have whatever ends a run say how to go on with it."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise Interrupted(stopped(directory)) from None
+    except EurekaError as error:
+        error.add_note(f"What is done is kept. Continue with: eureka resume {directory}")
+        raise
+
+
+def stopped(directory: Path) -> str:
+    """Of a run that was stopped on purpose."""
+    return f"Stopped, nothing is lost. Continue with: eureka resume {directory}"
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

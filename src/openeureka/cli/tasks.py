@@ -9,13 +9,14 @@ from collections.abc import Sequence
 
 from .. import baselines, prompts
 from ..config import RunConfig, parse
-from ..report.text import columns, number, plain
+from ..report.text import columns, number
 from ..score import mean
 from ..tasks import registry
 from ..tasks.context import context as context_of
 from ..tasks.context import informed
 from ..tasks.record import record_states
 from ..tasks.task import Task
+from ..text import plain
 from ..types import StateVar
 from .settings import ContextConfig
 

@@ -10,11 +10,10 @@ from ..tasks import curriculum
 from ..training.curriculum import CurriculumTrainer
 from ..training.executor import PopulationTrainer
 from ..types import Trainer
-from .settings import TrainConfig
 
 
-def trainer_of(config: RunConfig | TrainConfig, directory: Path, *, lanes: str) -> Trainer:
-    """Trains the task alone, or through the stages of a curriculum, kept in the folder `lanes` of the directory.
+def trainer_of(config: RunConfig, directory: Path) -> Trainer:
+    """Trains the task alone, or through the stages of a curriculum, kept in the directory.
 
     Raises:
         ConfigError: for a device or a curriculum that does not exist or does not fit.
@@ -23,4 +22,4 @@ def trainer_of(config: RunConfig | TrainConfig, directory: Path, *, lanes: str) 
     if not config.curriculum:
         return trainer
     stages = curriculum.find(config.env, config.curriculum)
-    return CurriculumTrainer(trainer, stages, StageFiles(directory, lanes, resumes=isinstance(config, RunConfig)))
+    return CurriculumTrainer(trainer, stages, StageFiles(directory))

@@ -16,10 +16,10 @@ from pathlib import Path
 
 import platformdirs
 
-from ..config import absolute
+from ..config import NO_MODEL, absolute
 from ..errors import ConfigError
-from ..report.text import plain
 from ..tasks import registry
+from ..text import plain, visible
 
 RECORD = "typed"
 _EFFECTS = {
@@ -39,7 +39,7 @@ def claims(config: object) -> dict[str, str]:
         "env": "" if registry.installed(env) else absolute("env", env),
         "curriculum": absolute("curriculum", curriculum) if curriculum.endswith((".yaml", ".yml")) else "",
         "init": "" if init == "human" else _whole(init),
-        "model": "" if model in ("local", "random") else _model(model),
+        "model": "" if model in ("local", "random", NO_MODEL) else _model(model),
         "base_url": base_url,
         "price": price,
     }
@@ -102,18 +102,13 @@ def agree(config: object, directory: Path, *, typed: Collection[str], trusted: P
 def _ask(asked: Mapping[str, str], directory: Path) -> None:
     print(f"{directory} was not started here. It wants to use:")
     for key, value in asked.items():
-        print(f"  {key}={_visible(value)}\n    which {_EFFECTS[key]}")
+        print(f"  {key}={visible(value)}\n    which {_EFFECTS[key]}")
     try:
         answer = input("Do you know where it comes from, and agree? [y/N] ")
     except EOFError:
         answer = ""
     if answer.strip().lower() not in ("y", "yes"):
         raise ConfigError(f"Nothing was done; `eureka show {directory}` reads the run without using any of it.")
-
-
-def _visible(value: str) -> str:
-    """The value with nothing hidden: what does not print is written out."""
-    return value if plain(value) == value and value.isprintable() else ascii(value)
 
 
 def _line(key: str, value: str) -> str:

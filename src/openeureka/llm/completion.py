@@ -13,6 +13,8 @@ MAX_TOKENS = 1 << 40
 
 @dataclass(frozen=True, slots=True)
 class Choice:
+    """One of the answers that a request asked for."""
+
     text: str
     whole: bool
     """Not empty, and not cut off by a limit on tokens."""
@@ -20,6 +22,8 @@ class Choice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Completion:
+    """The answers to one request, and the tokens of all of them together."""
+
     choices: tuple[Choice, ...]
     model: str
     prompt_tokens: int

@@ -2,33 +2,31 @@
 
 from __future__ import annotations
 
-import importlib
 import logging
-import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
-from email.utils import parsedate_to_datetime
 from typing import Any, Literal
 from urllib.parse import urlsplit
 
+import httpx2
 import openai
 
-from ..errors import BudgetError, ConfigError, ModelError
+from ..errors import ModelError
 from ..types import Prompt, Reply, Usage
 from . import completion
 from .client import share
 from .completion import Completion, Unreadable
 from .price import Price
+from .retry import delay
 
 ATTEMPTS = 7
 """Tries of one request; with the waits between them about a minute, or as long as the endpoint asks for."""
 ROUNDS = 3
 """Times that empty or truncated replies are asked for again."""
 PARALLEL = 8
-MAX_WAIT = 120.0  # [s]
 TIMEOUT = 300.0
 """[s] for a sign of life."""
 PATIENCE = 900.0
@@ -36,14 +34,10 @@ PATIENCE = 900.0
 MAX_BODY = 64 << 20
 """Bytes of an answer."""
 
-_FIRST_GUESS = 1500
-"""Tokens of a reply, before the first one is in."""
 _PASSING = {408, 409, 425, 429}
 """Client errors that are none: too slow, a conflict, too early, too often (RFC 9110, RFC 8470, RFC 6585)."""
 _SHORTEST_SECRET = 8
 """Characters of a key that is worth hiding; servers that need none are given words such as `none` or `ollama`."""
-_http = importlib.import_module(openai.DefaultHttpxClient.__mro__[1].__module__.partition(".")[0])
-"""The HTTP library under the openai package: httpx, or the fork of it that newer ones have."""
 _log = logging.getLogger(__name__)
 
 
@@ -57,12 +51,10 @@ class EndpointModel:
         name: of the model, as the endpoint knows it.
         base_url: of the endpoint; empty means the openai package's.
         price: None where it is not known; costs then count as zero.
-        max_cost: US dollars that this process may spend; 0 means no limit.
         wait: sleeps between tries; tests pass one that does not.
 
     Raises:
         ModelError: no key.
-        ConfigError: `max_cost` for a model whose price is not known.
     """
 
     style: Literal["free", "grammar"] = "free"
@@ -74,11 +66,8 @@ class EndpointModel:
         base_url: str = "",
         temperature: float = 1.0,
         price: Price | None = None,
-        max_cost: float = 0.0,
         wait: Callable[[float], None] = time.sleep,
     ) -> None:
-        if price is None and max_cost:
-            raise ConfigError(f"The price of {name} is not known, so max_cost cannot be kept; add price=INPUT,OUTPUT.")
         if price is None:
             _log.warning("The price of %s is not known: its replies count as free. Add price=INPUT,OUTPUT.", name)
         self.name = name
@@ -95,10 +84,7 @@ class EndpointModel:
         self._where = _without_secrets(str(self._client.base_url))
         self._temperature: float | None = temperature
         self._price = price
-        self._max_cost = max_cost
         self._wait = wait
-        self._spent = Usage()
-        self._replies = 0
         self._knows_n = True
         self._reached = False
 
@@ -107,14 +93,10 @@ class EndpointModel:
 
         Raises:
             ModelError: the endpoint cannot answer.
-            BudgetError: the replies would cost more than is left of `max_cost`.
         """
         missing, wasted = n, Usage()
         for last in (*[False] * (ROUNDS - 1), True):
-            self._afford(prompt, missing)
             for reply, whole in self._round(prompt, missing):
-                self._spent += reply.usage
-                self._replies += 1
                 if whole or last:  # in the end a slot is better spent on half a reply than the run on one slot
                     yield replace(reply, usage=reply.usage + wasted)
                     missing, wasted = missing - 1, Usage()
@@ -161,12 +143,12 @@ class EndpointModel:
             except Unreadable as error:
                 if last or not error.broken:
                     raise self._unreadable(error) from None
-                self._wait(_delay({}, attempt))
+                self._wait(delay({}, attempt))
             except openai.APIError as error:
                 if not self._adapted(error, n):
                     if last or not self._passing(error, attempt):
                         raise self._explained(error) from None
-                    self._wait(_delay(_headers(error), attempt))
+                    self._wait(delay(_headers(error), attempt))
             else:
                 return self._replies_of(answer, n, time.monotonic() - began)
         raise ModelError(f"{self._where} accepts no request for {self.name}; choose another model.")
@@ -185,9 +167,9 @@ class EndpointModel:
                         raise Unreadable(f"more than {MAX_BODY >> 20} MB", broken=False)
                     if time.monotonic() > until:
                         raise openai.APITimeoutError(request=response.http_request)
-            except _http.TimeoutException:
+            except httpx2.TimeoutException:
                 raise openai.APITimeoutError(request=response.http_request) from None
-            except _http.HTTPError:
+            except httpx2.HTTPError:
                 raise openai.APIConnectionError(request=response.http_request) from None
         return bytes(body)
 
@@ -279,20 +261,6 @@ class EndpointModel:
         cost = self._price.of(prompt_tokens, completion_tokens) if self._price is not None else 0.0
         return Usage(prompt_tokens=prompt_tokens, completion_tokens=completion_tokens, cost_usd=cost)
 
-    def _afford(self, prompt: Prompt, n: int) -> None:
-        """Stop before a round of requests that is expected to pass the limit."""
-        if self._price is None or not self._max_cost:
-            return
-        prompt_tokens = sum(len(message.content) for message in prompt.messages) / 4
-        each = self._spent.completion_tokens / self._replies if self._replies else _FIRST_GUESS
-        prompts = 1 if self._knows_n else n
-        expected = self._price.of(prompt_tokens * prompts, each * n)
-        if self._spent.cost_usd + expected > self._max_cost:
-            raise BudgetError(
-                f"{n} more replies of {self.name} would cost about {expected:.2f} US dollars and pass max_cost="
-                f"{self._max_cost:g}. Nothing is lost; run the same command with a higher max_cost to go on."
-            )
-
 
 class _BatchRefused(Exception):
     """The endpoint refused a request for several replies."""
@@ -318,23 +286,3 @@ def _without_secrets(url: str) -> str:
 
 def _headers(error: openai.APIError) -> Mapping[str, str]:
     return error.response.headers if isinstance(error, openai.APIStatusError) else {}
-
-
-def _delay(headers: Mapping[str, str], attempt: int) -> float:
-    """Seconds to wait: what the endpoint says, else 1, 2, 4, ..."""
-    stated = _stated(headers)
-    return min(2.0**attempt if stated is None else max(stated, 0.0), MAX_WAIT)
-
-
-def _stated(headers: Mapping[str, str]) -> float | None:
-    """Seconds of a `Retry-After` header, which is a number or a date (RFC 9110, 10.2.3)."""
-    value = headers.get("retry-after", "")
-    try:
-        seconds = float(value)
-    except ValueError:
-        try:
-            # By the endpoint's own clock: this machine's may be wrong.
-            seconds = (parsedate_to_datetime(value) - parsedate_to_datetime(headers["date"])).total_seconds()
-        except (KeyError, ValueError, TypeError):
-            return None
-    return None if math.isnan(seconds) else seconds

@@ -1,13 +1,20 @@
-"""What replies cost."""
+"""What replies cost, and what may be spent on them."""
 
 from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 
-from ..errors import ConfigError
+from ..errors import BudgetError, ConfigError
+from ..types import Prompt, Reply
+
+_FIRST_GUESS = 1500
+"""Tokens of a reply, before the first one is in."""
+_CHARACTERS = 4
+"""Of a token of a prompt."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +41,33 @@ def find(model: str, stated: str = "") -> Price | None:
     # `gpt-4o-2024-08-06` is a `gpt-4o`, but `gpt-5-pro` is no `gpt-5`.
     base = re.sub(r"-(\d{4}-\d{2}-\d{2}|\d{4}|latest)$", "", model)
     return Price(*table[base]) if base in table else None
+
+
+def afford(limit: float, replies: Sequence[Reply], price: Price | None, prompt: Prompt, count: int) -> None:
+    """Stop before `count` replies to a prompt that are expected to pass the limit.
+
+    A reply is expected to cost what those did in the mean that cost something. Before the first of these it is guessed
+    from the price, if that is known.
+
+    Args:
+        limit: US dollars, in all.
+        replies: every one that the run has.
+
+    Raises:
+        BudgetError: with what is spent and what the replies would cost.
+    """
+    costs = [reply.usage.cost_usd for reply in replies if reply.usage.cost_usd]
+    spent = sum(costs)
+    if costs:
+        expected = spent / len(costs) * count
+    else:
+        asked = sum(len(message.content) for message in prompt.messages) / _CHARACTERS
+        expected = price.of(asked, _FIRST_GUESS * count) if price is not None else 0.0
+    if spent + expected > limit:
+        raise BudgetError(
+            f"{count} more replies would cost about {expected:.2f} US dollars and pass max_cost={limit:g}: {spent:.2f} "
+            "are spent. Nothing is lost; run the same command with a higher max_cost to go on."
+        )
 
 
 def _stated(text: str) -> Price:

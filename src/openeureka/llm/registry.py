@@ -75,13 +75,12 @@ def _endpoint(config: RunConfig) -> LanguageModel:
         raise ConfigError(f"`base_url` must begin with http:// or https://: write base_url=http://{bare}")
     from .openai import EndpointModel  # the package takes a second to import, and only this needs it
 
-    return EndpointModel(
-        config.model,
-        base_url=config.base_url,
-        temperature=config.temperature,
-        price=price.find(config.model, config.price),
-        max_cost=config.max_cost,
-    )
+    known = price.find(config.model, config.price)
+    if known is None and config.max_cost:
+        raise ConfigError(
+            f"The price of {config.model} is not known, so max_cost cannot be kept; add price=INPUT,OUTPUT."
+        )
+    return EndpointModel(config.model, base_url=config.base_url, temperature=config.temperature, price=known)
 
 
 def _imported(config: RunConfig) -> LanguageModel:

@@ -8,12 +8,12 @@ from ..errors import RewardFileError
 from ..store import artifacts
 from ..tasks import registry
 from ..training.policy import Policy
-from . import events, export, filming, html, markdown, plots, video
+from . import events, export, filming, html, video
 from .view import VIDEO, RunView
 
 
 def build(directory: Path, wanted: str = "", env: str = "") -> list[str]:
-    """Write best/policy.onnx, the videos that are missing, TensorBoard events, summary.png, report.md and report.html.
+    """Write best/policy.onnx, the videos that are missing, TensorBoard events and report.html.
 
     Args:
         wanted: videos of `all` policies, the `best` or `none`; empty means what the run began with.
@@ -33,8 +33,6 @@ def build(directory: Path, wanted: str = "", env: str = "") -> list[str]:
     run = RunView.read(directory)  # now with videos
     for job, result in run.results.items():
         artifacts.write(directory, f"lanes/{job}/{events.FILE_NAME}", events.of(result))
-    artifacts.write(directory, "summary.png", plots.summary(run))
-    artifacts.write(directory, "report.md", markdown.report(run))
     artifacts.write(directory, "report.html", html.report(run, directory))
     return list(dict.fromkeys(problem for problem in problems if problem))
 
@@ -70,7 +68,7 @@ _STRANGE = (
 
 
 def _candidates(directory: Path, run: RunView, wanted: str, env: str) -> str:
-    missing = filming.missing(directory, run.config) if wanted == "all" else {}
+    missing = filming.missing(directory) if wanted == "all" else {}
     if missing and not env:
         return _STRANGE.format(directory=directory)
     return filming.film(directory, env, missing.items())

@@ -27,6 +27,8 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Tick:
+    """A mark on an axis."""
+
     place: float
     """[px]"""
     label: str
@@ -47,6 +49,8 @@ class Line:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chart:
+    """Lines over a pair of axes, in pixels."""
+
     title: str
     x_label: str
     lines: tuple[Line, ...]

@@ -17,6 +17,8 @@ _KINDS: dict[str, Kind] = {"+": "added", "-": "removed", " ": "kept", "@": "plac
 
 
 class Line(NamedTuple):
+    """One line of a unified diff, with its sign."""
+
     kind: Kind
     text: str
 

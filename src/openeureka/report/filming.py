@@ -29,11 +29,13 @@ TIMEOUT = 3600.0
 """[s] for one video: in the background it may get a hundredth of a core."""
 
 
-def missing(directory: Path, config: RunConfig) -> dict[str, bytes]:
+def missing(directory: Path) -> dict[str, bytes]:
     """By job id, the policies that count of those lanes of the search that are trained and not filmed."""
     with Store.view(directory) as store:
-        jobs = [job for job in store.results() if _of_the_search(job, config)]
-        jobs = [job for job in jobs if not artifacts.exists(directory, _place(job))]
+        # Of the final trainings only the best is filmed, in `best/`.
+        jobs = [lane.id for lane in store.lanes().values() if lane.role != "final"]
+        results = store.results()
+        jobs = [job for job in jobs if job in results and not artifacts.exists(directory, _place(job))]
         plays = store.plays()
         policies = {job: store.policy(job, standing(plays.get(job), "fitness")) for job in jobs}
     return {job: policy for job, policy in policies.items() if policy is not None}
@@ -59,11 +61,6 @@ def film(directory: Path, env: str, policies: Iterable[tuple[str, bytes]], *, ba
 
 def _place(job: str) -> str:
     return f"lanes/{job}/{VIDEO}"
-
-
-def _of_the_search(job: str, config: RunConfig) -> bool:
-    """Final trainings have other seeds; of those only the best is filmed, in `best/`."""
-    return job.endswith(f"-s{config.seed}")
 
 
 class Filming(NullObserver):
@@ -101,7 +98,7 @@ class Filming(NullObserver):
         self._queue()  # which policy of a lane counts is known when all have played
 
     def _queue(self) -> None:
-        left = missing(self._directory, self._config) if is_run(self._directory) else {}
+        left = missing(self._directory) if is_run(self._directory) else {}
         for job in left.keys() - self._queued:
             self._queued.add(job)
             self._policies.put((job, left[job]))

@@ -11,9 +11,10 @@ from importlib.resources import files
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from ..text import plain
 from ..types import Sample
 from . import charts, diff, tables, verdict
-from .text import duration, number, plain, scored
+from .text import duration, number, scored
 from .view import CandidateView
 
 LIMITS = {"TEXT": 30_000, "CELL": 400, "NAME": 60}

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from .. import baselines
 from ..config import as_dict
 from ..hacking import PEAKS, WORLDS, Kind
-from ..score import Baselines, Outcome, mean
+from ..score import Baselines, Outcome, human_normalised, mean
 from ..types import Evaluation, Remark, RemarkKind
 from .stats import by_generation, trained_share
 from .text import duration, number, scored, spread
@@ -50,6 +51,42 @@ def final(outcome: Outcome, known: Baselines | None) -> Table:
     if known is not None:
         note += f" {known.sentence()}"
     return Table(("", "F, maximum over training", "F, held out", "seeds"), rows, note)
+
+
+def given(run: RunView) -> Table:
+    """A row for each given reward."""
+    scale, note = _scale(run)
+    rows = []
+    for name, arm in run.given.items():
+        lanes = [lane.id for lane in run.lanes.values() if lane.reward == name and lane.id in run.results]
+        results = [run.results[lane] for lane in lanes]
+        lengths = [run.evaluations[lane].episode_length for lane in lanes if lane in run.evaluations]
+        rows.append(
+            (
+                name,
+                spread(arm.training),
+                spread(arm.scores),
+                spread(lengths),
+                spread([result.correlation for result in results]),
+                str(sum(result.env_steps for result in results)),
+                duration(max(result.seconds for result in results)),
+                number(human_normalised(mean(arm.scores), *scale)),
+            )
+        )
+    titles = ("reward", "F in training", "F held out", "episode length", "correlation", "steps", "time", "score")
+    return Table(titles, rows, note)
+
+
+def _scale(run: RunView) -> tuple[tuple[float | None, float | None], str]:
+    """Held-out F of the human and the sparse reward, trained along or known beforehand, and a word on which."""
+    text = "Score: human-normalised, (F - sparse) / |human - sparse|, held out."
+    arms = run.given
+    if "human" in arms and "sparse" in arms:
+        return (mean(arms["human"].scores), mean(arms["sparse"].scores)), text
+    known = baselines.known(run.config.env)
+    if known is None:
+        return (None, None), f"{text} It needs both: add human and sparse to reward=."
+    return (mean(known.human.held_out), mean(known.sparse.held_out)), f"{text} {known.sentence()}"
 
 
 def measures(outcome: Outcome) -> Table:
@@ -140,18 +177,6 @@ def facts(candidate: CandidateView) -> Table:
 
 def _episodes(score: Evaluation | None) -> str:
     return f"{scored(score)}, {score.episodes} episodes" if score is not None else "-"
-
-
-def components(candidate: CandidateView) -> Table:
-    """How the terms of a reward went over training, in three numbers each."""
-    prefix = "component/"
-    curves = candidate.result.curves if candidate.result else {}
-    rows = []
-    for key, curve in curves.items():
-        values = [value for value in curve if value is not None]
-        if key.startswith(prefix) and values:
-            rows.append((key.removeprefix(prefix), number(values[0]), number(values[-1]), number(max(values))))
-    return Table(("component, mean per step", "first epoch", "last epoch", "highest"), rows)
 
 
 def said(remarks: Sequence[Remark]) -> str:

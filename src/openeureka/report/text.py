@@ -1,29 +1,11 @@
-"""Makes text that a model or a file wrote safe to print on a terminal."""
+"""Numbers, durations and tables as text."""
 
 from __future__ import annotations
 
-import re
 import statistics
-import unicodedata
 from collections.abc import Sequence
 
 from ..types import Evaluation
-
-# Whole escape sequences first, so that their printable rest (`[31m`, a window title) goes too.
-_ESCAPES = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b[\]PX^_].*?(?:\x07|\x1b\\|$)|\x1b.?", re.DOTALL)
-_HIDDEN = {"Cc", "Cf", "Cs", "Co"}  # controls, bidirectional and zero-width marks, surrogates, private use
-
-
-def plain(text: str) -> str:
-    """The text without terminal escapes, control characters and invisible marks; newlines and tabs stay."""
-    bare = _ESCAPES.sub("", text)
-    return "".join(c for c in bare if c in "\n\t" or unicodedata.category(c) not in _HIDDEN)
-
-
-def one_line(text: str, width: int = 100) -> str:
-    """The text on one line of at most `width` characters."""
-    flat = " ".join(plain(text).split())
-    return flat if len(flat) <= width else flat[: width - 1] + "…"
 
 
 def number(value: float | None, digits: int = 4) -> str:

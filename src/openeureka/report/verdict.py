@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from ..errors import TaskError
 from ..lanes import beside
 from ..prompts import scale
-from ..score import Arm, Difference, mean
+from ..score import Arm, Difference, difference, mean, rank
 from ..tasks import registry
 from ..tasks.context import context
 from .text import number
@@ -13,7 +15,35 @@ from .view import RunView
 
 
 def verdict(run: RunView) -> str:
-    """Whether the generated reward is better than the human one, from held-out scores of fresh trainings."""
+    """Which reward is better: the generated or the human one, or of given ones the first or the second."""
+    return _of_search(run) if run.searched else _of_given(run.given)
+
+
+def _of_given(arms: Mapping[str, Arm]) -> str:
+    """The given reward of highest held-out F beside the next."""
+    ordered = sorted(arms, key=lambda name: -rank(mean(arms[name].scores)))
+    if not arms or not any(arms[name].held_out for name in ordered):
+        return "No reward has been trained yet."
+    if not arms[ordered[0]].scores:
+        return "Not decided yet: nothing has been scored on held-out episodes."
+    if len(ordered) < 2 or not arms[ordered[1]].scores:
+        return f"{ordered[0]}: F {_arm(arms[ordered[0]])}, held out."
+    best, next_ = arms[ordered[0]], arms[ordered[1]]
+    between = f"F {_arm(best)} against {_arm(next_)}, held out"
+    claims = len(ordered) - 1
+    found = difference(best.scores, next_.scores, [arm.scores for arm in arms.values()], claims=claims)
+    if found is None:
+        return f"Not decided between {ordered[0]} and {ordered[1]}: {between}. One seed says nothing of the next."
+    if found.sure:
+        return f"{ordered[0]} is better than {ordered[1]}: {between}; {_interval(found)}."
+    return (
+        f"Not decided between {ordered[0]} and {ordered[1]}: {between}; {_interval(found)}. "
+        f"{_needed(found, len(best.scores))}"
+    )
+
+
+def _of_search(run: RunView) -> str:
+    """From held-out scores of fresh trainings."""
     outcome = run.outcome
     if run.best is None:
         return "No reward has been trained yet."
@@ -54,6 +84,8 @@ def why(run: RunView) -> str:
 
 def nexts(run: RunView) -> list[str]:
     """What to type next: the command, and what it does."""
+    if not run.searched:
+        return ["eureka play DIR: watch the policy"]
     found = run.outcome.difference if run.outcome is not None else None
     if run.outcome is None:
         return ["eureka resume DIR: go on where it was"]

@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from random import Random
 from typing import Literal
 
-from .. import baselines, hacking, prompts, race, score, search
-from ..config import RunConfig
+from .. import baselines, hacking, race, score, search
+from ..config import NO_MODEL, RunConfig
 from ..hacking import Sign, Tried
-from ..lanes import BASELINES, beside, final_lanes, final_seeds, lane
-from ..llm import extract
+from ..lanes import BASELINES, beside, final_lanes, final_seeds
 from ..sampling import NO_PROGRAM
-from ..score import Baselines, Outcome
+from ..score import Arm, Baselines, Outcome
 from ..store import Store, artifacts
 from ..types import (
+    Attempt,
     Candidate,
     Evaluation,
     History,
+    Lane,
     Message,
     Peak,
     Place,
-    Prompt,
     Remark,
     Reply,
     Sample,
@@ -33,6 +32,7 @@ from ..types import (
     TrainingState,
     Usage,
     Verdict,
+    lane_id,
 )
 
 VIDEO = "video.mp4"
@@ -149,13 +149,15 @@ class RunView:
     generations: tuple[GenerationView, ...]
     """The same for people, and the one under way."""
     results: Mapping[str, TrainingResult]
-    """By job id; checkpoints without their policies."""
+    """By lane; checkpoints without their policies."""
     evaluations: Mapping[str, Evaluation]
     trials: Mapping[str, Mapping[str, Evaluation]]
     """Further held-out scores of the best reward's policies, by job id and name (see `hacking`)."""
     usage: Usage
     videos: Mapping[str, str]
     """Path in the run directory by job id, and of the best policy by `best`."""
+    lanes: Mapping[str, Lane] = field(default_factory=dict)
+    """By id, trained or under way."""
     played: Mapping[str, Evaluation] = field(default_factory=dict)
     """By job id: what lanes scored when they were played to choose by."""
     ranks: Literal["played", "training"] = "training"
@@ -169,41 +171,65 @@ class RunView:
     def read(directory: Path, earlier: RunView | None = None) -> RunView:
         """Read a run, also while it is going on. Raises StoreError when there is none.
 
-        What an earlier view of it holds is not decoded again: most of the time goes into curves and programs.
+        What an earlier view of it holds is not decoded again: most of the time goes into curves.
         """
         with Store.view(directory) as store:
             results = store.results(earlier.results if earlier is not None else {})
             config, history = store.config, store.history(results)
             videos = _videos(directory, results)
-            programs = earlier.programs if earlier is not None else {}
-            strategy = search.make(config, store.ranks)
             played = {job: score.played(plays) for job, plays in store.plays().items()}
             reader = _Reader(
-                config, history, strategy, search.Ranking(history), results, played, videos, programs, store
+                config=config,
+                history=history,
+                entries={entry.sample.place: entry for g in history.generations for entry in g.entries},
+                parents=store.parents(),
+                attempts=store.attempts(),
+                ranking=search.Ranking(history),
+                results=results,
+                played=played,
+                videos=videos,
+                store=store,
             )
             return RunView(
                 config=config,
                 history=history,
                 generations=reader.generations(),
+                lanes=store.lanes(),
                 results=results,
                 evaluations=store.evaluations(),
                 trials=store.trials(),
                 usage=store.usage(),
                 played=played,
-                ranks=strategy.judge,
+                ranks="training" if config.search == "eureka" else store.ranks,
                 crown=store.crown(),
                 unheard=store.remarks.unheard(),
                 videos=videos,
             )
 
     @property
-    def candidates(self) -> tuple[CandidateView, ...]:
-        return tuple(candidate for generation in self.generations for candidate in generation.candidates)
+    def searched(self) -> bool:
+        """Whether it is a search; else it compares given rewards."""
+        return self.config.model != NO_MODEL
 
     @property
-    def programs(self) -> dict[str, Candidate | None]:
-        """What was found in each reply, by its text."""
-        return {a.reply.text: a.candidate for candidate in self.candidates for a in candidate.attempts}
+    def given(self) -> dict[str, Arm]:
+        """Scores of the given rewards by name, as far as they are trained; a value a seed."""
+        lanes = [lane for lane in self.lanes.values() if lane.role == "given" and lane.id in self.results]
+        return {
+            name: Arm(
+                training=tuple(self.results[lane.id].fitness for lane in lanes if lane.reward == name),
+                held_out=tuple(
+                    self.evaluations[lane.id].fitness if lane.id in self.evaluations else None
+                    for lane in lanes
+                    if lane.reward == name
+                ),
+            )
+            for name in dict.fromkeys(lane.reward for lane in lanes)
+        }
+
+    @property
+    def candidates(self) -> tuple[CandidateView, ...]:
+        return tuple(candidate for generation in self.generations for candidate in generation.candidates)
 
     @property
     def ranking(self) -> search.Ranking:
@@ -218,7 +244,7 @@ class RunView:
     @property
     def baselines(self) -> dict[str, TrainingResult]:
         """The trainings of `human` and `sparse` that the candidates were compared with, as far as they are done."""
-        jobs = {name: lane(name, self.config.seed) for name, _ in BASELINES}
+        jobs = {name: lane_id(name, self.config.seed) for name, _ in BASELINES}
         return {name: self.results[job] for name, job in jobs.items() if job in self.results}
 
     def baseline_score(self, name: str) -> float | None:
@@ -244,7 +270,7 @@ class RunView:
         """Whether it was finished by a version that kept no crown."""
         best = self.ranking.best
         names = [best.sample.verdict.candidate if best is not None else "", *(name for name, _ in beside(self.config))]
-        jobs = [lane(name, seed) for name in names for seed in final_seeds(self.config)]
+        jobs = [lane_id(name, seed) for name in names for seed in final_seeds(self.config)]
         return self.ranks == "training" and all(job in self.results for job in jobs)
 
     @property
@@ -275,13 +301,14 @@ class _Reader:
 
     config: RunConfig
     history: History
-    strategy: search.SearchStrategy
+    entries: Mapping[Place, Scored]
+    """Those of the finished generations."""
+    parents: Mapping[Place, Place]
+    attempts: Mapping[tuple[int, int, int], Attempt]
     ranking: search.Ranking
     results: Mapping[str, TrainingResult]
     played: Mapping[str, Evaluation]
     videos: Mapping[str, str]
-    programs: Mapping[str, Candidate | None]
-    """Known ones, by the text of the reply."""
     store: Store
 
     def generations(self) -> tuple[GenerationView, ...]:
@@ -298,8 +325,7 @@ class _Reader:
             for (generation, attempt, slot), reply in replies.items():
                 if generation == index:
                     drawn.setdefault(slot, {})[attempt] = reply
-            parents = self._parents(index, [prompt.slot for prompt in requests], drawn)
-            candidates = [self._candidate(index, slot, drawn[slot], parents.get(slot)) for slot in sorted(drawn)]
+            candidates = [self._candidate(Place(index, slot), drawn[slot]) for slot in sorted(drawn)]
             views.append(
                 GenerationView(
                     index=index,
@@ -311,58 +337,31 @@ class _Reader:
             )
         return tuple(views)
 
-    def _parents(self, index: int, asked: Sequence[int], slots: Iterable[int]) -> dict[int, Sample]:
-        """Parent by slot. Where the store did not keep it, the strategy is asked again: it has no state."""
-        kept = {first: place for (generation, first), place in self.store.parents().items() if generation == index}
-        if kept or self.strategy.judge == "played":
-            entries = {e.sample.place: e.sample for g in self.history.generations for e in g.entries}
-            firsts = {slot: max((first for first in asked if first <= slot), default=0) for slot in slots}
-            return {slot: entries[kept[first]] for slot, first in firsts.items() if first in kept}
-        before = replace(self.history, generations=self.history.generations[:index])
-        plans = self.strategy.ask(before, Random(f"{self.config.seed}/{index}"))
-        parents = [plan.turns[-1].sample if plan.turns else None for plan in plans for _ in range(plan.count)]
-        return {slot: parent for slot, parent in enumerate(parents) if parent is not None}
-
-    def _candidate(self, index: int, slot: int, replies: Mapping[int, Reply], parent: Sample | None) -> CandidateView:
-        attempts = self._attempts(replies)
-        entry = self._entry(index, slot)
+    def _candidate(self, place: Place, replies: Mapping[int, Reply]) -> CandidateView:
+        attempts = tuple(self._attempt(place, number, reply) for number, reply in replies.items())
+        entry = self.entries.get(place)
         candidate = entry.sample.candidate if entry is not None else attempts[-1].candidate
         verdict = entry.sample.verdict if entry is not None else attempts[-1].verdict
-        job = lane(candidate.id, self.config.seed) if candidate is not None else ""
+        job = lane_id(candidate.id, self.config.seed) if candidate is not None else ""
+        parent = self.entries.get(self.parents[place]) if place in self.parents else None
         return CandidateView(
-            generation=index,
-            slot=slot,
+            generation=place.generation,
+            slot=place.slot,
             candidate=candidate,
             verdict=verdict,
             result=entry.result if entry is not None else self.results.get(job),
             played=entry.played if entry is not None else self.played.get(job),
             feedback=entry.feedback if entry is not None else "",
-            parent=parent,
+            parent=parent.sample if parent is not None else None,
             attempts=attempts,
             video=self.videos.get(job, ""),
             strength=self.ranking.strengths.get(candidate.id) if candidate is not None else None,
             vetoed=candidate is not None and candidate.id in self.ranking.rejected,
         )
 
-    def _entry(self, index: int, slot: int) -> Scored | None:
-        if index >= len(self.history.generations):
-            return None
-        return next((e for e in self.history.generations[index].entries if e.sample.slot == slot), None)
-
-    def _attempts(self, replies: Mapping[int, Reply]) -> tuple[AttemptView, ...]:
-        """In order; which of them were repairs follows from their number, as in `sampling`."""
-        attempts: list[AttemptView] = []
-        for number, reply in replies.items():
-            repair: tuple[Message, ...] = ()
-            if number % (1 + self.config.repair) and attempts and (refusal := attempts[-1].verdict) is not None:
-                repair = prompts.repair(Prompt(messages=()), attempts[-1].reply.text, refusal).messages
-            candidate = self._program(reply.text)
-            verdict = self.store.verdict(candidate.id) if candidate is not None else NO_PROGRAM
-            attempts.append(AttemptView(repair=repair, reply=reply, candidate=candidate, verdict=verdict))
-        return tuple(attempts)
-
-    def _program(self, text: str) -> Candidate | None:
-        if text in self.programs:
-            return self.programs[text]
-        source = extract.program(text)
-        return Candidate.of(source) if source is not None else None
+    def _attempt(self, place: Place, number: int, reply: Reply) -> AttemptView:
+        found = self.attempts.get((place.generation, number, place.slot))
+        if found is None:
+            return AttemptView(repair=(), reply=reply, candidate=None, verdict=None)
+        verdict = self.store.verdict(found.candidate.id) if found.candidate is not None else NO_PROGRAM
+        return AttemptView(repair=found.repair, reply=reply, candidate=found.candidate, verdict=verdict)

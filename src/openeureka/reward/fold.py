@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from . import surface
+from .syntax import dotted
 
 Number = int | float
 _BINARY: Mapping[type[ast.operator], Callable[[Any, Any], Number]] = {
@@ -48,17 +49,6 @@ def twin(path: str) -> str | None:
     module, _, name = f"torch.{_SPELT.get(name, name)}".rpartition(".")
     known = package in ("numpy", "math") and name in surface.MODULES.get(module, ())
     return f"{module}.{name}" if known else None
-
-
-def dotted(node: ast.AST) -> str | None:
-    """`a.b.c` of nested attributes, or None."""
-    parts: list[str] = []
-    while isinstance(node, ast.Attribute):
-        parts.append(node.attr)
-        node = node.value
-    if not isinstance(node, ast.Name):
-        return None
-    return ".".join((node.id, *reversed(parts)))
 
 
 class Folder(ast.NodeTransformer):

@@ -7,56 +7,23 @@ a program that means harm is the kernel's (`sandbox.confine`).
 from __future__ import annotations
 
 import ast
-import difflib
 import unicodedata
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from types import CodeType
 
+from ..text import printable
 from ..types import Finding, StateSpec
-from . import surface
-from .fold import dotted, twin
+from .fold import twin
 from .normalise import Draft, Normaliser
+from .rules import Rules
+from .syntax import dotted
 
 FILENAME = "<reward>"
 MAX_BYTES = 20_000
 MAX_NODES = 4_000
 MAX_DEPTH = 100
-MAX_RANGE = 1_000
-MAX_INT = 2**63
-MAX_GUESSED = 40
-"""Letters of a name that a guess is offered for."""
-MAX_GUESSES = 20
-"""In one program."""
-MAX_KNOWN = 100
-"""Names of a program that a guess may be of."""
-IMPLICIT = ("num_envs", "device")
-"""Readable in every task, whether or not its table lists them."""
-
-_STATEMENTS = (
-    ast.Module, ast.FunctionDef, ast.Return, ast.Assign, ast.AugAssign, ast.Expr, ast.If, ast.For, ast.Pass, ast.Break,
-    ast.Continue, ast.Assert, ast.Raise, ast.arguments, ast.arg, ast.keyword, ast.comprehension,
-)  # fmt: skip
-_EXPRESSIONS = (
-    ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.IfExp, ast.Call, ast.Attribute, ast.Name, ast.Constant,
-    ast.Subscript, ast.Slice, ast.Tuple, ast.List, ast.Dict, ast.ListComp, ast.DictComp, ast.GeneratorExp, ast.Lambda,
-    ast.Starred, ast.JoinedStr, ast.FormattedValue,
-    ast.operator, ast.unaryop, ast.boolop, ast.cmpop, ast.expr_context,
-)  # fmt: skip
-_Scope = ast.FunctionDef | ast.Lambda | ast.ListComp | ast.DictComp | ast.GeneratorExp
-_SCOPES = (ast.FunctionDef, ast.Lambda, ast.ListComp, ast.DictComp, ast.GeneratorExp)
-_FIXES = {
-    ast.While: "use tensor operations, or `for` over a small `range`",
-    ast.Try: "remove it: an error in a reward is reported with its line",
-    ast.ClassDef: "write plain functions",
-    ast.Global: "pass the value as an argument",
-    ast.NamedExpr: "assign on a line of its own",
-    ast.Match: "use torch.where",
-    ast.With: "remove it",
-}
-_COPY = "copy it first: `{name} = {name}.clone()`"
-_AUGMENTED = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,11 +62,7 @@ def check(source: str, state: StateSpec) -> Program | tuple[Finding, ...]:
         return _check(source, state)
     except Exception as error:  # a text that nobody thought of is refused like any other
         message = f"the gate cannot read it ({type(error).__name__}: {str(error)[:200]})"
-        return (Finding(rule="unreadable", message=_printable(message), fix="write it in a plainer way"),)
-
-
-def _printable(text: str) -> str:
-    return "".join(character if character.isprintable() else " " for character in text)
+        return (Finding(rule="unreadable", message=printable(message), fix="write it in a plainer way"),)
 
 
 def _check(source: str, state: StateSpec) -> Program | tuple[Finding, ...]:
@@ -113,7 +76,7 @@ def _check(source: str, state: StateSpec) -> Program | tuple[Finding, ...]:
     draft = normaliser.build(tree)
     if draft is None:
         return tuple(normaliser.findings)
-    rules = _Rules(draft, state)
+    rules = Rules(draft, state)
     rules.run()
     found = {finding: None for finding in (*normaliser.findings, *rules.findings)}
     if found:
@@ -176,282 +139,3 @@ def _parse(source: str) -> ast.Module | Finding:
 
 def _unreadable(error: SyntaxError) -> Finding:
     return Finding(rule="syntax", message=f"Python cannot read it: {error.msg:.200}", line=error.lineno)
-
-
-class _Rules(ast.NodeVisitor):
-    """Walks a draft against the allow-lists and collects the inputs on the way."""
-
-    def __init__(self, draft: Draft, state: StateSpec) -> None:
-        self.draft, self.state = draft, state
-        self.findings: list[Finding] = []
-        self.inputs: dict[str, None] = {}
-        self.arguments: dict[str, None] = {}
-        self._locals: frozenset[str] = frozenset()
-        """Names bound in the function that is visited or, for functions in it, around it."""
-        self._protected: frozenset[str] = frozenset()
-        self._guesses = MAX_GUESSES
-
-    def run(self) -> None:
-        self._signature()
-        for statement in self.draft.tree.body:
-            if isinstance(statement, ast.FunctionDef):
-                self._locals = frozenset()
-                is_entry = statement is self.draft.entry
-                self._protected = frozenset(self.arguments) - _rebound(statement) if is_entry else frozenset()
-            self.visit(statement)
-
-    def _refuse(self, rule: str, message: str, node: ast.AST, fix: str = "") -> None:
-        # An identifier may be as long as the program.
-        self.findings.append(Finding(rule=rule, message=message[:300], fix=fix, line=getattr(node, "lineno", None)))
-
-    def _guess(self, name: str, known: Iterable[str]) -> str:
-        """`did you mean X?`, or nothing: a far-fetched guess sends a model the wrong way.
-
-        Each takes a millisecond or more, and a text may hold thousands of unknown names of thousands of letters.
-        """
-        if len(name) > MAX_GUESSED or self._guesses == 0:
-            return ""
-        self._guesses -= 1
-        match = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.7)
-        return f"did you mean `{match[0]}`?" if match else ""
-
-    def _is_input(self, name: str) -> bool:
-        return name in self.state or name in IMPLICIT
-
-    def _unknown_input(self, name: str, node: ast.AST) -> None:
-        guess, inputs = self._guess(name, self.state.names), f"inputs are {', '.join(self.state.names)}"
-        message = f"`{name}` is not a state variable of this task"
-        self._refuse("unknown-input", message, node, f"{guess} {inputs}" if guess else f"the {inputs}")
-
-    def _signature(self) -> None:
-        arguments = self.draft.entry.args
-        positional = arguments.args[1:] if self.draft.method else arguments.args
-        defaulted = {argument.arg for argument in arguments.args[len(arguments.args) - len(arguments.defaults) :]}
-        pairs = zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)
-        defaulted |= {argument.arg for argument, default in pairs if default is not None}
-        for argument in (*positional, *arguments.kwonlyargs):
-            if self._is_input(argument.arg):
-                self.inputs[argument.arg] = self.arguments[argument.arg] = None
-            elif argument.arg not in defaulted:
-                self._unknown_input(argument.arg, argument)
-
-    # --- nodes ---
-
-    def visit(self, node: ast.AST) -> None:
-        if not isinstance(node, (*_STATEMENTS, *_EXPRESSIONS)):
-            kind = type(node).__name__
-            self._refuse("statement", f"`{kind}` is not allowed", node, _FIXES.get(type(node), "remove it"))
-            return
-        for name in _identifiers(node):
-            if not name.isascii():
-                self._refuse("characters", "identifiers must be plain ASCII", node, "rename it")
-            elif name.startswith("__"):
-                self._refuse("dunder", f"`{name[:40]}` is not allowed", node, "remove it")
-        super().visit(node)
-
-    def visit_Constant(self, node: ast.Constant) -> None:
-        if isinstance(node.value, bytes | complex):
-            self._refuse("literal", "bytes and complex numbers are not allowed", node, "use a float")
-        elif isinstance(node.value, int) and abs(node.value) > MAX_INT:
-            self._refuse("literal", "an integer of more than 64 bits", node, "use a float")
-
-    def visit_FormattedValue(self, node: ast.FormattedValue) -> None:
-        if node.format_spec is not None or node.conversion != -1:
-            self._refuse("f-string", "a format in an f-string is not allowed", node, "write `{name}` alone")
-        self.visit(node.value)
-
-    def visit_Name(self, node: ast.Name) -> None:
-        name = node.id
-        if isinstance(node.ctx, ast.Store | ast.Del):
-            if name in ("torch", "math", "self"):
-                self._refuse("shadowing", f"`{name}` may not be assigned", node, "choose another name")
-            return
-        draft = self.draft
-        if name in self._locals or name in draft.functions or name in draft.constants:
-            return
-        if name in draft.names:
-            self._path(draft.names[name], node)
-        elif name in surface.ALL_HELPERS or name in surface.BUILTINS:
-            return
-        elif self._is_input(name):
-            self.inputs[name] = None
-        elif name in surface.RANDOM:
-            self._random(name, node)
-        else:
-            local = sorted(self._locals, key=len)[:MAX_KNOWN]
-            known = (*self.state.names, *surface.ALL_HELPERS, *surface.BUILTINS, *local)
-            self._refuse(
-                "unknown-name", f"`{name}` is not defined", node, self._guess(name, known) or "define it or remove it"
-            )
-
-    def visit_Attribute(self, node: ast.Attribute) -> None:
-        if not isinstance(node.ctx, ast.Load):
-            self._attribute_store(node)
-            return
-        path = dotted(node)
-        root = path.split(".")[0] if path else ""
-        if path and root not in self._locals and root in self.draft.names:
-            self._path(f"{self.draft.names[root]}{path[len(root) :]}", node)
-            return
-        if isinstance(node.value, ast.Name) and node.value.id == "self":
-            self._self_attribute(node)
-            return
-        self.visit(node.value)
-        self._method(node)
-
-    def _attribute_store(self, node: ast.Attribute) -> None:
-        of_self = isinstance(node.value, ast.Name) and node.value.id == "self"
-        target = _shown(node)
-        rule = "input-edit" if of_self else "attribute"
-        self._refuse(rule, f"`{target}` may not be assigned", node, "use a local variable and return it")
-
-    def _method(self, node: ast.Attribute) -> None:
-        name = node.attr
-        if name in surface.RANDOM:
-            self._random(name, node)
-        elif name in surface.READS:
-            message = f"`.{name}` turns tensor values into Python values"
-            self._refuse("data-read", message, node, "stay with tensors of one value per world")
-        elif name not in surface.METHODS and name not in surface.IN_PLACE_METHODS:
-            fix = self._guess(name, surface.METHODS) or "remove it"
-            self._refuse("attribute", f"`.{name[:40]}` is not an allowed attribute", node, fix)
-
-    def _self_attribute(self, node: ast.Attribute) -> None:
-        if self._is_input(node.attr):
-            self.inputs[node.attr] = None
-        else:
-            self._unknown_input(node.attr, node)
-
-    def _path(self, path: str, node: ast.AST) -> None:
-        """An imported name or a chain that starts at one: `torch.exp`, `F.softplus`, `torch.pi.x`."""
-        parts = path.split(".")
-        for end in range(len(parts), 1, -1):
-            module, name = ".".join(parts[: end - 1]), parts[end - 1]
-            if name in surface.MODULES.get(module, ()):
-                for attribute in parts[end:]:
-                    if attribute not in surface.METHODS:
-                        self._refuse("attribute", f"`.{attribute[:40]}` is not an allowed attribute", node, "remove it")
-                return
-        name = parts[-1]
-        if path in surface.MODULES or path in surface.PACKAGES:
-            self._refuse("module-value", f"`{path}` cannot be used as a value", node, "call one of its functions")
-        elif name in surface.RANDOM:
-            self._random(path, node)
-        elif name in surface.READS:
-            message = f"`{path}` returns values whose number depends on the data"
-            self._refuse("data-read", message, node, "use torch.where or a mask")
-        else:
-            offered = surface.MODULES.get(path.rpartition(".")[0], surface.TORCH)
-            known = twin(path)
-            fix = f"use `{known}`" if known else self._guess(name, offered) or "write it with tensor operations"
-            self._refuse("torch-function", f"`{path[:60]}` is not available to a reward", node, fix)
-
-    def _random(self, name: str, node: ast.AST) -> None:
-        message = f"`{name}` is random, and a reward must give the same value for the same state"
-        self._refuse("randomness", message, node, "remove it")
-
-    # --- scopes ---
-
-    def _visit_scope(self, node: _Scope) -> None:
-        outer, self._locals = self._locals, self._locals | _scope(node)
-        self.generic_visit(node)
-        self._locals = outer
-
-    visit_FunctionDef = visit_Lambda = _visit_scope
-    visit_ListComp = visit_DictComp = visit_GeneratorExp = _visit_scope
-
-    # --- calls and assignments ---
-
-    def visit_Call(self, node: ast.Call) -> None:
-        for keyword in node.keywords:
-            if keyword.arg in ("out", "inplace"):
-                message = f"`{keyword.arg}=` writes into an existing tensor"
-                self._refuse("input-edit", message, node, "use the returned value")
-            elif keyword.arg is None:
-                self._refuse("statement", "`**` in a call is not allowed", node, "name the arguments")
-        if isinstance(node.func, ast.Name) and node.func.id == "range":
-            for argument in node.args:
-                if (
-                    isinstance(argument, ast.Constant)
-                    and isinstance(argument.value, int)
-                    and argument.value > MAX_RANGE
-                ):
-                    self._refuse("loop-size", f"a loop of more than {MAX_RANGE} turns", node, "use tensor operations")
-        if isinstance(node.func, ast.Attribute) and node.func.attr in surface.IN_PLACE_METHODS:
-            name = self._protected_root(node.func.value)
-            if name:
-                message, pure = f"in-place `.{node.func.attr}` on input `{name}`", node.func.attr[:-1]
-                fix = f"use `.{pure}` and keep the result" if pure in surface.METHODS else _COPY.format(name=name)
-                self._refuse("input-edit", message, node, fix)
-        self.generic_visit(node)
-
-    def visit_AugAssign(self, node: ast.AugAssign) -> None:
-        name = self._protected_root(node.target)
-        if name:
-            sign = _AUGMENTED.get(type(node.op), "op")
-            if isinstance(node.target, ast.Name):
-                fix = f"write `{name} = {name} {sign} {_shown(node.value)}`"
-            else:
-                fix = _COPY.format(name=name)
-            self._refuse("input-edit", f"in-place `{sign}=` on input `{name}`", node, fix)
-        self.generic_visit(node)
-
-    def visit_Assign(self, node: ast.Assign) -> None:
-        for target in node.targets:
-            name = self._protected_root(target) if isinstance(target, ast.Subscript) else None
-            if name:
-                message = f"assignment into input `{name}`"
-                self._refuse("input-edit", message, node, _COPY.format(name=name))
-        self.generic_visit(node)
-
-    def _protected_root(self, node: ast.AST) -> str | None:
-        """The input tensor that `x`, `x[...]` or `self.x[...]` names."""
-        while isinstance(node, ast.Subscript):
-            node = node.value
-        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "self":
-            return f"self.{node.attr}" if node.attr in self.state else None
-        if not isinstance(node, ast.Name) or node.id not in self._protected or node.id not in self.state:
-            return None
-        return node.id if self.state[node.id].kind in ("world", "constant") else None
-
-
-def _shown(node: ast.expr) -> str:
-    """How an expression reads, for a message; Python refuses to write an integer of thousands of digits."""
-    try:
-        return ast.unparse(node)[:60]
-    except ValueError:
-        return "..."
-
-
-def _identifiers(node: ast.AST) -> Iterator[str]:
-    for field in ("id", "attr", "arg", "name"):
-        value = getattr(node, field, None)
-        if isinstance(value, str):
-            yield value
-
-
-def _scope(node: _Scope) -> set[str]:
-    """Names bound in a function, lambda or comprehension itself, and not in those within it."""
-    names: set[str] = set()
-    if isinstance(node, ast.FunctionDef | ast.Lambda):
-        arguments = node.args
-        names |= {argument.arg for argument in (*arguments.args, *arguments.kwonlyargs)}
-        todo: list[ast.AST] = [*node.body] if isinstance(node, ast.FunctionDef) else [node.body]
-    else:
-        todo = [generator.target for generator in node.generators]
-    while todo:
-        part = todo.pop()
-        if isinstance(part, ast.FunctionDef):
-            names.add(part.name)
-        elif isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store):
-            names.add(part.id)
-        if not isinstance(part, _SCOPES):
-            todo.extend(ast.iter_child_nodes(part))
-    return names
-
-
-def _rebound(function: ast.FunctionDef) -> set[str]:
-    """Names given a new value by a plain assignment; the probe judges edits of these."""
-    targets = [target for node in ast.walk(function) if isinstance(node, ast.Assign) for target in node.targets]
-    names = [name for target in targets for name in ast.walk(target)]
-    return {name.id for name in names if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)}

@@ -1,9 +1,7 @@
-"""Reward graphs: JSON in and out, simplification, interpretation and compilation."""
+"""Reward graphs: read from JSON, simplified, interpreted and compiled."""
 
 from __future__ import annotations
 
-import json
-import math
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
@@ -11,7 +9,8 @@ from typing import Any
 import torch
 from torch import Tensor, fx
 
-from ..types import Arg, Node, RewardGraph, StateSpec
+from ..codec import DecodeError, decode
+from ..types import Node, RewardGraph, StateSpec
 from . import surface
 from .validate import TORCH_NAMES, GraphError, inputs, operation, references, refuse_truncation, validate
 
@@ -26,68 +25,18 @@ State = Mapping[str, Tensor | float | int]
 # --- data ------------------------------------------------------------------------------------------------------------
 
 
-def to_json(graph: RewardGraph) -> str:
-    """Canonical text: equal graphs give equal text."""
-    nodes = [[node.op, _plain(node.args), _plain(node.kwargs)] for node in graph.nodes]
-    data = {"version": 1, "nodes": nodes, "reward": graph.reward, "components": graph.components}
-    return json.dumps(data, allow_nan=False, sort_keys=True, separators=(",", ":"))
-
-
-def from_json(text: str) -> RewardGraph:
-    """Parse and validate.
+def from_json(text: str | bytes) -> RewardGraph:
+    """The graph that `codec.encode` wrote, also as part of a verdict, validated.
 
     Raises:
         GraphError: for anything but a well-formed graph of allow-listed operations.
     """
     try:
-        data = json.loads(text)
-        nodes = tuple(Node(str(op), _arg_tuple(args), _arg_map(kwargs)) for op, args, kwargs in data["nodes"])
-        components = tuple((str(name), index) for name, index in data["components"])
-        graph = RewardGraph(nodes=nodes, reward=data["reward"], components=components)
-        version = data["version"]
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise GraphError(f"not a reward graph: {error!r:.80}") from None
-    if version != 1:
-        raise GraphError(f"graph version {version!r:.20} is not known")
+        graph = decode(RewardGraph, text)
+    except DecodeError as error:
+        raise GraphError(f"not a reward graph: {error}") from None
     validate(graph)
     return graph
-
-
-def _plain(arg: Any) -> Any:
-    if isinstance(arg, float) and not math.isfinite(arg):
-        return {"float": str(arg)}
-    if isinstance(arg, Mapping):
-        return {key: _plain(value) for key, value in arg.items()}
-    if isinstance(arg, tuple):
-        return [_plain(value) for value in arg]
-    return arg
-
-
-def _arg(data: Any) -> Arg:
-    if isinstance(data, list):
-        return tuple(_arg(value) for value in data)
-    if isinstance(data, dict):
-        (key, value), *more = data.items()
-        if more or key not in ("ref", "n", "float"):
-            raise ValueError(f"argument {data!r:.60}")
-        if key == "float":
-            if value not in ("inf", "-inf", "nan"):
-                raise ValueError(f"float {value!r:.20}")
-            return float(value)
-        return {key: value}
-    return data
-
-
-def _arg_tuple(data: Any) -> tuple[Arg, ...]:
-    if not isinstance(data, list):
-        raise ValueError("arguments")
-    return tuple(_arg(value) for value in data)
-
-
-def _arg_map(data: Any) -> dict[str, Arg]:
-    if not isinstance(data, dict):
-        raise ValueError("keyword arguments")
-    return {str(key): _arg(value) for key, value in data.items()}
 
 
 def simplify(graph: RewardGraph) -> tuple[RewardGraph, tuple[int, ...]]:

@@ -14,7 +14,8 @@ from typing import TypeVar
 
 from ..types import Finding
 from . import surface
-from .fold import Folder, dotted
+from .fold import Folder
+from .syntax import dotted
 
 ENTRY_NAMES = ("compute_reward", "compute_gpt_reward", "_get_rewards_eureka", "_get_rewards")
 DROPPED_DECORATORS = frozenset({

@@ -187,11 +187,15 @@ def _acceptor(name: str, kind: str) -> Callable[[Any], bool]:
 
 
 def _is_reference(value: Any) -> bool:
-    return isinstance(value, Mapping) and type(value.get("ref")) is int and value["ref"] >= 0
+    return isinstance(value, Mapping) and value.keys() == {"ref"} and type(value["ref"]) is int and value["ref"] >= 0
 
 
 def _is_worlds(value: Any) -> bool:
-    return isinstance(value, Mapping) and type(value.get("n")) is int and 0 <= value["n"] <= MAX_SIZE_PER_WORLD
+    return isinstance(value, Mapping) and value.keys() == {"n"} and _is_size(value["n"])
+
+
+def _is_size(value: Any) -> bool:
+    return type(value) is int and 0 <= value <= MAX_SIZE_PER_WORLD
 
 
 def _is_number(value: Any) -> bool:

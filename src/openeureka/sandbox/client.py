@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import json
 import re
 import signal
 import time
-import unicodedata
 from collections.abc import Mapping
-from typing import Any
 
 from torch import Tensor
 
+from ..codec import DecodeError, decode
 from ..errors import SandboxUnavailable, WorkerError
-from ..reward import graph
+from ..reward.validate import GraphError, validate
+from ..text import printable
 from ..types import Candidate, Finding, RewardGraph, StateSpec, Verdict, VerdictCode
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 from . import confine, server
+from .answer import Answer
 
 SECONDS = 2.0
 """A candidate's time, by the wall clock, for everything it does in its child."""
@@ -59,7 +59,6 @@ class Sandbox:
         self._worlds = worlds
         self._confined = not unsafe
         self._worker: Worker | None = None
-        self._gated = True  # tests of confinement switch the gate off
 
     def __enter__(self) -> Sandbox:
         if self._confined and not (offered := confine.support()).complete:
@@ -97,16 +96,19 @@ class Sandbox:
             message = f"{what} ran for more than {SECONDS:g} s on a few hundred states"
             finding = Finding(rule="timeout", message=message, fix="use tensor operations instead of Python loops")
             return VerdictCode.TIMEOUT, (finding,), None
-        answer = _parse(frame.blobs.get("answer", b"")) if outcome in ("answer", "refused") else {}
-        if "findings" in answer:
-            findings = _read_findings(answer["findings"])
+        answer = _parse(frame.blobs.get("answer", b""))
+        if outcome not in ("answer", "refused"):
+            return VerdictCode.CRASHED, (_crash(frame.header.get("signal"), what),), None
+        if answer.findings:
+            findings = tuple(map(_cleaned, answer.findings[: server.MAX_FINDINGS]))
             if outcome == "answer":
                 return VerdictCode.CONTRACT, findings, None
             code = VerdictCode.NO_PROGRAM if findings[0].rule == "no-function" else VerdictCode.REFUSED
             return code, findings, None
-        if "graph" in answer:
-            return _accepted(answer["graph"])
-        return VerdictCode.CRASHED, (_crash(frame.header.get("signal"), what),), None
+        if answer.graph is not None:
+            return _accepted(answer.graph)
+        finding = Finding(rule="crash", message="the program sent an answer of the wrong form")
+        return VerdictCode.CRASHED, (finding,), None
 
     # --- the server ---
 
@@ -114,7 +116,7 @@ class Sandbox:
         tensors = self._tensors
         worker = Worker("openeureka.sandbox.server", env={}, max_blobs=2 * server.MAX_ANSWER)
         header = {
-            "spec": server.encode_spec(self.state),
+            "spec": self.state,
             "numbers": {name: value for name, value in self.recorded.items() if name not in tensors},
             "tensors": {n: [list(t.shape), str(t.dtype).removeprefix("torch.")] for n, t in tensors.items()},
             "worlds": self._worlds,
@@ -138,7 +140,7 @@ class Sandbox:
         for attempt in (1, 2):
             worker = self._worker or self._start()
             try:
-                worker.send({"source": source, "gated": self._gated, "seconds": SECONDS})
+                worker.send({"source": source, "seconds": SECONDS})
                 return worker.receive(SECONDS + _GRACE_SECONDS)
             except WorkerTimeout:
                 self.close()
@@ -154,26 +156,21 @@ def _bytes(tensor: Tensor) -> bytes:
     return tensor.numpy().tobytes()
 
 
-def _accepted(text: object) -> _Judgement:
-    """A graph that was judged. Its reading runs nothing, so what trains is certain to be a graph."""
+def _accepted(graph: RewardGraph) -> _Judgement:
+    """A graph that was judged. Nothing ran in this process, so what trains is certain to be a graph."""
     try:
-        return VerdictCode.ACCEPTED, (), graph.from_json(str(text))
-    except graph.GraphError as error:
-        finding = Finding(rule="operation", message=f"its graph is not allowed: {_clean(error, 200)}")
+        validate(graph)
+        return VerdictCode.ACCEPTED, (), graph
+    except GraphError as error:
+        finding = Finding(rule="operation", message=f"its graph is not allowed: {printable(str(error), 200)}")
         return VerdictCode.CONTRACT, (finding,), None
 
 
-def _line(number: object) -> int | None:
-    """A line of a program, as a child may say it."""
-    return number if type(number) is int and 0 < number < _MAX_LINE else None
-
-
-def _parse(data: bytes) -> dict[str, Any]:
+def _parse(data: bytes) -> Answer:
     try:
-        answer = json.loads(data)
-    except (ValueError, RecursionError):
-        return {}
-    return answer if isinstance(answer, dict) else {}
+        return decode(Answer, data)
+    except DecodeError:
+        return Answer()
 
 
 def _crash(number: object, what: str) -> Finding:
@@ -183,20 +180,11 @@ def _crash(number: object, what: str) -> Finding:
     return Finding(rule="crash", message=f"{what} ended its process ({name})", fix="use plain tensor operations")
 
 
-def _read_findings(data: object) -> tuple[Finding, ...]:
-    """Findings from a child, which may hold any text."""
-    findings: list[Finding] = []
-    for item in data[: server.MAX_FINDINGS] if isinstance(data, list) else []:
-        if not (isinstance(item, list) and len(item) == 4):
-            continue
-        rule, message, fix, line = item
-        known = rule if isinstance(rule, str) and _RULE.fullmatch(rule) else "error"
-        fixed = _clean(fix, _MAX_FIX)
-        findings.append(Finding(rule=known, message=_clean(message), fix=fixed, line=_line(line)))
-    return tuple(findings) or (Finding(rule="crash", message="the program sent an answer of the wrong form"),)
-
-
-def _clean(text: object, size: int = 500) -> str:
-    """One printable line of at most `size` characters."""
-    shown = str(text)[: 4 * size]
-    return "".join(c if unicodedata.category(c)[0] != "C" else " " for c in shown).strip()[:size]
+def _cleaned(finding: Finding) -> Finding:
+    """A finding from a child, which may hold any text."""
+    return Finding(
+        rule=finding.rule if _RULE.fullmatch(finding.rule) else "error",
+        message=printable(finding.message),
+        fix=printable(finding.fix, _MAX_FIX),
+        line=finding.line if finding.line is not None and 0 < finding.line < _MAX_LINE else None,
+    )

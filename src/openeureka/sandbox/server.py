@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import ctypes
 import gc
-import json
 import os
 import select
 import signal
@@ -25,11 +24,14 @@ from typing import Any, NoReturn
 
 import torch
 
+from ..codec import DecodeError, decode, encode, shaped
 from ..reward import examine, gate, graph, load, probe
 from ..reward.states import only
 from ..reward.trace import Refused
-from ..types import Finding, StateSpec, StateVar
+from ..reward.validate import GraphError, validate
+from ..types import Finding, StateSpec
 from ..worker import Channel, Frame
+from .answer import Answer
 from .confine import confine
 
 LENGTH = struct.Struct("<I")
@@ -68,14 +70,6 @@ class _Outcome:
     """Signal that ended the child, 0 for none. For the message only: how a process ends is never a verdict."""
 
 
-def encode_spec(spec: StateSpec) -> list[list[Any]]:
-    return [[v.name, list(v.shape), v.kind] for v in spec.variables]
-
-
-def _decode_spec(data: list[Any]) -> StateSpec:
-    return StateSpec(tuple(StateVar(name=n, meaning="", shape=tuple(shape), kind=kind) for n, shape, kind in data))
-
-
 def _decode_recorded(frame: Frame) -> dict[str, Any]:
     recorded: dict[str, Any] = dict(frame.header["numbers"])
     for name, (shape, dtype) in frame.header["tensors"].items():
@@ -84,62 +78,55 @@ def _decode_recorded(frame: Frame) -> dict[str, Any]:
     return recorded
 
 
-def _gate(source: str, bench: _Bench) -> gate.Program | dict[str, Any]:
-    """The program behind a text, or why it is refused, as JSON data. Runs nothing."""
+def _gate(source: str, bench: _Bench) -> gate.Program | Answer:
+    """The program behind a text, or why it is refused. Runs nothing."""
     program = gate.check(source, bench.spec)
-    return program if isinstance(program, gate.Program) else {"findings": _findings(program)}
+    return program if isinstance(program, gate.Program) else Answer(findings=_findings(program))
 
 
-def _probe(program: gate.Program | str, bench: _Bench) -> dict[str, Any]:
-    """What one program comes to, as JSON data; a text is run as it stands."""
-    returns = None
+def _probe(program: gate.Program, bench: _Bench) -> Answer:
+    """What one program comes to."""
+    recorded = only(bench.recorded, bench.spec, program.inputs)
     try:
-        if isinstance(program, gate.Program):
-            run, recorded = load.load(program), only(bench.recorded, bench.spec, program.inputs)
-            returns = program.return_line
-        else:
-            run, recorded = load.unchecked(program), bench.recorded
-        traced = probe.probe(run, bench.spec, recorded)
+        traced = probe.probe(load.load(program), bench.spec, recorded)
     except Refused as refusal:
-        return {"findings": _findings([_twinned(refusal.finding, program)], returns)}
-    return {"graph": graph.to_json(traced.graph), "lines": traced.lines, "returns": returns}
+        return Answer(findings=_findings([_twinned(refusal.finding, program)], program.return_line))
+    return Answer(graph=traced.graph, lines=tuple(traced.lines), returns=program.return_line)
 
 
-def _twinned(finding: Finding, program: gate.Program | str) -> Finding:
+def _twinned(finding: Finding, program: gate.Program) -> Finding:
     """A finding that something took a tensor for a number; where that is a function of numpy's, what torch calls it."""
-    if finding.rule != "branch" or isinstance(program, str) or not (found := gate.twins(program, finding.line)):
+    if finding.rule != "branch" or not (found := gate.twins(program, finding.line)):
         return finding
     (name, known), *_ = found.items()
     return replace(finding, message=f"`{name}` takes numbers and this is a tensor", fix=f"use `{known}`")
 
 
-def _examine(text: bytes, bench: _Bench) -> dict[str, Any]:
-    """The verdict on what a child answered, as JSON data: findings, or a graph that may train, or neither."""
+def _examine(text: bytes, bench: _Bench) -> Answer:
+    """The verdict on what a child answered: findings, or a graph that may train, or neither."""
     try:
-        answer = json.loads(text)
-    except (ValueError, RecursionError):
-        return {}
-    if not isinstance(answer, dict):
-        return {}
-    if "findings" in answer:
-        return {"findings": answer["findings"]}
+        said = decode(Answer, text)
+    except DecodeError:
+        return Answer()
+    if said.findings or said.graph is None:
+        return Answer(findings=said.findings)
     try:
-        parsed, origin = graph.simplify(graph.from_json(answer.get("graph", "")))
-    except graph.GraphError as error:
-        return {"findings": [["operation", f"its graph is not allowed: {error}"[:300], "", None]]}
-    said = answer.get("lines")
-    lines = [said[index] if index < len(said) else None for index in origin] if isinstance(said, list) else []
-    found = examine.examine(probe.Traced(parsed, tuple(lines)), bench.spec, bench.recorded, bench.worlds)
-    return {"findings": _findings(found, answer.get("returns"))} if found else {"graph": graph.to_json(parsed)}
+        validate(said.graph)
+    except GraphError as error:
+        return Answer(findings=(Finding(rule="operation", message=f"its graph is not allowed: {error}"[:300]),))
+    parsed, origin = graph.simplify(said.graph)
+    lines = tuple(said.lines[index] if index < len(said.lines) else None for index in origin)
+    found = examine.examine(probe.Traced(parsed, lines), bench.spec, bench.recorded, bench.worlds)
+    return Answer(findings=_findings(found, said.returns)) if found else Answer(graph=parsed)
 
 
-def _findings(findings: Sequence[Finding], returns: int | None = None) -> list[list[Any]]:
-    """Findings as data; one about the result as a whole names the line that returns it."""
+def _findings(findings: Sequence[Finding], returns: int | None = None) -> tuple[Finding, ...]:
+    """The first of them; one about the result as a whole names the line that returns it."""
     whole = probe.RESULT_RULES
-    return [
-        [f.rule, f.message, f.fix, returns if f.line is None and f.rule in whole else f.line]
-        for f in findings[:MAX_FINDINGS]
-    ]
+    return tuple(
+        replace(finding, line=returns) if finding.line is None and finding.rule in whole else finding
+        for finding in findings[:MAX_FINDINGS]
+    )
 
 
 class _Child:
@@ -149,7 +136,7 @@ class _Child:
         work: what it does, once confined; it may read its standard input to the end.
     """
 
-    def __init__(self, work: Callable[[], Mapping[str, Any]], *, confined: bool) -> None:
+    def __init__(self, work: Callable[[], Answer], *, confined: bool) -> None:
         request, self._request = os.pipe()
         self._answer, answer = os.pipe()
         self._pid = os.fork()
@@ -187,7 +174,7 @@ class _Child:
         return os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
 
 
-def _serve(request: int, answer: int, work: Callable[[], Mapping[str, Any]], confined: bool) -> NoReturn:
+def _serve(request: int, answer: int, work: Callable[[], Answer], confined: bool) -> NoReturn:
     """Everything a child does; never returns."""
     try:
         os.setpgid(0, 0)
@@ -201,14 +188,15 @@ def _serve(request: int, answer: int, work: Callable[[], Mapping[str, Any]], con
             _answer({"unconfined": str(error)})
         else:
             _answer(work())
-    except Exception as error:  # a fault of ours, or of a program without the gate: say which, then go
-        _answer({"findings": [["error", f"the probe failed: {type(error).__name__}: {error}"[:400], "", None]]})
+    except Exception as error:  # a fault of ours, or of a program that slipped through the gate: say which, then go
+        said = f"the probe failed: {type(error).__name__}: {error}"[:400]
+        _answer(Answer(findings=(Finding(rule="error", message=said),)))
     finally:
         os._exit(0)
 
 
-def _answer(data: Mapping[str, Any]) -> None:
-    text = json.dumps(data).encode()
+def _answer(answer: object) -> None:
+    text = encode(answer).encode()
     _write(3, LENGTH.pack(len(text)) + text)
 
 
@@ -255,7 +243,7 @@ def _kill(pid: int) -> int:
     return os.waitpid(pid, 0)[1]
 
 
-def _judge(program: gate.Program | str, bench: _Bench, seconds: float) -> tuple[str, _Outcome]:
+def _judge(program: gate.Program, bench: _Bench, seconds: float) -> tuple[str, _Outcome]:
     """What became of a program, and in which child: `program` or `graph`."""
     deadline = time.monotonic() + seconds
     first = _Child(lambda: _probe(program, bench), confined=bench.confined)
@@ -275,14 +263,14 @@ def main() -> None:
     if frame is None:
         return
     header = frame.header
-    bench = _Bench(_decode_spec(header["spec"]), _decode_recorded(frame), header["worlds"], header["confined"])
+    bench = _Bench(shaped(StateSpec, header["spec"]), _decode_recorded(frame), header["worlds"], header["confined"])
     problem = _warm_up(bench)
     channel.send({"problem": problem})
     while not problem and (frame := channel.receive()) is not None:
         request = frame.header
-        program = _gate(request["source"], bench) if request["gated"] else request["source"]
-        if isinstance(program, dict):
-            channel.send({"outcome": "refused"}, {"answer": json.dumps(program).encode()})
+        program = _gate(request["source"], bench)
+        if isinstance(program, Answer):
+            channel.send({"outcome": "refused"}, {"answer": encode(program).encode()})
             continue
         where, outcome = _judge(program, bench, request["seconds"])
         header = {"outcome": outcome.kind, "where": where, "signal": outcome.died_of}
@@ -295,13 +283,14 @@ def _warm_up(bench: _Bench) -> str:
     term = f"{variable.name}.reshape(num_envs, -1).sum(dim=-1)"
     program = _gate(_WARM_UP.format(arguments=variable.name, term=term), bench)
     assert isinstance(program, gate.Program), program
-    _examine(json.dumps(_probe(program, bench)).encode(), bench)
+    _examine(encode(_probe(program, bench)).encode(), bench)
     gc.collect()
     gc.freeze()  # children then share these pages instead of copying them
     _collapse()
     _, outcome = _judge(program, bench, 60.0)
-    answer = json.loads(outcome.answer) if outcome.kind == "answer" else {}
-    return "" if "graph" in answer else f"{outcome.kind} {outcome.died_of} {json.dumps(answer)[:300]}"
+    if outcome.kind == "answer" and decode(Answer, outcome.answer).graph is not None:
+        return ""
+    return f"{outcome.kind} {outcome.died_of} {outcome.answer[:300].decode()}"
 
 
 def _collapse() -> None:

@@ -242,7 +242,7 @@ class WarpSimulator(Simulator):
 
 
 @wp.kernel
-def _keep(columns: wp.array[bool], kept: wp.array2d[float], sensordata: wp.array2d[float]):
+def _keep(columns: wp.array[bool], kept: wp.array2d[float], sensordata: wp.array2d[float]):  # noqa: ANN202 - Warp reads the types
     """Sensors of forces and accelerations keep the values of the last substep."""
     world, column = wp.tid()  # pyright: ignore
     if columns[column]:

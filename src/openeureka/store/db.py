@@ -1,6 +1,4 @@
-"""The run's SQLite file: schema, migrations, and the only SQL of the package.
-
-Every table is append-only, and triggers say so: a row is written once, when the work it stands for is finished.
+"""The run's SQLite file: rows in, rows out.
 
 The file may come from anybody. Its schema must be, to the letter, what the migrations make, so that no trigger and no
 view of somebody else's runs. A value of another type than its column's, or a name that could lead out of the directory,
@@ -22,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import StoreError
+from .schema import FILLS, MIGRATIONS
 
 FILENAME = "run.sqlite"
 LOCK = "run.lock"
@@ -30,130 +29,6 @@ LOG = "run.log"
 STOP = "run.stop"
 """There while somebody wants the run to stop."""
 AGAIN = "start it again with the same `eureka run` command."
-
-_TABLES = """
-CREATE TABLE run (
-    id INTEGER PRIMARY KEY CHECK (id = 1),
-    config TEXT NOT NULL,
-    version TEXT NOT NULL
-);
-CREATE TABLE prompts (
-    generation INTEGER NOT NULL,
-    slot INTEGER NOT NULL,           -- first slot that the prompt fills
-    messages TEXT NOT NULL,
-    PRIMARY KEY (generation, slot)
-);
-CREATE TABLE replies (
-    generation INTEGER NOT NULL,
-    attempt INTEGER NOT NULL,
-    slot INTEGER NOT NULL,
-    text TEXT NOT NULL,
-    model TEXT NOT NULL,
-    prompt_tokens INTEGER NOT NULL,
-    completion_tokens INTEGER NOT NULL,
-    cost_usd REAL NOT NULL,
-    seconds REAL NOT NULL,
-    PRIMARY KEY (generation, attempt, slot)
-);
-CREATE TABLE verdicts (
-    candidate TEXT PRIMARY KEY,
-    source TEXT NOT NULL,
-    verdict TEXT NOT NULL
-);
-CREATE TABLE results (
-    job TEXT PRIMARY KEY,
-    fitness REAL,                    -- NULL where F was never defined
-    result TEXT NOT NULL
-);
-CREATE TABLE entries (
-    generation INTEGER NOT NULL,
-    slot INTEGER NOT NULL,
-    candidate TEXT REFERENCES verdicts (candidate),
-    verdict TEXT NOT NULL,           -- kept here too: a reply without a program has one and no candidate
-    job TEXT REFERENCES results (job),
-    attempts INTEGER NOT NULL,
-    feedback TEXT NOT NULL,
-    PRIMARY KEY (generation, slot)
-);
-CREATE TABLE evaluations (
-    job TEXT PRIMARY KEY REFERENCES results (job),
-    fitness REAL,
-    episode_length REAL,
-    episodes INTEGER NOT NULL
-);
-"""
-
-_REMARKS = """
-CREATE TABLE remarks (
-    id INTEGER PRIMARY KEY,
-    kind TEXT NOT NULL,
-    text TEXT NOT NULL,
-    generation INTEGER, slot INTEGER,             -- the candidate it is about
-    over_generation INTEGER, over_slot INTEGER    -- the other one of a vote
-);
-CREATE TABLE heard (
-    generation INTEGER PRIMARY KEY,
-    remarks INTEGER NOT NULL         -- all up to this id, less those of earlier generations, came after this one
-);
-"""
-
-
-def _immutable(*tables: str) -> str:
-    return "".join(
-        f"CREATE TRIGGER {table}_{act} BEFORE {act} ON {table} "
-        "BEGIN SELECT RAISE(ABORT, 'a finished row never changes'); END;\n"
-        for table in tables
-        for act in ("UPDATE", "DELETE")
-    )
-
-
-_TRIALS = """
-ALTER TABLE evaluations ADD COLUMN error REAL;
-ALTER TABLE evaluations ADD COLUMN concentration REAL;
-CREATE TABLE trials (
-    job TEXT NOT NULL REFERENCES results (job),
-    name TEXT NOT NULL,              -- in which world, or with which policy of the training
-    fitness REAL,
-    error REAL,
-    concentration REAL,
-    episode_length REAL,
-    episodes INTEGER NOT NULL,
-    PRIMARY KEY (job, name)
-);
-"""
-
-_PLAYS = """
-ALTER TABLE run ADD COLUMN ranks TEXT;          -- by what search=best ranks; NULL: by training, as versions before did
-ALTER TABLE prompts ADD COLUMN parent_generation INTEGER;
-ALTER TABLE prompts ADD COLUMN parent_slot INTEGER;
-ALTER TABLE evaluations ADD COLUMN peak TEXT;
-ALTER TABLE trials ADD COLUMN peak TEXT;
-CREATE TABLE plays (
-    job TEXT NOT NULL REFERENCES results (job),
-    peak TEXT NOT NULL,              -- which policy of the lane
-    look INTEGER NOT NULL,           -- 0, then 1 where more episodes were needed
-    fitness REAL,
-    error REAL,
-    concentration REAL,
-    episode_length REAL,
-    episodes INTEGER NOT NULL,
-    PRIMARY KEY (job, peak, look)
-);
-CREATE TABLE crown (
-    id INTEGER PRIMARY KEY CHECK (id = 1),
-    generation INTEGER NOT NULL,
-    slot INTEGER NOT NULL
-);
-"""
-
-MIGRATIONS: list[str] = [
-    _TABLES + _immutable("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations"),
-    _REMARKS + _immutable("remarks", "heard"),
-    _TRIALS + _immutable("trials"),
-    _PLAYS + _immutable("plays", "crown"),
-]
-"""Script n brings a file from schema n to n + 1. Published scripts are never edited, only followed by new ones."""
-
 
 MAX_VALUE = 64 << 20
 """Bytes of one value of a row."""
@@ -164,14 +39,15 @@ _COUNTS = {"generation", "slot", "attempt", "attempts", "over_generation", "over
 _TYPES: Mapping[str, tuple[type, ...]] = {"TEXT": (str,), "INTEGER": (int,), "REAL": (float, int)}
 
 _GLANCE = """
+WITH finished AS (SELECT job FROM entries UNION SELECT job FROM lanes WHERE role = 'given')
 SELECT
     (SELECT COUNT(DISTINCT generation) FROM entries) AS generations,
     COALESCE(
         -- As `score.played` has it: the best of a lane's policies, over all that it played.
         (SELECT MAX(fitness) FROM (
             SELECT SUM(plays.fitness * plays.episodes) / SUM(plays.episodes) AS fitness
-            FROM plays JOIN entries USING (job) WHERE plays.fitness IS NOT NULL GROUP BY job, peak)),
-        (SELECT MAX(results.fitness) FROM results JOIN entries USING (job))
+            FROM plays WHERE job IN finished AND fitness IS NOT NULL GROUP BY job, peak)),
+        (SELECT MAX(fitness) FROM results WHERE job IN finished)
     ) AS fitness,
     (SELECT COUNT(*) FROM evaluations) AS evaluations,
     TOTAL(cost_usd) AS cost_usd,
@@ -306,7 +182,14 @@ class Database:
 
     def _migrate(self, schema: int) -> None:
         for number, script in enumerate(MIGRATIONS[schema:], start=schema + 1):
-            self._connection.executescript(f"BEGIN IMMEDIATE; {script} PRAGMA user_version = {number}; COMMIT;")
+            try:
+                self._connection.executescript(f"BEGIN IMMEDIATE; {script} PRAGMA user_version = {number};")
+                FILLS.get(number, _nothing)(self._connection)
+                self._connection.execute("COMMIT")
+            except BaseException:
+                if self._connection.in_transaction:
+                    self._connection.execute("ROLLBACK")
+                raise
 
     def put(self, table: str, *rows: Mapping[str, Any]) -> None:
         """Insert rows, all or none, durable when this returns."""
@@ -349,6 +232,9 @@ class Database:
 
     def close(self) -> None:
         self._connection.close()
+
+
+def _nothing(connection: sqlite3.Connection) -> None: ...
 
 
 def _fits(name: str, kind: str, value: object, optional: bool) -> bool:

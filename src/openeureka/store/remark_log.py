@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from ..codec import DecodeError
 from ..types import Remark
-from .codec import DAMAGE, decode_remark, encode_remark
+from .codec import decode_remark, encode_remark
 from .db import Database, changed_row
 
 
@@ -45,5 +46,5 @@ class RemarkLog:
             return tuple(
                 decode_remark(dict(row)) for row in rows if row["id"] > after and (last is None or row["id"] <= last)
             )
-        except DAMAGE as error:
+        except DecodeError as error:
             raise changed_row(self._database.directory, error) from None

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-import dataclasses
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
+from ..codec import DecodeError
 from ..types import TrainingResult
 from . import artifacts
-from .codec import DAMAGE, decode_result, encode_result
+from .codec import decode_result, encode_result
 
 
 class StageFiles:
-    """Remembers stages as `<folder>/<job>/stage<number>.json` and, of a lane that goes on, its last policy beside it.
+    """Remembers stages as `lanes/<lane>/stage<number>.json` and, of a lane that goes on, its last policy beside it.
 
     The policy comes first: a stage whose JSON is there is whole. One that cannot be read is not finished.
-
-    Args:
-        folder: path below the directory that holds the folders of the lanes.
-        resumes: whether stages that are there already belong to this training, and need not be repeated.
     """
 
-    def __init__(self, directory: Path, folder: str = ".", *, resumes: bool) -> None:
-        self._directory, self._folder, self._resumes = directory, folder, resumes
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
 
     def save(self, stage: int, result: TrainingResult) -> None:
         if result.last is not None:
@@ -30,14 +26,15 @@ class StageFiles:
 
     def read(self, stage: int, job: str) -> TrainingResult | None:
         """The result with its last policy, the others empty; None when the stage was not finished."""
-        text = artifacts.read(self._directory, self._name(stage, job, "json")) if self._resumes else None
+        text = artifacts.read(self._directory, self._name(stage, job, "json"))
         if text is None:
             return None
         last = artifacts.read(self._directory, self._name(stage, job, "safetensors"))
         try:
-            return dataclasses.replace(decode_result(job, text.decode()), last=last)
-        except DAMAGE:
+            result = decode_result(job, text)
+        except DecodeError:
             return None
+        return result.holding({"last": last} if last is not None else {})
 
     def _name(self, stage: int, job: str, suffix: str) -> str:
-        return str(PurePosixPath(self._folder, job, f"stage{stage}.{suffix}"))
+        return f"lanes/{job}/stage{stage}.{suffix}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import sqlite3
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import MappingProxyType, TracebackType
@@ -14,16 +14,21 @@ from typing import Literal, TypeVar
 from filelock import FileLock, Timeout
 
 from .. import __version__
+from ..codec import DecodeError, decode, encode
 from ..config import RunConfig, as_dict, restored
 from ..errors import ConfigError, StoreError
 from ..score import played
+from ..text import safe_text
 from ..types import (
     GIVEN,
+    Attempt,
     Candidate,
+    CandidateId,
     Evaluation,
     Generation,
     Glance,
     History,
+    Lane,
     Message,
     Peak,
     Place,
@@ -37,18 +42,16 @@ from ..types import (
 )
 from . import artifacts
 from .codec import (
-    DAMAGE,
     decode_digest,
+    decode_lane,
     decode_messages,
     decode_result,
     decode_verdict,
     digest,
     encode_evaluation,
     encode_result,
-    encode_verdict,
     finite,
     policy_name,
-    safe_text,
 )
 from .db import AGAIN, FILENAME, LOCK, LOG, STOP, Database, changed_row, explained
 from .remark_log import RemarkLog
@@ -132,10 +135,10 @@ class Store:
     ) -> None:
         self.close()
 
-    def _decoded(self, decode: Callable[..., T], *texts: str) -> T:
+    def _decoded(self, decode: Callable[..., T], *values: object) -> T:
         try:
-            return decode(*texts)
-        except DAMAGE as error:
+            return decode(*values)
+        except (DecodeError, KeyError, TypeError) as error:
             raise changed_row(self.directory, error) from None
 
     # --- settings ----------------------------------------------------------------------------------------------------
@@ -164,7 +167,7 @@ class Store:
         if row is None:
             raise StoreError(f"{self.directory} holds a run that never began; {AGAIN}")
         try:
-            return self._decoded(lambda text: restored(RunConfig, json.loads(text)), row["config"])
+            return self._decoded(lambda text: restored(RunConfig, decode(dict[str, object], text)), row["config"])
         except ConfigError:
             version = row["version"]
             raise StoreError(
@@ -179,19 +182,25 @@ class Store:
 
     # --- prompts and replies -----------------------------------------------------------------------------------------
 
-    def save_prompt(self, generation: int, slot: int, prompt: Prompt, parent: Place | None) -> None:
+    def save_prompt(self, generation: int, slots: range, prompt: Prompt, parent: Place | None) -> None:
         """Keep what was asked, for people, and which candidate to improve: `messages.json` shows every conversation."""
-        if self._database.row("prompts", generation=generation, slot=slot) is None:
-            messages = [{"role": message.role, "content": safe_text(message.content)} for message in prompt.messages]
-            row = {"generation": generation, "slot": slot, "messages": json.dumps(messages)}
-            if parent is not None:
-                row |= {"parent_generation": parent.generation, "parent_slot": parent.slot}
-            self._database.put("prompts", row)
+        if self._database.row("prompts", generation=generation, slot=slots.start) is None:
+            messages = _plain(prompt.messages)
+            self._database.put("prompts", {"generation": generation, "slot": slots.start, "messages": messages})
+        self.save_slots(generation, slots, asked=slots.start, parent=parent)
         asked = [
             {**dict(row), "messages": [dataclasses.asdict(m) for m in self._decoded(decode_messages, row["messages"])]}
             for row in self._database.rows("prompts")
         ]
         artifacts.write(self.directory, "messages.json", json.dumps(asked, indent=2))
+
+    def save_slots(self, generation: int, slots: range, *, asked: int | None, parent: Place | None) -> None:
+        """Keep where the programs of some slots come from: the prompt, by its first slot, and whom to improve."""
+        known = {row["slot"] for row in self._database.rows("slots", generation=generation)}
+        row = {"generation": generation, "prompt": asked}
+        if parent is not None:
+            row |= {"parent_generation": parent.generation, "parent_slot": parent.slot}
+        self._database.put("slots", *(row | {"slot": slot} for slot in slots if slot not in known))
 
     def save_reply(self, generation: int, attempt: int, slot: int, reply: Reply) -> None:
         place = {"generation": generation, "attempt": attempt, "slot": slot}
@@ -217,16 +226,31 @@ class Store:
         rows = self._database.rows("prompts", order=("generation", "slot"))
         return {(row["generation"], row["slot"]): self._decoded(decode_messages, row["messages"]) for row in rows}
 
-    def parents(self) -> dict[tuple[int, int], Place]:
-        """Which candidate the model was asked to improve, by generation and the first slot that the prompt fills.
-
-        Prompts without a parent, and those of versions that did not keep it, have no entry.
-        """
-        rows = self._database.rows("prompts")
+    def parents(self) -> dict[Place, Place]:
+        """Which candidate the model was asked to improve, by slot; a first answer and a given reward have none."""
         return {
-            (row["generation"], row["slot"]): Place(row["parent_generation"], row["parent_slot"])
-            for row in rows
+            Place(row["generation"], row["slot"]): Place(row["parent_generation"], row["parent_slot"])
+            for row in self._database.rows("slots")
             if row["parent_generation"] is not None
+        }
+
+    def save_attempt(
+        self, generation: int, attempt: int, slot: int, candidate: CandidateId | None, repair: Sequence[Message]
+    ) -> None:
+        """Keep which program a reply holds, once it is judged, and what a repair showed beyond the slot's prompt."""
+        place = {"generation": generation, "attempt": attempt, "slot": slot}
+        if self._database.row("attempts", **place) is None:
+            shown = _plain(repair) if repair else None
+            self._database.put("attempts", {**place, "candidate": candidate, "repair": shown})
+
+    def attempts(self) -> dict[tuple[int, int, int], Attempt]:
+        """Every judged reply, by generation, attempt and slot."""
+        return {
+            (row["generation"], row["attempt"], row["slot"]): Attempt(
+                candidate=self.candidate(row["candidate"]),
+                repair=self._decoded(decode_messages, row["repair"]) if row["repair"] is not None else (),
+            )
+            for row in self._database.rows("attempts")
         }
 
     def usage(self) -> Usage:
@@ -240,15 +264,36 @@ class Store:
         folder = f"candidates/{candidate.id}"
         artifacts.write(self.directory, f"{folder}/reward.py", candidate.source)
         artifacts.write(self.directory, f"{folder}/reply.txt", reply.text)
-        artifacts.write(self.directory, f"{folder}/verdict.json", encode_verdict(verdict, indent=2))
-        row = {"candidate": candidate.id, "source": candidate.source, "verdict": encode_verdict(verdict)}
+        artifacts.write(self.directory, f"{folder}/verdict.json", encode(verdict, indent=2))
+        row = {"candidate": candidate.id, "source": candidate.source, "verdict": encode(verdict)}
         self._database.put("verdicts", row)
 
     def verdict(self, candidate: str) -> Verdict | None:
         row = self._database.row("verdicts", candidate=candidate)
         return self._decoded(decode_verdict, row["verdict"]) if row is not None else None
 
+    def save_given(self, rewards: Mapping[str, CandidateId | None]) -> None:
+        """Keep what given rewards are called; `human` and `sparse`, which come with the task, are no candidates."""
+        self._database.put("given", *({"name": name, "candidate": own} for name, own in rewards.items()))
+
+    def given(self) -> dict[str, CandidateId | None]:
+        """The rewards of a run that searches for none, by name, in the order in which they were given."""
+        return {row["name"]: row["candidate"] for row in self._database.rows("given")}
+
     # --- training ----------------------------------------------------------------------------------------------------
+
+    def save_lanes(self, lanes: Iterable[Lane]) -> None:
+        """Keep what is about to train, where the run does not know it yet."""
+        known = self.lanes()
+        fresh = {lane.id: lane for lane in lanes if lane.id not in known}
+        self._database.put("lanes", *({"job": name} | dataclasses.asdict(lane) for name, lane in fresh.items()))
+
+    def lanes(self) -> dict[str, Lane]:
+        """Every lane of the run by its id, trained or not, in the order in which they began."""
+        rows = self._database.rows("lanes")
+        return {
+            row["job"]: self._decoded(decode_lane, row["job"], row["reward"], row["seed"], row["role"]) for row in rows
+        }
 
     def save_result(self, result: TrainingResult) -> None:
         folder = f"lanes/{result.job}"
@@ -345,7 +390,7 @@ class Store:
                 "generation": generation.index,
                 "slot": entry.sample.slot,
                 "candidate": entry.sample.candidate.id if entry.sample.candidate is not None else None,
-                "verdict": encode_verdict(entry.sample.verdict),
+                "verdict": encode(entry.sample.verdict),
                 "job": entry.result.job if entry.result is not None else None,
                 "attempts": entry.sample.attempts,
                 "feedback": safe_text(entry.feedback),
@@ -374,14 +419,15 @@ class Store:
         sample = Sample(
             generation=row["generation"],
             slot=row["slot"],
-            candidate=self._candidate(row["candidate"]),
+            candidate=self.candidate(row["candidate"]),
             verdict=self._decoded(decode_verdict, row["verdict"]),
             attempts=row["attempts"],
         )
         result = self._decoded(results.__getitem__, row["job"]) if row["job"] is not None else None
         return Scored(sample=sample, result=result, feedback=row["feedback"], played=scores.get(row["job"]))
 
-    def _candidate(self, identity: str | None) -> Candidate | None:
+    def candidate(self, identity: CandidateId | None) -> Candidate | None:
+        """A judged program; None where nothing of that name was judged."""
         row = self._database.row("verdicts", candidate=identity) if identity is not None else None
         return Candidate(id=row["candidate"], source=row["source"]) if row is not None else None
 
@@ -397,14 +443,16 @@ class Store:
 
     # --- the best ----------------------------------------------------------------------------------------------------
 
-    def save_best(self, best: Scored, job: str, peak: Peak) -> None:
+    def save_best(self, program: Candidate | None, job: str, peak: Peak) -> None:
         """Fill `best/` with the program and a lane's policy: the one place that changes, as better rewards come.
+
+        A reward that comes with the task has no program of its own.
 
         What was made of another policy (its video, its ONNX file) goes before the policy does: a file in `best/` is
         missing or fits, whatever the clock says that dates them.
         """
-        assert best.sample.candidate is not None
-        artifacts.write(self.directory, "best/reward.py", best.sample.candidate.source)
+        if program is not None:
+            artifacts.write(self.directory, "best/reward.py", program.source)
         policy, kept = self.policy(job, peak), "best/policy.safetensors"
         if policy is None or artifacts.read(self.directory, kept) == policy:
             return
@@ -419,6 +467,10 @@ def _foreign(directory: Path) -> bool:
     with explained(directory):
         own = {LOCK, LOG, STOP, FILENAME, f"{FILENAME}-wal", f"{FILENAME}-shm"}
         return any(path.name not in own for path in directory.iterdir())
+
+
+def _plain(messages: Iterable[Message]) -> str:
+    return json.dumps([{"role": message.role, "content": safe_text(message.content)} for message in messages])
 
 
 def _reply(row: sqlite3.Row) -> Reply:

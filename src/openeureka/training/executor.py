@@ -12,6 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TypeVar
 
+from ..codec import plain, shaped
 from ..errors import TaskError, WorkerError
 from ..tasks import registry
 from ..types import Dynamics, Evaluation, TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
@@ -163,8 +164,7 @@ class PopulationTrainer:
             TaskError: when the task's own code fails.
             WorkerError: when it dies again.
         """
-        factors = {job: dataclasses.asdict(changed) for job, changed in (dynamics or {}).items()}
-        header = {"do": "evaluate", "env": env, "seed": seed, "episodes": episodes, "dynamics": factors}
+        header = {"do": "evaluate", "env": env, "seed": seed, "episodes": episodes, "dynamics": plain(dynamics or {})}
         left = dict(policies)
         for last in (False, True):
             if not left:
@@ -172,7 +172,7 @@ class PopulationTrainer:
             try:
                 for frame in self._ask(Frame(header, left), self._devices[0], self._threads):
                     if frame is not None and "score" in frame.header:
-                        score = Evaluation(**frame.header["score"])
+                        score = shaped(Evaluation, frame.header["score"])
                         del left[score.job]
                         yield score
             except WorkerError:

@@ -15,6 +15,8 @@ from .normalize import ALL
 
 
 class Output(NamedTuple):
+    """What the networks of L lanes make of B observations each."""
+
     mean: Tensor
     """(L, B, A) action means."""
     value: Tensor

@@ -22,6 +22,8 @@ _HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 
 
 class Action(NamedTuple):
+    """What the policies of L lanes chose, in n worlds each."""
+
     action: Tensor
     """(L, n, A), not clamped."""
     log_prob: Tensor
@@ -34,7 +36,9 @@ class Action(NamedTuple):
 class Rollout:
     """What L lanes of n worlds did in T steps, world-major so that a slice of worlds is a contiguous minibatch."""
 
-    def __init__(self, lanes: int, worlds: int, horizon: int, observations: int, actions: int, device: torch.device):
+    def __init__(
+        self, lanes: int, worlds: int, horizon: int, observations: int, actions: int, device: torch.device
+    ) -> None:
         def empty(*sizes: int) -> Tensor:
             return torch.zeros(lanes, worlds, horizon, *sizes, device=device)
 

@@ -6,10 +6,12 @@ import hashlib
 import json
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from .. import __version__
+from ..codec import DecodeError, decode, encode
 from ..store import artifacts
 
 ABOUT = ".json"
@@ -22,17 +24,20 @@ def groups(folder: Path | None, env: str) -> list[list[str]]:
         return []
     found = (name for name in artifacts.names(folder.parent, folder.name) if name.endswith(ABOUT))
     about = (_about(artifacts.read(folder.parent, f"{folder.name}/{name}")) for name in found)
-    return [jobs for of, jobs in about if of == env]
+    return [found.jobs for found in about if found is not None and found.env == env]
 
 
-def _about(data: bytes | None) -> tuple[str, list[str]]:
+@dataclass(frozen=True, slots=True)
+class _About:
+    env: str
+    jobs: list[str]
+
+
+def _about(data: bytes | None) -> _About | None:
     try:
-        found = json.loads(data or b"{}")
-        env, jobs = found["env"], found["jobs"]
-    except (ValueError, KeyError, TypeError, RecursionError):
-        return "", []
-    named = isinstance(env, str) and isinstance(jobs, list) and all(isinstance(job, str) for job in jobs)
-    return (env, jobs) if named else ("", [])
+        return decode(_About, data or b"")
+    except DecodeError:
+        return None
 
 
 class Snapshot:
@@ -59,7 +64,7 @@ class Snapshot:
     def write(self, state: bytes) -> None:
         """Raises StoreError when the disk is full; the old file is then still whole."""
         if self._folder is not None:
-            artifacts.write(self._folder.parent, f"{self._name}{ABOUT}", json.dumps(self._about))
+            artifacts.write(self._folder.parent, f"{self._name}{ABOUT}", encode(self._about))
             artifacts.write(self._folder.parent, f"{self._name}.pt", state)
             self._renewed = True
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import io
 import time
 from collections.abc import Callable, Mapping
@@ -10,6 +9,7 @@ from typing import Any
 
 import torch
 
+from ..codec import defined, shaped
 from ..errors import CapacityError, TaskError
 from ..tasks.faults import fault
 from ..types import Dynamics, TrainingProgress
@@ -45,11 +45,11 @@ def main() -> None:
 
 def _evaluate(channel: Channel, request: Frame, options: Mapping[str, Any]) -> None:
     header = request.header
-    dynamics = {job: Dynamics(**factors) for job, factors in header["dynamics"].items()}
+    dynamics = shaped(dict[str, Dynamics], header["dynamics"])
     playing = {"seed": header["seed"], "episodes": header["episodes"], "dynamics": dynamics}
     playing |= {"after_step": _signs_of_life(channel)}
     for score in evaluate(header["env"], request.blobs, **options, **playing):
-        channel.send({"score": dataclasses.asdict(score)})
+        channel.send({"score": defined(score)})
 
 
 def _train(channel: Channel, request: Frame, population: Population) -> None:

@@ -4,7 +4,7 @@ World axis N, lane axis L and worlds per lane n are used throughout; N = L * n.
 """
 
 from .remarks import Place, Remark, RemarkKind
-from .replies import GIVEN, Message, Prompt, Reply, Usage
+from .replies import GIVEN, Attempt, Message, Prompt, Reply, Usage
 from .rewards import Arg, Candidate, CandidateId, Finding, Node, RewardGraph, Verdict, VerdictCode
 from .search import Generation, Glance, History, Opinion, PromptPlan, Sample, Scored
 from .tasks import StateKind, StateSpec, StateUse, StateVar, TaskContext
@@ -13,20 +13,24 @@ from .training import (
     Checkpoint,
     Dynamics,
     Evaluation,
+    Lane,
     Peak,
     RewardProgram,
+    Role,
     TrainBudget,
     Trainer,
     TrainingProgress,
     TrainingResult,
     TrainingState,
     TrainJob,
+    lane_id,
 )
 
 __all__ = [
     "GIVEN",
     "NOMINAL",
     "Arg",
+    "Attempt",
     "Candidate",
     "CandidateId",
     "Checkpoint",
@@ -36,6 +40,7 @@ __all__ = [
     "Generation",
     "Glance",
     "History",
+    "Lane",
     "Message",
     "Node",
     "Opinion",
@@ -48,6 +53,7 @@ __all__ = [
     "Reply",
     "RewardGraph",
     "RewardProgram",
+    "Role",
     "Sample",
     "Scored",
     "StateKind",
@@ -64,4 +70,5 @@ __all__ = [
     "Usage",
     "Verdict",
     "VerdictCode",
+    "lane_id",
 ]

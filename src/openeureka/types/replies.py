@@ -5,9 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from .rewards import Candidate
+
 
 @dataclass(frozen=True, slots=True)
 class Message:
+    """One turn of a conversation."""
+
     role: Literal["system", "user", "assistant"]
     content: str
 
@@ -24,6 +28,8 @@ class Prompt:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Usage:
+    """What a reply cost; tokens that several replies share are counted with one of them."""
+
     prompt_tokens: int = 0
     completion_tokens: int = 0
     cost_usd: float = 0.0
@@ -48,3 +54,13 @@ class Reply:
 
 GIVEN = "given"
 """`Reply.model` of a reward that the run began with: nobody was asked for it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Attempt:
+    """What a reply was found to hold."""
+
+    candidate: Candidate | None
+    """None where it holds no program."""
+    repair: tuple[Message, ...] = ()
+    """What the model was shown beyond the slot's prompt, where it was to repair a refused program."""

@@ -6,10 +6,14 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Literal
 
-CandidateId = str
+from .bounds import Count, FileName, Finite
 
-Arg = None | bool | int | float | str | Mapping[str, "Arg"] | tuple["Arg", ...]
+CandidateId = FileName
+
+_Part = None | bool | int | float | str | Mapping[str, int]
+Arg = _Part | tuple[_Part, ...]
 """A graph argument: JSON, where `{"ref": i}` is the value of node i and `{"n": k}` is k times the number of worlds."""
 
 
@@ -20,7 +24,7 @@ class Node:
 
     op: str
     args: tuple[Arg, ...] = ()
-    kwargs: Mapping[str, Arg] = field(default_factory=dict)
+    kwargs: Mapping[str, Arg] = field(default_factory=dict[str, Arg])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +36,8 @@ class RewardGraph:
     """Index of the node whose value is the total reward, (N,)."""
     components: tuple[tuple[str, int], ...]
     """Component name and node index, in the program's order; each value is (N,) or () float."""
+    version: Literal[1] = 1
+    """Of this form of a graph: a later one would mean something else by the same words."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +72,7 @@ class Finding:
     message: str
     fix: str = ""
     """What to write instead."""
-    line: int | None = None
+    line: Count | None = None
 
     def sentence(self) -> str:
         where = f"line {self.line}: " if self.line is not None else ""
@@ -82,7 +88,7 @@ class Verdict:
     code: VerdictCode
     findings: tuple[Finding, ...] = ()
     graph: RewardGraph | None = None
-    seconds: float = 0.0
+    seconds: Finite = 0.0
 
     @property
     def accepted(self) -> bool:

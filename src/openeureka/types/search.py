@@ -56,6 +56,8 @@ class Scored:
 
 @dataclass(frozen=True, slots=True)
 class Generation:
+    """An entry for each slot, in their order."""
+
     index: int
     entries: tuple[Scored, ...]
     remarks: tuple[Remark, ...] = ()

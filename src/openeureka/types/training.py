@@ -3,16 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Literal, Protocol
 
+from .bounds import Count, Finite, Name
 from .rewards import RewardGraph
 
 RewardProgram = RewardGraph | Literal["human", "sparse"]
 
 Peak = Literal["fitness", "reward", "last"]
 """Which of a lane's policies: where F was highest in training, where its own reward was, or the one at the end."""
+
+
+Role = Literal["candidate", "baseline", "final", "given"]
+"""Why a lane is trained: for a slot of a generation; to compare those with; with a fresh seed at the end; or because
+somebody gave the reward and wants no search."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """One training of a run: a reward and a seed."""
+
+    reward: str
+    """A candidate's id, `human` or `sparse`, or what a given reward is called."""
+    seed: Count
+    role: Role
+
+    @property
+    def id(self) -> str:
+        return lane_id(self.reward, self.seed)
+
+
+def lane_id(reward: str, seed: int) -> str:
+    """What a lane is called within its run."""
+    return f"{reward}-s{seed}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +63,8 @@ class TrainBudget:
 
 
 class TrainingState(StrEnum):
+    """How the training of a lane ended."""
+
     FINISHED = "finished"
     DIVERGED = "diverged"  # non-finite or absurd reward, policy or physics: the lane was masked
     FAILED = "failed"  # the worker died with it, more often than it may
@@ -47,10 +74,10 @@ class TrainingState(StrEnum):
 class Checkpoint:
     """A policy at one epoch. `policy` is a safetensors file (see `training.policy`)."""
 
-    epoch: int
-    value: float
+    epoch: Count
+    value: Finite
     """The quantity that peaked: fitness or the mean own reward per step."""
-    policy: bytes = field(repr=False)
+    policy: bytes = field(default=b"", repr=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,9 +86,9 @@ class TrainingResult:
 
     job: str
     state: TrainingState
-    fitness: float | None
+    fitness: Finite | None
     """Maximum over epochs of the task's F; None when F was never defined."""
-    curves: Mapping[str, tuple[float | None, ...]]
+    curves: Mapping[Name, tuple[Finite | None, ...]]
     """Per-epoch means over the lane's worlds: `fitness`, `episode_length` [steps], `reward` (own, per step),
     `human_reward` (per step), and `component/<name>` for each component; of the update that followed,
     `ppo/surrogate_loss`, `ppo/value_loss`, `ppo/kl`, `ppo/entropy` [nats] and `ppo/learning_rate`, which older
@@ -69,11 +96,11 @@ class TrainingResult:
 
     Of the last tenth of the epochs, a single number each: `component_early/<name>` in the first quarter of an episode's
     longest length, `component_late/<name>` in the rest. Older trainings lack them."""
-    env_steps: int
-    seconds: float
-    clock: tuple[float, ...] = field(default=(), compare=False, repr=False)
+    env_steps: Count
+    seconds: Finite
+    clock: tuple[Finite, ...] = field(default=(), compare=False, repr=False)
     """[s] of the training at each epoch of the curves; empty where an older version kept none."""
-    correlation: float | None = None
+    correlation: Finite | None = None
     """Pearson correlation of own and human reward over the transitions of training; None when either is constant."""
     best_fitness: Checkpoint | None = None
     best_reward: Checkpoint | None = None
@@ -83,6 +110,22 @@ class TrainingResult:
     message: str = ""
     """Why the lane ended early, for people; empty otherwise."""
 
+    @property
+    def policies(self) -> dict[str, bytes]:
+        """Its policies, by the names of their fields."""
+        peaks = {"best_fitness": self.best_fitness, "best_reward": self.best_reward}
+        found = {name: peak.policy for name, peak in peaks.items() if peak is not None}
+        return found | ({"last": self.last} if self.last is not None else {})
+
+    def holding(self, policies: Mapping[str, bytes]) -> TrainingResult:
+        """The same with these policies alone; a peak that has none among them has an empty one."""
+        peaks = {
+            name: replace(peak, policy=policies.get(name, b""))
+            for name, peak in (("best_fitness", self.best_fitness), ("best_reward", self.best_reward))
+            if peak is not None
+        }
+        return replace(self, **peaks, last=policies.get("last"))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingProgress:
@@ -91,7 +134,7 @@ class TrainingProgress:
     epoch: int
     epochs: int
     env_steps_per_second: float
-    fitness: Mapping[str, float | None]
+    fitness: Mapping[str, Finite | None]
     """Best F so far per job id."""
 
 
@@ -99,9 +142,9 @@ class TrainingProgress:
 class Dynamics:
     """Factors on what a task's model says of the world; 1 is the task as it is."""
 
-    mass: float = 1.0
+    mass: Finite = 1.0
     """On every body's mass and inertia."""
-    friction: float = 1.0
+    friction: Finite = 1.0
     """On every contact's friction."""
 
 
@@ -114,12 +157,12 @@ class Evaluation:
     """What one policy scores when it is played: deterministic actions, fresh episodes."""
 
     job: str
-    fitness: float | None
-    episode_length: float
+    fitness: Finite | None
+    episode_length: Finite
     episodes: int
-    error: float | None = None
+    error: Finite | None = None
     """Standard error of `fitness` over episodes; None where nobody measured it."""
-    concentration: float | None = None
+    concentration: Finite | None = None
     """Share of the positive contributions to F that the highest twentieth of them makes; None without any."""
     peak: Peak | None = None
     """Which of the lane's policies it is; None where an older version did not say."""

@@ -88,7 +88,9 @@ def entry(name: str, directory: Path) -> Entry:
 
 
 def _left(config: RunConfig, glance: Glance) -> Standing:
-    """How a run stands on which nobody works."""
+    """How a run stands on which nobody works. Held-out scores come last."""
+    if not config.generations:
+        return Standing.FINISHED if glance.evaluations else Standing.STOPPED
     searched = glance.generations >= config.generations
     done = searched and (glance.evaluations > 0 or glance.fitness is None)  # without a reward nothing is scored
     return Standing.FINISHED if done else Standing.STOPPED

@@ -1,7 +1,7 @@
 """Programs that attack, or merely break the contract, and what must become of each.
 
 `layer` stops a program, or takes the harm out of it; `code` and `rule` are the verdict of the whole sandbox. Those that
-the gate refuses are also run with the gate switched off, where any verdict is fine and no harm is allowed.
+the gate refuses are also run without it, where any verdict is fine and no harm is allowed.
 """
 
 from .capabilities import CAPABILITIES

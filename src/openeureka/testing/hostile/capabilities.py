@@ -64,9 +64,8 @@ CAPABILITIES: tuple[Hostile, ...] = (
         40,
         "forged-graph",
         "import",
-        'import os, json, struct\ng = json.dumps({"version": 1, "nodes": [["from_file.default", ["CANARY"], {}]],'
-        ' "reward": 0,'
-        ' "components": []})\na = json.dumps({"graph": g, "lines": []}).encode()\n'
+        'import os, json, struct\ng = {"nodes": [{"op": "from_file.default", "args": ["CANARY"]}], "reward": 0,'
+        ' "components": []}\na = json.dumps({"graph": g, "lines": []}).encode()\n'
         'os.write(3, struct.pack("<I", len(a)) + a)\nos._exit(0)',
     ),
     gate(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from random import Random
 from typing import Any
 
-from ..reward import surface
+from openeureka.reward import surface
 
 _OPERATIONS = (
     *sorted(surface.ATEN),
@@ -66,8 +66,6 @@ def _changed(data: Any, random: Random) -> Any:
     if isinstance(data, list) and data and random.random() < 0.9:
         data = list(data)
         place, action = random.randrange(len(data)), random.random()
-        if data[place] == {} and random.random() < 0.9:  # most nodes have no keyword arguments: look elsewhere
-            place = 0
         if action < 0.1:
             del data[place]
         elif action < 0.2:
@@ -76,7 +74,11 @@ def _changed(data: Any, random: Random) -> Any:
             data[place] = _changed(data[place], random)
         return data
     if isinstance(data, dict) and data and random.random() < 0.9:
-        key = random.choice(sorted(data))
+        # Most nodes have no keyword arguments: look elsewhere.
+        filled = [key for key in sorted(data) if data[key] != {} or random.random() < 0.1]
+        key = random.choice(filled or sorted(data))
+        if random.random() < 0.03:
+            return {other: value for other, value in data.items() if other != key}
         return {**data, key: _changed(data[key], random)}
     return _value(data, random)
 

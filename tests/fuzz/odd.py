@@ -5,9 +5,9 @@ from __future__ import annotations
 from random import Random
 from typing import Any
 
-from ..reward import surface
-from ..reward.validate import operation
-from ..types import Node, RewardGraph
+from openeureka.reward import surface
+from openeureka.reward.validate import operation
+from openeureka.types import Node, RewardGraph
 
 _INTEGERS = (
     "0", "1", "-1", "2", "7", "255", "256", "257", "300", "4096", "2**31", "-2**31", "2**62", "-2**63", "2**63 - 1",

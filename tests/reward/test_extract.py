@@ -2,7 +2,7 @@ import time
 
 import pytest
 
-from openeureka.llm import extract
+from openeureka.reward import extract
 
 REWARD = (
     "def compute_reward(x: torch.Tensor) -> Tuple[torch.Tensor, Dict[str, torch.Tensor]]:\n    return x, {'x': x}\n"

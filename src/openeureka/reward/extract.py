@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..reward import files
 from ..types import Candidate
+from . import files
 
 MAX_REPLY = 1_000_000
 """Characters of a reply that are looked at."""

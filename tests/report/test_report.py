@@ -1,10 +1,17 @@
-from openeureka.report.markdown import report
+from pathlib import Path
+
+from openeureka.report import html
 from openeureka.report.view import RunView
 from openeureka.testing.scripted import reply
 from openeureka.types import Generation, History
 
+from .page import words
 from .scripted import search_in
-from .search import BASELINES, HISTORY, finished, refused, run, trained
+from .search import BASELINES, HISTORY, finished, refused, run
+
+
+def report(run: RunView) -> str:
+    return words(html.report(run, Path("nowhere")))
 
 
 def test_the_report_opens_with_the_verdict_of_the_final_scores():
@@ -15,7 +22,7 @@ def test_the_report_opens_with_the_verdict_of_the_final_scores():
 
 
 def test_the_search_comes_second_under_a_name_that_says_what_it_is():
-    search = report(finished()).split("## The search\n")[1]
+    search = report(finished()).split("The search\n")[1]
     assert "| best generated reward | 50 |" in search
     assert "| human reward | 60 |" in search
     assert "| sparse reward | 20 |" in search
@@ -32,38 +39,23 @@ def test_the_final_scores_are_means_over_fresh_seeds():
 
 
 def test_an_unfinished_run_says_what_is_missing():
-    assert "The final trainings are not done yet." in report(run(HISTORY, BASELINES))
+    assert "Not decided yet: the final trainings are not done." in report(run(HISTORY, BASELINES))
     assert "No reward has been trained yet." in report(run(History((Generation(0, (refused(0, 0, "x"),)),))))
 
 
 def test_the_report_has_a_row_per_generation_and_the_best_source():
     text = report(run(HISTORY, BASELINES))
     assert "| 0 | 3 | 2 accepted, 1 refused | 6 | 2 | 30 | 20 |" in text
-    assert "```python\ndef compute_reward(x):\n    return x, {}\n```" in text
+    assert "def compute_reward(x):\n    return x, {}\n" in text
     assert "Of all slots, 67% trained." in text  # 4 of 6
     assert "1200 prompt tokens and 340 completion tokens, US$ 0.0125" in text
-
-
-def test_what_a_model_wrote_cannot_leave_its_cell_or_its_fence():
-    program = trained(0, 0, 1.0, source='x = 1\n"""\n``\u200b`\n# not a heading\x1b[31m')
-    finding = refused(0, 1, "a | b <img src=x> [link](http://x)\n# heading\u202e")
-    text = report(run(History((Generation(0, (program, finding)),))))
-    assert "````python\n" in text and "\x1b" not in text and "\u202e" not in text
-    assert "a \\| b \\<img src=x> \\[link](http://x) # heading" in text
 
 
 def test_the_report_holds_every_candidate_with_its_diff_prompts_and_replies(tmp_path):
     replies = [reply(7), "```python\ndef compute_reward(x):\n    return x\n```", reply(8), reply(9)]
     text = report(RunView.read(search_in(tmp_path / "run", replies, iteration=2)))
-    assert "### Generation 0, slot 0: trained, F 6" in text
-    assert "### Generation 0, slot 1: refused, F -" in text
-    assert "- line 1: nothing is returned \\[no-number]; return a number" in text
-    assert "-    return 7\n+    return 8\n" in text
+    assert "Generation 0, slot 0: trained, F 6" in text
+    assert "Generation 0, slot 1: refused" in text
+    assert "line 1: nothing is returned [no-number]; return a number" in text
+    assert "-    return 7" in text and "+    return 8" in text
     assert "Here is the reward." in text and "Do the thing." in text
-    assert "| worth | 0 | 9 | 9 |" in text  # component: first, last, highest
-
-
-def test_a_megabyte_of_a_reply_is_cut(tmp_path):
-    text = report(RunView.read(search_in(tmp_path / "run", ["x" * 1_000_000, "`" * 1_000_000])))
-    assert len(text) < 200_000
-    assert "[...] 970000 more characters" in text

@@ -1,33 +1,20 @@
-"""One odd or damaged graph, reply, program or call, to its verdict; any other exception is a fault of ours.
-
-python -m openeureka.testing.fuzz 100000 --seed 7                       # longer than the tests
-python -m openeureka.testing.fuzz 100000 --only program --seed 7        # graph, reply, program or call
-
-All of it runs in children, in which a crash is counted; the text that did it is printed.
-"""
+"""One odd or damaged graph, reply, program or call, to its verdict; any other exception is a fault of ours."""
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
-import resource
-import signal
-import time
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from random import Random
 
 import torch
 
-from ..llm import extract
-from ..reward import examine, gate, load, probe
-from ..reward import graph as graphs
-from ..reward.trace import Refused
-from ..reward.validate import GraphError
+from openeureka.codec import encode
+from openeureka.reward import examine, extract, gate, load, probe
+from openeureka.reward import graph as graphs
+from openeureka.reward.trace import Refused
+from openeureka.reward.validate import GraphError
+from openeureka.testing.hostile import STATE
+
 from . import mutate, odd
-from .hostile import STATE
 
 _REWARDS = (
     "r = torch.exp(-pos.norm(dim=-1) / 0.1)\n    r[phase > 0.5] += 1.0",
@@ -46,7 +33,6 @@ _REPLY = "Let me think.\n\n```python\nimport torch\nfrom typing import Dict\n\n{
 _WORLDS = 12
 _TRAINED = 300
 """Worlds of a training: more than the recorded ones, as in a run."""
-_BATCH, _BATCH_SECONDS, _MEMORY = 200, 120, 6 << 30
 
 
 @cache
@@ -57,19 +43,19 @@ def _states() -> dict[str, torch.Tensor | float]:
 
 
 @cache
-def _graphs() -> tuple[str, ...]:
+def good_graphs() -> tuple[str, ...]:
     """Graphs of good programs, as they are stored."""
     found: list[str] = []
     for body in _REWARDS:
         program = gate.check(_PROGRAM.format(body=body), STATE)
         assert isinstance(program, gate.Program), program
-        found.append(graphs.to_json(probe.probe(load.load(program), STATE, _states()).graph))
+        found.append(encode(probe.probe(load.load(program), STATE, _states()).graph))
     return tuple(found)
 
 
 def graph(random: Random) -> str:
     """`refused` as text, `finding` on states, or `accepted`: then it runs, on any number of worlds."""
-    text = mutate.graph(random.choice(_graphs()), random)
+    text = mutate.graph(random.choice(good_graphs()), random)
     try:
         parsed = graphs.from_json(text)
     except GraphError:
@@ -112,68 +98,9 @@ def call(random: Random) -> str:
     """`refused` as a graph, `raised` the error that a verdict is made of, or `ran`."""
     made = odd.call(random)
     try:
-        list(graphs.values(graphs.from_json(graphs.to_json(made)), _states(), _WORLDS))
+        list(graphs.values(graphs.from_json(encode(made)), _states(), _WORLDS))
     except GraphError:
         return "refused"
     except (RuntimeError, IndexError, ValueError, TypeError, NotImplementedError, ZeroDivisionError, OverflowError):
         return "raised"
     return "ran"
-
-
-def _counted(attempt: Callable[[Random], str], seeds: Sequence[str]) -> Counter[str]:
-    """Outcomes of some attempts in a child; where it dies, each again in one of its own."""
-    outcomes = _in_a_child(attempt, seeds)
-    if outcomes is not None:
-        return outcomes
-    if len(seeds) > 1:
-        return sum((_counted(attempt, [seed]) for seed in seeds), Counter[str]())
-    print(f"CRASH {attempt.__name__} {seeds[0]}", flush=True)
-    return Counter(["crash"])
-
-
-def _in_a_child(attempt: Callable[[Random], str], seeds: Sequence[str]) -> Counter[str] | None:
-    end, other = os.pipe()
-    pid = os.fork()
-    if pid == 0:
-        try:
-            resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
-            signal.alarm(_BATCH_SECONDS)
-            outcomes = Counter(attempt(Random(seed)) for seed in seeds)
-            os.write(other, json.dumps(outcomes).encode())
-        except BaseException as error:  # the parent tries its seeds one by one and names the one that did it
-            print(f"{type(error).__name__}: {str(error)[:300]}", flush=True)
-        finally:
-            os._exit(0)
-    os.close(other)
-    with os.fdopen(end, "rb") as answer:
-        text = answer.read()
-    os.waitpid(pid, 0)
-    return Counter(json.loads(text)) if text else None
-
-
-def _seeds(options: argparse.Namespace) -> Iterator[list[str]]:
-    for first in range(0, options.count, _BATCH):
-        yield [f"{options.seed}/{number}" for number in range(first, min(first + _BATCH, options.count))]
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    attempts = {attempt.__name__: attempt for attempt in (graph, reply, program, call)}
-    parser.add_argument("count", type=int, help="how many of each")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", choices=attempts, help="one kind")
-    parser.add_argument("--seconds", type=float, default=float("inf"), help="for each kind")
-    options = parser.parse_args()
-    torch.set_num_threads(1)  # children are forked
-    _graphs()
-    for attempt in [attempts[options.only]] if options.only else attempts.values():
-        outcomes, until = Counter[str](), time.monotonic() + options.seconds
-        for seeds in _seeds(options):
-            outcomes += _counted(attempt, seeds)
-            if time.monotonic() > until:
-                break
-        print(attempt.__name__, dict(outcomes), flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """Damaged and forged graphs and replies are refused or harmless: none of ten thousand ends in another error.
 
-A longer run with other seeds: `python -m openeureka.testing.fuzz 100000 --seed 7`.
+A longer run with other seeds: `cd tests; python -m fuzz 100000 --seed 7`.
 """
 
 from __future__ import annotations
@@ -8,13 +8,15 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from pathlib import Path
 from random import Random
 
 import pytest
 import torch
 
-from openeureka.testing import fuzz
+from . import attempts
 
+TESTS = Path(__file__).parents[1]
 GRAPHS, REPLIES, ROUNDS = 2000, 1000, 4
 PROGRAMS, CALLS = 400, 4000
 
@@ -22,7 +24,7 @@ PROGRAMS, CALLS = 400, 4000
 @pytest.mark.parametrize("seed", range(ROUNDS))
 def test_no_damaged_graph_does_more_than_be_refused(seed: int) -> None:
     before = torch.get_rng_state()
-    outcomes = [fuzz.graph(Random(f"{seed}/{number}")) for number in range(GRAPHS)]
+    outcomes = [attempts.graph(Random(f"{seed}/{number}")) for number in range(GRAPHS)]
     assert torch.equal(torch.get_rng_state(), before)
     # Each of the three happens often, or the damage is not what it is meant to be.
     assert min(outcomes.count(outcome) for outcome in ("refused", "finding", "accepted")) > 20
@@ -30,14 +32,14 @@ def test_no_damaged_graph_does_more_than_be_refused(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(ROUNDS))
 def test_no_damaged_reply_does_more_than_be_refused(seed: int) -> None:
-    outcomes = [fuzz.reply(Random(f"{seed}/{number}")) for number in range(REPLIES)]
+    outcomes = [attempts.reply(Random(f"{seed}/{number}")) for number in range(REPLIES)]
     assert min(outcomes.count(outcome) for outcome in ("no program", "refused", "program")) > 20
 
 
 def fuzzed(count: int, kind: str) -> dict[str, int]:
     """Outcomes in a fresh process: it forks, which a grown test process may have no memory for."""
-    command = [sys.executable, "-m", "openeureka.testing.fuzz", str(count), "--only", kind]
-    said = subprocess.run(command, capture_output=True, text=True, check=True, timeout=250).stdout
+    command = [sys.executable, "-m", "fuzz", str(count), "--only", kind]
+    said = subprocess.run(command, cwd=TESTS, capture_output=True, text=True, check=True, timeout=250).stdout
     return ast.literal_eval(said.removeprefix(kind))
 
 
@@ -53,21 +55,21 @@ def test_no_call_with_hostile_numbers_ends_its_process() -> None:
 
 DEADLY = """
 import os, signal
-from openeureka.testing import fuzz
+from fuzz.__main__ import counted
 
 def deadly(random):
     if random.random() < 0.5:
         os.kill(os.getpid(), signal.SIGFPE)
     return "fine"
 
-print(dict(fuzz._counted(deadly, [f"0/{number}" for number in range(6)])))
+print(dict(counted(deadly, [f"0/{number}" for number in range(6)])))
 """
 
 
 def test_a_crash_is_counted_and_named() -> None:
     fatal = [seed for seed in (f"0/{number}" for number in range(6)) if Random(seed).random() < 0.5]
     assert 0 < len(fatal) < 6
-    said = subprocess.run([sys.executable, "-c", DEADLY], capture_output=True, text=True, check=True).stdout
+    said = subprocess.run([sys.executable, "-c", DEADLY], cwd=TESTS, capture_output=True, text=True, check=True).stdout
     *named, counted = said.splitlines()
     assert named == [f"CRASH deadly {seed}" for seed in fatal]
     assert ast.literal_eval(counted) == {"crash": len(fatal), "fine": 6 - len(fatal)}

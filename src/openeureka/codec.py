@@ -1,0 +1,81 @@
+"""Nouns as JSON text and back: the one format of stores, of frames between processes and of graphs.
+
+What is written is strict JSON in ASCII, half a character included, so that any file and any database holds it. What is
+read may come from anybody: it is the noun that was asked for, field by field, or a `DecodeError`. Fields that are not
+there have their defaults, unknown ones are left out.
+
+A number that is not finite is written `{"float": "inf"}`. Runs of older versions hold the token `Infinity` in graphs,
+which is read as well; wherever else a noun has a number, its type refuses both.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import msgspec
+
+T = TypeVar("T")
+_SPELLED = ("inf", "-inf", "nan")
+
+
+class DecodeError(ValueError):
+    """Text or data that is not the noun it should be."""
+
+
+def encode(noun: object, *, indent: int | None = None) -> str:
+    """A noun, or lists and dictionaries of nouns, as JSON text."""
+    data = _numbers(plain(noun), lambda number: {"float": str(number)})
+    return json.dumps(data, allow_nan=False, indent=indent)
+
+
+def decode(kind: type[T], text: str | bytes) -> T:
+    """Inverse of `encode`.
+
+    Raises:
+        DecodeError: for anything else, however deep or long.
+    """
+    try:
+        data = json.loads(text, object_hook=_read_float)
+    except (ValueError, RecursionError) as error:
+        raise _refusal(error) from None
+    return shaped(kind, data)
+
+
+def plain(noun: object) -> Any:
+    """A noun as dictionaries, lists, text and numbers."""
+    return msgspec.to_builtins(noun)
+
+
+def defined(noun: object) -> Any:
+    """As `plain`, with None for numbers that are not finite: an undefined one stays undefined, and never becomes 0."""
+    return _numbers(plain(noun), lambda _: None)
+
+
+def shaped(kind: type[T], data: object) -> T:
+    """Inverse of `plain`. Raises DecodeError where the data is not such a noun."""
+    try:
+        return msgspec.convert(data, kind)
+    except (ValueError, RecursionError) as error:
+        raise _refusal(error) from None
+
+
+def _refusal(error: Exception) -> DecodeError:
+    return DecodeError(f"{error}"[:200])
+
+
+def _numbers(data: Any, odd: Callable[[float], Any]) -> Any:
+    """The same data with another value for each number that is not finite."""
+    if isinstance(data, float):
+        return data if math.isfinite(data) else odd(data)
+    if isinstance(data, dict):
+        return {key: _numbers(value, odd) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_numbers(value, odd) for value in data]
+    return data
+
+
+def _read_float(data: dict[str, Any]) -> Any:
+    return float(data["float"]) if len(data) == 1 and data.get("float") in _SPELLED else data

@@ -1,0 +1,172 @@
+"""The tables of a run, version by version.
+
+Every table is append-only, and triggers say so: a row is written once, when the work it stands for is finished.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable, Mapping
+
+from .upgrade import fill_ledger
+
+
+def _immutable(*tables: str) -> str:
+    return "".join(
+        f"CREATE TRIGGER {table}_{act} BEFORE {act} ON {table} "
+        "BEGIN SELECT RAISE(ABORT, 'a finished row never changes'); END;\n"
+        for table in tables
+        for act in ("UPDATE", "DELETE")
+    )
+
+
+_TABLES = """
+CREATE TABLE run (
+    id INTEGER PRIMARY KEY CHECK (id = 1),
+    config TEXT NOT NULL,
+    version TEXT NOT NULL
+);
+CREATE TABLE prompts (
+    generation INTEGER NOT NULL,
+    slot INTEGER NOT NULL,           -- first slot that the prompt fills
+    messages TEXT NOT NULL,
+    PRIMARY KEY (generation, slot)
+);
+CREATE TABLE replies (
+    generation INTEGER NOT NULL,
+    attempt INTEGER NOT NULL,
+    slot INTEGER NOT NULL,
+    text TEXT NOT NULL,
+    model TEXT NOT NULL,
+    prompt_tokens INTEGER NOT NULL,
+    completion_tokens INTEGER NOT NULL,
+    cost_usd REAL NOT NULL,
+    seconds REAL NOT NULL,
+    PRIMARY KEY (generation, attempt, slot)
+);
+CREATE TABLE verdicts (
+    candidate TEXT PRIMARY KEY,
+    source TEXT NOT NULL,
+    verdict TEXT NOT NULL
+);
+CREATE TABLE results (
+    job TEXT PRIMARY KEY,
+    fitness REAL,                    -- NULL where F was never defined
+    result TEXT NOT NULL
+);
+CREATE TABLE entries (
+    generation INTEGER NOT NULL,
+    slot INTEGER NOT NULL,
+    candidate TEXT REFERENCES verdicts (candidate),
+    verdict TEXT NOT NULL,           -- kept here too: a reply without a program has one and no candidate
+    job TEXT REFERENCES results (job),
+    attempts INTEGER NOT NULL,
+    feedback TEXT NOT NULL,
+    PRIMARY KEY (generation, slot)
+);
+CREATE TABLE evaluations (
+    job TEXT PRIMARY KEY REFERENCES results (job),
+    fitness REAL,
+    episode_length REAL,
+    episodes INTEGER NOT NULL
+);
+"""
+
+_REMARKS = """
+CREATE TABLE remarks (
+    id INTEGER PRIMARY KEY,
+    kind TEXT NOT NULL,
+    text TEXT NOT NULL,
+    generation INTEGER, slot INTEGER,             -- the candidate it is about
+    over_generation INTEGER, over_slot INTEGER    -- the other one of a vote
+);
+CREATE TABLE heard (
+    generation INTEGER PRIMARY KEY,
+    remarks INTEGER NOT NULL         -- all up to this id, less those of earlier generations, came after this one
+);
+"""
+
+_TRIALS = """
+ALTER TABLE evaluations ADD COLUMN error REAL;
+ALTER TABLE evaluations ADD COLUMN concentration REAL;
+CREATE TABLE trials (
+    job TEXT NOT NULL REFERENCES results (job),
+    name TEXT NOT NULL,              -- in which world, or with which policy of the training
+    fitness REAL,
+    error REAL,
+    concentration REAL,
+    episode_length REAL,
+    episodes INTEGER NOT NULL,
+    PRIMARY KEY (job, name)
+);
+"""
+
+_PLAYS = """
+ALTER TABLE run ADD COLUMN ranks TEXT;          -- by what search=best ranks; NULL: by training, as versions before did
+ALTER TABLE prompts ADD COLUMN parent_generation INTEGER;
+ALTER TABLE prompts ADD COLUMN parent_slot INTEGER;
+ALTER TABLE evaluations ADD COLUMN peak TEXT;
+ALTER TABLE trials ADD COLUMN peak TEXT;
+CREATE TABLE plays (
+    job TEXT NOT NULL REFERENCES results (job),
+    peak TEXT NOT NULL,              -- which policy of the lane
+    look INTEGER NOT NULL,           -- 0, then 1 where more episodes were needed
+    fitness REAL,
+    error REAL,
+    concentration REAL,
+    episode_length REAL,
+    episodes INTEGER NOT NULL,
+    PRIMARY KEY (job, peak, look)
+);
+CREATE TABLE crown (
+    id INTEGER PRIMARY KEY CHECK (id = 1),
+    generation INTEGER NOT NULL,
+    slot INTEGER NOT NULL
+);
+"""
+
+_LEDGER = """
+CREATE TABLE lanes (
+    job TEXT PRIMARY KEY,
+    reward TEXT NOT NULL,            -- a candidate, `human` or `sparse`, or what a given reward is called
+    seed INTEGER NOT NULL,
+    role TEXT NOT NULL               -- why it is trained, see types.Role
+);
+CREATE TABLE given (                 -- the rewards of a run that searches for none
+    name TEXT PRIMARY KEY,
+    candidate TEXT REFERENCES verdicts (candidate)   -- NULL for those that come with the task
+);
+CREATE TABLE slots (
+    generation INTEGER NOT NULL,
+    slot INTEGER NOT NULL,
+    prompt INTEGER,                  -- first slot of the prompt that it answers; NULL for a given reward
+    parent_generation INTEGER,       -- the candidate that the prompt asks to improve
+    parent_slot INTEGER,
+    PRIMARY KEY (generation, slot)
+);
+CREATE TABLE attempts (              -- what a reply was found to hold
+    generation INTEGER NOT NULL,
+    attempt INTEGER NOT NULL,
+    slot INTEGER NOT NULL,
+    candidate TEXT REFERENCES verdicts (candidate),
+    repair TEXT,                     -- what the model was shown beyond the slot's prompt, of a repair
+    PRIMARY KEY (generation, attempt, slot)
+);
+"""
+_UNUSED = """
+ALTER TABLE prompts DROP COLUMN parent_generation;
+ALTER TABLE prompts DROP COLUMN parent_slot;
+"""
+
+MIGRATIONS: list[str] = [
+    _TABLES + _immutable("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations"),
+    _REMARKS + _immutable("remarks", "heard"),
+    _TRIALS + _immutable("trials"),
+    _PLAYS + _immutable("plays", "crown"),
+    _LEDGER + _immutable("lanes", "given", "slots", "attempts"),
+    _UNUSED,
+]
+"""Script n brings a file from schema n to n + 1. Published scripts are never edited, only followed by new ones."""
+
+FILLS: Mapping[int, Callable[[sqlite3.Connection], None]] = {5: fill_ledger}
+"""By the schema that it completes: what fills the tables of a script from those of before."""

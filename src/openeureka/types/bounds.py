@@ -1,0 +1,14 @@
+"""Numbers and names as nouns have them. JSON knows others; `codec` refuses those."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+from msgspec import Meta
+
+Finite = Annotated[float, Meta(ge=-sys.float_info.max, le=sys.float_info.max)]
+Count = Annotated[int, Meta(ge=0, lt=2**53)]
+Name = Annotated[str, Meta(pattern=r"\A[^\ud800-\udfff]*\Z")]
+"""Text without halves of characters: every file format can hold it."""
+FileName = Annotated[str, Meta(pattern=r"\A[A-Za-z0-9_]*\Z")]

@@ -1,0 +1,80 @@
+"""A run that an older version left: schema 3, killed while its second generation trained."""
+
+from __future__ import annotations
+
+import tarfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from openeureka.cli import trainer
+from openeureka.cli.main import main
+from openeureka.report.view import CandidateState, RunView
+from openeureka.store import Store
+from openeureka.training.executor import PopulationTrainer
+from openeureka.types import Evaluation, Place
+from openeureka.ui import pages
+
+ARCHIVE = Path(__file__).parent / "runs" / "schema3.tar.xz"
+
+
+@pytest.fixture
+def directory(tmp_path: Path) -> Path:
+    with tarfile.open(ARCHIVE) as archive:
+        archive.extractall(tmp_path / "run", filter="data")
+    return tmp_path / "run"
+
+
+def eureka(*words: str) -> int:
+    with pytest.raises(SystemExit) as exit:
+        main(words)
+    return int(exit.value.code or 0)
+
+
+def test_it_is_shown(directory: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert eureka("show", str(directory)) == 0
+    shown = capsys.readouterr().out
+    assert "Generation 0: best F 38.55, 2 of 2 trained" in shown and "1 of 2 generations are done." in shown
+    assert eureka("report", str(directory), "video=none") == 0
+    assert "Improves on" in (directory / "report.html").read_text()
+    assert "0 of 2 generations" not in str(pages.overview(directory, RunView.read(directory)))
+
+
+def test_what_it_did_not_keep_is_worked_out_once(directory: Path) -> None:
+    with Store.view(directory) as store:
+        roles = {name: lane.role for name, lane in store.lanes().items()}
+        parents, attempts = store.parents(), store.attempts()
+    first, second = "6e0cbd02bc12", "b2396fcd5172"
+    assert roles == {
+        f"{first}-s0": "candidate",
+        f"{second}-s0": "candidate",
+        "human-s0": "baseline",
+        "sparse-s0": "baseline",
+    }
+    # F 38.55 against 18: the prompt of the second generation shows the first slot's program.
+    assert parents == {Place(1, 0): Place(0, 0), Place(1, 1): Place(0, 0)}
+    found = {place: attempt.candidate.id for place, attempt in attempts.items() if attempt.candidate}
+    assert found[0, 0, 0] == first and found[0, 0, 1] == second and len(found) == 4
+
+
+class Brief(PopulationTrainer):
+    """Plays few episodes: a held-out score takes as long as these trainings."""
+
+    def evaluate(self, env: str, policies: Mapping[str, bytes], **options: Any) -> Iterator[Evaluation]:
+        return super().evaluate(env, policies, **{**options, "episodes": 4})
+
+
+@pytest.mark.timeout(300)  # six processes begin one after the other
+def test_it_goes_on_where_it_was(directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trainer, "PopulationTrainer", Brief)
+    before = RunView.read(directory)
+    assert [c.state for c in before.candidates][2:] == [CandidateState.ACCEPTED] * 2
+    assert eureka("resume", str(directory), "threads=1", f"trust={directory}") == 0
+    after = RunView.read(directory)
+    assert all(c.state is CandidateState.TRAINED for c in after.candidates)
+    assert after.outcome is not None and after.ranks == "training"
+    # As the same search ended where nobody killed it: the best of each generation, and the final trainings.
+    assert [round(c.fitness or 0.0, 2) for c in after.candidates] == [38.55, 18.0, 40.69, 42.91]
+    assert round(after.outcome.method.training[0] or 0.0, 2) == 49.23
