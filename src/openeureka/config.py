@@ -52,11 +52,13 @@ class RunConfig:
     refill: int = 2
     """Fresh samples a slot may take after refusals, or when it repeats a program of the run."""
     temperature: float = 1.0
+    """Of the model's samples: higher ones differ more."""
     curriculum: str = ""
     """Stages to train each candidate through: one of the task's own, or a YAML file; empty means the task alone."""
     seed: int = 0
+    """Of start states, noise and samples."""
     seeds: int = 3
-    """Most fresh seeds that the leading rewards train with at the end; fewer where two already decide."""
+    """Fresh seeds that the leading rewards train with at the end, at most; fewer where two already decide."""
     steps: int = 0
     """Environment steps per candidate, over all stages of a curriculum."""
     worlds: int = 0

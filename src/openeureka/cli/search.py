@@ -101,9 +101,9 @@ def _parts(config: RunConfig, directory: Path) -> Iterator[Parts]:
     config = search.sized(config, model.style)
     search.make(config)  # refuses what is none; which one it will be, the store says
     size = f"{config.iteration} generations of {config.sample} rewards"
-    print(f"{short_name(config.env)}: {size} by {one_line(config.model)}, in {directory}")
+    print(f"{short_name(config.env)}: {size}, written by model={one_line(config.model)}, in {directory}")
     if config.model == "random":
-        print("model=random draws rewards by chance: it reads neither results nor words, the control for a real model.")
+        print("model=random draws by chance and reads neither results nor words. It is the control for a real model.")
     with working("Trying the task out"):
         states = record_states(config.env)
     known = informed(known, states, config)
