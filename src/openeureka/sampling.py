@@ -16,6 +16,7 @@ from .llm.client import LanguageModel
 from .observer import Observer
 from .store import Store
 from .tasks import human
+from .tasks.registry import get
 from .types import GIVEN, Candidate, Finding, Prompt, PromptPlan, Reply, Sample, TaskContext, Verdict, VerdictCode
 
 
@@ -159,9 +160,11 @@ def given(config: RunConfig) -> Candidate:
 
     Raises:
         RewardFileError: when the file cannot be read.
-        TaskError: when the human reward of the task is no program by itself.
+        TaskError: when the human reward of the task is a method of it, not a program.
     """
-    return Candidate.of(human.program(config.env)) if config.init == "human" else extract.in_file(Path(config.init))[0]
+    if config.init == "human":
+        return Candidate.of(human.program(get(config.env)))
+    return extract.in_file(Path(config.init))[0]
 
 
 def admit(config: RunConfig, checker: Checker) -> None:

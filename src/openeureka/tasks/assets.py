@@ -1,4 +1,4 @@
-"""Robot models that an installed wheel ships: located and read as data, the package itself is never imported."""
+"""Files that tasks read: robot models that an installed wheel ships, as data, and human rewards."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ from pathlib import Path
 
 from ..errors import TaskError
 
+REWARDS = Path(__file__).parent / "rewards"
+"""What the original authors of the tasks wrote, a reward program each."""
+
 
 def wheel_file(package: str, path: str) -> Path:
-    """Absolute path of a data file (`path` inside the installed `package`).
+    """Absolute path of a data file (`path` inside the installed `package`, which is never imported).
 
     Raises:
         TaskError: when the package or the file is missing.

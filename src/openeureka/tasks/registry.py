@@ -127,7 +127,8 @@ def _named(env: str) -> type[Task]:
     if not (isinstance(task, type) and issubclass(task, Task)):
         raise TaskError(f"`{target}` is not a subclass of openeureka.tasks.task.Task.")
     values = [name for name in Task.__annotations__ if not hasattr(task, name)]
-    if missing := [*sorted(task.__abstractmethods__), *values]:
+    reward = [] if task.human or task.human_reward is not Task.human_reward else ["human"]
+    if missing := [*sorted(task.__abstractmethods__), *reward, *values]:
         raise TaskError(f"The task `{target}` is not complete: define {', '.join(missing)}.")
     return task
 

@@ -7,6 +7,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import mujoco
@@ -14,8 +15,10 @@ import torch
 from torch import Tensor
 
 from ..errors import TaskError
+from ..reward.graph import CompiledReward
 from ..sim import Simulator
 from ..types import StateSpec
+from . import human
 from .noise import WorldNoise
 
 State = Mapping[str, Any]
@@ -121,6 +124,9 @@ class Task(ABC):
     view: ClassVar[View] = View()
     curricula: ClassVar[Mapping[str, tuple[Stage, ...]]] = {}
     """What `curriculum=NAME` trains instead of the task alone; each ends with the task itself."""
+    human: ClassVar[str | Path] = ""
+    """The reward its original authors wrote: a reward program, or the file that holds it. Empty where the task has a
+    method `human_reward` instead, which no search can begin with."""
 
     def __init__(self, sim: Simulator, noise: WorldNoise) -> None:
         self.sim = sim
@@ -129,6 +135,7 @@ class Task(ABC):
         self.device = sim.device
         self.progress = torch.zeros(self.num_envs, dtype=torch.int64, device=self.device)
         self.actions = torch.zeros(self.num_envs, self.num_actions, device=self.device)
+        self._human: CompiledReward | None = None
 
     @staticmethod
     @abstractmethod
@@ -162,9 +169,11 @@ class Task(ABC):
     def fitness(self, s: State, ended: Tensor) -> Score:
         """F of the original benchmark, per world; no reward ever sees it. `ended` (N,): a whole episode ended here."""
 
-    @abstractmethod
     def human_reward(self, s: State) -> Tensor:
-        """(N,) reward its original authors wrote."""
+        """(N,) what the program in `human` computes. Raises TaskError when it breaks a rule of reward programs."""
+        if self._human is None:
+            self._human = human.compiled(type(self), s)
+        return self._human(s)[0]
 
     @abstractmethod
     def sparse_reward(self, s: State) -> Tensor:

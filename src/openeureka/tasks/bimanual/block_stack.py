@@ -8,9 +8,10 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
+from ..assets import REWARDS
 from ..task import State, View
 from .common import dexterity_recipe, distance
-from .handles import HAND_VARIABLES, Handles, when_near
+from .handles import HAND_VARIABLES, Handles
 from .objects import CUBE_START, Cube
 from .scene import Placed, Pose, Scene, Table
 from .variables import goal_variables, point_variables, thing_variables, two_handed
@@ -23,6 +24,7 @@ LEVEL = 0.03  # [m] of the upper cube's height
 class ShadowHandBlockStack(Handles):
     env = "shadow_hand_block_stack"
     description = "to make the two hands stack the left block on the right block in the middle of the table"
+    human = REWARDS / "shadow_hand_block_stack.py"
     episode_length = 250
     ends = "An episode ends early when the distances of a hand's five fingertips from its block add up to 0.75 m."
     num_observations = 428
@@ -80,12 +82,6 @@ class ShadowHandBlockStack(Handles):
 
     def success(self, s: State) -> Tensor:
         return self._in_place(s) & (self._height_error(s) < LEVEL)
-
-    def human_reward(self, s: State) -> Tensor:
-        (right, left), (lower, upper) = self.reaches(s), self._errors(s)
-        gathered = when_near((right, left), 0.5, 2.0 * (0.24 - lower - upper))
-        stacked = torch.where(self._in_place(s), 50.0 * (0.05 - self._height_error(s)), 0.0)
-        return 1.5 - right - left + gathered + stacked
 
     def _errors(self, s: State) -> tuple[Tensor, Tensor]:
         """Distances (N,) of the right and of the left cube from the lower and the upper place [m]."""

@@ -9,8 +9,9 @@ import torch
 from torch import Tensor
 
 from ...types import StateVar
+from ..assets import REWARDS
 from ..task import State
-from .common import TwoHands, dexterity_recipe, distance, finger_distances
+from .common import TwoHands, dexterity_recipe, distance
 from .objects import Bottle
 from .scene import SIDES, Placed, Pose, Scene, Table
 from .variables import FINGERTIPS, PALMS, RIGHT_FINGERS, goal_variables, thing_variables, two_handed
@@ -22,6 +23,7 @@ _POSITION = "position [m], world frame"
 class ShadowHandBottleCap(TwoHands):
     env = "shadow_hand_bottle_cap"
     description = "to make the left hand hold the bottle and the right hand pull its cap off"
+    human = REWARDS / "shadow_hand_bottle_cap.py"
     episode_length = 125
     ends = (
         "An episode ends early when the bottle's mouth falls to a height of 0.5 m, the right palm is 0.5 m "
@@ -84,11 +86,6 @@ class ShadowHandBottleCap(TwoHands):
 
     def success(self, s: State) -> Tensor:
         return self._lifted(s) > OFF
-
-    def human_reward(self, s: State) -> Tensor:
-        right = finger_distances(s, "right", s["bottle_cap_pos"])
-        left = distance(s["bottle_pos"], s["left_hand_pos"])
-        return 2.0 - right - left + torch.where(right <= 0.3, 30.0 * self._lifted(s), 0.0)
 
     def _lifted(self, s: State) -> Tensor:
         """(N,) [m] how far the cap is from the bottle."""

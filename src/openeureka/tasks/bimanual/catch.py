@@ -31,8 +31,6 @@ class Catch(TwoHands):
     """Of the egg's start, per axis [m]."""
     drop_height: ClassVar[float]
     """Height of the egg that ends the episode [m]."""
-    distance_weight: ClassVar[float] = 50.0
-    """[1/m] of the human reward, which weighs angles with 1."""
 
     def observe(self, s: State) -> Tensor:
         return torch.cat((super().observe(s), towards_goal(s)), dim=-1)
@@ -52,13 +50,6 @@ class Catch(TwoHands):
 
     def success(self, s: State) -> Tensor:
         return distance(s["object_pos"], s["goal_pos"]) < CAUGHT
-
-    def human_reward(self, s: State) -> Tensor:
-        return self.closeness(distance(s["object_pos"], s["goal_pos"]), s["rotation_distance"])
-
-    def closeness(self, gap: Tensor, angle: Tensor) -> Tensor:
-        """(N,) from 1 at the goal down to 0; gap [m] and angle [rad] that are left."""
-        return torch.exp(-0.2 * (self.distance_weight * gap + angle))
 
 
 def strayed(right: Tensor, left: Tensor, homes: Tensor) -> Tensor:

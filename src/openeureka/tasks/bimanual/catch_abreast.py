@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from ..assets import REWARDS
 from ..rotations import rotate
 from ..task import State, View
 from .catch import EGG_VARIABLES, Catch, strayed
@@ -19,6 +20,7 @@ class ShadowHandCatchAbreast(Catch):
     description = (
         "to make the right hand throw the egg from its palm sideways so that the left hand next to it catches it"
     )
+    human = REWARDS / "catch.py"
     episode_length = 150
     ends = "An episode ends early when the egg falls to a height of 0.2 m, or a wrist moves by more than 0.1 m."
     num_observations = 422

@@ -7,6 +7,7 @@ import math
 import torch
 from torch import Tensor
 
+from ..assets import REWARDS
 from ..task import State
 from .catch import EGG_VARIABLES, Catch, strayed
 from .common import dexterity_recipe
@@ -21,6 +22,7 @@ class ShadowHandCatchOver2Underarm(Catch):
         "to make the right hand, which points upwards, throw the egg at its fingertips down to the left hand, "
         "which catches it on its upturned palm"
     )
+    human = REWARDS / "shadow_hand_catch_over2underarm.py"
     episode_length = 75
     ends = (
         "An episode ends early when the egg falls to a height of 0.3 m, or a forearm's lower end moves by "
@@ -37,7 +39,6 @@ class ShadowHandCatchOver2Underarm(Catch):
         goals={"goal": Pose(pos=(0, -0.4, 0.55))},
     )
     drop_height = 0.3
-    distance_weight = 20.0
     spec = two_handed(scene, num_observations, *EGG_VARIABLES)
     recipe = dexterity_recipe(env_steps=5_000_000)
 

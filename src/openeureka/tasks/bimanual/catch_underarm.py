@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from ..assets import REWARDS
 from .catch import EGG_VARIABLES, Catch
 from .common import dexterity_recipe
 from .objects import Egg
@@ -14,6 +15,7 @@ from .variables import two_handed
 class ShadowHandCatchUnderarm(Catch):
     env = "shadow_hand_catch_underarm"
     description = "to make the right hand throw the egg underarm so that the left hand, which may move too, catches it"
+    human = REWARDS / "catch.py"
     episode_length = 75
     ends = "An episode ends early when the egg falls to a height of 0.1 m."
     num_observations = 422

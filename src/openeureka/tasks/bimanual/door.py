@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ..task import State, View
-from .handles import HAND_VARIABLES, Handles, when_near
+from .handles import HAND_VARIABLES, Handles
 from .objects import DoubleDoor
 from .scene import Placed, Pose, Scene
 from .variables import goal_variables, point_variables, thing_variables
@@ -66,8 +66,3 @@ class Doors(Handles):
     def handle_gap(self, s: State) -> Tensor:
         """(N,) [m] along y between the handles."""
         return (s["door_right_handle_pos"] - s["door_left_handle_pos"])[:, 1].abs()
-
-    def handling_reward(self, s: State, bonus: Tensor) -> Tensor:
-        """Reach for the handles; the bonus counts once both are within reach."""
-        right, left = self.reaches(s)
-        return -right - left + when_near((right, left), 0.5, bonus)

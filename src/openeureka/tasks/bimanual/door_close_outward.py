@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from torch import Tensor
 
+from ..assets import REWARDS
 from ..task import State
 from .common import dexterity_recipe
 from .door import DOOR_VARIABLES, GAP, SIDEWAYS, Doors, door_scene
@@ -13,6 +14,7 @@ from .variables import two_handed
 class ShadowHandDoorCloseOutward(Doors):
     env = "shadow_hand_door_close_outward"
     description = "to make the two hands close the double door, open away from them, by pulling its handles"
+    human = REWARDS / "shadow_hand_door_close_outward.py"
     scene = door_scene(towards_hands=False, angle=SIDEWAYS)
     reach = 3.0  # the hands start far from the handles
     ends = "An episode ends early when the distances of a hand's five fingertips from its door handle add up to 3 m."
@@ -21,6 +23,3 @@ class ShadowHandDoorCloseOutward(Doors):
 
     def success(self, s: State) -> Tensor:
         return self.handle_gap(s) < GAP
-
-    def human_reward(self, s: State) -> Tensor:
-        return 6.0 + self.handling_reward(s, bonus=1.0 - 2.0 * self.handle_gap(s))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from ..assets import REWARDS
 from ..task import State
 from .common import dexterity_recipe, distance
 from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
@@ -18,6 +19,7 @@ PLACED = 0.2  # [m] between the middles of bucket and cube, as the original has 
 class ShadowHandGraspAndPlace(Handles):
     env = "shadow_hand_grasp_and_place"
     description = "to make the left hand pick up the block and put it into the bucket that the right hand holds"
+    human = REWARDS / "shadow_hand_grasp_and_place.py"
     episode_length = 500
     ends = (
         "An episode ends early when the distances of a hand's five fingertips from its bucket (right) or "
@@ -57,10 +59,6 @@ class ShadowHandGraspAndPlace(Handles):
 
     def success(self, s: State) -> Tensor:
         return self._apart(s) < PLACED
-
-    def human_reward(self, s: State) -> Tensor:
-        right, left = self.reaches(s)
-        return torch.exp(-10.0 * right) + torch.exp(-10.0 * left) + 2.0 * torch.exp(-10.0 * self._apart(s))
 
     def _apart(self, s: State) -> Tensor:
         """(N,) [m] between bucket and cube."""

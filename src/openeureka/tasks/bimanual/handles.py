@@ -39,8 +39,3 @@ class Handles(TwoHands):
         """Summed distances (N,) of the fingers from the handle, of the right and of the left hand [m]."""
         right, left = self.handles
         return finger_distances(s, "right", s[right]), finger_distances(s, "left", s[left])
-
-
-def when_near(reaches: tuple[Tensor, Tensor], limit: float, bonus: Tensor) -> Tensor:
-    """The bonus (N,) where both hands are nearer to their handles than a limit [m], else 0."""
-    return torch.where(torch.maximum(*reaches) < limit, bonus, 0.0)

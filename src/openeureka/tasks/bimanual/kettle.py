@@ -7,9 +7,10 @@ import math
 import torch
 from torch import Tensor
 
+from ..assets import REWARDS
 from ..task import State
 from .common import dexterity_recipe, distance
-from .handles import HAND_VARIABLES, Handles, when_near
+from .handles import HAND_VARIABLES, Handles
 from .objects import Bucket, Kettle
 from .scene import Placed, Pose, Scene, Table
 from .variables import goal_variables, point_variables, thing_variables, two_handed
@@ -23,6 +24,7 @@ class ShadowHandKettle(Handles):
 
     env = "shadow_hand_kettle"
     description = "to make the right hand pour water from the kettle into the bucket that the left hand holds"
+    human = REWARDS / "shadow_hand_kettle.py"
     episode_length = 125
     ends = "An episode ends early when the point below the bucket, bucket_handle_pos, falls to a height of 0.2 m."
     num_observations = 417
@@ -62,10 +64,6 @@ class ShadowHandKettle(Handles):
 
     def success(self, s: State) -> Tensor:
         return self._apart(s) < POURING
-
-    def human_reward(self, s: State) -> Tensor:
-        right, left = self.reaches(s)
-        return 1.0 - right - left + when_near((right, left), 0.7, 0.5 - 2.0 * self._apart(s))
 
     def _apart(self, s: State) -> Tensor:
         """(N,) [m] between bucket and spout."""

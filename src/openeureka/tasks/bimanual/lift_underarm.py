@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from ...types import StateVar
+from ..assets import REWARDS
 from ..task import State
 from .common import TwoHands, dexterity_recipe, distance
 from .objects import Pot
@@ -15,13 +16,12 @@ from .scene import SIDES, Placed, Pose, Scene, Table
 from .variables import FINGERTIPS, PALMS, goal_variables, thing_variables, two_handed
 
 LIFTED = 0.05  # [m] between pot and goal
-GRIP = 0.08  # [m] between palm and handle
-RESTING = 0.385  # [m] between the pot on the table and the goal
 
 
 class ShadowHandLiftUnderarm(TwoHands):
     env = "shadow_hand_lift_underarm"
     description = "to make the two hands grip the pot by its handles and lift it to the goal above the table"
+    human = REWARDS / "shadow_hand_lift_underarm.py"
     episode_length = 500
     ends = "An episode ends early when the pot falls to a height of 0.3 m, or a palm is 0.2 m from its handle."
     num_observations = 417
@@ -70,11 +70,6 @@ class ShadowHandLiftUnderarm(TwoHands):
 
     def success(self, s: State) -> Tensor:
         return distance(s["object_pos"], s["goal_pos"]) < LIFTED
-
-    def human_reward(self, s: State) -> Tensor:
-        right, left = self._reaches(s)
-        lifted = 3.0 * (RESTING - distance(s["object_pos"], s["goal_pos"]))
-        return 0.2 - right - left + torch.where(torch.maximum(right, left) < GRIP, lifted, 0.0)
 
     def _reaches(self, s: State) -> tuple[Tensor, Tensor]:
         """(N,) [m] from each palm to its handle."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from ..assets import REWARDS
 from .catch import EGG_VARIABLES, Catch
 from .common import dexterity_recipe
 from .objects import Egg
@@ -14,6 +15,7 @@ from .variables import two_handed
 class ShadowHandOver(Catch):
     env = "shadow_hand_over"
     description = "to make the right hand throw the egg that it holds so that it lands and stays on the left palm"
+    human = REWARDS / "catch.py"
     episode_length = 75
     ends = "An episode ends early when the egg falls to a height of 0.2 m."
     num_observations = 398

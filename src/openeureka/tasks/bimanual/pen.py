@@ -7,9 +7,10 @@ import math
 import torch
 from torch import Tensor
 
+from ..assets import REWARDS
 from ..task import State
 from .common import dexterity_recipe, distance
-from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles, when_near
+from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
 from .objects import CappedPen
 from .scene import Placed, Pose, Scene, Table
 from .variables import goal_variables, point_variables, thing_variables, two_handed
@@ -21,6 +22,7 @@ LYING = (math.pi / 2, math.pi / 2, 0)  # [rad] along y, cap towards +y
 class ShadowHandPen(Handles):
     env = "shadow_hand_pen"
     description = "to make the right hand pull the cap off the pen that the left hand holds"
+    human = REWARDS / "shadow_hand_pen.py"
     episode_length = 125
     ends = (
         "An episode ends early when the distances of a hand's five fingertips from its point to grasp add up to 1.5 m."
@@ -59,11 +61,6 @@ class ShadowHandPen(Handles):
 
     def success(self, s: State) -> Tensor:
         return self._apart(s) > OFF
-
-    def human_reward(self, s: State) -> Tensor:
-        right, left = self.reaches(s)
-        pulled = when_near((right, left), 0.75, 5.0 * self._apart(s) - 0.8)
-        return torch.exp(-10.0 * right) + torch.exp(-10.0 * left) + pulled
 
     def _apart(self, s: State) -> Tensor:
         """(N,) [m] between cap and pen."""

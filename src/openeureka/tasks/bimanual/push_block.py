@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from ..assets import REWARDS
 from ..task import State
 from .common import dexterity_recipe, distance
 from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
@@ -18,6 +19,7 @@ ARRIVED = 0.1  # [m] between a cube and its target
 class ShadowHandPushBlock(Handles):
     env = "shadow_hand_push_block"
     description = "to make each hand push the block in front of it forward to the block's goal position"
+    human = REWARDS / "shadow_hand_push_block.py"
     score_unit = "share of the blocks that reach their goals"
     episode_length = 125
     ends = "An episode ends early when the distances of a hand's five fingertips from its block add up to 1.2 m."
@@ -68,10 +70,6 @@ class ShadowHandPushBlock(Handles):
         """Set once the left block arrives: 1 if the right one is there already, else one half for good."""
         right, left = (away < ARRIVED for away in self._distances(s))
         return torch.where(left, torch.where(right, 1.0, 0.5), 0.0)
-
-    def human_reward(self, s: State) -> Tensor:
-        (right, left), (right_away, left_away) = self.reaches(s), self._distances(s)
-        return (1.2 - right) + (1.2 - left) + 5.0 - 5.0 * (right_away + left_away)
 
     def _distances(self, s: State) -> tuple[Tensor, Tensor]:
         """From the right and from the left block to its target [m]."""

@@ -7,6 +7,7 @@ import math
 import torch
 from torch import Tensor
 
+from ..assets import REWARDS
 from ..rotations import tumble
 from ..task import Score, State, mean_over_episodes
 from .common import dexterity_recipe
@@ -16,7 +17,6 @@ from .scene import Placed, Pose, Scene
 from .variables import two_handed
 
 TOLERANCE = 0.1  # [rad] between a cube and its goal
-GOAL_BONUS = 500.0
 
 
 class ShadowHandReOrientation(Pair):
@@ -24,6 +24,7 @@ class ShadowHandReOrientation(Pair):
 
     env = "shadow_hand_re_orientation"
     description = "to make each of the two hands turn the cube on its palm to its target orientation"
+    human = REWARDS / "shadow_hand_re_orientation.py"
     score_unit, score_range = "goals reached in an episode", (0.0, None)
     ends = "An episode ends early when a cube falls to a height of 0.2 m; a goal reached gives way to the next one."
     episode_length = 600
@@ -74,9 +75,3 @@ class ShadowHandReOrientation(Pair):
         self.outcome = self.reached.to(torch.float32)
         self.successes = self.successes + self.outcome
         return mean_over_episodes(self.successes, ended)
-
-    def human_reward(self, s: State) -> Tensor:
-        first, second = self.distances(s)
-        turned = 1.0 / (s["rotation_distance"] + 0.1) + 1.0 / (s["rotation_distance_another"] + 0.1)
-        effort = s["actions"].square().sum(dim=-1)
-        return -10.0 * (first + second) + turned - 0.0002 * effort + GOAL_BONUS * self.success(s)

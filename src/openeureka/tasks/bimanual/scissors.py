@@ -7,10 +7,11 @@ import math
 import torch
 from torch import Tensor
 
+from ..assets import REWARDS
 from ..rotations import conjugate, multiply
 from ..task import State
 from .common import dexterity_recipe
-from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles, when_near
+from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
 from .objects import Scissors
 from .scene import Placed, Pose, Scene, Table
 from .variables import goal_variables, point_variables, thing_variables, two_handed
@@ -23,6 +24,7 @@ NEAR = 0.7  # [m] summed over the fingers of a hand
 class ShadowHandScissors(Handles):
     env = "shadow_hand_scissors"
     description = "to make the two hands open the scissors by pulling their handles apart"
+    human = REWARDS / "shadow_hand_scissors.py"
     episode_length = 150
     ends = "An episode ends early when the distances of a hand's five fingertips from its handle add up to 1.75 m."
     num_observations = 417
@@ -52,15 +54,11 @@ class ShadowHandScissors(Handles):
         return torch.cat((super().observe(s), s["scissors_right_handle_pos"], s["scissors_left_handle_pos"]), dim=-1)
 
     def terminated(self, s: State) -> Tensor:
-        crushed = when_near(self.reaches(s), NEAR, self._angle(s)) < CRUSHED
+        crushed = (torch.maximum(*self.reaches(s)) < NEAR) & (self._angle(s) < CRUSHED)
         return super().terminated(s) | crushed
 
     def success(self, s: State) -> Tensor:
         return self._angle(s) > OPEN
-
-    def human_reward(self, s: State) -> Tensor:
-        right, left = self.reaches(s)
-        return 2.0 - right - left + when_near((right, left), NEAR, 5.0 * (self._angle(s) - CLOSED))
 
     def _angle(self, s: State) -> Tensor:
         """(N,) [rad] of the hinge, which turns the right half about the y axis of the left handle."""

@@ -8,9 +8,10 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
+from ..assets import REWARDS
 from ..task import State
 from .common import dexterity_recipe
-from .handles import HAND_VARIABLES, Handles, when_near
+from .handles import HAND_VARIABLES, Handles
 from .objects import Cup
 from .scene import Placed, Pose, Scene, Table
 from .variables import (
@@ -23,12 +24,12 @@ from .variables import (
 
 TURNED = 0.785  # [rad] between cup and goal
 SHOWN_AT = 1.0  # [m] height of the goal in pictures
-REACH = 0.4  # [m] summed over the fingers of a hand
 
 
 class ShadowHandSwingCup(Handles):
     env = "shadow_hand_swing_cup"
     description = "to make the two hands grasp the cup by its two handles and turn it by 180 degrees"
+    human = REWARDS / "shadow_hand_swing_cup.py"
     episode_length = 150
     ends = "An episode ends early when the cup falls to a height of 0.3 m."
     num_observations = 417
@@ -75,8 +76,3 @@ class ShadowHandSwingCup(Handles):
 
     def success(self, s: State) -> Tensor:
         return s["rotation_distance"] < TURNED
-
-    def human_reward(self, s: State) -> Tensor:
-        right, left = self.reaches(s)
-        turned = 1.0 / (s["rotation_distance"] + 0.1) - 1.0
-        return -right - left + when_near((right, left), REACH, turned)

@@ -9,6 +9,7 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
+from ..assets import REWARDS
 from ..task import State
 from .common import dexterity_recipe
 from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
@@ -25,6 +26,7 @@ class ShadowHandSwitch(Handles):
 
     env = "shadow_hand_switch"
     description = "to make each hand press down the switch in front of it"
+    human = REWARDS / "shadow_hand_switch.py"
     episode_length = 125
     num_observations = 417
     handles = ("switch_right_handle_pos", "switch_left_handle_pos")
@@ -58,10 +60,6 @@ class ShadowHandSwitch(Handles):
 
     def success(self, s: State) -> Tensor:
         return self._sunk(s) > self.pressed
-
-    def human_reward(self, s: State) -> Tensor:
-        right, left = self.reaches(s)
-        return 2.0 - right - left + 50.0 * self._sunk(s)
 
     def _sunk(self, s: State) -> Tensor:
         """(N,) [m] below 0.7 m, both ends together."""

@@ -6,6 +6,7 @@ import math
 
 from torch import Tensor
 
+from ..assets import REWARDS
 from ..task import State
 from .catch import CAUGHT
 from .common import dexterity_recipe
@@ -18,6 +19,7 @@ from .variables import two_handed
 class ShadowHandTwoCatchUnderarm(Pair):
     env = "shadow_hand_two_catch_underarm"
     description = "to make the two hands, which may move, swap their eggs by throwing both underarm at the same time"
+    human = REWARDS / "shadow_hand_two_catch_underarm.py"
     episode_length = 75
     ends = "An episode ends early when an egg falls to a height of 0.2 m."
     num_observations = 446
@@ -42,7 +44,3 @@ class ShadowHandTwoCatchUnderarm(Pair):
     def success(self, s: State) -> Tensor:
         first, second = self.distances(s)
         return first + second < 2 * CAUGHT
-
-    def human_reward(self, s: State) -> Tensor:
-        first, second = self.distances(s)
-        return self.closeness(first, s["rotation_distance"]) + self.closeness(second, s["rotation_distance_another"])

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ...types import StateSpec, StateVar
+from ..assets import REWARDS
 from ..rotations import rotate, rotate_inverse, xyzw
 from ..task import Recipe, Score, State, Task, mean_over_episodes
 
@@ -44,6 +45,7 @@ class BallBalance(Task):
     env = "ballbalance"
     suite = "isaac"
     description = "to keep the ball on the table top without falling"
+    human = REWARDS / "ballbalance.py"
     score_unit, score_range = "steps the ball stays on the table", (0.0, 499.0)
     ends = "An episode ends early when the ball's centre is less than 0.15 m above the ground."
     episode_length = 500
@@ -164,7 +166,6 @@ class BallBalance(Task):
         self.rim_points = torch.tensor(RIM_POINTS, device=self.device)
         self.up = torch.tensor([0.0, 0.0, 1.0], device=self.device)
         self.rest_position = torch.tensor([0.0, 0.0, REST_HEIGHT], device=self.device)
-        self.rewarded_position = torch.tensor([0.0, 0.0, 0.7], device=self.device)
 
     def apply_action(self, actions: Tensor) -> None:
         self.ctrl[:] = (self.ctrl + self.control_dt * KNEE_SPEED * actions).clamp(*KNEE_LIMITS)
@@ -236,10 +237,6 @@ class BallBalance(Task):
 
     def fitness(self, s: State, ended: Tensor) -> Score:
         return mean_over_episodes(self.progress, ended)
-
-    def human_reward(self, s: State) -> Tensor:
-        distance = (s["ball_positions"] - self.rewarded_position).norm(dim=-1)
-        return 1.0 / (1.0 + distance) / (1.0 + s["ball_linvels"].norm(dim=-1))
 
     def sparse_reward(self, s: State) -> Tensor:
         return torch.where(self.terminated(s), 0.0, 1.0)

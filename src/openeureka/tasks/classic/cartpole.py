@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ...types import StateSpec, StateVar
+from ..assets import REWARDS
 from ..task import Recipe, Score, State, Task, View, mean_over_episodes
 
 MAX_FORCE = 400.0  # [N] at full action
@@ -20,6 +21,7 @@ class Cartpole(Task):
     env = "cartpole"
     suite = "isaac"
     description = "to balance a pole on a cart so that the pole stays upright"
+    human = REWARDS / "cartpole.py"
     score_unit, score_range = "steps the pole stays up", (0.0, 499.0)
     ends = (
         "An episode ends early when the pole is more than pi / 2 rad from upright, or the cart more than 3 m "
@@ -98,10 +100,6 @@ class Cartpole(Task):
 
     def fitness(self, s: State, ended: Tensor) -> Score:
         return mean_over_episodes(self.progress, ended)
-
-    def human_reward(self, s: State) -> Tensor:
-        reward = 1.0 - s["pole_angle"] ** 2 - 0.01 * s["cart_velocity"].abs() - 0.005 * s["pole_velocity"].abs()
-        return torch.where(self.terminated(s), -2.0, reward)
 
     def sparse_reward(self, s: State) -> Tensor:
         return torch.where(self.terminated(s), 0.0, 1.0)

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from ...types import StateSpec, StateVar
+from ..assets import REWARDS
 from ..rotations import root_state, rotate
 from ..task import Recipe, Score, State, Task, mean_over_steps
 
@@ -30,6 +31,7 @@ class Quadcopter(Task):
     env = "quadcopter"
     suite = "isaac"
     description = "to make the quadcopter reach and hover near a fixed position"
+    human = REWARDS / "quadcopter.py"
     score_unit, score_range = "m", (None, 0.0)
     ends = (
         "An episode ends early when the chassis is more than 3 m from its target, or less than 0.3 m above the ground."
@@ -178,12 +180,6 @@ class Quadcopter(Task):
 
     def fitness(self, s: State, ended: Tensor) -> Score:
         return mean_over_steps(-self._distance(s))
-
-    def human_reward(self, s: State) -> Tensor:
-        near = 1.0 / (1.0 + self._distance(s) ** 2)
-        level = 1.0 / (1.0 + (1.0 - s["up_proj"]) ** 2)
-        still = 1.0 / (1.0 + s["root_angvels"][:, 2] ** 2)
-        return near * (1.0 + level + still)
 
     def sparse_reward(self, s: State) -> Tensor:
         return -self._distance(s)

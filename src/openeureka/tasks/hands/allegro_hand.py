@@ -9,6 +9,7 @@ from typing import NamedTuple
 import mujoco
 
 from ...types import StateSpec
+from ..assets import REWARDS
 from .common import Reorientation, Vector, add_cube, hand_variables, reorientation_recipe
 
 STIFFNESS = 3.0  # [N m/rad]
@@ -90,6 +91,7 @@ DOFS = 16
 class AllegroHand(Reorientation):
     env = "allegro_hand"
     description = "to make the hand spin the object to a target orientation"
+    human = REWARDS / "cube_in_hand.py"
     control_dt = 0.03334
     substeps = 4
     num_observations = 88

@@ -47,8 +47,6 @@ class Reorientation(Task):
     """[m]"""
     tolerance: float = 0.1
     """Angle from its goal at which the object has reached it [rad]."""
-    distance_weight: ClassVar[float] = -10.0
-    """Of the distance from the goal position [1/m] in the human reward."""
     vel_obs_scale = 0.2
     force_torque_obs_scale = 10.0
 
@@ -167,11 +165,6 @@ class Reorientation(Task):
 
     def fitness(self, s: State, ended: Tensor) -> Score:
         return mean_over_episodes(self.goals_reached + self._at_goal(s), ended)
-
-    def human_reward(self, s: State) -> Tensor:
-        turned = 1.0 / (s["rotation_distance"] + 0.1)
-        effort = s["actions"].square().sum(dim=-1)
-        return self.distance_weight * self._goal_distance(s) + turned - 0.0002 * effort + self.success_bonus(s)
 
     def sparse_reward(self, s: State) -> Tensor:
         return self._at_goal(s).to(torch.float32)

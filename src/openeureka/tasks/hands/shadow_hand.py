@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from ...types import StateSpec, StateVar
+from ..assets import REWARDS
 from ..sensors import add_wrench_sensors, body_states, contact_wrenches
 from ..task import State
 from .common import Reorientation, add_cube, hand_variables, reorientation_recipe
@@ -59,6 +60,7 @@ def shadow_hand_variables(held: str) -> tuple[StateVar, ...]:
 class ShadowHand(Reorientation):
     env = "shadow_hand"
     description = "to make the shadow hand spin the object to a target orientation"
+    human = REWARDS / "cube_in_hand.py"
     control_dt = 0.01667
     substeps = 2
     num_observations = 211

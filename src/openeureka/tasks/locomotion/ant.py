@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from ...types import StateSpec, StateVar
+from ..assets import REWARDS
 from ..rotations import euler_xyz, rotate_inverse
 from ..sensors import add_wrench_sensors
 from ..task import Recipe, State
@@ -35,6 +36,7 @@ class Ant(Runner):
     env = "ant"
     suite = "isaac"
     description = "to make the ant run forward as fast as possible"
+    human = REWARDS / "ant.py"
     episode_length = 1000
     control_dt = 0.0166
     substeps = 2
@@ -112,10 +114,3 @@ class Ant(Runner):
             ),
             dim=-1,
         )
-
-    def human_reward(self, s: State) -> Tensor:
-        effort = 0.005 * s["actions"].square().sum(dim=-1)
-        energy = 0.05 * (s["actions"] * s["dof_vel"] * s["dof_vel_scale"]).abs().sum(dim=-1)
-        at_limit = 0.1 * (s["dof_pos_scaled"] > 0.99).sum(dim=-1)
-        reward = self.sparse_reward(s) + 0.5 + self.posture_reward(s) - effort - energy - at_limit
-        return torch.where(self.terminated(s), -2.0, reward)

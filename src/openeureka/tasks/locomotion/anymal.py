@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ...types import StateSpec, StateVar
+from ..assets import REWARDS
 from ..rotations import root_state, rotate, rotate_inverse
 from ..sensors import add_contact_sensor
 from ..task import Recipe, Score, State, Task, mean_over_steps
@@ -37,6 +38,7 @@ class Anymal(Task):
     env = "anymal"
     suite = "isaac"
     description = "to make the quadruped follow randomly chosen x, y and yaw target velocities"
+    human = REWARDS / "anymal.py"
     score_unit, score_range = "error of the velocities, negated", (None, 0.0)
     ends = "An episode ends early when something touches the base or a thigh with more than 1 N."
     episode_length = 2500
@@ -226,12 +228,6 @@ class Anymal(Task):
 
     def fitness(self, s: State, ended: Tensor) -> Score:
         return mean_over_steps(self.sparse_reward(s))
-
-    def human_reward(self, s: State) -> Tensor:
-        linear = torch.exp(-s["velocity_error"].square().sum(dim=-1) / 0.25)
-        yaw = 0.5 * torch.exp(-s["yaw_rate_error"].square() / 0.25)
-        effort = 2.5e-5 * s["torques"].square().sum(dim=-1)
-        return self.control_dt * (linear + yaw - effort).clamp(min=0.0)
 
     def sparse_reward(self, s: State) -> Tensor:
         return -s["velocity_error"].square().sum(dim=-1) - s["yaw_rate_error"].square()

@@ -115,11 +115,6 @@ class Runner(Task):
     def sparse_reward(self, s: State) -> Tensor:
         return s["potentials"] - s["prev_potentials"]
 
-    def posture_reward(self, s: State) -> Tensor:
-        """The human rewards' terms for facing the target (up to 0.5) and standing upright (0.1)."""
-        heading = (0.5 * s["heading_proj"] / 0.8).clamp(max=0.5)
-        return heading + 0.1 * (s["up_proj"] > 0.93)
-
 
 def running_variables(*, joints: str, dofs: int, feet: int, torque: str, standing: str) -> tuple[StateVar, ...]:
     """The state variables of a Runner; words for what differs between robots."""

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from ...types import StateSpec, StateVar
+from ..assets import REWARDS
 from ..rotations import euler_xyz, rotate_inverse
 from ..sensors import add_wrench_sensors
 from ..task import Recipe, State
@@ -135,15 +136,13 @@ ARM = (
     Part("hand", "lower_arm", (0.18, 0.18, 0.18), ((0.04, (0, 0, 0), (0, 0, 0)),)),
 )
 SIDES = {"right": 1, "left": -1}
-MAX_TORQUE = tuple(
-    joint.torque for chain in (TRUNK, LEG, LEG, ARM, ARM) for part in chain for joint in part.joints
-)  # [N m], in DOF order
 
 
 class Humanoid(Runner):
     env = "humanoid"
     suite = "isaac"
     description = "to make the humanoid run as fast as possible"
+    human = REWARDS / "humanoid.py"
     episode_length = 1000
     control_dt = 0.0166
     substeps = 3  # the original takes 2; MuJoCo's softer contacts need steps below 6 ms under random torques
@@ -205,7 +204,6 @@ class Humanoid(Runner):
         super().__init__(*args)
         self.actuator_force = self.sim.bind("qfrc_actuator")
         self.passive_force = self.sim.bind("qfrc_passive")
-        self.effort_ratio = torch.tensor(MAX_TORQUE, device=self.device) / max(MAX_TORQUE)
 
     def compute_state(self) -> dict[str, Any]:
         return {
@@ -234,14 +232,6 @@ class Humanoid(Runner):
             ),
             dim=-1,
         )
-
-    def human_reward(self, s: State) -> Tensor:
-        effort = 0.01 * s["actions"].square().sum(dim=-1)
-        energy = 0.05 * ((s["actions"] * s["dof_vel"] * s["dof_vel_scale"]).abs() * self.effort_ratio).sum(dim=-1)
-        beyond = (s["dof_pos_scaled"].abs() - 0.98).clamp(min=0.0) / 0.02
-        at_limit = 0.25 * (beyond * self.effort_ratio).sum(dim=-1)
-        reward = self.sparse_reward(s) + 2.0 + self.posture_reward(s) - effort - energy - at_limit
-        return torch.where(self.terminated(s), -1.0, reward)
 
 
 def add_part(spec: mujoco.MjSpec, part: Part, side: str = "") -> None:

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ...types import StateSpec, StateVar
+from ..assets import REWARDS
 from ..joints import scaled
 from ..rotations import rotate
 from ..sensors import body_states
@@ -58,6 +59,7 @@ class FrankaCabinet(Task):
     env = "franka_cabinet"
     suite = "isaac"
     description = "to open the cabinet door"
+    human = REWARDS / "franka_cabinet.py"
     score_unit, score_range = "share of episodes in which it opens", (0.0, 1.0)
     ends = "An episode ends early as soon as the top drawer is pulled out all the way."
     episode_length = 500
@@ -322,23 +324,6 @@ class FrankaCabinet(Task):
         opened = self.terminated(s) & ended
         weight = torch.where(opened, full + 1 - self.progress, 1).clamp(min=1).to(torch.float32)
         return Score(torch.where(opened, full / weight, 0.0), weight)
-
-    def human_reward(self, s: State) -> Tensor:
-        distance = (s["drawer_grasp_pos"] - s["franka_grasp_pos"]).norm(dim=-1)
-        above, below = s["left_finger_above_handle"], s["right_finger_below_handle"]
-        opening = s["drawer_opening"]
-        around = (above > 0) & (below > 0)
-        grasped = 0.5 * around
-
-        near = (1.0 / (1.0 + distance.square())).square() * torch.where(distance <= 0.02, 2.0, 1.0)
-        turned = sum(0.5 * proj.sign() * proj.square() for proj in (s["gripper_forward_proj"], s["gripper_up_proj"]))
-        closed = torch.where(around, 0.08 - above.abs() - below.abs(), 0.0)
-        opened = opening * grasped + opening
-        effort = s["actions"].square().sum(dim=-1)
-        bonus = 0.5 * (opening > 0.01) + grasped * (opening > 0.2) + 2.0 * grasped * (opening > OPENED)
-        reward = 2.0 * near + 0.5 * turned + 0.25 * grasped + 7.5 * opened + 5.0 * closed - 0.01 * effort + bonus
-        furthest = torch.minimum(s["franka_lfinger_pos"][:, 0], s["franka_rfinger_pos"][:, 0])
-        return torch.where(furthest < s["drawer_grasp_pos"][:, 0] - 0.04, -1.0, reward)
 
     def sparse_reward(self, s: State) -> Tensor:
         return self.terminated(s).to(torch.float32)
