@@ -67,6 +67,20 @@ def check_variables(task: Task, state: Mapping[str, Any]) -> None:
             _expect(task, "compute_state", f"`{variable.name}`", state[variable.name], shape, "as `spec` says")
 
 
+def marks(task: Task) -> dict[str, tuple[Tensor, int]]:
+    """Every tensor that a task holds, with a number that grows when it is written to."""
+    return {name: (value, value._version) for name, value in task.tensors().items()}
+
+
+def check_memory(task: Task, before: Mapping[str, tuple[Tensor, int]]) -> None:
+    """Raises TaskError when a reset wrote what `memory` does not list: a GPU would put it back in no other world."""
+    known = (*task.memory, "progress", "actions")
+    for name, (value, version) in marks(task).items():
+        old, old_version = before.get(name, (None, 0))
+        if name not in known and (value is not old or version != old_version):
+            raise _broken(task, "reset", f"writes `{name}`, which `memory` does not list; say memory = (..., {name!r})")
+
+
 def check_observation(task: Task, state: Mapping[str, Any]) -> None:
     """Raises TaskError unless the observation has the size that the class says."""
     wanted = (task.num_envs, task.num_observations)

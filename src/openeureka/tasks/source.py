@@ -20,7 +20,7 @@ from .task import Task
 
 # An allow-list, so that nothing a task adds later (fitness, rewards, thresholds, training defaults) leaks by default.
 _SHOWN = ("apply_action", "compute_state", "observe")
-_HIDDEN = ("fitness", "human_reward", "sparse_reward", "success_bonus", "terminated", "reset")
+_HIDDEN = ("outcome", "fitness", "human_reward", "sparse_reward", "success_bonus", "terminated", "reset")
 _TASKS = __name__.rpartition(".")[0]
 
 _MAX_CONSTANT, _MAX_FORMULA = 240, 60  # characters of a value, and of where it comes from

@@ -27,6 +27,7 @@ class Catch(TwoHands):
     """Eggs that start at one hand, in any orientation, are wanted at a point over the other."""
 
     observed_point = "base"
+    memory = (*TwoHands.memory, "goal_poses")
     position_noise: ClassVar[float] = 0.0
     """Of the egg's start, per axis [m]."""
     drop_height: ClassVar[float]

@@ -51,6 +51,7 @@ class TwoHands(Task):
     """The original's scales of the bases' force and torque."""
     observed_point: ClassVar[str] = "hand"
     """Whose position is observed beside the base's turn: the palm's (`hand`) or the mount's (`base`)."""
+    memory = ("successes",)
     joint_noise: ClassVar[float] = 0.0
     """Share of the joint ranges that start angles are spread by."""
 
@@ -88,7 +89,6 @@ class TwoHands(Task):
         )
         self.fingertip_handles = torch.tensor([model.body(tip).id - 1 for tip in TIPS], device=device)
         self.successes = torch.zeros(self.num_envs, device=device)
-        self.outcome = self.successes
 
     def apply_action(self, actions: Tensor) -> None:
         """Of each hand, right then left: force and torque on the base where it moves, then the joints' target angles,
@@ -176,15 +176,16 @@ class TwoHands(Task):
     def success(self, s: State) -> Tensor:
         """(N,) what the task is worth as of now: 1 (or True) when it is done, 0 when not."""
 
-    def fitness(self, s: State, ended: Tensor) -> Score:
+    def outcome(self, s: State) -> Tensor:
         """The first success of an episode stands until its end."""
         self.successes = torch.where(self.successes > 0.0, self.successes, self.success(s).to(torch.float32))
-        self.outcome = self.successes
-        return mean_over_episodes(self.outcome, ended)
+        return self.successes
+
+    def fitness(self, s: State, ended: Tensor) -> Score:
+        return mean_over_episodes(s["outcome"], ended)
 
     def sparse_reward(self, s: State) -> Tensor:
-        """The latched success, as `fitness` last saw it: a reset that followed has not lowered it."""
-        return self.outcome
+        return s["outcome"]
 
     def ghosts(self) -> Mapping[str, Tensor]:
         """Each thing at its own goal, where the goal's position means something."""

@@ -40,6 +40,7 @@ class ShadowHandReOrientation(Pair):
         },
         goals={"goal": Pose(pos=(0, -0.39, 0.56)), "goal_another": Pose(pos=(0, -0.76, 0.56))},
     )
+    memory = (*Pair.memory, "reached")
     joint_noise = 0.2
     position_noise = 0.01
     drop_height = 0.2
@@ -69,9 +70,12 @@ class ShadowHandReOrientation(Pair):
     def success(self, s: State) -> Tensor:
         return torch.minimum(s["rotation_distance"], s["rotation_distance_another"]) < TOLERANCE
 
-    def fitness(self, s: State, ended: Tensor) -> Score:
-        """A count, and `sparse_reward` its increments."""
+    def outcome(self, s: State) -> Tensor:
+        """1 where this step reached a goal; F is their count."""
         self.reached = self.success(s)
-        self.outcome = self.reached.to(torch.float32)
-        self.successes = self.successes + self.outcome
+        reached = self.reached.to(torch.float32)
+        self.successes = self.successes + reached
+        return reached
+
+    def fitness(self, s: State, ended: Tensor) -> Score:
         return mean_over_episodes(self.successes, ended)

@@ -41,6 +41,7 @@ class Reorientation(Task):
         "the next one."
     )
     clip_observations = 5.0
+    memory = ("goals_reached", "goal_rot")
     object_start: ClassVar[Vector]
     """Middle of the object's start positions [m]."""
     goal_position: ClassVar[Vector]

@@ -47,6 +47,7 @@ class Anymal(Task):
     num_observations = 48
     num_actions = 12
     clip_observations = 5.0
+    memory = ("commands",)
     lin_vel_scale = 2.0
     ang_vel_scale = 0.25
     dof_pos_scale = 1.0

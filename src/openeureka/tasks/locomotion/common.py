@@ -26,6 +26,7 @@ class Runner(Task):
     """
 
     score_unit = "m/s"
+    memory = ("prev_potentials",)
     feet: ClassVar[tuple[str, ...]]
     """Bodies whose contact wrenches are state, in order."""
     start_height: ClassVar[float]

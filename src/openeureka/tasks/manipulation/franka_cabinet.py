@@ -60,6 +60,7 @@ class FrankaCabinet(Task):
     suite = "isaac"
     description = "to open the cabinet door"
     human = REWARDS / "franka_cabinet.py"
+    memory = ("franka_dof_targets",)
     score_unit, score_range = "share of episodes in which it opens", (0.0, 1.0)
     ends = "An episode ends early as soon as the top drawer is pulled out all the way."
     episode_length = 500
