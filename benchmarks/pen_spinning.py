@@ -24,8 +24,8 @@ from openeureka.cli.rewards import explain, judge
 from openeureka.reward.files import read as read_reward
 from openeureka.score import mean
 from openeureka.store import StageFiles, artifacts
+from openeureka.suite.dexterity.pen_in_hand import CYCLE
 from openeureka.tasks import curriculum
-from openeureka.tasks.hands.pen import CYCLE
 from openeureka.tasks.registry import get
 from openeureka.training.curriculum import CurriculumTrainer
 from openeureka.training.executor import PopulationTrainer

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from openeureka.tasks.bimanual.common import distance, finger_distances
+from openeureka.suite.dexterity.common import distance, finger_distances
 from openeureka.tasks.rotations import rotation_distance
 
 from .worlds import fresh, judged, press, scored, state_with

@@ -7,8 +7,8 @@ from typing import Any
 
 import torch
 
+from openeureka.suite.shadow import FINGERS
 from openeureka.tasks.env import BatchedEnv
-from openeureka.tasks.hands.shadow import FINGERS
 from openeureka.tasks.registry import make
 from openeureka.tasks.task import State
 

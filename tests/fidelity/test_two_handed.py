@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from openeureka.tasks.bimanual.common import TwoHands
+from openeureka.suite.dexterity.common import TwoHands
 from openeureka.tasks.env import BatchedEnv
 from openeureka.tasks.registry import get, make
 

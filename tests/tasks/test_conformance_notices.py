@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from openeureka.errors import TaskError
-from openeureka.tasks.classic.cartpole import Cartpole
+from openeureka.suite.isaac.cartpole import Cartpole
 from openeureka.tasks.env import BatchedEnv
 from openeureka.tasks.registry import make
 from openeureka.tasks.task import State

@@ -41,7 +41,7 @@ COINCIDENT = {"franka_cabinet": {0.01, 0.02, 0.04}}
 LEAKY = """
 import torch
 
-from openeureka.tasks.classic.cartpole import Cartpole
+from openeureka.suite.isaac.cartpole import Cartpole
 from openeureka.tasks.task import mean_over_episodes
 
 WANTED = 0.717

@@ -8,8 +8,8 @@ import pytest
 import torch
 from torch import Tensor
 
+from openeureka.suite.isaac.humanoid import Humanoid
 from openeureka.tasks.env import BatchedEnv
-from openeureka.tasks.locomotion.humanoid import Humanoid
 
 LEG = ["hip_x", "hip_z", "hip_y", "knee", "ankle_y", "ankle_x"]
 ARM = ["shoulder1", "shoulder2", "elbow"]

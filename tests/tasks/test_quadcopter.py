@@ -4,7 +4,7 @@ import mujoco
 import pytest
 import torch
 
-from openeureka.tasks.classic.quadcopter import Quadcopter
+from openeureka.suite.isaac.quadcopter import Quadcopter
 from openeureka.tasks.env import BatchedEnv
 from openeureka.tasks.registry import make
 

@@ -142,6 +142,7 @@ class TaskConformance:
             for reward in (simulation.task.human_reward, simulation.task.sparse_reward, simulation.task.success_bonus):
                 reward(state)
 
+        step()  # which also traces the human reward
         assert waits(step, uploads=True) == [], "each of these would stall a GPU"
 
     def test_an_episode_is_cut_off_at_its_time_limit(self) -> None:
