@@ -12,13 +12,14 @@ from typing import Any
 import pytest
 
 from openeureka.config import RunConfig
+from openeureka.suite import TASKS as SUITE
 from openeureka.tasks.context import context, informed
 from openeureka.tasks.record import record_states
-from openeureka.tasks.registry import _BUILT_IN, get
+from openeureka.tasks.registry import get
 from openeureka.tasks.task import Task
 
 
-@pytest.mark.parametrize("env", _BUILT_IN)
+@pytest.mark.parametrize("env", SUITE)
 def test_every_task_says_what_its_score_is(env):
     known = context(env)
     low, high = known.score_range
@@ -32,7 +33,7 @@ def test_a_changed_task_claims_no_bounds_of_its_score_and_no_ends_it_may_not_hav
     assert get("cartpole+episode_length=100").score_range == (None, None)
 
 
-TASKS = [get(env) for env in _BUILT_IN]
+TASKS = [get(env) for env in SUITE]
 SECRET = ("fitness", "human_reward", "sparse_reward", "success_bonus", "success", "terminated")
 COMMON = {0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0}  # numbers that mean nothing by themselves
 COINCIDENT = {"franka_cabinet": {0.01, 0.02, 0.04}}
