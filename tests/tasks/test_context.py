@@ -103,7 +103,7 @@ def parsed(function: Any) -> ast.AST:
 
 
 def secrets(task: type[Task]) -> tuple[set[str], set[float]]:
-    """Module constants and numbers in the methods that say what is wanted and those they call, and in the human reward."""
+    """Module constants and numbers in the human reward, the methods that say what is wanted, and those they call."""
     own, names, numbers = methods(task), set[str](), set[float]()
     written = [node.value for node in ast.walk(ast.parse(program(task))) if isinstance(node, ast.Constant)]
     numbers |= {float(value) for value in written if type(value) in (int, float)}

@@ -4,14 +4,17 @@ from pathlib import Path
 
 import pytest
 import torch
+from torch import Tensor
 
 from openeureka.errors import TaskError
 from openeureka.reward import gate, graph, probe
 from openeureka.reward.examine import examine
 from openeureka.reward.load import load
+from openeureka.suite.isaac.cartpole import Cartpole
 from openeureka.tasks import human
 from openeureka.tasks.record import record_states
 from openeureka.tasks.registry import get, make, names
+from openeureka.tasks.task import State
 
 QUOTES = '"""\n'
 EXAMPLE = Path(__file__).parents[2] / "examples" / "pendulum.py"
@@ -88,6 +91,15 @@ def test_a_method_trains_and_no_search_begins_with_it(tmp_path: Path) -> None:
         TaskError, match=r"is a method, not a program; say `human = \.\.\.` in the task, or .* init=FILE"
     ):
         human.program(get(env))
+
+
+def test_a_method_goes_before_the_program_of_the_task_that_it_builds_on() -> None:
+    class Constant(Cartpole):
+        def human_reward(self, s: State) -> Tensor:
+            return torch.ones_like(s["pole_angle"])
+
+    with pytest.raises(TaskError, match="is a method, not a program"):
+        human.program(Constant)
 
 
 def test_a_task_without_a_human_reward_is_not_complete(tmp_path: Path) -> None:

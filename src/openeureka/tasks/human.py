@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 import textwrap
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,8 +21,6 @@ from ..reward.trace import Refused
 from ..types import Finding, RewardGraph
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from .task import Task
 
 _CONSTANT = re.compile(r"^([A-Z][A-Z0-9_]*) = ([-+.\w]+)", re.MULTILINE)
@@ -34,9 +33,11 @@ def program(task: type[Task]) -> str:
     `tolerance` of `NAME+tolerance=0.2` too.
 
     Raises:
-        TaskError: when the task gives none, or only a method.
+        TaskError: when the task, or one that it builds on, has a method for it instead.
     """
-    if not task.human:
+    from .task import Task  # which imports this module
+
+    if not task.human or task.human_reward is not Task.human_reward:
         raise TaskError(
             f"The human reward of `{task.env}` is a method, not a program; say `human = ...` in the task, or write a "
             "file and name it: init=FILE.py."

@@ -19,7 +19,7 @@ from openeureka.tasks.env import BatchedEnv, Step
 from openeureka.tasks.human import program
 from openeureka.tasks.record import record_states
 from openeureka.tasks.registry import get, make
-from openeureka.tasks.task import Score, State
+from openeureka.tasks.task import Score, State, Task
 from openeureka.training.replay import waits
 
 _HIDDEN = ("outcome", "fitness", "human_reward", "sparse_reward", "terminated", "reset")
@@ -204,7 +204,7 @@ class TaskConformance:
         for method in _HIDDEN:
             assert f"def {method}" not in shown.source
             self._check_hidden(shown.source, inspect.getsource(getattr(task, method)), method)
-        if task.human:
+        if task.human_reward is Task.human_reward:
             self._check_hidden(shown.source, program(task), "human")
         table = " ".join(variable.meaning for variable in shown.state.variables)
         for word in ("fitness", "reward", "success", "score", "recipe"):
