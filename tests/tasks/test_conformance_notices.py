@@ -87,6 +87,9 @@ def test_what_a_reset_writes_and_memory_does_not_list_is_named():
         make(f"{__name__}:Forgotten", worlds=2).reset()
     remembered = type("Remembered", (Forgotten,), {"memory": ("falls",)})
     BatchedEnv(remembered, worlds=2).reset()
+    misspelt = type("Misspelt", (Forgotten,), {"memory": ("fals",)})
+    with pytest.raises(TaskError, match=r"`memory` of the task `cartpole` lists `fals`, which is no tensor"):
+        BatchedEnv(misspelt, worlds=2).reset()
 
 
 class Counting(Cartpole):
