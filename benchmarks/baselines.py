@@ -7,8 +7,8 @@
 
 The rewards and seeds of a task are lanes of one training. `benchmarks/results/baselines.json` is written after each
 task, and what it holds is not repeated; a training that is broken off leaves its state: the same command goes on. The
-package ships its summary (`src/openeureka/baselines.json`): `eureka envs` shows it, and scores read it where the human
-and the sparse reward were not trained along.
+package ships its summary (`src/openeureka/suite/baselines.json`): `eureka envs` shows it, and scores read it where the
+human and the sparse reward were not trained along.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from openeureka.types import Evaluation, TrainBudget, Trainer, TrainingProgress,
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results" / "baselines.json"
 SNAPSHOTS = ROOT / "benchmarks" / "results" / "snapshots"
-SHIPPED = ROOT / "src" / "openeureka" / "baselines.json"
+SHIPPED = ROOT / "src" / "openeureka" / "suite" / "baselines.json"
 REWARDS = ("human", "sparse")
 PEAKS = ("fitness", "reward")
 POINTS = 40  # of each curve in the file

@@ -25,8 +25,8 @@ from openeureka.executors.local import LocalExecutor
 from openeureka.reward.files import read as read_reward
 from openeureka.score import mean
 from openeureka.store import StageFiles, artifacts
+from openeureka.suite.dexterity.pen_in_hand import CYCLE
 from openeureka.tasks import curriculum
-from openeureka.tasks.hands.pen import CYCLE
 from openeureka.tasks.registry import get
 from openeureka.training.curriculum import CurriculumTrainer
 from openeureka.types import RewardProgram, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainJob

@@ -71,7 +71,7 @@ def test_a_file_alone_names_its_only_task(tmp_path):
     with pytest.raises(TaskError, match=r"several\.py holds Pendulum, Other; say which, for example env=.*:Pendulum"):
         get(str(file))
     file = tmp_path / "none.py"
-    file.write_text("from openeureka.tasks.classic.cartpole import Cartpole\n")
+    file.write_text("from openeureka.suite.isaac.cartpole import Cartpole\n")
     with pytest.raises(TaskError, match="There is no task in"):
         get(str(file))
     with pytest.raises(TaskError, match="There is no file"):
@@ -190,3 +190,10 @@ def test_a_forgotten_clone_is_named_before_anything_is_recorded(tmp_path, value)
         TaskError, match=r"`angular_velocity` of the task `pendulum` would change .* with \.clone\(\)\."
     ):
         make(str(file), worlds=2).reset()
+
+
+def test_an_import_string_of_an_older_version_finds_the_task_where_it_is_now():
+    former = "openeureka.tasks.bimanual.switch:ShadowHandSwitchAsPublished"
+    assert get(former) is get("openeureka.suite.dexterity.switch:ShadowHandSwitchAsPublished")
+    assert get("openeureka.tasks.locomotion.ant:Ant") is get("ant")
+    assert get("openeureka.tasks.hands.spin:ShadowHandSpin+random_goals=true").env == "shadow_hand_spin"
