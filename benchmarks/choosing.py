@@ -127,9 +127,9 @@ def measure(env: str, seed: int, trainer: LocalExecutor) -> None:
         known = _read().get(env, {"lanes": {}})["lanes"]
         records: Record = {}
         for job in (job for job in results if job not in known):
-            policies = {peak: policy for peak in PEAKS if (policy := store.policy(job, peak)) is not None}
+            policies = {peak: policy for peak in PEAKS if (policy := store.lanes.policy(job, peak)) is not None}
             judged = {score.job: score for score in trainer.evaluate(env, policies, seed=JUDGED)}
-            records[job] = _record(results[job], store.plays().get(job, {}), judged)
+            records[job] = _record(results[job], store.lanes.plays().get(job, {}), judged)
         _write(env, records)
 
 
