@@ -80,7 +80,7 @@ def through_the_curriculum(
     trainer: Trainer, jobs: Sequence[TrainJob], budget: TrainBudget, folder: Path
 ) -> dict[str, Record]:
     """The arms `pre_trained` and `fine_tuned`; the first stage is kept in the folder."""
-    kept = StageFiles(folder, resumes=True)
+    kept = StageFiles(folder)
     stages = curriculum.find(ENV, CURRICULUM)
     fine_tuned = train(CurriculumTrainer(trainer, stages, kept), jobs, budget)
     pre_trained = {job.id: result for job in jobs if (result := kept.read(1, job.id)) is not None}

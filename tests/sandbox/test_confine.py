@@ -137,14 +137,14 @@ def forged(answer: str) -> str:
 @pytest.mark.parametrize(
     ("answer", "code"),
     [
-        ("b'{}'", VerdictCode.CONTRACT),
+        ("b'{}'", VerdictCode.CRASHED),
         ("b'[]'", VerdictCode.CRASHED),
         ("b'\\xff\\xfe'", VerdictCode.CRASHED),
         ("b'[' * 100000", VerdictCode.CRASHED),
-        ('json.dumps({"findings": []}).encode()', VerdictCode.CONTRACT),
-        ('json.dumps({"findings": 7}).encode()', VerdictCode.CONTRACT),
-        ('json.dumps({"graph": "{}", "lines": "x"}).encode()', VerdictCode.CONTRACT),
-        ('json.dumps({"graph": 5}).encode()', VerdictCode.CONTRACT),
+        ('json.dumps({"findings": []}).encode()', VerdictCode.CRASHED),
+        ('json.dumps({"findings": 7}).encode()', VerdictCode.CRASHED),
+        ('json.dumps({"graph": "{}", "lines": "x"}).encode()', VerdictCode.CRASHED),
+        ('json.dumps({"graph": 5}).encode()', VerdictCode.CRASHED),
     ],
 )
 def test_a_forged_answer_is_never_accepted(sandbox: Sandbox, answer: str, code: VerdictCode) -> None:
@@ -155,17 +155,16 @@ def test_a_forged_answer_is_never_accepted(sandbox: Sandbox, answer: str, code: 
 
 def test_a_forged_graph_that_breaks_the_contract_is_refused(sandbox: Sandbox) -> None:
     """The child swears that a reward which couples worlds is fine; the parent looks for itself."""
-    nodes = '[["input", ["pos"], {}], ["select.int", [{"ref": 0}, 1, 0], {}], ["mean.default", [{"ref": 1}], {}], '
-    nodes += '["sub.Tensor", [{"ref": 1}, {"ref": 2}], {}]]'
-    graph = f'json.dumps({{"version": 1, "nodes": {nodes}, "reward": 3, "components": []}})'
-    verdict = run(sandbox, forged(f'json.dumps({{"graph": {graph}, "lines": [1, 1, 1, 1]}}).encode()'))
+    coupled = ["mean.default", [{"ref": 1}], {}], ["sub.Tensor", [{"ref": 1}, {"ref": 2}], {}]
+    verdict = run(sandbox, forged_graph(INPUT, FIRST, *coupled, lines=[1, 1, 1, 1]))
     assert verdict.findings[0].rule == "coupling"
 
 
 def forged_graph(*nodes: list[object], lines: object = ()) -> str:
     """An answer with a graph of a child's own making, whose reward is its last node."""
-    data = {"version": 1, "nodes": nodes, "reward": len(nodes) - 1, "components": []}
-    return forged(repr(json.dumps({"graph": json.dumps(data), "lines": lines}).encode()))
+    named = [dict(zip(("op", "args", "kwargs"), node, strict=True)) for node in nodes]
+    data = {"version": 1, "nodes": named, "reward": len(nodes) - 1, "components": []}
+    return forged(repr(json.dumps({"graph": data, "lines": lines}).encode()))
 
 
 INPUT, FIRST = ["input", ["pos"], {}], ["select.int", [{"ref": 0}, 1, 0], {}]
@@ -205,12 +204,13 @@ def test_the_parts_of_a_value_count(sandbox: Sandbox) -> None:
 
 
 def test_lines_that_a_child_forges_are_lines(sandbox: Sandbox) -> None:
-    lines = [10**4000, -1, True, "x", None]
     coupled = ["mean.default", [{"ref": 1}], {}], ["sub.Tensor", [{"ref": 1}, {"ref": 2}], {}]
-    verdict = run(sandbox, forged_graph(INPUT, FIRST, *coupled, lines=[lines[0]] * 4))
-    assert (verdict.findings[0].rule, verdict.findings[0].line) == ("coupling", None)
-    for line in lines[1:]:
-        assert run(sandbox, forged_graph(INPUT, FIRST, *coupled, lines=[line] * 4)).findings[0].line is None
+    for line in (10**15, None):
+        verdict = run(sandbox, forged_graph(INPUT, FIRST, *coupled, lines=[line] * 4))
+        assert (verdict.findings[0].rule, verdict.findings[0].line) == ("coupling", None)
+    for line in (-1, 10**4000, True, "x"):  # an answer of the wrong form
+        verdict = run(sandbox, forged_graph(INPUT, FIRST, *coupled, lines=[line] * 4))
+        assert (verdict.code, verdict.findings[0].line) == (VerdictCode.CRASHED, None)
 
 
 def test_the_death_of_a_child_that_runs_a_graph_is_a_verdict(monkeypatch: pytest.MonkeyPatch) -> None:

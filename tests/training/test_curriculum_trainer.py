@@ -41,9 +41,9 @@ class StagedTrainer(ToyTrainer):
             yield event
 
 
-def go(trainer: StagedTrainer, folder: Path, *, env_steps: int = 0, resumes: bool = True):
+def go(trainer: StagedTrainer, folder: Path, *, env_steps: int = 0):
     """Events of both jobs through both stages."""
-    staged = CurriculumTrainer(trainer, STAGES, StageFiles(folder, resumes=resumes))
+    staged = CurriculumTrainer(trainer, STAGES, StageFiles(folder))
     return list(staged.train("hard", JOBS, TrainBudget(env_steps=env_steps)))
 
 
@@ -107,11 +107,11 @@ def test_a_finished_stage_is_not_repeated_and_one_that_failed_is(tmp_path: Path)
     assert found["sparse-s0"].env_steps == 6
 
 
-def test_stages_of_another_training_are_overwritten(tmp_path: Path):
-    go(StagedTrainer(), tmp_path)
-    again = StagedTrainer()
-    go(again, tmp_path, resumes=False)
-    assert [set(starts) for _, _, starts in again.asked] == [{"human-s0", "sparse-s0"}] * 2
+class Forgetful:
+    """Keeps no stage: the suite trains other jobs by the same names."""
+
+    def read(self, stage: int, job: str) -> None: ...
+    def save(self, stage: int, result: TrainingResult) -> None: ...
 
 
 class TestCurriculumTrainer(TrainerConformance):
@@ -119,16 +119,10 @@ class TestCurriculumTrainer(TrainerConformance):
 
     env = "cartpole+episode_length=50"
     budget = TrainBudget(env_steps=8192, worlds=16)
-    folder: Path
-
-    @pytest.fixture(autouse=True, scope="class")
-    @staticmethod
-    def _folder(tmp_path_factory: pytest.TempPathFactory) -> None:
-        TestCurriculumTrainer.folder = tmp_path_factory.mktemp("stages")
 
     def make(self) -> CurriculumTrainer:
         stages = (Stage(env="cartpole+episode_length=20", steps=1), Stage(env=self.env, steps=1))
-        return CurriculumTrainer(LocalExecutor(threads=1), stages, StageFiles(self.folder, resumes=False))
+        return CurriculumTrainer(LocalExecutor(threads=1), stages, Forgetful())
 
 
 def test_a_warm_start_is_the_policy_with_its_statistics():
@@ -149,7 +143,7 @@ def test_a_warm_start_is_the_policy_with_its_statistics():
 
 def test_pen_spinning_runs_from_end_to_end(tmp_path: Path):
     stages = curriculum.find("shadow_hand_spin", "pen_spinning")
-    trainer = CurriculumTrainer(LocalExecutor(threads=1), stages, StageFiles(tmp_path, resumes=True))
+    trainer = CurriculumTrainer(LocalExecutor(threads=1), stages, StageFiles(tmp_path))
     budget = TrainBudget(env_steps=2 * 16 * 4, worlds=4)
     found = results(trainer.train("shadow_hand_spin", JOBS, budget))
     assert {result.state for result in found.values()} == {TrainingState.FINISHED}
