@@ -68,6 +68,7 @@ def test_a_training_that_a_broken_task_ends_says_so_and_fails(broken, change, sa
         main(["train", f"env={file}", "steps=4096", "threads=1", "dir=out"])
     streams = capsys.readouterr()
     sentence, again = streams.err.splitlines()
+    assert again.startswith("What is done is kept. Continue with: eureka resume ")
     assert ended.value.code == 2 and sentence.startswith(f"{file}, line ") and says in sentence
     assert "report.html" not in streams.out
 

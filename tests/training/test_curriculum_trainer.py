@@ -151,7 +151,7 @@ def test_pen_spinning_runs_from_end_to_end(tmp_path: Path):
     for job, result in found.items():
         assert result.best_reward is not None
         assert Policy.from_bytes(result.best_reward.policy).env == "shadow_hand_spin"
-        before = Policy.from_bytes((tmp_path / job / "stage1.safetensors").read_bytes())
+        before = Policy.from_bytes((tmp_path / "lanes" / job / "stage1.safetensors").read_bytes())
         assert before.env == "shadow_hand_spin+random_goals=true"
         # The last stage is one epoch, so its peak is the policy that acted in it: where the first stage ended.
         after = Policy.from_bytes(result.best_reward.policy)
