@@ -20,8 +20,8 @@ from typing import Any
 
 from baselines import machine, read, thinned, write
 
-from openeureka.cli.rewards import explain, judge
 from openeureka.reward.files import read as read_reward
+from openeureka.runs.rewards import explain, judge
 from openeureka.score import mean
 from openeureka.store import StageFiles, artifacts
 from openeureka.tasks import curriculum

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from openeureka.cli import trainer
 from openeureka.cli.main import main
 from openeureka.report.view import CandidateState, RunView
+from openeureka.runs import trainer
 from openeureka.store import Store
 from openeureka.training.executor import PopulationTrainer
 from openeureka.types import Evaluation, Place

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from toys import ToySandbox
 
-from openeureka import search as strategies
-from openeureka.cli import search, trainer, trust
+from openeureka import strategies
+from openeureka.cli import search
 from openeureka.cli.play import play
 from openeureka.cli.settings import PlayConfig
 from openeureka.cli.show import report
@@ -20,6 +20,7 @@ from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 from openeureka.loop import run as run_search
 from openeureka.report import video
+from openeureka.runs import compose, trainer, trust
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
 
@@ -37,10 +38,10 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         opened.append(config.base_url)
         return ScriptedModel([reply(n) for n in range(1, 9)][held:])
 
-    monkeypatch.setattr(search, "open_model", open_model)
-    monkeypatch.setattr(search, "context", lambda env: TOY)
-    monkeypatch.setattr(search, "Sandbox", ToySandbox)
-    monkeypatch.setattr(search, "record_states", lambda env: {})
+    monkeypatch.setattr(compose, "open_model", open_model)
+    monkeypatch.setattr(compose, "context", lambda env: TOY)
+    monkeypatch.setattr(compose, "Sandbox", ToySandbox)
+    monkeypatch.setattr(compose, "record_states", lambda env: {})
     monkeypatch.setattr(trainer, "PopulationTrainer", lambda **_: ToyTrainer())
     return opened
 
