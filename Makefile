@@ -32,7 +32,7 @@ fix: $(VENV)/dev ## Format and apply the linter's safe fixes
 	$(BIN)/ruff format
 	$(BIN)/ruff check --fix
 
-docs: $(VENV)/dev ## Renew the generated pages: command reference, tree in README.md
+docs: $(VENV)/dev ## Renew the generated pages and tables
 	$(BIN)/python scripts/docs.py
 
 pins: ## Renew constraints.txt from a fresh environment with the newest allowed versions

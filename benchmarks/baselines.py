@@ -7,8 +7,8 @@
 
 The rewards and seeds of a task are lanes of one training. `benchmarks/results/baselines.json` is written after each
 task, and what it holds is not repeated; a training that is broken off leaves its state: the same command goes on. The
-package ships its summary (`src/openeureka/baselines.json`): `eureka envs` shows it, and scores read it where the human
-and the sparse reward were not trained along.
+package ships its summary (`src/openeureka/suite/baselines.json`): `eureka envs` shows it, and scores read it where the
+human and the sparse reward were not trained along.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from typing import Any
 
 import torch
 
+from openeureka.executors.local import LocalExecutor
 from openeureka.tasks import registry
-from openeureka.training.executor import PopulationTrainer
 from openeureka.types import Evaluation, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainJob
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results" / "baselines.json"
 SNAPSHOTS = ROOT / "benchmarks" / "results" / "snapshots"
-SHIPPED = ROOT / "src" / "openeureka" / "baselines.json"
+SHIPPED = ROOT / "src" / "openeureka" / "suite" / "baselines.json"
 REWARDS = ("human", "sparse")
 PEAKS = ("fitness", "reward")
 POINTS = 40  # of each curve in the file
@@ -64,7 +64,7 @@ def settings(env: str, budget: TrainBudget) -> Record:
 
 def learn(env: str, jobs: Sequence[TrainJob], budget: TrainBudget, device: str, threads: int) -> Record:
     """Train the lanes and score the peaks of F on held-out episodes; one record a lane."""
-    trainer = PopulationTrainer(device, threads, snapshots=SNAPSHOTS)
+    trainer = LocalExecutor(device, threads, snapshots=SNAPSHOTS)
     started = time.perf_counter()
     results: list[TrainingResult] = []
     for message in trainer.train(env, jobs, budget):

@@ -22,6 +22,7 @@ from typing import Any, get_args
 from scipy.stats import spearmanr
 
 from openeureka.config import RunConfig
+from openeureka.executors.local import LocalExecutor
 from openeureka.lanes import Lanes, deal
 from openeureka.observer import NullObserver
 from openeureka.report.text import number
@@ -32,7 +33,6 @@ from openeureka.store import Store
 from openeureka.strategies.strategy import Best
 from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
-from openeureka.training.executor import PopulationTrainer
 from openeureka.types import (
     Candidate,
     Evaluation,
@@ -116,7 +116,7 @@ def programs(env: str, store: Store) -> list[tuple[str, RewardProgram]]:
     return [*found.items(), ("human", "human")]
 
 
-def measure(env: str, seed: int, trainer: PopulationTrainer) -> None:
+def measure(env: str, seed: int, trainer: LocalExecutor) -> None:
     """Train what is missing of one task and seed, play it, and write it down."""
     config = RunConfig(env=env, model="replay", steps=STEPS[env], seed=0)
     with Store.open(OUTPUTS / env, config) as store:
@@ -241,4 +241,4 @@ if __name__ == "__main__":
     for seed in options.seeds:
         for env in options.env:
             print(f"{env}, seed {seed}", flush=True)
-            measure(env, seed, PopulationTrainer(threads=options.threads, snapshots=OUTPUTS / env / "snapshots"))
+            measure(env, seed, LocalExecutor(threads=options.threads, snapshots=OUTPUTS / env / "snapshots"))

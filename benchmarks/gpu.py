@@ -42,6 +42,7 @@ from throughput import RAW_EPISODE, sleep_when_idle
 from throughput import raw as raw_on_cpu
 
 from openeureka import prompts
+from openeureka.executors.local import LocalExecutor
 from openeureka.llm.random import RandomModel
 from openeureka.reward import extract
 from openeureka.sandbox.client import Sandbox
@@ -49,7 +50,6 @@ from openeureka.tasks import registry
 from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
 from openeureka.testing.conformance.parity import compare
-from openeureka.training.executor import PopulationTrainer
 from openeureka.types import Candidate, PromptPlan, RewardGraph, TrainBudget, TrainingResult, TrainingState, TrainJob
 
 KINDS = ("parity", "raw", "env", "lanes", "processes", "human")
@@ -218,7 +218,7 @@ def training(env: str, device: str, sizes: Sizes, lanes: int, processes: int) ->
     budget = TrainBudget(worlds=sizes.worlds, env_steps=ENDLESS)
     steps_per_epoch = sizes.worlds * registry.get(env).recipe.horizon * lanes // processes
     called, began, epochs = time.perf_counter(), 0.0, 0
-    with closing(PopulationTrainer(",".join([device] * processes)).train(env, jobs, budget)) as stream:
+    with closing(LocalExecutor(",".join([device] * processes)).train(env, jobs, budget)) as stream:
         for message in stream:
             now = time.perf_counter()
             if isinstance(message, TrainingResult):
@@ -258,7 +258,7 @@ def human(env: str, device: str, sizes: Sizes, rate: float) -> Found:
     seeds = sizes.lanes[1]
     jobs = [TrainJob(id=f"human-s{seed}", program="human", seed=seed) for seed in range(seeds)]
     budget = TrainBudget(worlds=sizes.worlds, env_steps=round(rate * sizes.train / seeds))
-    trainer = PopulationTrainer(device)
+    trainer = LocalExecutor(device)
     began = time.perf_counter()
     results = [message for message in trainer.train(env, jobs, budget) if isinstance(message, TrainingResult)]
     seconds = time.perf_counter() - began

@@ -31,6 +31,7 @@ class GymAnt(Task):
     substeps = FRAME_SKIP
     num_observations = 105
     num_actions = 8
+    memory = ("x",)
 
     spec = StateSpec(
         (

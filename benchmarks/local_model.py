@@ -25,13 +25,13 @@ from typing import Any
 
 from openeureka import prompts
 from openeureka.config import RunConfig
+from openeureka.executors.local import LocalExecutor
 from openeureka.llm import open_model
 from openeureka.reward import extract
 from openeureka.sandbox.client import Sandbox
 from openeureka.tasks import registry
 from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
-from openeureka.training.executor import PopulationTrainer
 from openeureka.types import (
     Candidate,
     PromptPlan,
@@ -84,7 +84,7 @@ def train(env: str, drawn: dict[str, Drawn], steps: int, seed: int) -> dict[str,
         wanted |= {verdict.candidate: verdict.graph for verdict in arm.verdicts if verdict.graph is not None}
     results: dict[str, TrainingResult] = {}
     jobs = [TrainJob(id=name, program=program, seed=seed) for name, program in wanted.items()]
-    for message in PopulationTrainer().train(env, jobs, TrainBudget(env_steps=steps)):
+    for message in LocalExecutor().train(env, jobs, TrainBudget(env_steps=steps)):
         if isinstance(message, TrainingProgress):
             print(f"\r{env}: epoch {message.epoch}/{message.epochs}\033[K", end="", flush=True)
         else:

@@ -1,4 +1,4 @@
-"""What `make run` finds, over seeds: the table of README.md.
+"""What `make run` finds, over seeds: a table in docs/concepts/scores.md, a sentence in README.md.
 
     python benchmarks/make_run.py                    # seeds 0 to 4, about 9 minutes each on 2 cores
     python benchmarks/make_run.py --seeds 7          # another; seeds that are done are not run again
@@ -16,6 +16,7 @@ import re
 import subprocess
 import sys
 import time
+from collections import Counter
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -44,23 +45,28 @@ def measure(seed: int) -> dict[str, Any]:
     directory, began = OUTPUTS / f"seed{seed}", time.monotonic()
     words = [*settings(), f"seed={seed}", f"dir={directory}", "video=none"]
     subprocess.run([Path(sys.executable).with_name("eureka"), "run", *words], check=True)
+    return outcome(directory, minutes=(time.monotonic() - began) / 60)
+
+
+def outcome(directory: Path, minutes: float) -> dict[str, Any]:
+    """What came of a finished run."""
     run = RunView.read(directory)
-    outcome = run.outcome
-    assert outcome is not None and run.best is not None
+    found = run.outcome
+    assert found is not None and run.best is not None
     history = run.history.generations
     winners = [Ranking(History(history[: index + 1])).best for index in range(len(history))]
     return {
         "settings": " ".join(settings()),
-        "minutes": round((time.monotonic() - began) / 60, 1),
+        "minutes": round(minutes, 1),
         "date": datetime.now(UTC).date().isoformat(),
         "best_played_up_to_generation": [winner.score if winner else None for winner in winners],
         "human_played": run.baseline_score("human"),
         "crowned": str(run.best.place),
-        "generated": _arm(outcome.method),
-        "runners_up": {str(place): _arm(arm) for place, arm in outcome.rivals.items()},
-        "human": _arm(outcome.human),
-        "sparse": _arm(outcome.sparse),
-        "score": outcome.normalised,
+        "generated": _arm(found.method),
+        "runners_up": {str(place): _arm(arm) for place, arm in found.rivals.items()},
+        "human": _arm(found.human),
+        "sparse": _arm(found.sparse),
+        "score": found.normalised,
         "verdict": verdict(run),
     }
 
@@ -86,6 +92,14 @@ def markdown() -> str:
     }
     lines = [["", *(f"seed {seed}" for seed in measured)], ["---"] * (len(measured) + 1)]
     return "\n".join(f"| {' | '.join(line)} |" for line in [*lines, *([name, *cells] for name, cells in rows.items())])
+
+
+def summary() -> str:
+    """How the runs ended, in a sentence."""
+    verdicts = [one["verdict"] for one in json.loads(RESULTS.read_text()).values()]
+    ends = Counter(verdict.partition(":")[0] for verdict in verdicts)
+    each = ", ".join(f"*{end[0].lower()}{end[1:]}* ({times})" for end, times in ends.items())
+    return f"{len(verdicts)} runs of `make run` ended so: {each}."
 
 
 if __name__ == "__main__":

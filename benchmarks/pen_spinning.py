@@ -20,15 +20,15 @@ from typing import Any
 
 from baselines import machine, read, thinned, write
 
+from openeureka.executors.local import LocalExecutor
 from openeureka.reward.files import read as read_reward
 from openeureka.runs.rewards import explain, judge
 from openeureka.score import mean
 from openeureka.store import StageFiles, artifacts
+from openeureka.suite.dexterity.pen_in_hand import CYCLE
 from openeureka.tasks import curriculum
-from openeureka.tasks.hands.pen import CYCLE
 from openeureka.tasks.registry import get
 from openeureka.training.curriculum import CurriculumTrainer
-from openeureka.training.executor import PopulationTrainer
 from openeureka.types import RewardProgram, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainJob
 
 ENV, CURRICULUM = "shadow_hand_spin", "pen_spinning"
@@ -130,7 +130,7 @@ def main(words: Sequence[str] | None = None) -> None:
     budget = TrainBudget(env_steps=steps, worlds=worlds, bonus=True)
     jobs = [TrainJob(id=f"s{seed}", program=program(options.reward), seed=seed) for seed in range(options.seeds)]
     folder = options.policies / "_".join(map(str, settings.values()))
-    trainer = PopulationTrainer(options.device, options.threads, snapshots=folder / "snapshots")
+    trainer = LocalExecutor(options.device, options.threads, snapshots=folder / "snapshots")
     for names, learn in PARTS.items():
         if not found["arms"].keys() >= set(names):
             found["arms"] |= {

@@ -28,9 +28,9 @@ import numpy as np
 import torch
 from mujoco.batch import Batch
 
+from openeureka.executors import devices
+from openeureka.executors.local import LocalExecutor
 from openeureka.tasks import registry
-from openeureka.training import devices
-from openeureka.training.executor import PopulationTrainer
 from openeureka.training.population import Population
 from openeureka.types import TrainBudget, TrainingResult, TrainJob
 
@@ -78,7 +78,7 @@ def waited(env: str, processes: int, worlds: int, epochs: int) -> float:
     started = time.perf_counter()
     cores = max(os.cpu_count() or 1, processes)
     with patch.multiple(devices, usable_cores=lambda: cores, CPU_WORKERS=processes):
-        messages = list(PopulationTrainer().train(env, jobs, budget))
+        messages = list(LocalExecutor().train(env, jobs, budget))
     results = [message for message in messages if isinstance(message, TrainingResult)]
     failed = [result.message for result in results if not result.env_steps]
     if failed:

@@ -41,6 +41,15 @@ class Pendulum(Task):
         )
     )
     recipe = Recipe(hidden=(32, 32), env_steps=600_000, epochs=8, reward_scale=0.1)
+    human = """
+        import torch
+
+        def compute_reward(angle, angular_velocity, actions):
+            upright = torch.cos(angle)
+            spin = 0.01 * angular_velocity**2
+            effort = 0.001 * actions.square().sum(dim=-1)
+            return upright - spin - effort, {"upright": upright, "spin": spin, "effort": effort}
+    """
 
     @staticmethod
     def model() -> mujoco.MjSpec:
@@ -81,10 +90,6 @@ class Pendulum(Task):
 
     def fitness(self, s: State, ended: Tensor) -> Score:
         return mean_over_steps(self.sparse_reward(s))  # F: the share of time spent upright
-
-    def human_reward(self, s: State) -> Tensor:
-        effort = s["actions"].square().sum(dim=-1)
-        return torch.cos(s["angle"]) - 0.01 * s["angular_velocity"] ** 2 - 0.001 * effort
 
     def sparse_reward(self, s: State) -> Tensor:
         return (s["angle"].abs() < UPRIGHT).to(torch.float32)

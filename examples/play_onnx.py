@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import onnxruntime
 
-from openeureka.tasks.classic.cartpole import Cartpole
+from openeureka.suite.isaac.cartpole import Cartpole
 
 model = Cartpole.compile_model()  # an mjModel; save it with mujoco.mj_saveModel to need openeureka no more
 data = mujoco.MjData(model)

@@ -1,4 +1,4 @@
-"""Writes what is generated in the documentation: commands, modules, measured baselines, the tree in README.md.
+"""Writes what is generated in the documentation: commands, modules, what was measured, the tree in CONTRIBUTING.md.
 
 `python scripts/docs.py --check` writes nothing and fails when a file is out of date.
 """
@@ -26,6 +26,7 @@ MODULES = ROOT / "docs" / "reference" / "modules.md"
 BASELINES = ROOT / "docs" / "reference" / "baselines.md"
 MEASURED = ROOT / "benchmarks" / "results" / "baselines.json"
 README = ROOT / "README.md"
+CONTRIBUTING = ROOT / "CONTRIBUTING.md"
 PACKAGE = ROOT / "src" / "openeureka"
 BASELINES_HEAD = """# Measured baselines
 
@@ -38,10 +39,11 @@ seed, between its least and largest value.
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
 """
 BLOCKS = "▁▂▃▄▅▆▇█"
-START, END = "<!-- tree -->\n", "<!-- /tree -->\n"
+TREE = "<!-- tree -->\n", "<!-- /tree -->\n"
 SCORES = ROOT / "docs" / "concepts" / "scores.md"
 CHOOSING = ROOT / "benchmarks" / "results" / "choosing.json"
 FIRST_RUNS = "<!-- make run -->\n", "<!-- /make run -->\n"
+FOUND = "<!-- found -->\n", "<!-- /found -->\n"
 CHOSEN = "<!-- choosing -->\n", "<!-- /choosing -->\n"
 
 
@@ -107,6 +109,11 @@ def first_runs() -> str:
     return f"{_benchmark('make_run').markdown()}\n"
 
 
+def found() -> str:
+    """What `benchmarks/found.py` has measured, and how the runs of `benchmarks/make_run.py` ended."""
+    return f"{_benchmark('found').markdown()}\n\n{_benchmark('make_run').summary()}\n"
+
+
 def _benchmark(name: str) -> Any:
     """A script of `benchmarks/` as a module: it knows how to read its own results."""
     sys.path.insert(0, str(ROOT / "benchmarks"))
@@ -155,8 +162,9 @@ def generated() -> Mapping[Path, str]:
         REFERENCE: commands(),
         MODULES: modules(),
         BASELINES: baselines(),
-        README: _between(_between(README.read_text(), (START, END), tree()), FIRST_RUNS, first_runs()),
-        SCORES: _between(SCORES.read_text(), CHOSEN, choosing()),
+        README: _between(README.read_text(), FOUND, found()),
+        CONTRIBUTING: _between(CONTRIBUTING.read_text(), TREE, tree()),
+        SCORES: _between(_between(SCORES.read_text(), CHOSEN, choosing()), FIRST_RUNS, first_runs()),
     }
 
 

@@ -60,4 +60,4 @@ def _held_out(config: RunConfig) -> Peak:
 
 @cache
 def _shipped() -> Mapping[str, Any]:
-    return json.loads(files("openeureka").joinpath("baselines.json").read_text())
+    return json.loads(files("openeureka.suite").joinpath("baselines.json").read_text())

@@ -38,7 +38,7 @@ class RunConfig:
     iteration: int = 0
     """Generations, N."""
     search: str = "best"
-    """`best` (global best is the parent, four-turn history) or `eureka` (as published)."""
+    """`best` (the best so far is the parent), `eureka` (as published) or `pkg.mod:Name` of your own."""
     init: str = ""
     """Begin with a given reward: `human`, or the path of a reward file; empty means with the model's own."""
     feedback: str = "none"
@@ -52,11 +52,13 @@ class RunConfig:
     refill: int = 2
     """Fresh samples a slot may take after refusals, or when it repeats a program of the run."""
     temperature: float = 1.0
+    """Of the model's samples: higher ones differ more."""
     curriculum: str = ""
     """Stages to train each candidate through: one of the task's own, or a YAML file; empty means the task alone."""
     seed: int = 0
+    """Of start states, noise and samples."""
     seeds: int = 3
-    """Most fresh seeds that the leading rewards train with at the end; fewer where two already decide."""
+    """Fresh seeds that the leading rewards train with at the end, at most; fewer where two already decide."""
     steps: int = 0
     """Environment steps per candidate, over all stages of a curriculum."""
     worlds: int = 0
@@ -67,6 +69,8 @@ class RunConfig:
     """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
     threads: int = 0
     """Cores to train on; 0 means all of them."""
+    executor: str = "local"
+    """Where lanes run: `local`, on this machine, or `pkg.mod:Name` of your own."""
     max_cost: float = 0.0
     """Stop before the spending on replies exceeds this many US dollars; 0 means no limit."""
     price: str = ""
@@ -95,7 +99,6 @@ class RunConfig:
         if self.seeds < 1:
             raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")
         choices = {
-            "search": ("best", "eureka"),
             "feedback": FEEDBACKS,
             "judge": ("fitness", "votes"),
             "bonus": BONUSES,
@@ -144,6 +147,8 @@ class TrainConfig:
     """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
     threads: int = 0
     """Cores to train on; 0 means all of them."""
+    executor: str = "local"
+    """Where lanes run: `local`, on this machine, or `pkg.mod:Name` of your own."""
     dir: str = ""
     """Run directory; empty means `outputs/<time>_train_<env>`. One that holds such a run is continued."""
     unsafe_no_sandbox: bool = False

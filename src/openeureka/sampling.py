@@ -164,11 +164,14 @@ def given(config: RunConfig) -> Candidate:
 
     Raises:
         RewardFileError: when the file cannot be read.
-        TaskError: when the human reward of the task is no program by itself.
+        TaskError: when the human reward of the task is a method of it, not a program.
     """
-    from .tasks import human  # the loop itself needs neither torch nor a simulator
+    if config.init == "human":
+        from .tasks import human  # the loop itself needs neither torch nor a simulator
+        from .tasks.registry import get
 
-    return Candidate.of(human.program(config.env)) if config.init == "human" else extract.in_file(Path(config.init))[0]
+        return Candidate.of(human.program(get(config.env)))
+    return extract.in_file(Path(config.init))[0]
 
 
 def admit(config: RunConfig, checker: Checker) -> None:

@@ -173,6 +173,10 @@ class Worker:
         """Whether `receive` has something to read, waiting up to `timeout` [s] for it."""
         return self._reader.ready(timeout)
 
+    def fileno(self) -> int:
+        """For who waits for several: readable where `ready`, but for what a look at the pipe has read already."""
+        return self._reader.fd
+
     @property
     def alive(self) -> bool:
         return self.process.poll() is None

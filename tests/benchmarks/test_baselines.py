@@ -26,7 +26,7 @@ def benchmark(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 def go(benchmark: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Runs the script with toy trainings: human F is 10, sparse 5, plus a hundredth of the seed, one less held out."""
     trainer = ToyTrainer()
-    monkeypatch.setattr(benchmark, "PopulationTrainer", lambda *_, **__: trainer)
+    monkeypatch.setattr(benchmark, "LocalExecutor", lambda *_, **__: trainer)
 
     def go(*words: str) -> list[str]:
         """Jobs trained by this call."""

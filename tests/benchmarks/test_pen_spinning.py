@@ -23,7 +23,7 @@ def benchmark(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 def go(benchmark: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Runs the script; the human reward's policies reach 9 goals in held-out episodes, plus a hundredth of the seed."""
     trainer = ToyTrainer()
-    monkeypatch.setattr(benchmark, "PopulationTrainer", lambda *_, **__: trainer)
+    monkeypatch.setattr(benchmark, "LocalExecutor", lambda *_, **__: trainer)
 
     def go(*words: str) -> list[str]:
         """Jobs trained by this call."""

@@ -1,10 +1,10 @@
 import pytest
 import torch
 
-from openeureka.tasks.bimanual.common import distance, finger_distances
+from openeureka.suite.dexterity.common import distance, finger_distances
 from openeureka.tasks.rotations import rotation_distance
 
-from .worlds import fresh, press, scored, state_with
+from .worlds import fresh, judged, press, scored, state_with
 
 CUP, DOOR, OVER = "shadow_hand_swing_cup", "shadow_hand_door_open_outward", "shadow_hand_over"
 
@@ -61,15 +61,26 @@ def test_success_stands_until_the_episode_ends_and_pays_on_its_last_step() -> No
     opened = state_with(simulation, {"door_right_hinge": [1.4], "door_left_hinge": [1.4]})
     assert scored(simulation, opened) == [1.0, 1.0]
     assert scored(simulation, closed) == [1.0, 1.0]
+    last = judged(simulation, closed)
     task.reset(torch.tensor([1]))
-    assert task.sparse_reward(closed).tolist() == [1.0, 1.0]
+    assert task.sparse_reward(last).tolist() == [1.0, 1.0]
     assert scored(simulation, closed) == [1.0, 0.0]
-    assert task.sparse_reward(closed).tolist() == [1.0, 0.0]
+    assert task.sparse_reward(judged(simulation, closed)).tolist() == [1.0, 0.0]
+
+
+def test_f_changes_nothing_and_may_be_asked_again() -> None:
+    simulation = fresh(DOOR, worlds=2)
+    opened = judged(simulation, state_with(simulation, {"door_right_hinge": [1.4], "door_left_hinge": [1.4]}))
+    before = {name: value.clone() for name, value in simulation.task.tensors().items()}
+    scores = [simulation.task.fitness(opened, torch.ones(2)).value for _ in range(2)]
+    assert torch.equal(*scores)
+    assert all(torch.equal(before[name], value) for name, value in simulation.task.tensors().items())
 
 
 def test_only_episodes_that_end_count() -> None:
     simulation = fresh(DOOR, worlds=2)
-    score = simulation.task.fitness(simulation.current_state(), torch.tensor([True, False]))
+    state = judged(simulation, simulation.current_state())
+    score = simulation.task.fitness(state, torch.tensor([True, False]))
     assert score.weight.tolist() == [1.0, 0.0]
 
 

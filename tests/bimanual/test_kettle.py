@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from openeureka.tasks.bimanual.common import distance, finger_distances
+from openeureka.suite.dexterity.common import distance, finger_distances
 
 from .worlds import fresh, press, scored, state_with, with_fingers_at
 

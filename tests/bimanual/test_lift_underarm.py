@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from openeureka.tasks.bimanual.common import distance
+from openeureka.suite.dexterity.common import distance
 
 from .worlds import fresh, press, scored, state_with
 

@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from openeureka.tasks.bimanual import objects
-from openeureka.tasks.bimanual.objects import Thing
-from openeureka.tasks.bimanual.shapes import MATTER, quaternion
+from openeureka.suite.dexterity import objects
+from openeureka.suite.dexterity.objects import Thing
+from openeureka.suite.dexterity.shapes import MATTER, quaternion
 
 ALL = (
     objects.Egg(),

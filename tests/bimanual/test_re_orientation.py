@@ -6,7 +6,7 @@ import torch
 from openeureka.tasks.env import BatchedEnv
 from openeureka.tasks.rotations import rotation_distance
 
-from .worlds import fresh, scored, state_with
+from .worlds import fresh, judged, scored, state_with
 
 CUBES = "shadow_hand_re_orientation"
 PLACES = {"object": [0.0, -0.39, 0.60], "object_another": [0.0, -0.76, 0.60]}
@@ -46,7 +46,7 @@ def test_a_goal_is_reached_when_either_cube_is_within_a_tenth_of_a_radian(
     assert float(state["rotation_distance"]) == pytest.approx(first, abs=1e-3)
     assert float(state["rotation_distance_another"]) == pytest.approx(second, abs=1e-3)
     assert scored(simulation, state) == [expected]
-    assert simulation.task.sparse_reward(state).tolist() == [expected]
+    assert simulation.task.sparse_reward(judged(simulation, state)).tolist() == [expected]
 
 
 def test_goals_count_until_the_episode_ends() -> None:
@@ -57,7 +57,7 @@ def test_goals_count_until_the_episode_ends() -> None:
     simulation.task.reset(torch.tensor([1]))
     away = state_with(simulation, cubes(simulation, object=1.0, object_another=1.0))
     assert scored(simulation, away)[0] == 2.0
-    assert simulation.task.sparse_reward(away)[0] == 0.0
+    assert simulation.task.sparse_reward(judged(simulation, away))[0] == 0.0
 
 
 def test_a_reached_goal_gives_way_to_a_new_one_of_both_cubes_in_its_world_only() -> None:

@@ -3,7 +3,7 @@ import math
 import pytest
 import torch
 
-from openeureka.tasks.bimanual.common import distance, finger_distances
+from openeureka.suite.dexterity.common import distance, finger_distances
 
 from .worlds import fresh, press, scored, state_with
 

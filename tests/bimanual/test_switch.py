@@ -2,8 +2,8 @@ import math
 
 import pytest
 
-from openeureka.tasks.bimanual.common import distance, finger_distances
-from openeureka.tasks.bimanual.switch import ShadowHandSwitchAsPublished
+from openeureka.suite.dexterity.common import distance, finger_distances
+from openeureka.suite.dexterity.switch import ShadowHandSwitchAsPublished
 
 from .worlds import fresh, press, scored, state_with, with_fingers_at
 

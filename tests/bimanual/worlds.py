@@ -7,8 +7,8 @@ from typing import Any
 
 import torch
 
+from openeureka.suite.shadow import FINGERS
 from openeureka.tasks.env import BatchedEnv
-from openeureka.tasks.hands.shadow import FINGERS
 from openeureka.tasks.registry import make
 from openeureka.tasks.task import State
 
@@ -32,9 +32,14 @@ def state_with(simulation: BatchedEnv, joints: Mapping[str, Sequence[float]]) ->
 def scored(simulation: BatchedEnv, state: State) -> list[float]:
     """F of each world's episode if it ends in this state."""
     ended = torch.ones(simulation.num_worlds, dtype=torch.bool)
-    value, weight = simulation.task.fitness(state, ended)
+    value, weight = simulation.task.fitness(judged(simulation, state), ended)
     assert weight.tolist() == [1.0] * simulation.num_worlds
     return value.tolist()
+
+
+def judged(simulation: BatchedEnv, state: State) -> State:
+    """The state after a step that led there."""
+    return {**state, "outcome": simulation.task.outcome(state)}
 
 
 def press(simulation: BatchedEnv, action: Mapping[int, float], steps: int) -> State:

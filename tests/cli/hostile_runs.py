@@ -201,6 +201,8 @@ CASES = (
     HostileRun("task-class", settings(env="{folder}/task.py:Task"), _TYPED),
     HostileRun("task-module", settings(env="task:Task"), _TYPED),
     HostileRun("task-disguised", settings(env="cartpole+/../task.py"), _TYPED),
+    HostileRun("search-module", settings(search="task:Search"), _TYPED),
+    HostileRun("executor-module", settings(executor="task:Executor"), _TYPED),
     HostileRun("task-in-curriculum", settings(curriculum="{folder}/stages.yaml"), _TYPED),
     HostileRun("first-reward", settings(init="{folder}/secret.txt"), _TYPED, verbs=_ONLY),
     HostileRun("price", settings(price="0,0", max_cost=1.0), _TYPED, verbs=_ONLY),

@@ -17,7 +17,7 @@ from ui.serving import visitor
 from openeureka.cli import main as command
 from openeureka.cli import play
 from openeureka.report import video
-from openeureka.runs import compose, trainer
+from openeureka.runs import compose
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 from openeureka.training.policy import Policy
 
@@ -57,7 +57,7 @@ def things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setattr(compose, "open_model", lambda config, held: ScriptedModel([reply(5), reply(6)]))
     monkeypatch.setattr(compose, "Sandbox", Confined)
     monkeypatch.setattr(compose, "record_states", lambda env: {})
-    monkeypatch.setattr(trainer, "PopulationTrainer", lambda **_: Known())
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: Known())
     monkeypatch.setattr(play.viewer, "has_display", lambda: False)
     for module in (video, play):
         monkeypatch.setattr(module, "render", rendered)
@@ -65,6 +65,7 @@ def things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     folder = tmp_path / "things"
     bystanders(folder)
     monkeypatch.chdir(folder)
+    monkeypatch.syspath_prepend(folder)
     before = snapshot(folder)
     yield folder
     assert snapshot(folder) == before

@@ -10,10 +10,9 @@ from typing import Any
 import pytest
 
 from openeureka.cli.main import main
+from openeureka.executors.local import LocalExecutor
 from openeureka.report.view import CandidateState, RunView
-from openeureka.runs import trainer
 from openeureka.store import Store
-from openeureka.training.executor import PopulationTrainer
 from openeureka.types import Evaluation, Place
 from openeureka.ui import pages
 
@@ -59,7 +58,7 @@ def test_what_it_did_not_keep_is_worked_out_once(directory: Path) -> None:
     assert found[0, 0, 0] == first and found[0, 0, 1] == second and len(found) == 4
 
 
-class Brief(PopulationTrainer):
+class Brief(LocalExecutor):
     """Plays few episodes: a held-out score takes as long as these trainings."""
 
     def evaluate(self, env: str, policies: Mapping[str, bytes], **options: Any) -> Iterator[Evaluation]:
@@ -68,7 +67,7 @@ class Brief(PopulationTrainer):
 
 @pytest.mark.timeout(300)  # six processes begin one after the other
 def test_it_goes_on_where_it_was(directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trainer, "PopulationTrainer", Brief)
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", Brief)
     before = RunView.read(directory)
     assert [c.state for c in before.candidates][2:] == [CandidateState.ACCEPTED] * 2
     assert eureka("resume", str(directory), "threads=1", f"trust={directory}") == 0

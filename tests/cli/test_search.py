@@ -16,7 +16,7 @@ from openeureka.display import log
 from openeureka.errors import ModelError
 from openeureka.report import video
 from openeureka.report.view import RunView
-from openeureka.runs import compose, stopping, trainer
+from openeureka.runs import compose, stopping
 from openeureka.sandbox import client, confine
 from openeureka.store import read_config, read_replies
 from openeureka.store.db import LOCK, LOG, STOP
@@ -53,7 +53,7 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     monkeypatch.setattr(compose, "open_model", lambda config, held: ScriptedModel(SCRIPT))
     monkeypatch.setattr(compose, "Sandbox", ToySandbox)
     monkeypatch.setattr(compose, "record_states", lambda env: {})
-    monkeypatch.setattr(trainer, "PopulationTrainer", lambda **_: ToyTrainer())
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: ToyTrainer())
     return monkeypatch
 
 
@@ -103,7 +103,7 @@ def test_a_replay_broken_off_goes_on_where_it_stopped(parts, tmp_path, capsys):
     for name, stand_in in (("Sandbox", ToySandbox), ("record_states", lambda env: {})):
         parts.setattr(compose, name, stand_in)
     trainings = iter([Interruption(), ToyTrainer()])
-    parts.setattr(trainer, "PopulationTrainer", lambda **_: next(trainings))
+    parts.setattr("openeureka.executors.local.LocalExecutor", lambda **_: next(trainings))
     assert run("run", *again, f"dir={tmp_path}/second") == 130
     assert run("resume", f"{tmp_path}/second") == 0
     texts = [[reply.text for reply in read_replies(tmp_path / name)] for name in ("first", "second")]
@@ -122,6 +122,55 @@ def test_resuming_with_another_search_is_refused(parts, tmp_path, capsys):
     assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 0
     assert run("resume", f"{tmp_path}/run", "sample=3") == 5
     assert "sample=3 (was 2)" in capsys.readouterr().err
+
+
+OWN = """
+from openeureka.strategies import Best
+from openeureka.testing.scripted import ToyTrainer
+
+class Twice(Best):
+    def __init__(self, config):
+        super().__init__(2 * config.sample)
+
+class Elsewhere(ToyTrainer):
+    def __init__(self, *, device, threads, snapshots):
+        super().__init__()
+        print("device", device, "threads", threads, snapshots.name)
+"""
+
+
+@pytest.fixture
+def own(tmp_path, monkeypatch) -> None:
+    """A module with a search and an executor, where Python finds it."""
+    (tmp_path / "parts_of_mine.py").write_text(OWN)
+    monkeypatch.syspath_prepend(tmp_path)
+
+
+def test_a_search_and_an_executor_of_ones_own_are_named_as_settings(parts, own, tmp_path, capsys):
+    words = ["search=parts_of_mine:Twice", "executor=parts_of_mine:Elsewhere", "threads=1", "iteration=1"]
+    assert run("run", *SETTINGS, *words, f"dir={tmp_path}/run") == 0
+    assert "device cpu threads 1 snapshots" in capsys.readouterr().out
+    assert run("show", f"{tmp_path}/run", "--json") == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert len(shown["generations"][0]["slots"]) == 4, "twice as many as sample=2"
+    assert shown["ranked_by"] == "played"
+    assert run("resume", f"{tmp_path}/run", "executor=local") == 0
+    assert run("resume", f"{tmp_path}/run", "search=best") == 5
+
+
+@pytest.mark.parametrize(
+    ("word", "says"),
+    [
+        ("search=bst", "There is no search `bst`. Did you mean `best`?"),
+        ("search=nowhere:Search", "`search=nowhere:Search` cannot be imported"),
+        ("executor=lokal", "There is no executor `lokal`. Did you mean `local`?"),
+        ("executor=nowhere:Executor", "`executor=nowhere:Executor` cannot be imported"),
+    ],
+)
+def test_a_search_or_executor_that_is_none_is_refused_before_a_directory_is_made(parts, tmp_path, capsys, word, says):
+    assert run("run", *SETTINGS, word, f"dir={tmp_path}/run") == 2
+    assert capsys.readouterr().err.startswith(says)
+    assert not (tmp_path / "run").exists()
 
 
 def test_show_prints_every_slot_and_the_final_scores(parts, tmp_path, capsys):

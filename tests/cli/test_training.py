@@ -11,7 +11,6 @@ from openeureka.cli.training import train
 from openeureka.config import TrainConfig
 from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError, WorkerError
 from openeureka.report.view import RunView
-from openeureka.runs import trainer as parts
 from openeureka.runs.rewards import named
 from openeureka.score import Arm, Baselines
 from openeureka.store import Store
@@ -26,7 +25,7 @@ GOOD = "def compute_reward(pole_angle):\n    upright = torch.exp(-pole_angle**2)
 def toy(monkeypatch: pytest.MonkeyPatch) -> ToyTrainer:
     """Human rewards are worth 10, sparse ones 5, plus a hundredth of the seed; one less when held out."""
     trainer = ToyTrainer()
-    monkeypatch.setattr(parts, "PopulationTrainer", lambda **_: trainer)
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: trainer)
     return trainer
 
 

@@ -15,12 +15,12 @@ from openeureka import strategies
 from openeureka.cli import search
 from openeureka.cli.play import play
 from openeureka.cli.settings import PlayConfig
-from openeureka.cli.show import report
-from openeureka.config import RunConfig
+from openeureka.cli.show import report, show
+from openeureka.config import RunConfig, TrainConfig
 from openeureka.errors import ConfigError
 from openeureka.loop import run as run_search
 from openeureka.report import video
-from openeureka.runs import compose, trainer, trust
+from openeureka.runs import compose, trust
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
 
@@ -42,7 +42,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.setattr(compose, "context", lambda env: TOY)
     monkeypatch.setattr(compose, "Sandbox", ToySandbox)
     monkeypatch.setattr(compose, "record_states", lambda env: {})
-    monkeypatch.setattr(trainer, "PopulationTrainer", lambda **_: ToyTrainer())
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: ToyTrainer())
     return opened
 
 
@@ -52,7 +52,7 @@ def foreign(directory: Path, **settings: object) -> Path:
     config = RunConfig(**given)  # type: ignore[arg-type]
     with Store.open(directory, config) as store, contextlib.suppress(IndexError):
         model = ScriptedModel([reply(1), reply(2)])
-        run_search(config, store, model, ToyChecker(), ToyTrainer(), TOY, strategies.make(config))
+        run_search(config, store, model, ToyChecker(), ToyTrainer(), TOY, strategies.Best(config.sample))
     return directory
 
 
@@ -164,6 +164,43 @@ def test_the_same_relative_path_elsewhere_is_another_file(tmp_path, monkeypatch)
     assert trust.unknown(RunConfig(model="local:weights.gguf", init="first.py")) == {}
     monkeypatch.chdir(tmp_path / "theirs")
     assert set(trust.unknown(RunConfig(model="local:weights.gguf", init="first.py"))) == {"model", "init"}
+
+
+STRANGE = """
+open({mark!r}, "w").close()
+from openeureka.strategies import Best
+from openeureka.testing.scripted import ToyTrainer
+
+def search(config):
+    return Best(config.sample)
+
+def executor(**options):
+    return ToyTrainer()
+"""
+
+
+@pytest.mark.parametrize("setting", ["search", "executor"])
+def test_code_that_a_run_names_is_imported_when_somebody_agrees(asked, tmp_path, monkeypatch, capsys, setting):
+    mark, named = tmp_path / "mark", f"strange_{setting}:{setting}"
+    (tmp_path / f"strange_{setting}.py").write_text(STRANGE.format(mark=str(mark)))
+    monkeypatch.syspath_prepend(tmp_path)
+    run = foreign(tmp_path / "run", env="cartpole", model="local", base_url="", **{setting: named})
+    show(run)
+    report([str(run)])
+    with pytest.raises(ConfigError, match=f"was never typed here: {setting}={named}; add trust="):
+        search.resume([str(run)])
+    questions = at_a_terminal(monkeypatch, "n")
+    with pytest.raises(ConfigError, match="Nothing was done"):
+        search.resume([str(run)])
+    assert f"  {setting}={named}\n    which is run with your rights\n" in capsys.readouterr().out
+    assert len(questions) == 1 and not mark.exists()
+    search.resume([str(run), f"trust={run}"])
+    assert mark.exists() and "best F" in capsys.readouterr().out
+
+
+def test_searches_and_executors_that_are_installed_need_no_consent():
+    assert trust.claims(RunConfig(model="local", search="eureka", executor="local")) == {}
+    assert trust.claims(TrainConfig(executor="mine:Executor")) == {"executor": "mine:Executor"}
 
 
 @pytest.mark.parametrize("env", ["cartpole", "cartpole+episode_length=100", "shadow_hand_spin"])

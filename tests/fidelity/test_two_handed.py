@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from openeureka.tasks.bimanual.common import TwoHands
+from openeureka.suite.dexterity.common import TwoHands
 from openeureka.tasks.env import BatchedEnv
 from openeureka.tasks.registry import get, make
 
@@ -230,7 +230,9 @@ def test_f_is_the_latched_success_of_episodes_that_end(case: Case) -> None:
     task.successes[:] = 0
     ended = torch.arange(N) % 2 == 0
     for variant in (altered(case)[0], altered(case)[1], {**altered(case)[0]}):
-        score = task.fitness(as_state(case, variant), ended)
+        s = as_state(case, variant)
+        s["outcome"] = task.outcome(s)
+        score = task.fitness(s, ended)
         success = case.original.judge(variant)[2].astype(float)
         if case.env == "shadow_hand_re_orientation":
             latched = latched + success  # goals are counted
@@ -239,7 +241,7 @@ def test_f_is_the_latched_success_of_episodes_that_end(case: Case) -> None:
         assert score.value.tolist() == latched.tolist()
         assert score.weight.tolist() == ended.float().tolist()
         increments = success if case.env == "shadow_hand_re_orientation" else latched
-        assert task.sparse_reward(as_state(case, variant)).tolist() == increments.tolist()
+        assert task.sparse_reward(s).tolist() == increments.tolist()
 
 
 def test_an_episode_lasts_as_long_as_the_originals(case: Case) -> None:

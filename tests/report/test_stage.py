@@ -4,8 +4,8 @@ import torch
 
 from openeureka.report.ghosts import PREFIX
 from openeureka.report.stage import Stage
+from openeureka.suite.dexterity.re_orientation import ShadowHandReOrientation
 from openeureka.tasks import registry
-from openeureka.tasks.bimanual.re_orientation import ShadowHandReOrientation
 
 
 def test_a_stage_shows_the_world_as_it_is():

@@ -65,3 +65,12 @@ def test_example_rewards_are_accepted(path):
 def test_the_guide_shows_the_example_as_it_is():
     code = (ROOT / "examples" / "cartpole_reward.py").read_text().split('"""\n\n')[1]
     assert f"```python\n{code}```" in (ROOT / "docs" / "guides" / "your-own-reward.md").read_text()
+
+
+def test_the_readme_shows_lines_of_a_reward_as_a_model_wrote_them():
+    shown = re.search(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    assert shown is not None
+    lines = [line.strip() for line in shown[1].splitlines() if line.strip()]
+    replies = [path.read_text() for path in (ROOT / "benchmarks" / "found").glob("*.md")]
+    assert len(lines) >= 10
+    assert any(all(line in reply for line in lines) for reply in replies)

@@ -1,5 +1,6 @@
 """What a fresh clone relies on: pins that hold for any index, and a tree that names no machine."""
 
+import ast
 import re
 import runpy
 import tomllib
@@ -51,3 +52,30 @@ def test_the_tree_check_names_large_files(tmp_path):
     path = tmp_path / "weights.bin"
     path.write_bytes(bytes(500_001))
     assert check_tree["findings"](path) == [f"{path}: 500001 bytes, more than 500000"]
+
+
+STARTS = re.compile(
+    r"Worker|Popen|(subprocess|os|multiprocessing)\.(Popen|run|call|check_\w+|fork|posix_spawn|system|popen|Process)"
+)
+"""What a call that starts a process is to."""
+
+
+def test_processes_are_started_where_contributing_says():
+    package = ROOT / "src" / "openeureka"
+    found = {
+        path.relative_to(package).as_posix()
+        for path in package.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Call) and STARTS.fullmatch(ast.unparse(node.func))
+    }
+    assert found == {
+        "worker.py",
+        "executors/transport.py",
+        "sandbox/client.py",
+        "sandbox/server.py",
+        "llm/local.py",
+        "llm/weights.py",
+        "report/video.py",
+        "ui/launch.py",
+        "testing/fuzz.py",
+    }

@@ -8,9 +8,9 @@ import pytest
 import torch
 from torch import Tensor
 
+from openeureka.suite.isaac.ant import Ant
 from openeureka.tasks.context import context
 from openeureka.tasks.env import BatchedEnv
-from openeureka.tasks.locomotion.ant import Ant
 
 DT = 0.0166
 

@@ -8,9 +8,9 @@ import pytest
 import torch
 from torch import Tensor
 
+from openeureka.suite.isaac.anymal import BODIES, DEFAULT_ANGLES, LEGS, Anymal
 from openeureka.tasks.context import context
 from openeureka.tasks.env import BatchedEnv
-from openeureka.tasks.locomotion.anymal import BODIES, DEFAULT_ANGLES, LEGS, Anymal
 
 HALF = math.sqrt(0.5)
 

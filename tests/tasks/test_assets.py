@@ -6,7 +6,7 @@ import mujoco
 import pytest
 
 from openeureka.errors import TaskError
-from openeureka.tasks.assets import wheel_file
+from openeureka.suite.assets import wheel_file
 
 HAND = ("gymnasium_robotics", "envs/assets/hand/reach.xml")
 

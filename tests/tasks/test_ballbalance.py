@@ -4,7 +4,7 @@ import mujoco
 import pytest
 import torch
 
-from openeureka.tasks.classic.ballbalance import BallBalance
+from openeureka.suite.isaac.ballbalance import BallBalance
 from openeureka.tasks.env import BatchedEnv
 from openeureka.tasks.registry import make
 

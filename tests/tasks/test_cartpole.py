@@ -3,7 +3,7 @@ import math
 import pytest
 import torch
 
-from openeureka.tasks.classic.cartpole import Cartpole
+from openeureka.suite.isaac.cartpole import Cartpole
 from openeureka.tasks.registry import make
 
 

@@ -7,7 +7,9 @@ import torch
 from torch import Tensor
 
 from openeureka.errors import TaskError
-from openeureka.tasks.classic.cartpole import Cartpole
+from openeureka.suite.isaac.cartpole import Cartpole
+from openeureka.tasks.env import BatchedEnv
+from openeureka.tasks.registry import make
 from openeureka.tasks.task import State
 from openeureka.testing.conformance.task import TaskConformance
 
@@ -37,6 +39,18 @@ class ForgetfulReset(Cartpole):
         super().reset(torch.arange(self.num_envs))
 
 
+class Forgotten(Cartpole):
+    """It remembers something of each world, and `memory` does not say so."""
+
+    def __init__(self, *args) -> None:
+        super().__init__(*args)
+        self.falls = torch.zeros(self.num_envs)
+
+    def reset(self, worlds: Tensor) -> None:
+        super().reset(worlds)
+        self.falls[worlds] = 0.0
+
+
 class InfiniteReward(Cartpole):
     def human_reward(self, s: State) -> Tensor:
         return 1.0 / torch.zeros_like(s["pole_angle"])
@@ -56,6 +70,7 @@ class Talkative(Cartpole):
         (Undeclared, "test_state_variables_are_those_of_the_spec"),
         (GlobalNoise, "test_worlds_of_equal_seed_live_equal_lives_and_others_do_not"),
         (ForgetfulReset, "test_a_broken_world_is_reset_and_counted_and_leaves_the_others_alone"),
+        (Forgotten, "test_a_reset_by_mask_is_a_reset_by_index"),
         (InfiniteReward, "test_fitness_and_rewards_are_finite_numbers_per_world"),
         (Talkative, "test_the_context_shows_the_motion_and_hides_the_goal"),
     ],
@@ -65,3 +80,47 @@ def test_a_broken_promise_is_noticed(task: type[Cartpole], check: str):
     suite.env = f"{__name__}:{task.__name__}"
     with pytest.raises((AssertionError, TaskError)):  # the environment itself notices some
         getattr(suite, check)()
+
+
+def test_what_a_reset_writes_and_memory_does_not_list_is_named():
+    with pytest.raises(TaskError, match=r"`reset` writes `falls`, which `memory` does not list"):
+        make(f"{__name__}:Forgotten", worlds=2).reset()
+    remembered = type("Remembered", (Forgotten,), {"memory": ("falls",)})
+    BatchedEnv(remembered, worlds=2).reset()
+    misspelt = type("Misspelt", (Forgotten,), {"memory": ("fals",)})
+    with pytest.raises(TaskError, match=r"`memory` of the task `cartpole` lists `fals`, which is no tensor"):
+        BatchedEnv(misspelt, worlds=2).reset()
+
+
+class Counting(Cartpole):
+    """Its F is a count of what `outcome` saw."""
+
+    memory = ("count",)
+
+    def __init__(self, *args) -> None:
+        super().__init__(*args)
+        self.count = torch.zeros(self.num_envs)
+
+    def reset(self, worlds: Tensor) -> None:
+        super().reset(worlds)
+        self.count[worlds] = 0.0
+
+    def outcome(self, s: State) -> Tensor:
+        self.count = self.count + 1.0
+        return self.count
+
+    def sparse_reward(self, s: State) -> Tensor:
+        return s["outcome"]
+
+
+@pytest.mark.parametrize("masked", [False, True])
+def test_the_outcome_of_a_step_outlives_the_reset_that_follows(masked: bool):
+    env = BatchedEnv(Counting, worlds=2)
+    env.masked = masked
+    env.reset()
+    env.step(torch.zeros(2, 1))
+    env.task.progress[0] = env.task.time_limit() - 1
+    step = env.step(torch.zeros(2, 1))
+    assert step.done.tolist() == [True, False]
+    assert env.task.sparse_reward(step.state).tolist() == [2.0, 2.0]
+    assert env.task.sparse_reward(env.step(torch.zeros(2, 1)).state).tolist() == [1.0, 3.0]

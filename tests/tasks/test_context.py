@@ -12,13 +12,15 @@ from typing import Any
 import pytest
 
 from openeureka.config import RunConfig
+from openeureka.suite import TASKS as SUITE
 from openeureka.tasks.context import context, informed
+from openeureka.tasks.human import program
 from openeureka.tasks.record import record_states
-from openeureka.tasks.registry import _BUILT_IN, get
+from openeureka.tasks.registry import get
 from openeureka.tasks.task import Task
 
 
-@pytest.mark.parametrize("env", _BUILT_IN)
+@pytest.mark.parametrize("env", SUITE)
 def test_every_task_says_what_its_score_is(env):
     known = context(env)
     low, high = known.score_range
@@ -32,16 +34,16 @@ def test_a_changed_task_claims_no_bounds_of_its_score_and_no_ends_it_may_not_hav
     assert get("cartpole+episode_length=100").score_range == (None, None)
 
 
-TASKS = [get(env) for env in _BUILT_IN]
-SECRET = ("fitness", "human_reward", "sparse_reward", "success_bonus", "success", "terminated")
+TASKS = [get(env) for env in SUITE]
+SECRET = ("outcome", "fitness", "human_reward", "sparse_reward", "success_bonus", "success", "terminated")
 COMMON = {0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0}  # numbers that mean nothing by themselves
-COINCIDENT = {"franka_cabinet": {0.01, 0.02, 0.04}}
-"""Of the arm's grasp points and drives."""
+COINCIDENT = {"franka_cabinet": {0.01, 0.02, 0.04}, "shadow_hand_catch_over2underarm": {20.0}}
+"""Of the arm's grasp points and drives, and how many drives a hand has."""
 
 LEAKY = """
 import torch
 
-from openeureka.tasks.classic.cartpole import Cartpole
+from openeureka.suite.isaac.cartpole import Cartpole
 from openeureka.tasks.task import mean_over_episodes
 
 WANTED = 0.717
@@ -101,8 +103,10 @@ def parsed(function: Any) -> ast.AST:
 
 
 def secrets(task: type[Task]) -> tuple[set[str], set[float]]:
-    """Module constants and numbers in the methods that say what is wanted, and in those they call."""
+    """Module constants and numbers in the human reward, the methods that say what is wanted, and those they call."""
     own, names, numbers = methods(task), set[str](), set[float]()
+    written = [node.value for node in ast.walk(ast.parse(program(task))) if isinstance(node, ast.Constant)]
+    numbers |= {float(value) for value in written if type(value) in (int, float)}
     waiting, seen = [function for name in SECRET for function in own.get(name, [])], set[Any]()
     while waiting:
         function = waiting.pop()

@@ -17,7 +17,8 @@ TYPO = ("self.ctrl[:] = actions", "self.ctrl[:] = acions")
 NO_VARIABLE = ('            "actions": self.actions,\n', "")
 SIZE = ("num_observations = 3", "num_observations = 4")
 NO_XML = ("spec = mujoco.MjSpec()", "spec = mujoco.MjSpec.from_file('no_such.xml')")
-IN_A_REWARD = ('return torch.cos(s["angle"]) -', 'return torch.cos(s["angl"]) -')
+IN_A_REWARD = ('return (s["angle"].abs()', 'return (s["angl"].abs()')
+IN_THE_HUMAN = ("upright = torch.cos(angle)", "upright = torch.cos(angl)")
 
 
 @pytest.fixture
@@ -40,7 +41,7 @@ def broken(tmp_path, monkeypatch):
     [
         (TYPO, "line {line}, in `apply_action`: NameError: name 'acions' is not defined."),
         (NO_XML, "line {line}, in `model`: ValueError: ParseXML: Error opening file 'no_such.xml'."),
-        (IN_A_REWARD, "line {line}, in `human_reward`: KeyError: 'angl'."),
+        (IN_A_REWARD, "line {line}, in `sparse_reward`: KeyError: 'angl'."),
     ],
 )
 @pytest.mark.parametrize(
@@ -60,7 +61,7 @@ def test_an_error_of_the_task_s_own_code_is_one_sentence_with_its_line(broken, c
     assert not Path("out").exists()
 
 
-@pytest.mark.parametrize(("change", "says"), [(IN_A_REWARD, "in `human_reward`: KeyError"), (SIZE, "`observe` gives")])
+@pytest.mark.parametrize(("change", "says"), [(IN_A_REWARD, "in `sparse_reward`: KeyError"), (SIZE, "`observe` gives")])
 def test_a_training_that_a_broken_task_ends_says_so_and_fails(broken, change, says, capsys):
     file, _ = broken(*change)
     with pytest.raises(SystemExit) as ended:
@@ -74,23 +75,23 @@ def test_a_training_that_a_broken_task_ends_says_so_and_fails(broken, change, sa
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (NO_VARIABLE, "line 64: `compute_state` gives no `actions`, which `spec` lists."),
-        (SIZE, "line 72: `observe` gives observations of shape (1, 3); (1, 4) is wanted, as num_observations=4 says."),
+        (NO_VARIABLE, "line 73: `compute_state` gives no `actions`, which `spec` lists."),
+        (SIZE, "line 81: `observe` gives observations of shape (1, 3); (1, 4) is wanted, as num_observations=4 says."),
         (
             ('self.qvel[:, 0].clone(),\n            "actions"', 'self.qvel.clone(),\n            "actions"'),
-            "line 64: `compute_state` gives `angular_velocity` of shape (1, 1); (1,) is wanted, as `spec` says.",
+            "line 73: `compute_state` gives `angular_velocity` of shape (1, 1); (1,) is wanted, as `spec` says.",
         ),
         (
             ('torch.zeros_like(s["angle"], dtype=torch.bool)', "False"),
-            "line 75: `terminated` gives a value as bool; a tensor of shape (1,) is wanted.",
+            "line 84: `terminated` gives a value as bool; a tensor of shape (1,) is wanted.",
         ),
         (
             ("return mean_over_steps(self.sparse_reward(s))", "return self.sparse_reward(s)"),
-            "line 82: `fitness` gives Tensor; a Score is wanted, as mean_over_steps and mean_over_episodes make it.",
+            "line 91: `fitness` gives Tensor; a Score is wanted, as mean_over_steps and mean_over_episodes make it.",
         ),
         (
             ("(s[\"angle\"].abs() < UPRIGHT).to(torch.float32)", "torch.zeros(self.num_envs, 1)"),
-            "line 82: `fitness` gives a value of shape (1, 1); (1,) is wanted, one per world.",
+            "line 91: `fitness` gives a value of shape (1, 1); (1,) is wanted, one per world.",
         ),
     ],
 )  # fmt: skip
@@ -99,6 +100,15 @@ def test_what_a_method_must_give_is_said_with_the_line_of_the_method(broken, cha
     with pytest.raises(TaskError) as caught:
         try_out(file)
     assert str(caught.value) == f"{file}, {says}"
+
+
+def test_a_human_reward_that_breaks_a_rule_is_told_before_anything_is_made(broken, capsys):
+    file, _ = broken(*IN_THE_HUMAN)
+    with pytest.raises(SystemExit) as ended:
+        main(["run", f"env={file}", "model=random", "sample=1", "iteration=1", "steps=4096", "dir=out"])
+    (sentence,) = capsys.readouterr().err.splitlines()
+    assert ended.value.code == 2 and not Path("out").exists()
+    assert sentence.startswith("The human reward of `pendulum` is refused: line 4: `angl` is not defined")
 
 
 def test_a_mesh_that_is_not_there_is_named(broken):

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import torch
 
+from openeureka.suite.isaac.franka_cabinet import DEFAULT_POSE, FrankaCabinet
 from openeureka.tasks.env import BatchedEnv
-from openeureka.tasks.manipulation.franka_cabinet import DEFAULT_POSE, FrankaCabinet
 from openeureka.tasks.registry import make
 
 

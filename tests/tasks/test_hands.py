@@ -9,10 +9,10 @@ import pytest
 import torch
 from torch import Tensor
 
+from openeureka.suite.isaac.allegro_hand import AllegroHand
+from openeureka.suite.isaac.reorientation import Reorientation, rotation_distance
+from openeureka.suite.isaac.shadow_hand import ShadowHand
 from openeureka.tasks.env import BatchedEnv
-from openeureka.tasks.hands.allegro_hand import AllegroHand
-from openeureka.tasks.hands.common import Reorientation, rotation_distance
-from openeureka.tasks.hands.shadow_hand import ShadowHand
 from openeureka.tasks.noise import WorldNoise
 from openeureka.tasks.rotations import conjugate, multiply, rotate
 

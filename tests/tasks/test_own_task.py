@@ -10,11 +10,11 @@ import torch
 from openeureka.cli.main import main
 from openeureka.config import RunConfig, parse, short_name
 from openeureka.errors import TaskError
+from openeureka.executors.local import LocalExecutor
 from openeureka.store.paths import output_directory
 from openeureka.tasks.context import context
 from openeureka.tasks.registry import get, make
 from openeureka.testing.conformance.task import TaskConformance
-from openeureka.training.executor import PopulationTrainer
 from openeureka.training.policy import Policy
 from openeureka.types import TrainBudget, TrainingResult, TrainingState, TrainJob
 
@@ -71,7 +71,7 @@ def test_a_file_alone_names_its_only_task(tmp_path):
     with pytest.raises(TaskError, match=r"several\.py holds Pendulum, Other; say which, for example env=.*:Pendulum"):
         get(str(file))
     file = tmp_path / "none.py"
-    file.write_text("from openeureka.tasks.classic.cartpole import Cartpole\n")
+    file.write_text("from openeureka.suite.isaac.cartpole import Cartpole\n")
     with pytest.raises(TaskError, match="There is no task in"):
         get(str(file))
     with pytest.raises(TaskError, match="There is no file"):
@@ -94,7 +94,7 @@ def test_a_trainer_finds_the_file_and_its_authors_packages_and_nothing_that_lies
     monkeypatch.syspath_prepend(tmp_path / "lib")
     (result,) = (
         message
-        for message in PopulationTrainer(threads=1).train(
+        for message in LocalExecutor(threads=1).train(
             str(file), [TrainJob(id="human-s0", program="human")], TrainBudget(env_steps=2000, worlds=4)
         )
         if isinstance(message, TrainingResult)
@@ -133,7 +133,7 @@ def test_the_training_process_finds_a_task_that_was_named_from_another_directory
     monkeypatch.chdir(FILE.parent)
     env = parse(RunConfig, ["env=pendulum.py:Pendulum"]).env
     monkeypatch.chdir(tmp_path)
-    trainer = PopulationTrainer(threads=1)
+    trainer = LocalExecutor(threads=1)
     jobs = [TrainJob(id="h", program="human", seed=0)]
     *_, result = trainer.train(env, jobs, TrainBudget(env_steps=4096, worlds=16))
     assert isinstance(result, TrainingResult) and result.state is TrainingState.FINISHED, result
@@ -190,3 +190,10 @@ def test_a_forgotten_clone_is_named_before_anything_is_recorded(tmp_path, value)
         TaskError, match=r"`angular_velocity` of the task `pendulum` would change .* with \.clone\(\)\."
     ):
         make(str(file), worlds=2).reset()
+
+
+def test_an_import_string_of_an_older_version_finds_the_task_where_it_is_now():
+    former = "openeureka.tasks.bimanual.switch:ShadowHandSwitchAsPublished"
+    assert get(former) is get("openeureka.suite.dexterity.switch:ShadowHandSwitchAsPublished")
+    assert get("openeureka.tasks.locomotion.ant:Ant") is get("ant")
+    assert get("openeureka.tasks.hands.spin:ShadowHandSpin+random_goals=true").env == "shadow_hand_spin"

@@ -7,10 +7,10 @@ import pytest
 import torch
 from torch import Tensor
 
+from openeureka.suite.dexterity.pen_in_hand import PenInHand
+from openeureka.suite.dexterity.spin import ShadowHandSpin
+from openeureka.suite.dexterity.upside_down import ShadowHandUpsideDown
 from openeureka.tasks.env import BatchedEnv
-from openeureka.tasks.hands.pen import PenInHand
-from openeureka.tasks.hands.spin import ShadowHandSpin
-from openeureka.tasks.hands.upside_down import ShadowHandUpsideDown
 from openeureka.tasks.registry import get
 from openeureka.tasks.rotations import multiply, rotate, rotation_distance, turn_about
 

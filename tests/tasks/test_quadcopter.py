@@ -4,7 +4,7 @@ import mujoco
 import pytest
 import torch
 
-from openeureka.tasks.classic.quadcopter import Quadcopter
+from openeureka.suite.isaac.quadcopter import Quadcopter
 from openeureka.tasks.env import BatchedEnv
 from openeureka.tasks.registry import make
 
@@ -162,7 +162,7 @@ def test_human_reward_by_hand(env: BatchedEnv):
     # 1 m away, on its side (t = 1), yaw rate -2: 1/2 * (1 + 1/2 + 1/5) = 0.85.
     state = {
         "root_positions": torch.tensor([[0.0, 0.0, 1.0], [0.0, 1.0, 1.0]]),
-        "target_position": torch.tensor([0.0, 0.0, 1.0]),
+        "target_position": torch.tensor([0.0, 0.0, 1.0]).repeat(2, 1),
         "up_proj": torch.tensor([1.0, 0.0]),
         "root_angvels": torch.tensor([[0.0, 0.0, 0.0], [7.0, 7.0, -2.0]]),
     }

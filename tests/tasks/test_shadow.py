@@ -5,7 +5,7 @@ import warnings
 import mujoco
 import pytest
 
-from openeureka.tasks.hands.shadow import COUPLINGS, FINGERTIPS, add_shadow_hand
+from openeureka.suite.shadow import COUPLINGS, FINGERTIPS, add_shadow_hand
 
 FINGERS = {"FF": (3, 2, 1), "MF": (3, 2, 1), "RF": (3, 2, 1), "LF": (4, 3, 2, 1), "TH": (4, 3, 2, 1, 0)}
 ACTUATED = ["WRJ1", "WRJ0", *(f"{finger}J{i}" for finger, joints in FINGERS.items() for i in joints)]

@@ -10,7 +10,7 @@ from openeureka.tasks.curriculum import find
 from openeureka.tasks.task import Stage
 
 OTHER = """
-from openeureka.tasks.classic.cartpole import Cartpole
+from openeureka.suite.isaac.cartpole import Cartpole
 
 class Longer(Cartpole):
     episode_length = 1000

@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 import torch
 
+from openeureka.executors.local import LocalExecutor
 from openeureka.store import StageFiles
 from openeureka.tasks import curriculum
 from openeureka.tasks.task import Stage
 from openeureka.testing.conformance.trainer import TrainerConformance
 from openeureka.testing.scripted import ToyTrainer
 from openeureka.training.curriculum import CurriculumTrainer
-from openeureka.training.executor import PopulationTrainer
 from openeureka.training.policy import Policy
 from openeureka.training.population import Population
 from openeureka.types import TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
@@ -128,7 +128,7 @@ class TestCurriculumTrainer(TrainerConformance):
 
     def make(self) -> CurriculumTrainer:
         stages = (Stage(env="cartpole+episode_length=20", steps=1), Stage(env=self.env, steps=1))
-        return CurriculumTrainer(PopulationTrainer(threads=1), stages, StageFiles(self.folder, resumes=False))
+        return CurriculumTrainer(LocalExecutor(threads=1), stages, StageFiles(self.folder, resumes=False))
 
 
 def test_a_warm_start_is_the_policy_with_its_statistics():
@@ -149,7 +149,7 @@ def test_a_warm_start_is_the_policy_with_its_statistics():
 
 def test_pen_spinning_runs_from_end_to_end(tmp_path: Path):
     stages = curriculum.find("shadow_hand_spin", "pen_spinning")
-    trainer = CurriculumTrainer(PopulationTrainer(threads=1), stages, StageFiles(tmp_path, resumes=True))
+    trainer = CurriculumTrainer(LocalExecutor(threads=1), stages, StageFiles(tmp_path, resumes=True))
     budget = TrainBudget(env_steps=2 * 16 * 4, worlds=4)
     found = results(trainer.train("shadow_hand_spin", JOBS, budget))
     assert {result.state for result in found.values()} == {TrainingState.FINISHED}

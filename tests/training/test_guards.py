@@ -10,8 +10,8 @@ import pytest
 import torch
 
 from openeureka.reward.validate import GraphError
+from openeureka.suite.isaac.ant import Ant
 from openeureka.tasks.env import Step
-from openeureka.tasks.locomotion.ant import Ant
 from openeureka.tasks.task import Score
 from openeureka.training import rewards
 from openeureka.training.population import Population

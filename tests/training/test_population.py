@@ -4,7 +4,7 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from openeureka.tasks.classic.cartpole import Cartpole
+from openeureka.suite.isaac.cartpole import Cartpole
 from openeureka.tasks.env import Step
 from openeureka.tasks.task import Score, State
 from openeureka.training import population

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
 from ..errors import ConfigError
+from ..executors.devices import devices, usable_cores
 from ..llm import weights
 from ..report import video
 from ..report.text import columns
 from ..report.video import VideoUnavailable
 from ..sandbox import confine
-from ..training.devices import devices, usable_cores
 
 
 @dataclass(frozen=True, slots=True)

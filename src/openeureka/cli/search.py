@@ -19,7 +19,8 @@ from .terminal import Terminal
 def run(words: Sequence[str]) -> None:
     """Start a search, or continue the one that `dir=` holds."""
     config = compose.admitted(parse(RunConfig, words), _keys(words))
-    _search(config, output_directory(config.dir, config.env))
+    directory = output_directory(config.dir, config.env)
+    _tell(directory, compose.search(config, directory, Terminal()))
 
 
 def resume(words: Sequence[str]) -> None:
@@ -36,15 +37,15 @@ def resume(words: Sequence[str]) -> None:
     if config.model == NO_MODEL:
         training.resume(config, directory)
     else:
-        _search(config, directory)
+        _tell(directory, compose.search(config, directory, Terminal()))
 
 
 def _keys(words: Sequence[str]) -> set[str]:
     return {word.partition("=")[0] for word in words}
 
 
-def _search(config: RunConfig, directory: Path) -> None:
-    problems = compose.search(config, directory, Terminal())
+def _tell(directory: Path, problems: Sequence[str]) -> None:
+    """What the search has found, and what of its report could not be made."""
     result = RunView.read(directory)
     if result.best is not None and result.best.candidate is not None:
         print(f"\nBest reward:\n\n{plain(result.best.candidate.source)}")

@@ -27,7 +27,7 @@ class ReportConfig:
     """Report of a run."""
 
     env: str = ""
-    """Task to film, where it is a file or a package of your own; empty means that of the run."""
+    """Task to film, if it is a file or a package of your own; empty means the run's."""
     video: str = ""
     """`all` trained policies, the `best` or `none`; empty means what the run began with."""
 
@@ -85,7 +85,7 @@ class NewConfig:
     goal: str = ""
     """Body, site or geom where F wants it; empty means what the intent or the model suggests."""
     floating: bool = False
-    """A URDF's root moves freely above a floor, as of a robot that walks; else it is fixed, as an arm's."""
+    """A URDF's root moves freely above a floor, as a walking robot's does; else it is fixed, as an arm's is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,6 +14,8 @@ from ..text import one_line
 from ..types import Usage
 from .desk import TerminalDesk
 
+CONTROL = "model=random draws by chance and reads neither results nor words. It is the control for a real model."
+
 
 def again(directory: Path) -> str:
     """The command that goes on with a run."""
@@ -28,12 +30,9 @@ class Terminal:
             print(f"{short_name(config.env)}: given rewards, in {directory}")
             return
         size = f"{config.iteration} generations of {config.sample} rewards"
-        print(f"{short_name(config.env)}: {size} by {one_line(config.model)}, in {directory}")
+        print(f"{short_name(config.env)}: {size}, written by model={one_line(config.model)}, in {directory}")
         if config.model == "random":
-            print(
-                "model=random draws rewards by chance: it reads neither results nor words, the control for a real "
-                "model."
-            )
+            print(CONTROL)
 
     def working(self, text: str) -> AbstractContextManager[None]:
         return working(text)

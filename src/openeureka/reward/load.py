@@ -1,4 +1,4 @@
-"""Turns program text into a function of the state. It runs generated Python: for the confined child only."""
+"""Turns program text into a function of the state. What a model wrote runs in the confined child only."""
 
 from __future__ import annotations
 

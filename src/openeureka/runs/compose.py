@@ -25,10 +25,15 @@ from ..store import Store, is_run, read_config, read_replies
 from ..tasks.context import context, informed
 from ..tasks.record import record_states
 from ..tasks.registry import get
-from ..types import Usage
+from ..types import TaskContext, Trainer, Usage
 from . import trust
 from .stopping import continuable, stoppable, stopped
 from .trainer import trainer_of
+
+Parts = tuple[
+    RunConfig, Store, LanguageModel, Sandbox, Trainer, TaskContext, strategies.SearchStrategy, Observers, Desk
+]
+"""Arguments of `loop.run`."""
 
 
 class Host(Protocol):
@@ -92,7 +97,8 @@ def search(config: RunConfig, directory: Path, host: Host, model: LanguageModel 
     """
     begun = is_run(directory)
     try:
-        _search(config, directory, host, model)
+        with _parts(config, directory, host, model) as parts:
+            loop.run(*parts)
     except KeyboardInterrupt:  # before the search, or a resumed one, was at work
         known = begun or is_run(directory)
         raise Interrupted(stopped(host.again(directory)) if known else "Stopped before it began.") from None
@@ -104,7 +110,9 @@ def search(config: RunConfig, directory: Path, host: Host, model: LanguageModel 
         raise Interrupted(f"Stopped; the search is done. Write its report with: eureka report {directory}") from None
 
 
-def _search(config: RunConfig, directory: Path, host: Host, model: LanguageModel | None) -> None:
+@contextmanager
+def _parts(config: RunConfig, directory: Path, host: Host, model: LanguageModel | None) -> Iterator[Parts]:
+    """What a search is made of, as long as it is at work."""
     known = context(config.env)
     baselines.chosen(config)
     begun = is_run(directory)
@@ -113,6 +121,7 @@ def _search(config: RunConfig, directory: Path, host: Host, model: LanguageModel
     trainer = trainer_of(config, directory)
     model = model or open_model(config, held=len(read_replies(directory)) if begun else 0)
     config = strategies.sized(config, model.style)
+    strategies.make(config)  # refuses what is none; which one it will be, the store says
     host.begins(config, directory)
     with host.working("Trying the task out"):
         states = record_states(config.env)
@@ -132,7 +141,8 @@ def _search(config: RunConfig, directory: Path, host: Host, model: LanguageModel
             ):
                 desk = host.desk(config, directory, films)
                 strategy = strategies.make(config, store.ranks)
-                loop.run(config, store, model, checker, trainer, known, strategy, Observers(*log, *films, view), desk)
+                observers = Observers(*log, *films, view)
+                yield config, store, model, checker, trainer, known, strategy, observers, desk
     finally:
         model.close()
 

@@ -18,6 +18,7 @@ class _Shared(TypedDict, total=False):
     bonus: str
     device: str
     threads: int
+    executor: str
     dir: str | Path
     unsafe_no_sandbox: bool
 

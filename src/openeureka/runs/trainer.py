@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..config import RunConfig
+from ..executors import EXECUTORS
 from ..store import StageFiles
 from ..tasks import curriculum
 from ..training.curriculum import CurriculumTrainer
-from ..training.executor import PopulationTrainer
 from ..types import Trainer
 
 
@@ -16,9 +16,10 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
     """Trains the task alone, or through the stages of a curriculum, kept in the directory.
 
     Raises:
-        ConfigError: for a device or a curriculum that does not exist or does not fit.
+        ConfigError: for an executor, a device or a curriculum that does not exist or does not fit.
     """
-    trainer = PopulationTrainer(device=config.device, threads=config.threads, snapshots=directory / "snapshots")
+    options = {"device": config.device, "threads": config.threads, "snapshots": directory / "snapshots"}
+    trainer: Trainer = EXECUTORS.make(config.executor, **options)
     if not config.curriculum:
         return trainer
     stages = curriculum.find(config.env, config.curriculum)

@@ -18,12 +18,16 @@ import platformdirs
 
 from ..config import NO_MODEL, absolute
 from ..errors import ConfigError
+from ..executors import EXECUTORS
+from ..strategies import SEARCHES
 from ..tasks import registry
 from ..text import plain, visible
 
 RECORD = "typed"
 _EFFECTS = {
     "env": "is run with your rights",
+    "search": "is run with your rights",
+    "executor": "is run with your rights",
     "curriculum": "is read, and the tasks that it names are run with your rights",
     "init": "is read, and sent to the model",
     "model": "is loaded, or asked for rewards, which may cost money",
@@ -34,9 +38,13 @@ _EFFECTS = {
 
 def claims(config: object) -> dict[str, str]:
     """The settings of a run or a training that reach outside it, by key; paths are whole."""
-    env, curriculum, init, model, base_url, price = (str(getattr(config, key, "")) for key in _EFFECTS)
+    env, search, executor, curriculum, init, model, base_url, price = (
+        str(getattr(config, key, "")) for key in _EFFECTS
+    )
     found = {
         "env": "" if registry.installed(env) else absolute("env", env),
+        "search": "" if SEARCHES.installed(search) else search,
+        "executor": "" if EXECUTORS.installed(executor) else executor,
         "curriculum": absolute("curriculum", curriculum) if curriculum.endswith((".yaml", ".yml")) else "",
         "init": "" if init == "human" else _whole(init),
         "model": "" if model in ("local", "random", NO_MODEL) else _model(model),

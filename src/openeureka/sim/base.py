@@ -67,6 +67,10 @@ class Simulator(ABC):
         """One world as plain MuJoCo objects, for rendering."""
 
     @abstractmethod
+    def writable(self) -> list[Tensor]:
+        """The bound fields that may be written and the expanded ones, live."""
+
+    @abstractmethod
     def memory(self) -> dict[str, Tensor]:
         """All that the next `step` depends on, as live tensors by name: states, inputs, bound and expanded fields."""
 

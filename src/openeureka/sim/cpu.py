@@ -95,6 +95,10 @@ class CpuSimulator(Simulator):
         mujoco.mj_forward(model, data)
         return model, data
 
+    def writable(self) -> list[Tensor]:
+        bound = [mirror for name, (_, mirror) in self._mirrors.items() if name in (*STATE_FIELDS, *INPUT_FIELDS)]
+        return bound + [mirror for _, mirror in self._expanded.values()]
+
     def memory(self) -> dict[str, Tensor]:
         fields = {f"bound/{name}": mirror for name, (_, mirror) in self._mirrors.items()}
         for name, (array, mirror) in self._expanded.items():

@@ -153,6 +153,10 @@ class WarpSimulator(Simulator):
         mujoco.mj_forward(model, data)
         return model, data
 
+    def writable(self) -> list[Tensor]:
+        bound = [tensor for name, tensor in self._bound.items() if name in (*_STATE, *INPUT_FIELDS)]
+        return bound + [values for values, _ in self._expanded.values()]
+
     def memory(self) -> dict[str, Tensor]:
         fields = {name: tensor for name, (tensor, _) in self._defaults.items()}
         fields |= {f"bound/{name}": tensor for name, tensor in self._bound.items()}

@@ -8,6 +8,7 @@ from random import Random
 from typing import Literal, Protocol
 
 from ..config import RunConfig
+from ..plugins import Door
 from ..types import History, Opinion, Peak, PromptPlan, RemarkKind, Scored
 from .ranking import Ranking
 
@@ -78,15 +79,35 @@ class Best:
         return history.grown(entries)
 
 
+def eureka(config: RunConfig) -> Eureka:
+    return Eureka(config.sample)
+
+
+def best(config: RunConfig) -> Best:
+    return Best(config.sample)
+
+
+SEARCHES = Door(
+    setting="search",
+    group="openeureka.searches",
+    built_in={"best": f"{__name__}:best", "eureka": f"{__name__}:eureka"},
+    members=("judge", "peaks", "ask", "tell"),
+)
+"""Each is called with the settings of the run, in which `sample` is filled in; what it makes is a `SearchStrategy`."""
+
+
 def make(config: RunConfig, ranks: Literal["played", "training"] = "played") -> SearchStrategy:
-    """The strategy that `search=` names. Both are greedy, so neither draws from the generator it is given.
+    """The strategy that `search=` names. Those built in are greedy: neither draws from the generator it is given.
 
     Args:
         ranks: by what `best` ranks, see `Store.ranks`.
+
+    Raises:
+        ConfigError: when there is none of that name, or it is none.
     """
-    if config.search == "eureka":
-        return Eureka(config.sample)
-    return Best(config.sample) if ranks == "played" else Best(config.sample, judge="training", peaks=("reward",))
+    if config.search == "best" and ranks == "training":
+        return Best(config.sample, judge="training", peaks=("reward",))
+    return SEARCHES.make(config.search, config)
 
 
 _SIZES = {"free": (16, 5), "grammar": (8, 3)}

@@ -1,1 +1,1 @@
-"""Environments: what they share, and one file each."""
+"""What a task is, how it is stepped, found and drafted; the tasks themselves are in `suite`."""

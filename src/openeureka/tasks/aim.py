@@ -1,4 +1,4 @@
-"""What a robot shall do, and so what F measures, guessed from the model's names and a person's sentence.
+"""What a robot is to do, and so what F measures, guessed from the model's names and a person's sentence.
 
 The guess is F of the task: a sentence that is not understood to its last word gets none, and the draft says so.
 """
@@ -53,7 +53,7 @@ def find_aim(survey: Survey, intent: str = "", *, names: Iterable[str] = (), thi
 
     Args:
         names: what the robot is called besides.
-        thing: the body, site or geom that shall be brought to `goal`, another; empty for a guess.
+        thing: the body, site or geom to bring to `goal`, another; empty for a guess.
 
     Raises:
         TaskError: when the model has no such thing or goal, or it is something that does not move.
@@ -249,7 +249,7 @@ class _Reader:
         said = ", ".join(f'"{self.said[word]}"' for word in strange or dict.fromkeys(words))
         if words and not strange:
             return _unsaid(f"{said} alone does not say what to bring where")
-        return _unsaid(f"it does not know what {said or 'that'} shall mean for this model")
+        return _unsaid(f"it does not know what {said or 'that'} means for this model")
 
 
 def _cut(words: Sequence[str], marks: frozenset[str]) -> tuple[list[str], list[str]]:

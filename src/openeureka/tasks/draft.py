@@ -1,6 +1,6 @@
 """Drafts a task file from a MuJoCo model.
 
-What the robot shall do is guessed (`aim.py`), and the file says so where a person's own wish belongs. A sentence that
+What the robot is to do is guessed (`aim.py`), and the file says so where a person's own wish belongs. A sentence that
 the guess does not understand gets no F: the draft then says what to write, and can be watched but not trained.
 """
 
@@ -53,7 +53,7 @@ def draft(
         path: where it will be; its name names the class.
         robot: the model, MJCF or URDF.
         intent: the sentence that a language model will read; empty for that of the guess.
-        thing: the body, site or geom that shall be brought to `goal`, another; empty for a guess.
+        thing: the body, site or geom to bring to `goal`, another; empty for a guess.
         floating: for a URDF, whether its root moves freely.
 
     Raises:

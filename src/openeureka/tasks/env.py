@@ -84,14 +84,17 @@ class BatchedEnv:
     def reset(self, *, stagger: bool = False) -> Tensor:
         """Start an episode in every world; returns the first observation (N, O).
 
-        Raises TaskError when a state variable is a view of the simulator's memory.
+        Raises TaskError when a state variable is a view of the simulator's memory, or a reset writes what the task does
+        not say that it remembers.
 
         Args:
             stagger: let the first episodes be cut off after a random part of the episode length. Worlds that all start
                 together also time out together: F would then follow the phase of the episode rather than the policy.
         """
         worlds = torch.arange(self.num_worlds, device=self.sim.device)
+        before = faults.marks(self.task)
         self._reset(worlds)
+        faults.check_memory(self.task, before)
         if stagger:
             self.task.progress = self.task.noise.uniform(worlds, 1, 0, self.task.time_limit())[:, 0].long()
             self._whole = self.task.progress == 0
@@ -138,6 +141,8 @@ class BatchedEnv:
 
         bad = self.sim.bad.clone()
         state = self.current_state()
+        if (outcome := task.outcome(state)) is not None:
+            state["outcome"] = faults.per_world(task, "outcome", outcome).clone()
         terminated = faults.per_world(task, "terminated", task.terminated(state)) | bad
         timed_out = (task.progress >= task.time_limit()) & ~terminated
         done = terminated | timed_out
@@ -182,16 +187,15 @@ class BatchedEnv:
         """Reset every world, then put back those that are not done: the same work whatever happened, so that the host
         need not know."""
         task = self.task
-        task.actions = task.actions.clone()
-        before = {name: value.clone() for name, value in task.memory().items()}
+        fields = [(field, field.clone()) for field in self.sim.writable()]
+        memory = [(name, getattr(task, name).clone()) for name in task.memory]
         draws = task.noise.draws.clone()
-        everyone = torch.arange(self.num_worlds, device=done.device)
-        task.progress.zero_()
-        task.actions.zero_()
+        task.progress.masked_fill_(done, 0)
+        task.actions = task.actions.masked_fill(done[:, None], 0.0)
         self.sim.reset(done)
-        task.reset(everyone)
-        for name, value in task.memory().items():
-            value.copy_(torch.where(done.view(-1, *[1] * (value.dim() - 1)), value, before[name]))
+        task.reset(torch.arange(self.num_worlds, device=done.device))
+        for value, before in [*fields, *((getattr(task, name), value) for name, value in memory)]:
+            value.copy_(torch.where(done.view(-1, *[1] * (value.dim() - 1)), value, before))
         task.noise.draws.copy_(torch.where(done, task.noise.draws, draws))
         self.sim.forward(done)
 

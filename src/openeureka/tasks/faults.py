@@ -67,6 +67,23 @@ def check_variables(task: Task, state: Mapping[str, Any]) -> None:
             _expect(task, "compute_state", f"`{variable.name}`", state[variable.name], shape, "as `spec` says")
 
 
+def marks(task: Task) -> dict[str, tuple[Tensor, int]]:
+    """Every tensor that a task holds, with a number that grows when it is written to."""
+    return {name: (value, value._version) for name, value in task.tensors().items()}
+
+
+def check_memory(task: Task, before: Mapping[str, tuple[Tensor, int]]) -> None:
+    """Raises TaskError when a reset wrote what `memory` does not list: a GPU would put it back in no other world."""
+    known, after = (*task.memory, "progress", "actions"), marks(task)
+    for name in task.memory:
+        if name not in after or after[name][0].shape[:1] != (task.num_envs,):
+            raise TaskError(f"`memory` of the task `{task.env}` lists `{name}`, which is no tensor (N, ...) of it.")
+    for name, (value, version) in after.items():
+        old, old_version = before.get(name, (None, 0))
+        if name not in known and (value is not old or version != old_version):
+            raise _broken(task, "reset", f"writes `{name}`, which `memory` does not list; say memory = (..., {name!r})")
+
+
 def check_observation(task: Task, state: Mapping[str, Any]) -> None:
     """Raises TaskError unless the observation has the size that the class says."""
     wanted = (task.num_envs, task.num_observations)

@@ -1,4 +1,4 @@
-"""Finds tasks by name: the built-in ones, those of installed packages (entry point group `openeureka.tasks`), import
+"""Finds tasks by name: those of the suite, those of installed packages (entry point group `openeureka.tasks`), import
 strings `pkg.mod:Class` and files `path/to/file.py`, or `path/to/file.py:Class` where a file holds several.
 `NAME+attribute=value` is a task with another class attribute."""
 
@@ -14,50 +14,24 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from ..errors import TaskError, nearest
 from . import faults
 from .env import BatchedEnv
 from .task import Task
 
-_BUILT_IN = {
-    "cartpole": "openeureka.tasks.classic.cartpole:Cartpole",
-    "ant": "openeureka.tasks.locomotion.ant:Ant",
-    "humanoid": "openeureka.tasks.locomotion.humanoid:Humanoid",
-    "anymal": "openeureka.tasks.locomotion.anymal:Anymal",
-    "ballbalance": "openeureka.tasks.classic.ballbalance:BallBalance",
-    "quadcopter": "openeureka.tasks.classic.quadcopter:Quadcopter",
-    "franka_cabinet": "openeureka.tasks.manipulation.franka_cabinet:FrankaCabinet",
-    "allegro_hand": "openeureka.tasks.hands.allegro_hand:AllegroHand",
-    "shadow_hand": "openeureka.tasks.hands.shadow_hand:ShadowHand",
-    "shadow_hand_over": "openeureka.tasks.bimanual.over:ShadowHandOver",
-    "shadow_hand_catch_underarm": "openeureka.tasks.bimanual.catch_underarm:ShadowHandCatchUnderarm",
-    "shadow_hand_catch_over2underarm": "openeureka.tasks.bimanual.catch_over2underarm:ShadowHandCatchOver2Underarm",
-    "shadow_hand_catch_abreast": "openeureka.tasks.bimanual.catch_abreast:ShadowHandCatchAbreast",
-    "shadow_hand_two_catch_underarm": "openeureka.tasks.bimanual.two_catch_underarm:ShadowHandTwoCatchUnderarm",
-    "shadow_hand_lift_underarm": "openeureka.tasks.bimanual.lift_underarm:ShadowHandLiftUnderarm",
-    "shadow_hand_door_open_inward": "openeureka.tasks.bimanual.door_open_inward:ShadowHandDoorOpenInward",
-    "shadow_hand_door_open_outward": "openeureka.tasks.bimanual.door_open_outward:ShadowHandDoorOpenOutward",
-    "shadow_hand_door_close_inward": "openeureka.tasks.bimanual.door_close_inward:ShadowHandDoorCloseInward",
-    "shadow_hand_door_close_outward": "openeureka.tasks.bimanual.door_close_outward:ShadowHandDoorCloseOutward",
-    "shadow_hand_swing_cup": "openeureka.tasks.bimanual.swing_cup:ShadowHandSwingCup",
-    "shadow_hand_bottle_cap": "openeureka.tasks.bimanual.bottle_cap:ShadowHandBottleCap",
-    "shadow_hand_push_block": "openeureka.tasks.bimanual.push_block:ShadowHandPushBlock",
-    "shadow_hand_grasp_and_place": "openeureka.tasks.bimanual.grasp_and_place:ShadowHandGraspAndPlace",
-    "shadow_hand_block_stack": "openeureka.tasks.bimanual.block_stack:ShadowHandBlockStack",
-    "shadow_hand_scissors": "openeureka.tasks.bimanual.scissors:ShadowHandScissors",
-    "shadow_hand_switch": "openeureka.tasks.bimanual.switch:ShadowHandSwitch",
-    "shadow_hand_pen": "openeureka.tasks.bimanual.pen:ShadowHandPen",
-    "shadow_hand_re_orientation": "openeureka.tasks.bimanual.re_orientation:ShadowHandReOrientation",
-    "shadow_hand_kettle": "openeureka.tasks.bimanual.kettle:ShadowHandKettle",
-    "shadow_hand_spin": "openeureka.tasks.hands.spin:ShadowHandSpin",
-    "shadow_hand_upside_down": "openeureka.tasks.hands.upside_down:ShadowHandUpsideDown",
-}
+_SUITE = "openeureka.suite"
+"""Imported by this name alone, as a stranger's package is: what holds for any task holds for the tasks of the suite."""
 
 
 def names() -> list[str]:
-    """Names of every task that can be trained, built-in ones first."""
-    return [*_BUILT_IN, *(point.name for point in entry_points(group="openeureka.tasks"))]
+    """Names of every task that can be trained, those of the suite first."""
+    return [*_suite().TASKS, *(point.name for point in entry_points(group="openeureka.tasks"))]
+
+
+def _suite() -> Any:
+    return importlib.import_module(_SUITE)
 
 
 def installed(env: str) -> bool:
@@ -109,7 +83,7 @@ def _changed(task: type[Task], settings: Mapping[str, str]) -> type[Task]:
 
 def _named(env: str) -> type[Task]:
     installed = {point.name: point.value for point in entry_points(group="openeureka.tasks")}
-    target = env if ":" in env else _BUILT_IN.get(env) or installed.get(env)
+    target = _suite().moved(env) if ":" in env else _suite().TASKS.get(env) or installed.get(env)
     if env.endswith(".py"):
         target = f"{env}:{_only_task(env)}"
     if target is None and env.lower().endswith((".xml", ".mjcf", ".urdf")):
@@ -127,7 +101,8 @@ def _named(env: str) -> type[Task]:
     if not (isinstance(task, type) and issubclass(task, Task)):
         raise TaskError(f"`{target}` is not a subclass of openeureka.tasks.task.Task.")
     values = [name for name in Task.__annotations__ if not hasattr(task, name)]
-    if missing := [*sorted(task.__abstractmethods__), *values]:
+    reward = [] if task.human or task.human_reward is not Task.human_reward else ["human"]
+    if missing := [*sorted(task.__abstractmethods__), *reward, *values]:
         raise TaskError(f"The task `{target}` is not complete: define {', '.join(missing)}.")
     return task
 

@@ -20,8 +20,8 @@ from .task import Task
 
 # An allow-list, so that nothing a task adds later (fitness, rewards, thresholds, training defaults) leaks by default.
 _SHOWN = ("apply_action", "compute_state", "observe")
-_HIDDEN = ("fitness", "human_reward", "sparse_reward", "success_bonus", "terminated", "reset")
-_TASKS = __name__.rpartition(".")[0]
+_HIDDEN = ("outcome", "fitness", "human_reward", "sparse_reward", "success_bonus", "terminated", "reset")
+_OURS = __name__.partition(".")[0]
 
 _MAX_CONSTANT, _MAX_FORMULA = 240, 60  # characters of a value, and of where it comes from
 _MAX_METHOD = 16  # lines
@@ -96,7 +96,7 @@ class _Source:
 
     def _show_global(self, name: str, value: Any, module: str) -> None:
         if isinstance(value, type | FunctionType):
-            if not (value.__module__.startswith(f"{_TASKS}.") or value.__module__ in self.modules):
+            if not (value.__module__.startswith(f"{_OURS}.") or value.__module__ in self.modules):
                 return
             if isinstance(value, type):
                 if not issubclass(value, Task) and value.__doc__:

@@ -7,6 +7,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import mujoco
@@ -14,12 +15,15 @@ import torch
 from torch import Tensor
 
 from ..errors import TaskError
+from ..reward.graph import CompiledReward
 from ..sim import Simulator
 from ..types import StateSpec
+from . import human
 from .noise import WorldNoise
 
 State = Mapping[str, Any]
-"""State variable name -> value: world variables are tensors (N, ...), constants tensors, the rest Python numbers."""
+"""State variable name -> value: world variables are tensors (N, ...), constants tensors, the rest Python numbers. After
+a step of a task that has one also `outcome` (see `Task.outcome`)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,8 +91,8 @@ class Score(NamedTuple):
 class Task(ABC):
     """One environment: model, state, observation, action, reset, termination, fitness, human and sparse reward.
 
-    Subclasses hold per-world memory in attributes that are tensors with a leading world axis (`memory`) and never loop
-    over worlds. State tensors are fresh on every call (never views of simulator memory), quaternions are x, y, z, w.
+    Subclasses hold what they remember of each world in attributes that `memory` names, and never loop over worlds.
+    State tensors are fresh on every call (never views of simulator memory), quaternions are x, y, z, w.
     """
 
     env: ClassVar[str]
@@ -121,6 +125,11 @@ class Task(ABC):
     view: ClassVar[View] = View()
     curricula: ClassVar[Mapping[str, tuple[Stage, ...]]] = {}
     """What `curriculum=NAME` trains instead of the task alone; each ends with the task itself."""
+    memory: ClassVar[tuple[str, ...]] = ()
+    """Attributes, tensors (N, ...), that `reset` writes; those of a class that this one builds on among them."""
+    human: ClassVar[str | Path] = ""
+    """The reward its original authors wrote: a reward program, or the file that holds it. Empty where the task has a
+    method `human_reward` instead, which no search can begin with."""
 
     def __init__(self, sim: Simulator, noise: WorldNoise) -> None:
         self.sim = sim
@@ -129,6 +138,7 @@ class Task(ABC):
         self.device = sim.device
         self.progress = torch.zeros(self.num_envs, dtype=torch.int64, device=self.device)
         self.actions = torch.zeros(self.num_envs, self.num_actions, device=self.device)
+        self._human: CompiledReward | None = None
 
     @staticmethod
     @abstractmethod
@@ -158,22 +168,26 @@ class Task(ABC):
         On a GPU all worlds are written and the memory of those that go on is put back.
         """
 
+    def outcome(self, s: State) -> Tensor | None:
+        """(N,) what F and the sparse reward share of this step, or None; they read it as `s["outcome"]`, no reward can.
+
+        Called once a step, before both; here, and not there, may a task change what it remembers: a success, a count.
+        """
+        return None
+
     @abstractmethod
     def fitness(self, s: State, ended: Tensor) -> Score:
         """F of the original benchmark, per world; no reward ever sees it. `ended` (N,): a whole episode ended here."""
 
-    @abstractmethod
     def human_reward(self, s: State) -> Tensor:
-        """(N,) reward its original authors wrote."""
+        """(N,) what the program in `human` computes. Raises TaskError when it breaks a rule of reward programs."""
+        if self._human is None:
+            self._human = human.compiled(type(self), s)
+        return self._human(s)[0]
 
     @abstractmethod
     def sparse_reward(self, s: State) -> Tensor:
         """(N,) reward that is the fitness itself, per world."""
-
-    def memory(self) -> dict[str, Tensor]:
-        """Every attribute that is a tensor with a leading world axis, bound fields of the simulator included."""
-        tensors = {name: value for name, value in vars(self).items() if isinstance(value, Tensor)}
-        return {name: value for name, value in tensors.items() if value.shape[:1] == (self.num_envs,)}
 
     def tensors(self) -> dict[str, Tensor]:
         """Every attribute that is a tensor, but for the simulator's own memory."""

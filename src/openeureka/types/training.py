@@ -169,7 +169,7 @@ class Evaluation:
 
 
 class Trainer(Protocol):
-    """Trains lanes and scores policies, like `training.executor.PopulationTrainer`."""
+    """Trains lanes and scores policies, like `executors.local.LocalExecutor`."""
 
     def train(
         self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget

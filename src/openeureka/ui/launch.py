@@ -9,12 +9,12 @@ from typing import BinaryIO
 
 from ..config import RunConfig, parse
 from ..errors import ConfigError, StoreError
+from ..executors.devices import devices
 from ..llm import open_model
 from ..store import artifacts, is_held, is_run
 from ..store.db import LOG, explained
 from ..store.paths import output_directory
 from ..tasks import registry
-from ..training.devices import devices
 from ..worker import environment, interpreter
 
 SETTINGS = ("env", "model", "sample", "iteration", "steps", "seed", "device", "feedback", "video")

@@ -68,12 +68,12 @@ def _take_over(source: BatchedEnv, target: BatchedEnv) -> None:
     everywhere = torch.ones(target.num_worlds, dtype=torch.bool, device=target.sim.device)
     for field in ("qpos", "qvel", "act", "ctrl"):
         target.sim.bind(field).copy_(source.sim.bind(field))
+    for value, known in zip(target.sim.writable(), source.sim.writable(), strict=True):
+        value.copy_(known)
     target.sim.forward(everywhere)
-    bound = {id(target.sim.bind(field)) for field in ("qpos", "qvel", "act", "ctrl")}
-    memory = source.task.memory()
-    for name, value in target.task.memory().items():
-        if id(value) not in bound:
-            value.copy_(memory[name])
+    tensors = source.task.tensors()
+    for name, value in target.task.tensors().items():
+        value.copy_(tensors[name])
     target.task.noise.draws.copy_(source.task.noise.draws)
 
 

@@ -16,12 +16,13 @@ from torch import Tensor
 
 from openeureka.tasks.context import context
 from openeureka.tasks.env import BatchedEnv, Step
+from openeureka.tasks.human import program
 from openeureka.tasks.record import record_states
 from openeureka.tasks.registry import get, make
-from openeureka.tasks.task import Score, State
+from openeureka.tasks.task import Score, State, Task
 from openeureka.training.replay import waits
 
-_HIDDEN = ("fitness", "human_reward", "sparse_reward", "terminated", "reset")
+_HIDDEN = ("outcome", "fitness", "human_reward", "sparse_reward", "terminated", "reset")
 
 
 class TaskConformance:
@@ -141,6 +142,7 @@ class TaskConformance:
             for reward in (simulation.task.human_reward, simulation.task.sparse_reward, simulation.task.success_bonus):
                 reward(state)
 
+        step()  # which also traces the human reward
         assert waits(step, uploads=True) == [], "each of these would stall a GPU"
 
     def test_an_episode_is_cut_off_at_its_time_limit(self) -> None:
@@ -201,8 +203,9 @@ class TaskConformance:
         assert "def observe" in shown.source and "def compute_state" in shown.source
         for method in _HIDDEN:
             assert f"def {method}" not in shown.source
-            for line in _statements(getattr(task, method)):
-                assert line not in shown.source, f"`{line}` of {method} is shown to the language model"
+            self._check_hidden(shown.source, inspect.getsource(getattr(task, method)), method)
+        if task.human_reward is Task.human_reward:
+            self._check_hidden(shown.source, program(task), "human")
         table = " ".join(variable.meaning for variable in shown.state.variables)
         for word in ("fitness", "reward", "success", "score", "recipe"):
             assert word not in shown.source and word not in table, f"the context mentions `{word}`"
@@ -210,12 +213,16 @@ class TaskConformance:
     def test_states_can_be_recorded(self) -> None:
         self._check_state(record_states(self.env, worlds=4, steps=6, keep=3), worlds=12)
 
+    def _check_hidden(self, shown: str, source: str, what: str) -> None:
+        for line in _statements(source):
+            assert line not in shown, f"`{line}` of {what} is shown to the language model"
+
     def _make(self, *, worlds: int, lane_seeds: tuple[int, ...] = (0,), threads: int = 1) -> BatchedEnv:
         return make(self.env, worlds=worlds, lane_seeds=lane_seeds, threads=threads)
 
     def _check_state(self, state: State, *, worlds: int) -> None:
         spec = get(self.env).spec
-        assert set(state) == set(spec.names)
+        assert set(state) - {"outcome"} == set(spec.names)
         for variable in spec.variables:
             value, name = state[variable.name], variable.name
             if variable.kind in ("world", "constant"):
@@ -241,10 +248,9 @@ def _tensors(step: Step) -> dict[str, Tensor]:
     return {name: value for name, value in parts.items() if isinstance(value, Tensor)}
 
 
-def _statements(method: Any) -> list[str]:
-    """First lines of a method's statements, long enough not to occur elsewhere by chance."""
-    source = textwrap.dedent(inspect.getsource(method))
-    body = ast.parse(source).body[0]
-    assert isinstance(body, ast.FunctionDef)
-    lines = [ast.get_source_segment(source, statement) or "" for statement in body.body]
-    return [line.splitlines()[0] for line in lines if len(line.splitlines()[0]) > 15]
+def _statements(source: str) -> list[str]:
+    """First lines of the statements of its functions, long enough not to occur elsewhere by chance."""
+    source = textwrap.dedent(source)
+    functions = [node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef)]
+    texts = [ast.get_source_segment(source, part) or "" for function in functions for part in function.body]
+    return [line for text in texts if len(line := text.partition("\n")[0]) > 15]

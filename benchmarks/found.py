@@ -1,0 +1,81 @@
+"""Two generated rewards beside the human one, with seeds that neither was chosen by: the table of README.md.
+
+    python benchmarks/found.py               # BallBalance, five fresh seeds of each; 15 lanes of 600,000 steps
+    python benchmarks/found.py --markdown    # the table
+
+The replies are in `benchmarks/found/`, as they came. `strong.md`: of eight in `benchmarks/choosing/ballbalance.json`,
+the one whose policy plays best with the seed that a search would use. `embedded.md`: the winner of a `make run`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from collections.abc import Iterable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from openeureka.report.text import number
+from openeureka.score import difference, mean
+
+ROOT = Path(__file__).parents[1]
+REPLIES = ROOT / "benchmarks" / "found"
+RESULTS = ROOT / "benchmarks" / "results" / "found.json"
+OUTPUT = ROOT / "outputs" / "found"
+AUTHORS = {
+    "strong": "a strong model (Claude): the best of its eight first replies",
+    "embedded": "the embedded model: the reward above",
+    "human": "people, in Isaac Gym",
+}
+SETTINGS = ("env=ballbalance", "steps=600000", "seed=100", "seeds=5")
+
+
+def measure() -> dict[str, Any]:
+    """Train all lanes at once and read what came of them."""
+    rewards = ",".join("human" if name == "human" else str(REPLIES / f"{name}.md") for name in AUTHORS)
+    command = [
+        Path(sys.executable).with_name("eureka"),
+        "train",
+        *SETTINGS,
+        f"reward={rewards}",
+        f"dir={OUTPUT}",
+        "--json",
+    ]
+    lanes = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)["given"].values()
+    return {
+        "settings": " ".join(SETTINGS),
+        "date": datetime.now(UTC).date().isoformat(),
+        "held_out": {name: _seeds(lanes, name, "held_out_fitness") for name in AUTHORS},
+        "in_training": {name: _seeds(lanes, name, "fitness") for name in AUTHORS},
+    }
+
+
+def _seeds(lanes: Iterable[dict[str, Any]], name: str, key: str) -> list[float]:
+    """A value a seed, in their order."""
+    return [lane[key] for lane in sorted(lanes, key=lambda lane: lane["seed"]) if lane["reward"] == name]
+
+
+def markdown() -> str:
+    """A row for each reward, best first: held-out F over seeds, and the interval of its difference to the human one."""
+    held_out: dict[str, list[float]] = json.loads(RESULTS.read_text())["held_out"]
+    lines = [
+        "| the reward is by | F held out | each seed | more than the human one, 95 % interval |",
+        "| --- " * 4 + "|",
+    ]
+    for name in sorted(held_out, key=lambda name: -(mean(held_out[name]) or 0.0)):
+        found = difference(held_out[name], held_out["human"], list(held_out.values()), claims=len(held_out) - 1)
+        between = f"{found.value:+.0f} ({found.low:+.0f} to {found.high:+.0f})" if found and name != "human" else ""
+        seeds = ", ".join(number(value, 3) for value in held_out[name])
+        lines.append(f"| {AUTHORS[name]} | **{number(mean(held_out[name]), 3)}** | {seeds} | {between} |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--markdown", action="store_true")
+    if not parser.parse_args().markdown:
+        RESULTS.write_text(json.dumps(measure(), indent=1) + "\n")
+    print(markdown())

@@ -1,0 +1,14 @@
+"""Where lanes run: the cores and GPUs of this machine, or what `executor=` names."""
+
+from ..plugins import Door
+
+EXECUTORS = Door(
+    setting="executor",
+    group="openeureka.executors",
+    built_in={"local": "openeureka.executors.local:LocalExecutor"},
+    members=("train", "evaluate"),
+)
+"""Each is called with `device=`, `threads=` and `snapshots=`, the folder for states of trainings under way, and makes a
+`types.Trainer`."""
+
+__all__ = ["EXECUTORS"]

@@ -1,0 +1,98 @@
+"""The process that trains: reads one request a frame, streams progress and results, dies with its parent."""
+
+from __future__ import annotations
+
+import io
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import torch
+
+from ..codec import defined, shaped
+from ..errors import CapacityError, TaskError
+from ..tasks.faults import fault
+from ..training.evaluate import evaluate
+from ..training.population import Population
+from ..training.wire import SNAPSHOT, pack, unpack_jobs
+from ..types import Dynamics, TrainingProgress
+from ..worker import Channel, Frame
+
+
+def main() -> None:
+    channel = Channel()
+    while (request := channel.receive()) is not None:
+        header = request.header
+        options = {"device": header["device"], "threads": header["threads"]}
+        if header["threads"]:
+            torch.set_num_threads(header["threads"])
+        if header["device"].startswith("cuda"):
+            torch.cuda.set_device(header["device"])  # graphs are captured on the current device
+        try:
+            if header["do"] == "train":
+                _train(channel, request, Population(*unpack_jobs(request), **options))
+            else:
+                _evaluate(channel, request, options)
+        except CapacityError:
+            raise  # one lane's, perhaps: without it the others may find room
+        except Exception as error:
+            broken = error if isinstance(error, TaskError) else fault(error)
+            if broken is None:
+                raise
+            channel.send({"broken": str(broken)})
+        channel.send({"done": True})
+
+
+def _evaluate(channel: Channel, request: Frame, options: Mapping[str, Any]) -> None:
+    header = request.header
+    dynamics = shaped(dict[str, Dynamics], header["dynamics"])
+    playing = {"seed": header["seed"], "episodes": header["episodes"], "dynamics": dynamics}
+    playing |= {"after_step": _signs_of_life(channel)}
+    for score in evaluate(header["env"], request.blobs, **options, **playing):
+        channel.send({"score": defined(score)})
+
+
+def _train(channel: Channel, request: Frame, population: Population) -> None:
+    """Stream messages and, now and then, a snapshot to go on from; end with one when the parent asks to stop."""
+    if SNAPSHOT in request.blobs:
+        population.load_state_dict(_load(request.blobs[SNAPSHOT], population.device))
+    saved = time.monotonic()
+    for message in population.train():
+        frame = pack(message)
+        channel.send(frame.header, frame.blobs)
+        if not isinstance(message, TrainingProgress):
+            continue
+        every, stopping = request.header["snapshot_seconds"], channel.ready()
+        if stopping or (every and time.monotonic() - saved > every):
+            channel.send({}, {SNAPSHOT: _save(population.state_dict())})
+            saved = time.monotonic()
+        if stopping:
+            channel.receive()
+            return
+
+
+def _save(state: dict[str, Any]) -> bytes:
+    file = io.BytesIO()
+    torch.save(state, file)
+    return file.getvalue()
+
+
+def _load(data: bytes, device: torch.device) -> dict[str, Any]:
+    return torch.load(io.BytesIO(data), map_location=device, weights_only=True)
+
+
+def _signs_of_life(channel: Channel) -> Callable[[], None]:
+    """Sends an empty frame at most once a second, so that the parent does not take this process for hung."""
+    last = time.monotonic()
+
+    def alive() -> None:
+        nonlocal last
+        if time.monotonic() - last > 1.0:
+            last = time.monotonic()
+            channel.send({})
+
+    return alive
+
+
+if __name__ == "__main__":
+    main()

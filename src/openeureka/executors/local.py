@@ -1,0 +1,87 @@
+"""Lanes on this machine: a process a GPU or core, so that a crash of the simulator never takes a run down."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from pathlib import Path
+
+from ..codec import plain
+from ..tasks import registry
+from ..types import Dynamics, Evaluation, TrainBudget, TrainJob
+from . import retry, scheduler, snapshots
+from .devices import Slot, devices, workers
+from .retry import Message, Population
+from .transport import SILENCE, Processes
+
+MAX_WORLDS = {"cpu": 16384, "cuda": 65536}
+"""A world costs about 0.15 MB, of which the model hardly matters (measured on Cartpole and Humanoid, on the CPU)."""
+
+
+class LocalExecutor:
+    """A `types.Trainer`: the lanes of a call are one population a worker, or several in turn when they are too many for
+    one simulation.
+
+    Args:
+        device: where to train, see `devices`; a GPU has one worker process, a CPU may have several, see `workers`.
+        threads: simulation and tensor threads, 0 for all cores.
+        snapshots: folder in which trainings that take minutes leave their state, to go on from when this process or a
+            worker is killed; None for trainings that begin anew.
+        module: what the worker runs; tests replace it.
+        silence: [s] after which a worker that says nothing is ended and replaced.
+        max_worlds: the most worlds on a device at a time, over all lanes; 0 for what the kind of device usually holds.
+
+    Raises:
+        ConfigError: when there is no such device.
+    """
+
+    def __init__(
+        self,
+        device: str = "cpu",
+        threads: int = 0,
+        *,
+        snapshots: Path | None = None,
+        module: str = "openeureka.executors.child",
+        silence: float = SILENCE,
+        max_worlds: int = 0,
+    ) -> None:
+        self._devices = devices(device)
+        self._threads, self._snapshots = threads, snapshots
+        self._transport = Processes(module, silence)
+        kind = "cuda" if self._devices[0].startswith("cuda") else "cpu"
+        self._max_worlds = max_worlds or MAX_WORLDS[kind]
+
+    def train(self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget) -> Generator[Message]:
+        """Train every lane. A worker that dies or hangs is started again with those of its lanes that have no result
+        yet, then once more for each of them alone; those that die even so are FAILED with the reason.
+
+        Raises:
+            TaskError: when there is no such environment, or its own code fails.
+            WorkerError: when no lane of a population could be trained, nor then the task's human reward, tried for an
+                epoch: the machine is at fault, and no generated reward.
+        """
+        worlds = budget.worlds or registry.get(env).recipe.worlds
+        crew = [slot.device for slot in workers(self._devices, self._threads, len(jobs))]
+        room = self._max_worlds // max(map(crew.count, crew))  # of one worker, where several share a device
+        count = max(len(crew), math.ceil(len(jobs) / max(1, room // worlds)))
+        dealt = scheduler.deal(jobs, snapshots.groups(self._snapshots, env), count)
+        populations = [Population(env, lanes, budget, self._snapshots) for lanes in dealt]
+        return scheduler.train(self._transport, populations, workers(self._devices, self._threads, len(populations)))
+
+    def evaluate(
+        self,
+        env: str,
+        policies: Mapping[str, bytes],
+        *,
+        seed: int,
+        episodes: int = 0,
+        dynamics: Mapping[str, Dynamics] | None = None,
+    ) -> Iterator[Evaluation]:
+        """Score of each policy, on the first device. A worker that dies is started again once.
+
+        Raises:
+            TaskError: when the task's own code fails.
+            WorkerError: when it dies again.
+        """
+        question = {"env": env, "seed": seed, "episodes": episodes, "dynamics": plain(dynamics or {})}
+        return retry.evaluate(self._transport, Slot(self._devices[0], self._threads), question, policies)

@@ -1,0 +1,159 @@
+"""What is asked of workers for one population, and what is asked again when one of them dies or hangs."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..codec import shaped
+from ..errors import WorkerError
+from ..training.wire import SNAPSHOT, pack_jobs, unpack
+from ..types import Evaluation, TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
+from ..worker import Frame
+from .devices import Slot
+from .snapshots import Snapshot
+from .transport import AnyCall, Call, Transport
+
+SNAPSHOT_SECONDS = 300.0
+"""[s] between two snapshots of a training; one takes a fraction of a second."""
+TOGETHER = 2
+"""Attempts of all lanes of a population that have no result; more of them may be one lane's fault."""
+
+Message = TrainingProgress | TrainingResult
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """Lanes that are asked for at once."""
+
+    lanes: tuple[TrainJob, ...]
+    budget: TrainBudget
+    control: bool = False
+    """Only whether it trains is of interest."""
+
+
+class Population:
+    """Lanes that train in one simulation, until each has a result.
+
+    They train together, together once more, then one by one: a lane that kills its process takes no other with it. Each
+    attempt goes on from where the one before it was, as far as a snapshot tells.
+
+    Args:
+        snapshots: folder of its state while it is under way; None for one that begins anew when its worker dies.
+    """
+
+    def __init__(self, env: str, lanes: Sequence[TrainJob], budget: TrainBudget, snapshots: Path | None) -> None:
+        self.lanes = tuple(lanes)
+        self._env, self._budget, self._snapshots = env, budget, snapshots
+        self._left = {lane.id: lane for lane in lanes}
+        self._reasons: dict[str, str] = {}
+        self._plan = self._attempts()
+        self._attempt = next(self._plan, None)
+        self._snapshot = Snapshot(None, {})
+
+    def _attempts(self) -> Iterator[Attempt]:
+        """What to try next, by what is left at that moment."""
+        for _ in range(TOGETHER):
+            if self._left:
+                yield Attempt(tuple(self._left.values()), self._budget)
+        for lane in tuple(self._left.values()):
+            yield Attempt((lane,), self._budget)
+        generated = not any(isinstance(lane.program, str) for lane in self.lanes)
+        if generated and len(self._left) == len(self.lanes):
+            human = TrainJob(id="control", program="human", seed=self.lanes[0].seed)
+            yield Attempt((human,), dataclasses.replace(self._budget, env_steps=1), control=True)
+
+    @property
+    def over(self) -> bool:
+        """Whether there is nothing more to try."""
+        return self._attempt is None
+
+    @property
+    def resumable(self) -> bool:
+        """Whether what is under way may leave a snapshot."""
+        return self._snapshots is not None and self._attempt is not None and not self._attempt.control
+
+    def request(self, device: str) -> Frame:
+        """What to ask a worker on this device for, now."""
+        assert self._attempt is not None
+        packed = pack_jobs(self._env, self._attempt.lanes, self._attempt.budget)
+        folder = self._snapshots if self.resumable else None
+        self._snapshot = Snapshot(folder, {**packed.header, "device": device.partition(":")[0]})
+        state = self._snapshot.read()
+        header = {"do": "train", "snapshot_seconds": SNAPSHOT_SECONDS if folder is not None else 0.0, **packed.header}
+        return Frame(header, {**packed.blobs, **({SNAPSHOT: state} if state is not None else {})})
+
+    def hear(self, call: Call) -> tuple[Message | None, bool]:
+        """What the worker says next, if it concerns anybody, and whether its attempt is over.
+
+        Raises:
+            TaskError: when the task's own code fails.
+            WorkerError: when no lane could be trained, nor then the task's human reward: the machine is at fault, and
+                no generated reward.
+        """
+        assert self._attempt is not None
+        try:
+            frame = call.receive()
+        except WorkerError as error:
+            if self._attempt.control:
+                raise WorkerError(self._reasons[self.lanes[0].id]) from None
+            self._snapshot.distrust()
+            self._end(self._attempt, str(error))
+            return None, True
+        if frame.header.get("done"):
+            self._snapshot.remove()
+            self._end(self._attempt, "Training stopped: The worker process ended without a result.")
+            return None, True
+        self.keep(frame)
+        if SNAPSHOT in frame.blobs or self._attempt.control:
+            return None, False
+        message = unpack(frame)
+        if isinstance(message, TrainingResult):
+            del self._left[message.job]
+        return message, False
+
+    def keep(self, frame: Frame) -> None:
+        """Keep the state that a frame brings, if any."""
+        if SNAPSHOT in frame.blobs:
+            self._snapshot.write(frame.blobs[SNAPSHOT])
+
+    def _end(self, attempt: Attempt, reason: str) -> None:
+        """Go on with the next attempt; lanes that none of them trains have the reason of their last."""
+        self._reasons |= {lane.id: reason for lane in attempt.lanes}
+        self._attempt = next(self._plan, None)
+
+    def failed(self) -> Iterator[TrainingResult]:
+        """Results of the lanes that nothing could train."""
+        for lane in self._left.values():
+            yield TrainingResult(
+                job=lane.id, state=TrainingState.FAILED, fitness=None, curves={}, env_steps=0, seconds=0.0,
+                message=self._reasons[lane.id],
+            )  # fmt: skip
+
+
+def evaluate(
+    transport: Transport[AnyCall], slot: Slot, question: Mapping[str, object], policies: Mapping[str, bytes]
+) -> Iterator[Evaluation]:
+    """Score of each policy; a worker that dies is replaced once, by one that scores what is left.
+
+    Raises:
+        TaskError: when the task's own code fails.
+        WorkerError: when it dies again.
+    """
+    left = dict(policies)
+    for last in (False, True):
+        if not left:
+            return
+        with closing(transport.call(Frame({"do": "evaluate", **question}, left), slot)) as call:
+            try:
+                while not (frame := call.receive()).header.get("done"):
+                    if "score" in frame.header:
+                        score = shaped(Evaluation, frame.header["score"])
+                        del left[score.job]
+                        yield score
+            except WorkerError:
+                if last and left:
+                    raise

@@ -1,0 +1,96 @@
+"""Deals lanes into populations, and populations to workers: who waits, whose turn it is, how far all of them are."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ..types import TrainingProgress, TrainJob
+from .devices import Slot
+from .retry import Message, Population
+from .transport import AnyCall, Transport, farewell
+
+
+def deal(lanes: Sequence[TrainJob], kept: Sequence[Sequence[str]], count: int) -> list[Sequence[TrainJob]]:
+    """Lanes of about `count` populations. What a snapshot was taken of (`kept`, ids) stays together: no other
+    population can go on from it."""
+    left = {lane.id: lane for lane in lanes}
+    together = [[left.pop(name) for name in names] for names in kept if names and left.keys() >= set(names)]
+    rest = list(left.values())
+    size = max(1, -(-len(rest) // max(1, count - len(together))))
+    return [*together, *(rest[start : start + size] for start in range(0, len(rest), size))]
+
+
+def train(
+    transport: Transport[AnyCall], populations: Sequence[Population], slots: Sequence[Slot]
+) -> Generator[Message]:
+    """Train every population, as many side by side as there are slots; messages as they come.
+
+    A slot that is free takes the next population in turn. Where training is stopped, by Ctrl-C, by an error or as
+    nobody wants more, what is under way leaves its state.
+
+    Raises:
+        TaskError, WorkerError: see `Population.hear`.
+    """
+    waiting, free = deque(populations), deque(slots)
+    running: dict[AnyCall, tuple[Population, Slot]] = {}
+    tally = Tally(len(populations))
+    try:
+        while waiting or running:
+            while waiting and free:
+                population, slot = waiting.popleft(), free.popleft()
+                running[transport.call(population.request(slot.device), slot)] = population, slot
+            for call in transport.wait(list(running)):
+                population, slot = running[call]
+                message, ended = population.hear(call)
+                if message is not None:
+                    yield tally.add(population, message) if isinstance(message, TrainingProgress) else message
+                if ended:
+                    call.close()
+                    del running[call]
+                    free.appendleft(slot)
+                    if population.over:
+                        yield from population.failed()
+                        tally.close(population)
+                    else:
+                        waiting.appendleft(population)  # its lanes without a result go before anybody else's
+    finally:
+        _stop(transport, running)
+
+
+def _stop(transport: Transport[AnyCall], running: Mapping[AnyCall, tuple[Population, Slot]]) -> None:
+    """End every worker; trainings that may go on later leave their state first."""
+    try:
+        resumable = [call for call, (population, _) in running.items() if population.resumable]
+        for call, frame in farewell(transport, resumable):
+            running[call][0].keep(frame)
+    finally:
+        for call in running:
+            call.close()
+
+
+@dataclass
+class Tally:
+    """Progress of populations, side by side or in turn, as if they were one."""
+
+    populations: int
+    running: dict[Population, TrainingProgress] = field(default_factory=dict)
+    done: int = 0
+    fitness: dict[str, float | None] = field(default_factory=dict)
+
+    def add(self, population: Population, progress: TrainingProgress) -> TrainingProgress:
+        """Epochs add up over the populations; the rate is that of all that are under way."""
+        self.running[population] = progress
+        self.fitness |= progress.fitness
+        return TrainingProgress(
+            epoch=self.done * progress.epochs + sum(part.epoch for part in self.running.values()),
+            epochs=self.populations * progress.epochs,
+            env_steps_per_second=sum(part.env_steps_per_second for part in self.running.values()),
+            fitness=dict(self.fitness),
+        )
+
+    def close(self, population: Population) -> None:
+        """The population has its results."""
+        self.running.pop(population, None)
+        self.done += 1

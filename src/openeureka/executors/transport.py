@@ -1,0 +1,145 @@
+"""How a request reaches a worker and what it says comes back: here, a child process of this machine a request.
+
+An executor elsewhere brings its own `Transport`; `scheduler` and `retry` know no other difference.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from multiprocessing import connection
+from typing import Protocol, TypeVar
+
+from ..errors import EurekaError, TaskError, WorkerError
+from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
+from .devices import Slot
+
+SILENCE = 600.0
+"""[s] without a sign of life after which a worker counts as hung; it reports every second and compiles for seconds."""
+FAREWELL = 10.0
+"""[s] that all workers together may take for a last snapshot when a training is stopped; they look every second."""
+
+
+class Call(Protocol):
+    """One request under way."""
+
+    def receive(self) -> Frame:
+        """The next frame; the last one's header says `done`.
+
+        Raises:
+            WorkerError: when the worker died or hangs. It must then be closed.
+            TaskError: when the task's own code fails there.
+        """
+        ...
+
+    def stop(self) -> None:
+        """Ask to end now, with a snapshot."""
+        ...
+
+    def close(self) -> None:
+        """End the worker, whatever it does; safe to call twice."""
+        ...
+
+
+AnyCall = TypeVar("AnyCall", bound=Call)
+
+
+class Transport(Protocol[AnyCall]):
+    """Where requests are served."""
+
+    def call(self, request: Frame, slot: Slot) -> AnyCall:
+        """Send a request. A worker that cannot be reached is one that died: `receive` says so."""
+        ...
+
+    def wait(self, calls: Sequence[AnyCall], timeout: float | None = None) -> Sequence[AnyCall]:
+        """Those whose `receive` returns or raises at once, as soon as there are any; none after `timeout` [s]."""
+        ...
+
+
+class Processes:
+    """A `Transport` that starts a process for each call, and ends it with it.
+
+    Args:
+        module: what the process runs, see `child`.
+        silence: [s] after which a process that says nothing counts as hung.
+    """
+
+    def __init__(self, module: str, silence: float = SILENCE) -> None:
+        self._module, self._silence = module, silence
+
+    def call(self, request: Frame, slot: Slot) -> ProcessCall:
+        # Idle OpenMP threads that spin would starve the simulator's threads, many times over on a busy machine.
+        worker = Worker(self._module, env={"GOMP_SPINCOUNT": "0", **os.environ})
+        try:
+            worker.send({**request.header, **slot._asdict()}, request.blobs)
+        except WorkerDied:
+            pass  # `receive` tells how it ended
+        except BaseException:
+            worker.close()
+            raise
+        return ProcessCall(worker, self._silence)
+
+    def wait(self, calls: Sequence[ProcessCall], timeout: float | None = None) -> Sequence[ProcessCall]:
+        end = float("inf") if timeout is None else time.monotonic() + timeout
+        while True:
+            found = [call for call in calls if call.ready]
+            left = min([end - time.monotonic(), *(call.patience for call in calls)])
+            if found or left <= 0:
+                return found
+            connection.wait([call.worker.fileno() for call in calls], left)
+
+
+class ProcessCall:
+    """A `Call` that a process of its own serves."""
+
+    def __init__(self, worker: Worker, silence: float) -> None:
+        self.worker = worker
+        self._silence, self._heard = silence, time.monotonic()
+
+    @property
+    def patience(self) -> float:
+        """[s] that the process may still be silent."""
+        return self._heard + self._silence - time.monotonic()
+
+    @property
+    def ready(self) -> bool:
+        return self.patience <= 0 or self.worker.ready(0.0)
+
+    def receive(self) -> Frame:
+        try:
+            # What is there is read, also where it was this process that slept.
+            frame = self.worker.receive(self._silence if self.worker.ready(0.0) else max(0.0, self.patience))
+        except (WorkerDied, WorkerTimeout) as error:
+            ending = self.worker.ending() if isinstance(error, WorkerDied) else ""
+            parts = (f"Training stopped: {error}", ending, *self.worker.stderr_tail().splitlines()[-1:])
+            raise WorkerError(" ".join(filter(None, parts))) from None
+        self._heard = time.monotonic()
+        if "broken" in frame.header:
+            raise TaskError(frame.header["broken"])
+        return frame
+
+    def stop(self) -> None:
+        with suppress(WorkerDied):
+            self.worker.send({"do": "stop"})
+
+    def close(self) -> None:
+        self.worker.close()
+
+
+def farewell(transport: Transport[AnyCall], calls: Iterable[AnyCall]) -> Iterator[tuple[AnyCall, Frame]]:
+    """Stop the calls, all at once; what each still says, unless that takes too long."""
+    left, end = list(calls), time.monotonic() + FAREWELL
+    for call in left:
+        call.stop()
+    while left and (ready := transport.wait(left, max(0.0, end - time.monotonic()))):
+        for call in ready:
+            try:
+                frame = call.receive()
+            except EurekaError:
+                left.remove(call)
+                continue
+            if frame.header.get("done"):
+                left.remove(call)
+            yield call, frame

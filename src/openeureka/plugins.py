@@ -1,0 +1,75 @@
+"""Ways in for code of others: a name that is built in, one of an installed package, or `pkg.mod:Name`."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from typing import Any
+
+from .errors import ConfigError, nearest
+
+
+@dataclass(frozen=True, slots=True)
+class Door:
+    """What one setting may name: a class or function that makes what the setting asks for."""
+
+    setting: str
+    group: str
+    """Of the entry points by which installed packages add names."""
+    built_in: Mapping[str, str]
+    """`pkg.mod:Name` by name; no package replaces one of them."""
+    members: tuple[str, ...]
+    """Attributes and methods that what is made must have."""
+
+    def names(self) -> list[str]:
+        """Built-in ones first."""
+        return list(dict.fromkeys([*self.built_in, *self._added()]))
+
+    def installed(self, value: str) -> bool:
+        """Whether `find` imports nothing of the value's own choice."""
+        return value in self.built_in or value in self._added()
+
+    def _added(self) -> dict[str, str]:
+        """`pkg.mod:Name` by name, of installed packages; looking takes a while."""
+        return {point.name: point.value for point in entry_points(group=self.group)}
+
+    def find(self, value: str) -> Callable[..., Any]:
+        """The class or function.
+
+        Raises:
+            ConfigError: when there is none of that name, or it cannot be imported.
+        """
+        module, sign, name = (self.built_in.get(value) or self._added().get(value) or value).partition(":")
+        if not sign:
+            raise ConfigError(
+                f"There is no {self.setting} `{value}`.{nearest(value, self.names())} It is {', '.join(self.names())}, "
+                "or pkg.mod:Name of your own."
+            )
+        try:
+            found = importlib.import_module(module)
+        except Exception as error:  # whatever a person's code raises
+            said = " ".join(f"{type(error).__name__}: {error}".split())
+            raise ConfigError(f"`{self.setting}={value}` cannot be imported: {said}") from error
+        if not callable(getattr(found, name, None)):
+            raise ConfigError(f"There is no class or function `{name}` in {module}.{nearest(name, vars(found))}")
+        return getattr(found, name)
+
+    def make(self, value: str, *args: object, **options: object) -> Any:
+        """Call what `find` finds.
+
+        Raises:
+            ConfigError: as `find` does, and when it cannot be called so or lacks one of the `members`.
+        """
+        factory = self.find(value)
+        try:
+            inspect.signature(factory).bind(*args, **options)
+        except TypeError as error:
+            given = ", ".join([*(type(arg).__name__ for arg in args), *(f"{name}=" for name in options)])
+            raise ConfigError(f"`{self.setting}={value}` cannot be called with ({given}): {error}.") from error
+        made = factory(*args, **options)
+        if missing := [name for name in self.members if not hasattr(made, name)]:
+            raise ConfigError(f"What `{self.setting}={value}` makes is not complete: it has no {', '.join(missing)}.")
+        return made

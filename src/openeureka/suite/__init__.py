@@ -1,0 +1,54 @@
+"""The tasks that come with openeureka: the first users of `openeureka.tasks`, which knows them by this table alone."""
+
+from __future__ import annotations
+
+import re
+
+TASKS = {
+    "cartpole": "openeureka.suite.isaac.cartpole:Cartpole",
+    "ant": "openeureka.suite.isaac.ant:Ant",
+    "humanoid": "openeureka.suite.isaac.humanoid:Humanoid",
+    "anymal": "openeureka.suite.isaac.anymal:Anymal",
+    "ballbalance": "openeureka.suite.isaac.ballbalance:BallBalance",
+    "quadcopter": "openeureka.suite.isaac.quadcopter:Quadcopter",
+    "franka_cabinet": "openeureka.suite.isaac.franka_cabinet:FrankaCabinet",
+    "allegro_hand": "openeureka.suite.isaac.allegro_hand:AllegroHand",
+    "shadow_hand": "openeureka.suite.isaac.shadow_hand:ShadowHand",
+    "shadow_hand_over": "openeureka.suite.dexterity.over:ShadowHandOver",
+    "shadow_hand_catch_underarm": "openeureka.suite.dexterity.catch_underarm:ShadowHandCatchUnderarm",
+    "shadow_hand_catch_over2underarm": "openeureka.suite.dexterity.catch_over2underarm:ShadowHandCatchOver2Underarm",
+    "shadow_hand_catch_abreast": "openeureka.suite.dexterity.catch_abreast:ShadowHandCatchAbreast",
+    "shadow_hand_two_catch_underarm": "openeureka.suite.dexterity.two_catch_underarm:ShadowHandTwoCatchUnderarm",
+    "shadow_hand_lift_underarm": "openeureka.suite.dexterity.lift_underarm:ShadowHandLiftUnderarm",
+    "shadow_hand_door_open_inward": "openeureka.suite.dexterity.door_open_inward:ShadowHandDoorOpenInward",
+    "shadow_hand_door_open_outward": "openeureka.suite.dexterity.door_open_outward:ShadowHandDoorOpenOutward",
+    "shadow_hand_door_close_inward": "openeureka.suite.dexterity.door_close_inward:ShadowHandDoorCloseInward",
+    "shadow_hand_door_close_outward": "openeureka.suite.dexterity.door_close_outward:ShadowHandDoorCloseOutward",
+    "shadow_hand_swing_cup": "openeureka.suite.dexterity.swing_cup:ShadowHandSwingCup",
+    "shadow_hand_bottle_cap": "openeureka.suite.dexterity.bottle_cap:ShadowHandBottleCap",
+    "shadow_hand_push_block": "openeureka.suite.dexterity.push_block:ShadowHandPushBlock",
+    "shadow_hand_grasp_and_place": "openeureka.suite.dexterity.grasp_and_place:ShadowHandGraspAndPlace",
+    "shadow_hand_block_stack": "openeureka.suite.dexterity.block_stack:ShadowHandBlockStack",
+    "shadow_hand_scissors": "openeureka.suite.dexterity.scissors:ShadowHandScissors",
+    "shadow_hand_switch": "openeureka.suite.dexterity.switch:ShadowHandSwitch",
+    "shadow_hand_pen": "openeureka.suite.dexterity.pen:ShadowHandPen",
+    "shadow_hand_re_orientation": "openeureka.suite.dexterity.re_orientation:ShadowHandReOrientation",
+    "shadow_hand_kettle": "openeureka.suite.dexterity.kettle:ShadowHandKettle",
+    "shadow_hand_spin": "openeureka.suite.dexterity.spin:ShadowHandSpin",
+    "shadow_hand_upside_down": "openeureka.suite.dexterity.upside_down:ShadowHandUpsideDown",
+}
+"""Name -> import string."""
+
+_FORMER = re.compile(r"openeureka\.tasks\.(classic|locomotion|manipulation|hands|bimanual)\.(\w+)")
+_RENAMED = {"locomotion.common": "legged", "hands.common": "reorientation", "hands.pen": "pen_in_hand"}
+
+
+def moved(target: str) -> str:
+    """An import string as it is now: runs of older versions name tasks by where they were then."""
+    module, _, name = target.partition(":")
+    if not (found := _FORMER.fullmatch(module)):
+        return target
+    folder, file = found.groups()
+    dexterity = folder == "bimanual" or file in ("pen", "spin", "upside_down")
+    place = "dexterity" if dexterity else "isaac"
+    return f"{__name__}.{place}.{_RENAMED.get(f'{folder}.{file}', file)}:{name}"

@@ -1,0 +1,25 @@
+"""Files that tasks read: robot models that an installed wheel ships, as data, and human rewards."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+
+from ..errors import TaskError
+
+REWARDS = Path(__file__).parent / "rewards"
+"""What the original authors of the tasks wrote, a reward program each."""
+
+
+def wheel_file(package: str, path: str) -> Path:
+    """Absolute path of a data file (`path` inside the installed `package`, which is never imported).
+
+    Raises:
+        TaskError: when the package or the file is missing.
+    """
+    spec = find_spec(package)
+    for folder in (spec.submodule_search_locations or ()) if spec else ():
+        if (found := Path(folder, path)).is_file():
+            return found
+    distribution = package.replace("_", "-")
+    raise TaskError(f"The robot model {path} of {distribution} is missing; type `pip install {distribution}`.")

@@ -1,0 +1,23 @@
+"""Each hand pushes its leaf of a closed double door open, away from itself."""
+
+from __future__ import annotations
+
+from torch import Tensor
+
+from ...tasks.task import State
+from ..assets import REWARDS
+from .common import dexterity_recipe
+from .door import DOOR_VARIABLES, GAP, Doors, door_scene
+from .variables import two_handed
+
+
+class ShadowHandDoorOpenOutward(Doors):
+    env = "shadow_hand_door_open_outward"
+    description = "to make the two hands open the closed double door by pushing its handles away from them"
+    human = REWARDS / "door_open.py"
+    scene = door_scene(towards_hands=False, goal_z=5.7)
+    spec = two_handed(scene, Doors.num_observations, *DOOR_VARIABLES)
+    recipe = dexterity_recipe(env_steps=5_000_000)
+
+    def success(self, s: State) -> Tensor:
+        return self.handle_gap(s) > GAP

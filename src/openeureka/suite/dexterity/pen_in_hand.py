@@ -1,0 +1,92 @@
+"""A pen turned in one Shadow Hand: what ShadowHandSpin and ShadowHandUpsideDown share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import ClassVar
+
+import mujoco
+import torch
+from torch import Tensor
+
+from ...tasks.rotations import multiply, turn_about
+from ...tasks.sensors import add_wrench_sensors
+from ...types import StateSpec
+from ..isaac.reorientation import GOAL, OBJECT, Vector, add_marker, add_view
+from ..isaac.shadow_hand import PREFIX, TIPS, ShadowHand, shadow_hand_variables
+from ..shadow import add_shadow_hand
+
+RADIUS, HALF_LENGTH = 0.008, 0.1  # [m] of the pen: a capsule along its z axis, 0.216 m long
+DENSITY = 1000.0  # [kg/m3]
+TILT = 0.3  # [rad] of the start pose, out of the horizontal, either way
+
+TURN = math.radians(30)
+"""From one waypoint to the next, about the pen's own y axis."""
+CYCLE = 12
+"""Waypoints of one turn of the pen."""
+FIRST_WAYPOINT = -2.0 * math.atan(0.8)
+"""[rad] about x: the direction of the published quaternion (-0.8, 0, 0, 1), which is not of unit length."""
+
+
+class PenInHand(ShadowHand):
+    """A Shadow Hand and a pen, whose goals are random orientations or the waypoints of a spin in the palm's plane.
+
+    Waypoints follow each other without an end; an episode begins with any of them. One cycle is 12 goals.
+    """
+
+    suite = "dexterity"
+    random_goals: ClassVar[bool]
+    """Whether goals are random orientations; otherwise waypoints."""
+
+    spec = StateSpec(shadow_hand_variables("pen"))
+
+    def __init__(self, *args) -> None:
+        super().__init__(*args)
+        # Waypoints are as hard to reach as published: there, 0.2 rad between quaternions one of which is 1.28 long.
+        self.tolerance = 0.2 if self.random_goals else 2.0 * math.asin(math.sin(0.1) * math.cos(FIRST_WAYPOINT / 2))
+        self.first_waypoint = turn_about(0, torch.tensor(FIRST_WAYPOINT, device=self.device))
+        self.turn = turn_about(1, torch.tensor(TURN, device=self.device))
+
+    def start_rotation(self, worlds: Tensor) -> Tensor:
+        """Along the forearm, tilted by at most 0.3 rad, and rolled about its own axis by a number tied to the tilt."""
+        u = self.noise.uniform(worlds, 1, -1.0, 1.0)[:, 0]
+        return multiply(turn_about(0, 0.5 * math.pi + TILT * u), turn_about(2, math.pi * u))
+
+    def first_goal(self, worlds: Tensor) -> Tensor:
+        if self.random_goals:
+            return super().first_goal(worlds)
+        number = self.noise.uniform(worlds, 1, 0.0, CYCLE)[:, 0].floor()
+        return multiply(self.first_waypoint, turn_about(1, TURN * number))
+
+    def next_goal(self) -> Tensor:
+        return super().next_goal() if self.random_goals else multiply(self.goal_rot, self.turn)
+
+
+def pen_scene(hand: Sequence[float], start: Vector, goal: Vector) -> mujoco.MjSpec:
+    """The hand at its mount in a height of 0.5 m, turned by `hand` (w x y z), the pen, and a picture of its goal."""
+    spec = mujoco.MjSpec()
+    add_shadow_hand(spec, PREFIX, pos=[0, 0, 0.5], quat=hand)
+    add_view(spec, goal)
+    pen = spec.worldbody.add_body(name=OBJECT, pos=start)
+    # The original damps rotation by 0.5 1/s: one coefficient here would hold the roll 100 times more than the spin.
+    pen.add_freejoint(name=OBJECT)
+    add_pen(pen, OBJECT, density=DENSITY, contype=0, conaffinity=1)
+    add_pen(add_marker(spec, goal), GOAL, mass=0, contype=0, conaffinity=0)
+    add_wrench_sensors(spec, TIPS)
+    return spec
+
+
+def add_pen(body: mujoco.MjsBody, name: str, **common: float) -> None:
+    """The capsule; its tip, at +z, is red so that videos show which way it points."""
+    size = [RADIUS, HALF_LENGTH, 0]
+    body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=size, rgba=[0.2, 0.3, 0.6, 1], **common)
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        size=[1.05 * RADIUS, 0.1 * HALF_LENGTH, 0],
+        pos=[0, 0, 0.9 * HALF_LENGTH],
+        rgba=[0.8, 0.1, 0.1, 1],
+        mass=0,
+        contype=0,
+        conaffinity=0,
+    )

@@ -1,0 +1,79 @@
+"""Each hand pushes a cube forward on a table, to the cube's own target."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from ...tasks.task import State
+from ..assets import REWARDS
+from .common import dexterity_recipe, distance
+from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
+from .objects import CUBE_START, Cube
+from .scene import Placed, Pose, Scene, Table
+from .variables import point_variables, thing_variables, two_handed
+
+ARRIVED = 0.1  # [m] between a cube and its target
+
+
+class ShadowHandPushBlock(Handles):
+    env = "shadow_hand_push_block"
+    description = "to make each hand push the block in front of it forward to the block's goal position"
+    human = REWARDS / "shadow_hand_push_block.py"
+    score_unit = "share of the blocks that reach their goals"
+    episode_length = 125
+    ends = "An episode ends early when the distances of a hand's five fingertips from its block add up to 1.2 m."
+    num_observations = 428
+    handles = ("block_right_handle_pos", "block_left_handle_pos")
+    reach = 1.2
+    scene = Scene(
+        right=PALM_DOWN_RIGHT,
+        left=PALM_DOWN_LEFT,
+        table=Table(size=(1, 1, 0.6), friction=0.75),
+        things={
+            "object": Placed(
+                thing=Cube(), pos=(0, 0.2, 0.625), euler=CUBE_START, points={"block_right_handle": (0, 0, 0)}
+            ),
+            "block_left": Placed(
+                thing=Cube(), pos=(0, -0.2, 0.625), euler=CUBE_START, points={"block_left_handle": (0, 0, 0)}
+            ),
+        },
+        goals={
+            "right_goal": Pose(pos=(-0.2, 0.2, 0.625), euler=CUBE_START),
+            "left_goal": Pose(pos=(-0.2, -0.2, 0.625), euler=CUBE_START),
+        },
+        marker=Pose(pos=(0, 0.2, 10.6), euler=CUBE_START),
+    )
+    spec = two_handed(
+        scene,
+        num_observations,
+        *thing_variables("object", "right block"),
+        *HAND_VARIABLES,
+        *point_variables("block_right_handle", "right block"),
+        *point_variables("block_left_handle", "left block"),
+        *point_variables("left_goal", "where the left block should go"),
+        *point_variables("right_goal", "where the right block should go"),
+    )
+    recipe = dexterity_recipe(env_steps=5_000_000)
+
+    def observe(self, s: State) -> Tensor:
+        seen = (
+            super().observe(s),
+            s["block_right_handle_pos"],
+            s["block_left_handle_pos"],
+            s["left_goal_pos"],
+            s["right_goal_pos"],
+        )
+        return torch.nn.functional.pad(torch.cat(seen, dim=-1), (0, 5))  # the original leaves the last five at 0
+
+    def success(self, s: State) -> Tensor:
+        """Set once the left block arrives: 1 if the right one is there already, else one half for good."""
+        right, left = (away < ARRIVED for away in self._distances(s))
+        return torch.where(left, torch.where(right, 1.0, 0.5), 0.0)
+
+    def _distances(self, s: State) -> tuple[Tensor, Tensor]:
+        """From the right and from the left block to its target [m]."""
+        return (
+            distance(s["block_right_handle_pos"], s["right_goal_pos"]),
+            distance(s["block_left_handle_pos"], s["left_goal_pos"]),
+        )

@@ -1,0 +1,73 @@
+"""Each hand presses down the raised end of a rocker switch."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+
+from ...tasks.task import State
+from ..assets import REWARDS
+from .common import dexterity_recipe
+from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
+from .objects import RockerSwitch
+from .scene import Placed, Pose, Scene, Table
+from .variables import goal_variables, point_variables, thing_variables, two_handed
+
+RAISED = 0.5585  # [rad] of a rocker: its end at the hand is up
+FACE_UP = (math.pi, math.pi / 2, 0)
+
+
+class ShadowHandSwitch(Handles):
+    """The rockers start raised, so that there is something to press; they rise again by their own weight."""
+
+    env = "shadow_hand_switch"
+    description = "to make each hand press down the switch in front of it"
+    human = REWARDS / "shadow_hand_switch.py"
+    episode_length = 125
+    num_observations = 417
+    handles = ("switch_right_handle_pos", "switch_left_handle_pos")
+    pressed: ClassVar[float] = 0.012
+    """What both ends together must sink below 0.7 m each [m]: -0.005 raised, 0.017 at the lower stops."""
+    scene = Scene(
+        right=PALM_DOWN_RIGHT,
+        left=PALM_DOWN_LEFT,
+        hands_touch=True,
+        table=Table(size=(0.5, 1, 0.55)),
+        things={
+            "object": Placed(thing=RockerSwitch(side="right"), pos=(0, 0.2, 0.65), euler=FACE_UP, fixed=True),
+            "switch_left": Placed(thing=RockerSwitch(side="left"), pos=(0, -0.2, 0.65), euler=FACE_UP, fixed=True),
+        },
+        goals={"goal": Pose(pos=(0, 0.2, 10.65), euler=FACE_UP)},
+        angles={"switch_right_rocker": RAISED, "switch_left_rocker": RAISED},
+    )
+    spec = two_handed(
+        scene,
+        num_observations,
+        *thing_variables("object", "housing of the right switch, which is fixed"),
+        *goal_variables("unused, far above the switches", use="raw"),
+        *HAND_VARIABLES,
+        *point_variables("switch_right_handle", "end of the right switch to press"),
+        *point_variables("switch_left_handle", "end of the left switch to press"),
+    )
+    recipe = dexterity_recipe(env_steps=5_000_000)
+
+    def observe(self, s: State) -> Tensor:
+        return torch.cat((super().observe(s), s["switch_right_handle_pos"], s["switch_left_handle_pos"]), dim=-1)
+
+    def success(self, s: State) -> Tensor:
+        return self._sunk(s) > self.pressed
+
+    def _sunk(self, s: State) -> Tensor:
+        """(N,) [m] below 0.7 m, both ends together."""
+        return 1.4 - s["switch_right_handle_pos"][:, 2] - s["switch_left_handle_pos"][:, 2]
+
+
+class ShadowHandSwitchAsPublished(ShadowHandSwitch):
+    """With the original's start and threshold, which its rockers cannot reach; to be named by its import string."""
+
+    pressed = 0.05
+    scene = replace(ShadowHandSwitch.scene, angles={})

@@ -1,0 +1,1 @@
+"""The nine tasks of Isaac Gym, and what they share."""

@@ -1,0 +1,41 @@
+import torch
+
+
+def reach(fingers, handle):
+    return torch.linalg.vector_norm(torch.stack(fingers, dim=1) - handle[:, None], dim=-1).sum(dim=-1)
+
+
+def compute_reward(
+    right_hand_ff_pos,
+    right_hand_mf_pos,
+    right_hand_rf_pos,
+    right_hand_lf_pos,
+    right_hand_th_pos,
+    left_hand_ff_pos,
+    left_hand_mf_pos,
+    left_hand_rf_pos,
+    left_hand_lf_pos,
+    left_hand_th_pos,
+    block_right_handle_pos,
+    block_left_handle_pos,
+):
+    right_fingers = [
+        right_hand_ff_pos,
+        right_hand_mf_pos,
+        right_hand_rf_pos,
+        right_hand_lf_pos,
+        right_hand_th_pos,
+    ]
+    left_fingers = [
+        left_hand_ff_pos,
+        left_hand_mf_pos,
+        left_hand_rf_pos,
+        left_hand_lf_pos,
+        left_hand_th_pos,
+    ]
+    right = reach(right_fingers, block_right_handle_pos)
+    left = reach(left_fingers, block_left_handle_pos)
+    apart = torch.linalg.vector_norm(block_right_handle_pos - block_left_handle_pos, dim=-1)
+    right_near, left_near, placed = torch.exp(-10.0 * right), torch.exp(-10.0 * left), torch.exp(-10.0 * apart)
+    reward = right_near + left_near + 2.0 * placed
+    return reward, {"right_near": right_near, "left_near": left_near, "placed": placed}

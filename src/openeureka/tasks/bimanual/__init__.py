@@ -1,1 +1,0 @@
-"""The twenty tasks with two Shadow Hands, the scene and objects they are made of."""

@@ -1,1 +1,0 @@
-"""Cartpole, BallBalance and Quadcopter."""

@@ -1,1 +1,0 @@
-"""A cube turned in one hand: AllegroHand and ShadowHand."""

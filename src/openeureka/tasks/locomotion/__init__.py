@@ -1,1 +1,0 @@
-"""Ant, Humanoid and Anymal."""

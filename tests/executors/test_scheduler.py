@@ -1,0 +1,187 @@
+"""Whose turn it is, and what is tried again, with workers that are only scripts: no process, no physics."""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import pytest
+
+from openeureka.errors import TaskError, WorkerError
+from openeureka.executors.devices import Slot
+from openeureka.executors.retry import Population
+from openeureka.executors.scheduler import deal, train
+from openeureka.training.wire import SNAPSHOT, pack, unpack_jobs
+from openeureka.types import (
+    Node,
+    RewardGraph,
+    TrainBudget,
+    TrainingProgress,
+    TrainingResult,
+    TrainingState,
+    TrainJob,
+)
+from openeureka.worker import Frame
+
+DONE = Frame({"done": True})
+GRAPH = RewardGraph(nodes=(Node("input", ("pole_angle",)),), reward=0, components=(("angle", 0),))
+Said = Iterator[Frame | Exception]
+"""What a worker says, until it waits for ever; an exception is its end."""
+
+
+class ScriptedCall:
+    def __init__(self, device: str, said: Said) -> None:
+        self.device, self.said = device, said
+        self.coming = next(said, None)
+        self.closed = False
+
+    def receive(self) -> Frame:
+        found, self.coming = self.coming, next(self.said, None)
+        assert found is not None, "a call is received that has nothing to say"
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    def stop(self) -> None:
+        self.coming = Frame({}, {SNAPSHOT: self.device.encode()})
+        self.said = iter([DONE])
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class Scripted:
+    """A `Transport` whose workers say what a function of the names of their lanes gives."""
+
+    def __init__(self, script: Callable[[list[str]], Said]) -> None:
+        self.script = script
+        self.asked: list[tuple[str, list[str]]] = []
+        self.calls: list[ScriptedCall] = []
+
+    def call(self, request: Frame, slot: Slot) -> ScriptedCall:
+        names = [lane.id for lane in unpack_jobs(request)[1]]
+        self.asked.append((slot.device, names))
+        self.calls.append(ScriptedCall(slot.device, self.script(names)))
+        return self.calls[-1]
+
+    def wait(self, calls: Sequence[ScriptedCall], timeout: float | None = None) -> list[ScriptedCall]:
+        ready = [call for call in calls if call.coming is not None]
+        assert ready or timeout is not None, "nobody will ever say anything"
+        return ready
+
+
+def result(name: str) -> Frame:
+    return pack(
+        TrainingResult(job=name, state=TrainingState.FINISHED, fitness=1.0, curves={}, env_steps=1, seconds=0.0)
+    )
+
+
+def progress(names: Sequence[str]) -> Frame:
+    return pack(TrainingProgress(epoch=2, epochs=4, env_steps_per_second=1.0, fitness=dict.fromkeys(names)))
+
+
+def until(name: str) -> Callable[[list[str]], Said]:
+    """Workers that give one result after the other, and end at this lane."""
+
+    def script(names: list[str]) -> Said:
+        for lane in names:
+            if lane == name:
+                yield WorkerError("It died.")
+                return
+            yield result(lane)
+        yield DONE
+
+    return script
+
+
+def populations(*names: str, folder: Path | None = None, generated: bool = False) -> list[Population]:
+    """One of lanes `a` and `b` for `ab`."""
+    program = GRAPH if generated else "human"
+    return [
+        Population("cartpole", [TrainJob(id=name, program=program) for name in of], TrainBudget(), folder)
+        for of in names
+    ]
+
+
+def trained(transport: Scripted, shares: Sequence[Population], devices: str = "0") -> list[str]:
+    """Lanes in the order of their results; those that failed with a `!`."""
+    found = train(transport, shares, [Slot(device, 1) for device in devices])
+    results = [message for message in found if isinstance(message, TrainingResult)]
+    assert all(call.closed for call in transport.calls)
+    return [message.job + "!" * (message.state is TrainingState.FAILED) for message in results]
+
+
+def test_lanes_are_dealt_in_order_and_those_of_a_snapshot_stay_together():
+    lanes = [TrainJob(id=name, program="human") for name in "abcdefg"]
+
+    def dealt(kept: Sequence[str], count: int) -> list[str]:
+        return ["".join(lane.id for lane in share) for share in deal(lanes, kept, count)]
+
+    assert dealt([], 3) == ["abc", "def", "g"]
+    assert dealt(["fb"], 3) == ["fb", "acd", "eg"]
+    assert dealt(["ax", ""], 1) == ["abcdefg"]  # x has its result; a snapshot of nothing is no population
+    assert dealt(["abcd", "efg"], 1) == ["abcd", "efg"]
+
+
+def test_a_free_slot_takes_the_next_population():
+    transport = Scripted(until("nobody"))
+    # Each round every worker says one thing. The first slot is free in the second round, and again in the fourth.
+    assert trained(transport, populations("a", "bcdef", "g", "h"), "01") == ["a", "b", "c", "d", "g", "e", "f", "h"]
+    assert [(device, "".join(names)) for device, names in transport.asked] == [
+        ("0", "a"), ("1", "bcdef"), ("0", "g"), ("0", "h"),
+    ]  # fmt: skip
+
+
+def test_progress_of_one_population_after_another_counts_on():
+    def script(names: list[str]) -> Said:
+        yield from (progress(names), *map(result, names), DONE)
+
+    found = train(Scripted(script), populations("a", "b"), [Slot("0", 1)])
+    seen = [message for message in found if isinstance(message, TrainingProgress)]
+    assert [(m.epoch, m.epochs) for m in seen] == [(2, 8), (6, 8)]
+
+
+def test_what_ends_a_worker_is_tried_together_once_more_then_alone():
+    transport = Scripted(until("x"))
+    assert trained(transport, populations("axcd", "e")) == ["a", "c", "d", "x!", "e"]
+    assert [names for _, names in transport.asked] == [
+        ["a", "x", "c", "d"], ["x", "c", "d"], ["x"], ["c"], ["d"], ["e"],
+    ]  # fmt: skip
+
+
+def test_where_no_generated_reward_trains_the_human_one_says_who_is_at_fault():
+    rewards = Scripted(lambda names: until("x")(names) if names != ["control"] else until("nobody")(names))
+    assert trained(rewards, populations("x", generated=True)) == ["x!"]
+    assert [names for _, names in rewards.asked] == [["x"], ["x"], ["x"], ["control"]]
+    machine = Scripted(lambda names: iter([WorkerError(f"{names[0]} died.")]))
+    with pytest.raises(WorkerError, match="x died"):
+        trained(machine, populations("x", generated=True))
+
+
+def test_a_worker_that_leaves_lanes_out_is_asked_again():
+    transport = Scripted(lambda names: iter([result(names[0]), DONE]))
+    assert trained(transport, populations("abcd")) == ["a", "b", "c", "d"]
+    silent = Scripted(lambda names: iter([DONE]))
+    assert trained(silent, populations("ab")) == ["a!", "b!"]
+
+
+def test_a_task_that_fails_stops_all_and_leaves_the_state_of_the_others(tmp_path: Path):
+    def script(names: list[str]) -> Said:
+        if names == ["a"]:
+            yield TaskError("The task is at fault.")
+
+    transport = Scripted(script)
+    with pytest.raises(TaskError):
+        trained(transport, populations("a", "b", folder=tmp_path / "snapshots"), "01")
+    assert all(call.closed for call in transport.calls)
+    assert b"1" in [file.read_bytes() for file in (tmp_path / "snapshots").glob("*.pt")]
+
+
+def test_who_stops_listening_is_left_the_state_of_every_population(tmp_path: Path):
+    def script(names: list[str]) -> Said:
+        yield progress(names)
+
+    transport = Scripted(script)
+    stream = train(transport, populations("a", "b", "c", folder=tmp_path / "snapshots"), [Slot("0", 1), Slot("1", 1)])
+    assert isinstance(next(stream), TrainingProgress)
+    stream.close()
+    assert sorted(file.read_bytes() for file in (tmp_path / "snapshots").glob("*.pt")) == [b"0", b"1"]
+    assert [names for _, names in transport.asked] == [["a"], ["b"]] and all(call.closed for call in transport.calls)

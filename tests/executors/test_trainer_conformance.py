@@ -1,0 +1,11 @@
+from openeureka.executors.local import LocalExecutor
+from openeureka.testing.conformance.trainer import TrainerConformance
+from openeureka.types import TrainBudget
+
+
+class TestLocalExecutor(TrainerConformance):
+    env = "cartpole"
+    budget = TrainBudget(env_steps=4096, worlds=16)
+
+    def make(self) -> LocalExecutor:
+        return LocalExecutor(threads=1)

@@ -1,0 +1,26 @@
+"""The classes that guides show, typed as the page says and put through the suites that the package ships."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+GUIDES = Path(__file__).parents[2] / "docs" / "guides"
+
+
+@pytest.mark.parametrize("name", ["search", "executor"])
+def test_a_guides_extension_keeps_the_promises_of_its_suite(name: str, tmp_path: Path):
+    page = (GUIDES / f"your-own-{name}.md").read_text()
+    module, test = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    assert len(module.splitlines()) < 40
+    for file, text in ((f"my_{name}.py", module), (f"test_my_{name}.py", test)):
+        assert f"`{file}`" in page
+        (tmp_path / file).write_text(text)
+    promised = re.search(r"You will see `(\d+ passed)`", page)
+    assert promised is not None
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"test_my_{name}.py"]
+    said = subprocess.run(command, cwd=tmp_path, env=os.environ, capture_output=True, text=True, check=False).stdout
+    assert promised[1] in said, said
