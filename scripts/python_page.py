@@ -44,12 +44,13 @@ def _signature(function: object) -> str:
 
 
 def _class(kind: type) -> str:
-    lines = [_markdown(inspect.getdoc(kind) or ""), ""]
+    fields = ", ".join(f"`{name}`" for name in _fields(kind))
+    lines = [_markdown(inspect.getdoc(kind) or ""), "", f"Fields: {fields}.", ""]
     for name, member in _members(kind):
         if isinstance(member, property):
             lines += [f"### {name}\n", _markdown(inspect.getdoc(member) or ""), ""]
         else:
-            lines += [f"### {name}()\n", _call(name, member)]
+            lines += [f"### {name}{_signature(member)}\n", _markdown(inspect.getdoc(member) or ""), ""]
     return "\n".join(lines)
 
 
@@ -59,9 +60,14 @@ def _members(kind: type) -> Iterator[tuple[str, object]]:
             yield name, member
 
 
+def _fields(kind: type) -> list[str]:
+    assert dataclasses.is_dataclass(kind)
+    return [field.name for field in dataclasses.fields(kind) if not field.name.startswith("_")]
+
+
 def _event(name: str) -> str:
     kind = getattr(openeureka, name)
-    fields = ", ".join(f"`{field.name}`" for field in dataclasses.fields(kind))
+    fields = ", ".join(f"`{field}`" for field in _fields(kind))
     return f"`{name}`: {' '.join((inspect.getdoc(kind) or '').split())} Fields: {fields}."
 
 

@@ -106,6 +106,15 @@ def test_leaving_the_loop_stops_the_search_and_it_goes_on_later(tmp_path, capsys
     assert run.best_reward == program(12.0) and capsys.readouterr().out == ""
 
 
+def test_a_loop_may_be_left_while_a_person_is_waited_for(tmp_path):
+    settings = {**SETTINGS, "feedback": "human"}
+    for event in openeureka.searching(model=ScriptedModel(SCRIPT), dir=tmp_path / "run", **settings):
+        if event == openeureka.Began(0, "feedback"):
+            break
+    assert not [thread for thread in threading.enumerate() if thread.name == "openeureka"]
+    assert len(openeureka.open_run(tmp_path / "run").history.generations) == 1
+
+
 def test_what_ends_a_search_is_raised_in_the_loop(tmp_path):
     class Failing(Waiting):
         def act(self):

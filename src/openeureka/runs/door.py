@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
@@ -13,13 +14,13 @@ from typing import Unpack
 from ..config import NO_MODEL, RunConfig, TrainConfig, absolute, taken
 from ..errors import ConfigError, Interrupted
 from ..llm.client import LanguageModel
-from ..person import EmptyDesk
+from ..person import Desk
 from ..report.filming import Filming
 from ..store import Store, is_run
 from ..store.halt import is_asked_to_stop
 from ..store.paths import output_directory
 from ..tasks.registry import get
-from ..types import TrainingResult, Usage, Verdict
+from ..types import Generation, TrainingResult, Usage, Verdict
 from . import compose, rewards, trust
 from .events import Event, Started, Teller
 from .run import Run
@@ -79,7 +80,7 @@ def searching(
         EurekaError: as `search` does; from the loop, what ended the search.
     """
     config, directory, own = _searched(env, model, settings)
-    return _followed(directory, lambda host: compose.search(config, directory, host, own))
+    return _followed(lambda host: compose.search(config, directory, host, own))
 
 
 def train(
@@ -183,9 +184,15 @@ def _searched(
 
 @dataclass(frozen=True, slots=True)
 class _Program:
-    """A Python program as the host of a run (see `compose.Host`): it hears events, and nothing is printed."""
+    """A Python program as the host of a run (see `compose.Host`): it hears events, and nothing is printed.
+
+    No signal reaches any thread but the main one. A run in another stops where it tells of something, or waits for a
+    person: when `leaving` is set, or `eureka stop` asks for it.
+    """
 
     tell: Tell
+    leaving: threading.Event | None = None
+    """None in the main thread."""
 
     def begins(self, config: RunConfig, directory: Path) -> None: ...
 
@@ -194,23 +201,45 @@ class _Program:
 
     @contextmanager
     def view(self, config: RunConfig, directory: Path, usage: Usage) -> Iterator[Teller]:
-        self.tell(Started(Run(directory)))
-        yield Teller(self.tell)
+        def tell(event: Event) -> None:
+            self.tell(event)
+            if not isinstance(event, TrainingResult):  # the next one may be waiting: it is to be kept first
+                self.obey(directory)
 
-    def desk(self, config: RunConfig, directory: Path, films: Sequence[Filming]) -> EmptyDesk:
-        return EmptyDesk()  # `eureka feedback` reaches the run from any shell
+        tell(Started(Run(directory)))
+        yield Teller(tell)
+
+    def obey(self, directory: Path) -> None:
+        """Raises KeyboardInterrupt where the run is to stop and no signal says so."""
+        if self.leaving is not None and (self.leaving.is_set() or is_asked_to_stop(directory)):
+            raise KeyboardInterrupt
+
+    def desk(self, config: RunConfig, directory: Path, films: Sequence[Filming]) -> Desk:
+        return _Desk(self, directory)
 
     def again(self, directory: Path) -> str:
         return f"openeureka.open_run({str(directory)!r}).resume()"
 
 
+@dataclass(frozen=True, slots=True)
+class _Desk:
+    """Nobody sits here; `eureka feedback` and the page reach the run all the same."""
+
+    host: _Program
+    directory: Path
+
+    def invite(self, generation: Generation) -> None: ...
+
+    def listen(self, seconds: float) -> None:
+        time.sleep(seconds)
+        self.host.obey(self.directory)
+
+
 def _done(directory: Path, on_event: Tell | None, work: Work) -> Run:
     """The run after the work, or as far as it came when it was stopped."""
-    asked = threading.Event()
-    tell = on_event or (lambda event: None)
     in_main = threading.current_thread() is threading.main_thread()
     try:
-        work(_Program(tell if in_main else _braked(tell, directory, asked)))
+        work(_Program(on_event or (lambda event: None), None if in_main else threading.Event()))
     except Interrupted as stop:
         if not is_run(directory):
             raise KeyboardInterrupt from None
@@ -218,19 +247,7 @@ def _done(directory: Path, on_event: Tell | None, work: Work) -> Run:
     return Run(directory)
 
 
-def _braked(tell: Tell, directory: Path, leaving: threading.Event) -> Tell:
-    """For a thread that no signal reaches: an event stops the run when somebody wants it to."""
-
-    def told(event: Event) -> None:
-        tell(event)
-        # Where the next result may be waiting already, it is to be kept first.
-        if not isinstance(event, TrainingResult) and (leaving.is_set() or is_asked_to_stop(directory)):
-            raise KeyboardInterrupt
-
-    return told
-
-
-def _followed(directory: Path, work: Work) -> Generator[Event]:
+def _followed(work: Work) -> Generator[Event]:
     """The events of a run at work in a thread of its own."""
     events: SimpleQueue[Event | None] = SimpleQueue()
     leaving = threading.Event()
@@ -238,7 +255,7 @@ def _followed(directory: Path, work: Work) -> Generator[Event]:
 
     def run() -> None:
         try:
-            work(_Program(_braked(events.put, directory, leaving)))
+            work(_Program(events.put, leaving))
         except BaseException as error:  # whatever it is, it is raised where somebody looks
             failures.append(error)
         finally:

@@ -64,7 +64,7 @@ def stoppable(directory: Path) -> Iterator[None]:
     """In the main thread: raise KeyboardInterrupt, as Ctrl-C does, when the run is asked to stop.
 
     SIGINT itself would not do: shells have processes in the background ignore it. No signal reaches another thread;
-    there the run's observer is what stops it.
+    there the host stops the run.
     """
     withdraw(directory)
     if threading.current_thread() is not threading.main_thread():
