@@ -25,6 +25,7 @@ from openeureka.config import RunConfig
 from openeureka.executors.local import LocalExecutor
 from openeureka.lanes import Lanes, deal
 from openeureka.observer import NullObserver
+from openeureka.race import CONTENDERS
 from openeureka.report.text import number
 from openeureka.reward import extract
 from openeureka.sandbox.client import Sandbox
@@ -73,11 +74,12 @@ RANKING = (
         "in training, fresh seeds",
         "played, fresh seeds",
     ),
-    *("fresh seeds", "F of the one crowned by training", "crowned by playing", "the best there was", "human"),
+    *("fresh seeds", "F of the first by training", "the first by playing"),
+    *("the best of the three that race", "the best there was", "human"),
 )
 CHECKPOINTS = ("task", "lanes", "peak of F", "peak of own reward", "end of training", "the one that plays best")
 NOTE = """*Same policy*: rank correlation with held-out F of the policy that was ranked. *Fresh seeds*: with that of
-trainings with other seeds; the last four columns are held-out F over those seeds.
+trainings with other seeds; the last five columns are held-out F over those seeds. Three race, the first by playing.
 
 Which policy should stand for a lane? Held-out F, the mean over all lanes and seeds:"""
 
@@ -127,9 +129,9 @@ def measure(env: str, seed: int, trainer: LocalExecutor) -> None:
         known = _read().get(env, {"lanes": {}})["lanes"]
         records: Record = {}
         for job in (job for job in results if job not in known):
-            policies = {peak: policy for peak in PEAKS if (policy := store.policy(job, peak)) is not None}
+            policies = {peak: policy for peak in PEAKS if (policy := store.lanes.policy(job, peak)) is not None}
             judged = {score.job: score for score in trainer.evaluate(env, policies, seed=JUDGED)}
-            records[job] = _record(results[job], store.plays().get(job, {}), judged)
+            records[job] = _record(results[job], store.lanes.plays().get(job, {}), judged)
         _write(env, records)
 
 
@@ -167,25 +169,27 @@ def ranking(measured: Record) -> list[tuple[str, ...]]:
 
 def _ranking(env: str, lanes: Mapping[str, Record]) -> tuple[str, ...]:
     names = sorted({job.rpartition("-s")[0] for job in lanes} - {"human"})
-    first = {name: lanes[lane_id(name, SEEDS[0])] for name in names}
-    names = [name for name in names if first[name]["held_out"] and first[name]["training"] is not None]
-    training = [first[name]["training"] for name in names]
-    played = [_score(first[name], _standing(first[name])) for name in names]
+    own = {name: lanes[lane_id(name, SEEDS[0])] for name in names}
+    names = [name for name in names if own[name]["held_out"] and own[name]["training"] is not None]
+    training = [own[name]["training"] for name in names]
+    played = [_score(own[name], _standing(own[name])) for name in names]
     cells = [
-        _correlation(training, [first[name]["held_out"]["reward"]["fitness"] for name in names]),
-        _correlation(played, [first[name]["held_out"][_standing(first[name])]["fitness"] for name in names]),
+        _correlation(training, [own[name]["held_out"]["reward"]["fitness"] for name in names]),
+        _correlation(played, [own[name]["held_out"][_standing(own[name])]["fitness"] for name in names]),
     ]
     fresh = {name: _fresh(lanes, name) for name in [*names, "human"]}
     known = [name for name in names if fresh[name] is not None]
     if not known:
-        return (env, str(len(names)), *cells, *("-" for _ in range(7)))
+        return (env, str(len(names)), *cells, *("-" for _ in range(8)))
     by_training = dict(zip(names, training, strict=True))
     by_played = dict(zip(names, played, strict=True))
     again = [fresh[name] for name in known]
     cells += [_correlation([by[name] for name in known], again) for by in (by_training, by_played)]
-    crowned = [fresh[max(known, key=by.__getitem__)] for by in (by_training, by_played)]
+    first = [fresh[max(known, key=by.__getitem__)] for by in (by_training, by_played)]
+    racing = [fresh[name] for name in sorted(known, key=by_played.__getitem__)[-CONTENDERS:]]
     seeds = len(_seeds(lanes, known[0]))
-    return (env, str(len(names)), *cells, str(seeds), *map(number, [*crowned, max(again, key=rank), fresh["human"]]))
+    scores = [*first, max(racing, key=rank), max(again, key=rank), fresh["human"]]
+    return (env, str(len(names)), *cells, str(seeds), *map(number, scores))
 
 
 def _standing(record: Record) -> Peak:

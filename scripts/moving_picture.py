@@ -1,6 +1,6 @@
 """Draws docs/images/found.webp: twelve balls under the policies of the human and of a generated reward, and F of both.
 
-python benchmarks/found.py && python scripts/moving_picture.py     # needs OpenGL, MUJOCO_GL=egl without a display
+python benchmarks/found.py && python scripts/moving_picture.py     # needs OpenGL and the extra `bench`
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ def train(config: RunConfig, store: Store, trainer: Trainer, observer: Observer 
     observer.phase(0, "evaluate")
     standing = lanes.standing(results, strategy)
     scores = {job: score.fitness for job, score in lanes.evaluate(standing).items()}
-    arms = {name: [lane.id for lane in store.lanes().values() if lane.reward == name] for name in store.given()}
+    arms = {name: [lane.id for lane in store.lanes.all().values() if lane.reward == name] for name in store.given()}
     best = max(arms, key=lambda name: rank(mean([scores.get(job) for job in arms[name]])))
     job = max(arms[best], key=lambda job: rank(scores.get(job)))
     store.save_best(store.candidate(store.given()[best]), job, standing[job])

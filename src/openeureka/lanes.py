@@ -109,8 +109,8 @@ class Lanes:
                 reward's. A lane that ends its worker by itself has a result that says so.
         """
         lanes = dict(wanted)
-        self.store.save_lanes(lanes)
-        known = self.store.results()
+        self.store.lanes.add(lanes)
+        known = self.store.lanes.results()
         # Programs that differ only in comments or local names have equal graphs: they train once and share the result.
         twins: dict[str, list[TrainJob]] = {}
         for lane, program in lanes.items():
@@ -134,19 +134,19 @@ class Lanes:
             raise WorkerError(failed[0].message)
         for result in failed:
             self._keep(result, sharing[result.job])
-        results = self.store.results()
+        results = self.store.lanes.results()
         return {lane.id: results[lane.id] for lane in lanes}
 
     def _keep(self, result: TrainingResult, jobs: Iterable[TrainJob]) -> None:
         own = [dataclasses.replace(result, job=job.id) for job in jobs]
         for each in own:
-            self.store.save_result(each)
+            self.store.lanes.save_result(each)
         for each in own:
             self.observer.result(each)
 
     def final(self, arms: Iterable[Scored]) -> dict[str, list[str]]:
         """Job ids of the final trainings by reward, as far as they are done: see `final_lanes`."""
-        return final_lanes(self.config, arms, self.store.results(), self.store.plays())
+        return final_lanes(self.config, arms, self.store.lanes.results(), self.store.lanes.plays())
 
     def play(self, jobs: Iterable[str], strategy: SearchStrategy) -> dict[str, Evaluation]:
         """What each lane scores by the one of its policies that plays best, on start states kept for choosing; nothing
@@ -159,7 +159,7 @@ class Lanes:
             return {}
         jobs = tuple(dict.fromkeys(jobs))
         self._look(0, jobs, strategy.peaks)
-        lanes, beside = self.store.lanes(), dict(BASELINES)
+        lanes, beside = self.store.lanes.all(), dict(BASELINES)
         rivals = [job for job in jobs if lanes[job].role == "given" or lanes[job].reward not in beside]
         self._look(1, level(self._scores(rivals)), strategy.peaks)
         scores = self._scores(jobs)
@@ -167,18 +167,18 @@ class Lanes:
         return scores
 
     def _scores(self, jobs: Iterable[str]) -> dict[str, Evaluation]:
-        plays = self.store.plays()
+        plays = self.store.lanes.plays()
         return {job: played(plays[job]) for job in jobs if job in plays}
 
     def _look(self, look: int, jobs: Sequence[str], peaks: Sequence[Peak]) -> None:
         """Let those play that have not yet, in this look, side by side on the same start states."""
-        known, results = self.store.plays(), self.store.results()
+        known, results = self.store.lanes.plays(), self.store.lanes.results()
         jobs = [job for job in jobs if results[job].fitness is not None]  # whose F is undefined wins nothing
         missing: list[tuple[str, Peak]] = [
             (job, peak) for job in jobs for peak in peaks if len(known.get(job, {}).get(peak, ())) <= look
         ]
         places: dict[str, tuple[str, Peak]] = {f"{job} {peak}": (job, peak) for job, peak in missing}
-        policies = {key: self.store.policy(*place) for key, place in places.items()}
+        policies = {key: self.store.lanes.policy(*place) for key, place in places.items()}
         playing = {key: policy for key, policy in policies.items() if policy is not None}
         if not playing:
             return
@@ -188,34 +188,34 @@ class Lanes:
         for score in self.trainer.evaluate(self.config.env, playing, seed=seed, episodes=episodes):
             job, peak = places[score.job]
             scores.append(dataclasses.replace(score, job=job, peak=peak))
-        self.store.save_plays(look, scores)  # all or none: who plays beside whom may matter to the last bit
+        self.store.lanes.save_plays(look, scores)  # all or none: who plays beside whom may matter to the last bit
 
     def standing(self, jobs: Iterable[str], strategy: SearchStrategy) -> dict[str, Peak]:
         """Which of its policies stands for each job: that which plays best, or the first where none was played."""
-        plays = self.store.plays()
+        plays = self.store.lanes.plays()
         return {job: standing(plays.get(job), strategy.peaks[0]) for job in jobs}
 
     def evaluate(self, jobs: Mapping[str, Peak]) -> dict[str, Evaluation]:
         """Held-out scores by job id, each of the named policy; a lane without it has none."""
-        known = self.store.evaluations()
-        policies = {job: self.store.policy(job, peak) for job, peak in jobs.items() if job not in known}
+        known = self.store.lanes.evaluations()
+        policies = {job: self.store.lanes.policy(job, peak) for job, peak in jobs.items() if job not in known}
         missing = {job: policy for job, policy in policies.items() if policy is not None}
         scores = self.trainer.evaluate(self.config.env, missing, seed=self._held_out) if missing else ()
-        self.store.save_evaluations([dataclasses.replace(score, peak=jobs[score.job]) for score in scores])
-        return {job: score for job, score in self.store.evaluations().items() if job in jobs}
+        self.store.lanes.save_evaluations([dataclasses.replace(score, peak=jobs[score.job]) for score in scores])
+        return {job: score for job, score in self.store.lanes.evaluations().items() if job in jobs}
 
     def try_out(self, trials: Iterable[Trial]) -> None:
         """Take the scores that the store does not hold yet, on the start states of `evaluate`."""
-        known = self.store.trials()
+        known = self.store.lanes.trials()
         missing = {f"{trial.job} {trial.name}": trial for trial in trials if trial.name not in known.get(trial.job, {})}
-        policies = {key: self.store.policy(trial.job, trial.peak) for key, trial in missing.items()}
+        policies = {key: self.store.lanes.policy(trial.job, trial.peak) for key, trial in missing.items()}
         playing = {key: policy for key, policy in policies.items() if policy is not None}
         dynamics = {key: missing[key].dynamics for key in playing}
         if not playing:
             return
         for score in self.trainer.evaluate(self.config.env, playing, seed=self._held_out, dynamics=dynamics):
             trial = missing[score.job]
-            self.store.save_trial(trial.name, dataclasses.replace(score, job=trial.job, peak=trial.peak))
+            self.store.lanes.save_trial(trial.name, dataclasses.replace(score, job=trial.job, peak=trial.peak))
 
     @property
     def _held_out(self) -> int:

@@ -94,7 +94,7 @@ def conclude(
     observer.phase(config.generations, "evaluate")
     arms = lanes.final(race.contenders(history))
     scores = lanes.evaluate(lanes.standing([job for jobs in arms.values() for job in jobs], strategy))
-    results = store.results()
+    results = store.lanes.results()
     own = {job: results[job] for job in arms[best.sample.verdict.candidate] if job in scores}
     winner = max(own, key=lambda job: rank(scores[job].fitness), default=None)
     keep(store, lanes, strategy, best, winner)
@@ -112,4 +112,4 @@ def keep(store: Store, lanes: Lanes, strategy: SearchStrategy, best: Scored, job
 
 def summarise(config: RunConfig, store: Store, history: History) -> Outcome:
     """The outcome as far as the store holds it."""
-    return race.outcome(config, history, store.crown(), store.results(), store.evaluations())
+    return race.outcome(config, history, store.crown(), store.lanes.results(), store.lanes.evaluations())

@@ -43,7 +43,7 @@ def test_it_is_shown(directory: Path, capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_what_it_did_not_keep_is_worked_out_once(directory: Path) -> None:
     with Store.view(directory) as store:
-        roles = {name: lane.role for name, lane in store.lanes().items()}
+        roles = {name: lane.role for name, lane in store.lanes.all().items()}
         parents, attempts = store.parents(), store.attempts()
     first, second = "6e0cbd02bc12", "b2396fcd5172"
     assert roles == {

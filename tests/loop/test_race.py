@@ -92,7 +92,7 @@ def test_where_training_ranks_the_best_trains_with_all_seeds_at_once(tmp_path: P
     go(tmp_path, trainer, [7, 8], seeds=3, search="eureka")
     assert trainer.trained[4:7] == [job(8, 1), job(8, 2), job(8, 3)]
     with Store.view(tmp_path) as store:
-        assert store.plays() == {}
+        assert store.lanes.plays() == {}
         assert store.crown() == Place(0, 1)
 
 
@@ -105,7 +105,7 @@ def test_a_lane_is_judged_by_that_of_its_policies_which_plays_best(tmp_path: Pat
     with Store.view(tmp_path) as store:
         (generation,) = store.history().generations
         assert [entry.score for entry in generation.entries] == [99.0, 99.0]
-        assert {score.peak for score in store.evaluations().values()} == {"last"}
+        assert {score.peak for score in store.lanes.evaluations().values()} == {"last"}
     assert (tmp_path / "best" / "policy.safetensors").read_bytes() == b"100"
 
 
@@ -118,7 +118,7 @@ def test_policies_that_are_level_play_again_and_their_looks_are_pooled(tmp_path:
 
     go(tmp_path, Noisy(error=1.0), [1, 7, 8], seeds=1)
     with Store.view(tmp_path) as store:
-        looks = {name: len(plays["reward"]) for name, plays in store.plays().items() if name.endswith("-s0")}
+        looks = {name: len(plays["reward"]) for name, plays in store.lanes.plays().items() if name.endswith("-s0")}
         assert looks == {job(1, 0): 1, job(7, 0): 2, job(8, 0): 2, "human-s0": 1, "sparse-s0": 1}
         (generation,) = store.history().generations
         played = generation.entries[2].played
@@ -134,7 +134,7 @@ def test_a_run_of_a_version_that_ranked_by_training_goes_on_as_it_began(tmp_path
         assert store.ranks == "training"
         model = ScriptedModel([reply(7), reply(8)])
         run(config, store, model, ToyChecker(), ToyTrainer(), TOY, strategies.make(config, store.ranks))
-        assert store.plays() == {} and store.evaluations()["human-s1"].peak == "reward"
+        assert store.lanes.plays() == {} and store.lanes.evaluations()["human-s1"].peak == "reward"
 
 
 def test_the_error_of_a_score_that_nobody_measured_leaves_no_one_level() -> None:

@@ -34,7 +34,9 @@ def _said(path: Path) -> set[str]:
 
 
 def test_processes_begin_in_four_places():
-    starts = users("subprocess.Popen", "subprocess.run", "multiprocessing", "os.fork", "os.posix_spawn", "os.system")
+    starts = users(
+        "subprocess.Popen", "subprocess.run", "multiprocessing.Process", "os.fork", "os.posix_spawn", "os.system"
+    )
     assert starts == {"worker.py", "sandbox/server.py", "ui/launch.py", "llm/weights.py"}
 
 

@@ -77,5 +77,4 @@ def test_processes_are_started_where_contributing_says():
         "llm/weights.py",
         "report/video.py",
         "ui/launch.py",
-        "testing/fuzz.py",
     }

@@ -120,15 +120,15 @@ def test_a_run_that_lost_its_database_does_not_begin_anew(finished: Path, lose: 
 
 def test_a_damaged_or_missing_policy_is_named_before_it_is_used(finished: Path):
     with Store.view(finished) as store:
-        job = next(iter(store.results()))
+        job = next(iter(store.lanes.results()))
         path = finished / "lanes" / job / "best_reward.safetensors"
         whole = path.read_bytes()
-        assert store.policy(job, "reward") == whole
+        assert store.lanes.policy(job, "reward") == whole
         for content in (whole[:-1], b"", None):
             path.unlink()
             if content is not None:
                 path.write_bytes(content)
-            assert f"{path} is missing or damaged" in refusal(lambda: store.policy(job, "reward"))
+            assert f"{path} is missing or damaged" in refusal(lambda: store.lanes.policy(job, "reward"))
             path.write_bytes(whole)
 
 
@@ -252,7 +252,7 @@ def test_a_run_of_an_older_version_can_be_read_and_stays_as_it_is(tmp_path: Path
     before = (tmp_path / db.FILENAME).read_bytes()
     with Store.view(tmp_path) as store:
         assert store.config == CONFIG
-        assert store.trials() == {} == store.plays()
+        assert store.lanes.trials() == {} == store.lanes.plays()
         assert store.ranks == "training"
     assert (tmp_path / db.FILENAME).read_bytes() == before
 
@@ -266,7 +266,7 @@ def test_a_clock_that_jumps_changes_nothing(tmp_path: Path, finished: Path, monk
     search_in(tmp_path / "jumping")
     with Store.view(finished) as steady, Store.view(tmp_path / "jumping") as jumping:
         assert jumping.history() == steady.history()
-        assert jumping.evaluations() == steady.evaluations()
+        assert jumping.lanes.evaluations() == steady.lanes.evaluations()
 
 
 def test_what_was_made_of_another_policy_goes_with_it_whatever_its_date(tmp_path: Path):

@@ -116,30 +116,30 @@ def test_a_refusal_comes_back_with_its_findings(store: Store) -> None:
 
 
 def test_a_result_comes_back_with_undefined_numbers_as_none_and_its_policies_apart(store: Store) -> None:
-    store.save_result(result("human-s0", fitness=math.nan))
-    kept = store.result("human-s0")
+    store.lanes.save_result(result("human-s0", fitness=math.nan))
+    kept = store.lanes.result("human-s0")
     assert kept is not None
     assert kept.fitness is None
     assert kept.curves == {"fitness": (None, 2.0), "component/speed": (0.5, None)}
     assert kept.best_fitness == Checkpoint(epoch=1, value=2.0, policy=b"")
     assert kept.best_reward is None
-    assert store.policy("human-s0", "fitness") == b"peak of F"
-    assert store.policy("human-s0", "reward") is None
+    assert store.lanes.policy("human-s0", "fitness") == b"peak of F"
+    assert store.lanes.policy("human-s0", "reward") is None
 
 
 def test_the_clock_of_a_training_is_kept_and_an_older_result_has_none(store: Store) -> None:
     timed = dataclasses.replace(result("a"), clock=(1.5, 3.0))
-    store.save_result(timed)
+    store.lanes.save_result(timed)
     older = json.loads(encode_result(result("b")))
     del older["clock"]
     store._database.put("results", {"job": "b", "fitness": 2.0, "result": json.dumps(older)})
-    assert {job: kept.clock for job, kept in store.results().items()} == {"a": (1.5, 3.0), "b": ()}
+    assert {job: kept.clock for job, kept in store.lanes.results().items()} == {"a": (1.5, 3.0), "b": ()}
 
 
 def test_an_undefined_fitness_is_null_in_the_tables(store: Store) -> None:
-    store.save_result(result("a", fitness=math.inf))
-    store.save_evaluations([Evaluation(job="a", fitness=math.nan, episode_length=2.0, episodes=3)])
-    assert store.evaluations()["a"].fitness is None
+    store.lanes.save_result(result("a", fitness=math.inf))
+    store.lanes.save_evaluations([Evaluation(job="a", fitness=math.nan, episode_length=2.0, episodes=3)])
+    assert store.lanes.evaluations()["a"].fitness is None
     with sqlite3.connect(store.directory / "run.sqlite") as connection:
         assert connection.execute("SELECT fitness FROM results").fetchall() == [(None,)]
         assert connection.execute("SELECT fitness FROM evaluations").fetchall() == [(None,)]
@@ -148,8 +148,8 @@ def test_an_undefined_fitness_is_null_in_the_tables(store: Store) -> None:
 def test_a_generation_comes_back_whole(store: Store) -> None:
     no_program = Verdict(candidate="", code=VerdictCode.NO_PROGRAM, findings=(Finding(rule="r", message="m"),))
     store.save_verdict(CANDIDATE, ACCEPTED, REPLY)
-    store.save_result(result("a-s0"))
-    trained = store.result("a-s0")
+    store.lanes.save_result(result("a-s0"))
+    trained = store.lanes.result("a-s0")
     entries = (
         Scored(
             sample=Sample(generation=0, slot=0, candidate=CANDIDATE, verdict=ACCEPTED), result=trained, feedback="good"
@@ -279,4 +279,4 @@ def test_a_result_that_was_changed_is_named(store: Store, field: str) -> None:
     data = json.loads(encode_result(result("a", fitness=1.0))) | {field: ["x"]}
     store._database.put("results", {"job": "a", "fitness": 1.0, "result": json.dumps(data)})
     with pytest.raises(StoreError, match="was changed"):
-        store.results()
+        store.lanes.results()

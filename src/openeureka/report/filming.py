@@ -33,11 +33,11 @@ def missing(directory: Path) -> dict[str, bytes]:
     """By job id, the policies that count of those lanes of the search that are trained and not filmed."""
     with Store.view(directory) as store:
         # Of the final trainings only the best is filmed, in `best/`.
-        jobs = [lane.id for lane in store.lanes().values() if lane.role != "final"]
-        results = store.results()
+        jobs = [lane.id for lane in store.lanes.all().values() if lane.role != "final"]
+        results = store.lanes.results()
         jobs = [job for job in jobs if job in results and not artifacts.exists(directory, _place(job))]
-        plays = store.plays()
-        policies = {job: store.policy(job, standing(plays.get(job), "fitness")) for job in jobs}
+        plays = store.lanes.plays()
+        policies = {job: store.lanes.policy(job, standing(plays.get(job), "fitness")) for job in jobs}
     return {job: policy for job, policy in policies.items() if policy is not None}
 
 

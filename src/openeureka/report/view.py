@@ -174,10 +174,10 @@ class RunView:
         What an earlier view of it holds is not decoded again: most of the time goes into curves.
         """
         with Store.view(directory) as store:
-            results = store.results(earlier.results if earlier is not None else {})
+            results = store.lanes.results(earlier.results if earlier is not None else {})
             config, history = store.config, store.history(results)
             videos = _videos(directory, results)
-            played = {job: score.played(plays) for job, plays in store.plays().items()}
+            played = {job: score.played(plays) for job, plays in store.lanes.plays().items()}
             reader = _Reader(
                 config=config,
                 history=history,
@@ -194,10 +194,10 @@ class RunView:
                 config=config,
                 history=history,
                 generations=reader.generations(),
-                lanes=store.lanes(),
+                lanes=store.lanes.all(),
                 results=results,
-                evaluations=store.evaluations(),
-                trials=store.trials(),
+                evaluations=store.lanes.evaluations(),
+                trials=store.lanes.trials(),
                 usage=store.usage(),
                 played=played,
                 ranks="training" if config.search == "eureka" else store.ranks,

@@ -13,15 +13,17 @@ import os
 import re
 import sqlite3
 import stat
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+from ..codec import DecodeError
 from ..errors import StoreError
 from .schema import FILLS, MIGRATIONS
 
+T = TypeVar("T")
 FILENAME = "run.sqlite"
 LOCK = "run.lock"
 LOG = "run.log"
@@ -221,6 +223,13 @@ class Database:
     def row(self, table: str, **where: Any) -> sqlite3.Row | None:
         found = self.rows(table, **where)
         return found[0] if found else None
+
+    def decoded(self, decode: Callable[..., T], *values: object) -> T:
+        """What values of a row stand for. Raises StoreError where they stand for nothing."""
+        try:
+            return decode(*values)
+        except (DecodeError, KeyError, TypeError) as error:
+            raise changed_row(self.directory, error) from None
 
     def glance(self) -> sqlite3.Row:
         """Counts and sums over the run, without its texts and curves."""

@@ -5,15 +5,15 @@ from __future__ import annotations
 import dataclasses
 import json
 import sqlite3
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from types import MappingProxyType, TracebackType
+from types import TracebackType
 from typing import Literal, TypeVar
 
 from filelock import FileLock, Timeout
 
-from ..codec import DecodeError, decode, encode
+from ..codec import decode, encode
 from ..config import RunConfig, as_dict, restored
 from ..errors import ConfigError, StoreError
 from ..score import played
@@ -27,7 +27,6 @@ from ..types import (
     Generation,
     Glance,
     History,
-    Lane,
     Message,
     Peak,
     Place,
@@ -42,18 +41,11 @@ from ..types import (
 from ..version import __version__
 from . import artifacts
 from .codec import (
-    decode_digest,
-    decode_lane,
     decode_messages,
-    decode_result,
     decode_verdict,
-    digest,
-    encode_evaluation,
-    encode_result,
-    finite,
-    policy_name,
 )
 from .db import AGAIN, FILENAME, LOCK, LOG, STOP, Database, changed_row, explained
+from .lane_log import LaneLog
 from .remark_log import RemarkLog
 
 T = TypeVar("T")
@@ -74,6 +66,7 @@ class Store:
     twice is a programming error and raises sqlite3.IntegrityError.
 
     Attributes:
+        lanes: what trained, and what came of it.
         remarks: what a person says while the run goes on.
     """
 
@@ -81,6 +74,7 @@ class Store:
         self.directory = directory
         self._database = database
         self._lock = lock
+        self.lanes = LaneLog(database)
         self.remarks = RemarkLog(database)
 
     @classmethod
@@ -136,12 +130,6 @@ class Store:
     ) -> None:
         self.close()
 
-    def _decoded(self, decode: Callable[..., T], *values: object) -> T:
-        try:
-            return decode(*values)
-        except (DecodeError, KeyError, TypeError) as error:
-            raise changed_row(self.directory, error) from None
-
     # --- settings ----------------------------------------------------------------------------------------------------
 
     def _settle(self, config: RunConfig) -> None:
@@ -168,7 +156,9 @@ class Store:
         if row is None:
             raise StoreError(f"{self.directory} holds a run that never began; {AGAIN}")
         try:
-            return self._decoded(lambda text: restored(RunConfig, decode(dict[str, object], text)), row["config"])
+            return self._database.decoded(
+                lambda text: restored(RunConfig, decode(dict[str, object], text)), row["config"]
+            )
         except ConfigError:
             version = row["version"]
             raise StoreError(
@@ -190,7 +180,10 @@ class Store:
             self._database.put("prompts", {"generation": generation, "slot": slots.start, "messages": messages})
         self.save_slots(generation, slots, asked=slots.start, parent=parent)
         asked = [
-            {**dict(row), "messages": [dataclasses.asdict(m) for m in self._decoded(decode_messages, row["messages"])]}
+            {
+                **dict(row),
+                "messages": [dataclasses.asdict(m) for m in self._database.decoded(decode_messages, row["messages"])],
+            }
             for row in self._database.rows("prompts")
         ]
         artifacts.write(self.directory, "messages.json", json.dumps(asked, indent=2))
@@ -225,7 +218,9 @@ class Store:
     def prompts(self) -> dict[tuple[int, int], tuple[Message, ...]]:
         """What was asked, by generation and the first slot that it fills."""
         rows = self._database.rows("prompts", order=("generation", "slot"))
-        return {(row["generation"], row["slot"]): self._decoded(decode_messages, row["messages"]) for row in rows}
+        return {
+            (row["generation"], row["slot"]): self._database.decoded(decode_messages, row["messages"]) for row in rows
+        }
 
     def parents(self) -> dict[Place, Place]:
         """Which candidate the model was asked to improve, by slot; a first answer and a given reward have none."""
@@ -249,7 +244,7 @@ class Store:
         return {
             (row["generation"], row["attempt"], row["slot"]): Attempt(
                 candidate=self.candidate(row["candidate"]),
-                repair=self._decoded(decode_messages, row["repair"]) if row["repair"] is not None else (),
+                repair=self._database.decoded(decode_messages, row["repair"]) if row["repair"] is not None else (),
             )
             for row in self._database.rows("attempts")
         }
@@ -271,7 +266,7 @@ class Store:
 
     def verdict(self, candidate: str) -> Verdict | None:
         row = self._database.row("verdicts", candidate=candidate)
-        return self._decoded(decode_verdict, row["verdict"]) if row is not None else None
+        return self._database.decoded(decode_verdict, row["verdict"]) if row is not None else None
 
     def save_given(self, rewards: Mapping[str, CandidateId | None]) -> None:
         """Keep what given rewards are called; `human` and `sparse`, which come with the task, are no candidates."""
@@ -280,108 +275,6 @@ class Store:
     def given(self) -> dict[str, CandidateId | None]:
         """The rewards of a run that searches for none, by name, in the order in which they were given."""
         return {row["name"]: row["candidate"] for row in self._database.rows("given")}
-
-    # --- training ----------------------------------------------------------------------------------------------------
-
-    def save_lanes(self, lanes: Iterable[Lane]) -> None:
-        """Keep what is about to train, where the run does not know it yet."""
-        known = self.lanes()
-        fresh = {lane.id: lane for lane in lanes if lane.id not in known}
-        self._database.put("lanes", *({"job": name} | dataclasses.asdict(lane) for name, lane in fresh.items()))
-
-    def lanes(self) -> dict[str, Lane]:
-        """Every lane of the run by its id, trained or not, in the order in which they began."""
-        rows = self._database.rows("lanes")
-        return {
-            row["job"]: self._decoded(decode_lane, row["job"], row["reward"], row["seed"], row["role"]) for row in rows
-        }
-
-    def save_result(self, result: TrainingResult) -> None:
-        folder = f"lanes/{result.job}"
-        text = encode_result(result)
-        artifacts.write(self.directory, f"{folder}/curves.json", text)
-        for name, peak in (("best_fitness", result.best_fitness), ("best_reward", result.best_reward)):
-            if peak is not None:
-                artifacts.write(self.directory, f"{folder}/{name}.safetensors", peak.policy)
-        if result.last is not None:
-            artifacts.write(self.directory, f"{folder}/last.safetensors", result.last)
-        self._database.put("results", {"job": result.job, "fitness": finite(result.fitness), "result": text})
-
-    def result(self, job: str) -> TrainingResult | None:
-        """The stored result, its checkpoints without policies: `policy` reads those."""
-        row = self._database.row("results", job=job)
-        return self._decoded(decode_result, job, row["result"]) if row is not None else None
-
-    def results(self, known: Mapping[str, TrainingResult] = MappingProxyType({})) -> dict[str, TrainingResult]:
-        """By job. Those that are known from before are not decoded again."""
-
-        def result(row: sqlite3.Row) -> TrainingResult:
-            earlier = known.get(row["job"])
-            # Results never change, but a directory may hold another run by now.
-            if earlier is not None and earlier.fitness == row["fitness"]:
-                return earlier
-            return self._decoded(decode_result, row["job"], row["result"])
-
-        return {row["job"]: result(row) for row in self._database.rows("results")}
-
-    def policy(self, job: str, peak: Peak) -> bytes | None:
-        """One of the lane's policies (safetensors); None when it never had that one.
-
-        Raises:
-            StoreError: when its file is not the one that was written.
-        """
-        row = self._database.row("results", job=job)
-        wanted = self._decoded(decode_digest, row["result"], peak) if row is not None else None
-        if wanted is None:
-            return None
-        name = f"lanes/{job}/{policy_name(peak)}.safetensors"
-        found = artifacts.read(self.directory, name)
-        if not found or (wanted and digest(found) != wanted):
-            where = self.directory / name
-            raise StoreError(f"{where} is missing or damaged; restore it from a copy, or begin again in another dir=.")
-        return found
-
-    def save_evaluations(self, scores: Iterable[Evaluation]) -> None:
-        self._database.put("evaluations", *map(encode_evaluation, scores))
-
-    def evaluations(self) -> dict[str, Evaluation]:
-        return {row["job"]: Evaluation(**dict(row)) for row in self._database.rows("evaluations")}
-
-    def save_plays(self, look: int, scores: Iterable[Evaluation]) -> None:
-        """Keep what policies of lanes scored when they were played to choose by, the first time or again."""
-        self._database.put("plays", *({"look": look} | encode_evaluation(score) for score in scores))
-
-    def plays(self) -> dict[str, dict[Peak, tuple[Evaluation, ...]]]:
-        """Scores by job id and policy, a look after the other."""
-        found: dict[str, dict[Peak, tuple[Evaluation, ...]]] = {}
-        for row in self._database.rows("plays", order=("look", "rowid")):
-            score = dict(row)
-            del score["look"]
-            own = found.setdefault(row["job"], {})
-            own[row["peak"]] = (*own.get(row["peak"], ()), Evaluation(**score))
-        return found
-
-    def save_crown(self, place: Place) -> None:
-        """Keep which candidate the final trainings confirmed."""
-        self._database.put("crown", {"id": 1, "generation": place.generation, "slot": place.slot})
-
-    def crown(self) -> Place | None:
-        """The candidate that the final trainings confirmed; None before they are done, and in runs that had no race."""
-        row = self._database.row("crown")
-        return Place(row["generation"], row["slot"]) if row is not None else None
-
-    def save_trial(self, name: str, evaluation: Evaluation) -> None:
-        """Keep what a lane's policy scored in the trial `name` (see `hacking.trials`)."""
-        self._database.put("trials", {"name": name} | encode_evaluation(evaluation))
-
-    def trials(self) -> dict[str, dict[str, Evaluation]]:
-        """Scores by job id and name of the trial."""
-        found: dict[str, dict[str, Evaluation]] = {}
-        for row in self._database.rows("trials"):
-            score = dict(row)
-            name = score.pop("name")
-            found.setdefault(row["job"], {})[name] = Evaluation(**score)
-        return found
 
     # --- generations -------------------------------------------------------------------------------------------------
 
@@ -402,8 +295,8 @@ class Store:
 
     def history(self, results: Mapping[str, TrainingResult] | None = None) -> History:
         """Every finished generation; `results` are those of the run, where the caller has them."""
-        results = self.results() if results is None else results
-        scores = {job: played(plays) for job, plays in self.plays().items()}
+        results = self.lanes.results() if results is None else results
+        scores = {job: played(plays) for job, plays in self.lanes.plays().items()}
         generations: dict[int, list[Scored]] = {}
         for row in self._database.rows("entries", order=("generation", "slot")):
             generations.setdefault(row["generation"], []).append(self._scored(row, results, scores))
@@ -421,10 +314,10 @@ class Store:
             generation=row["generation"],
             slot=row["slot"],
             candidate=self.candidate(row["candidate"]),
-            verdict=self._decoded(decode_verdict, row["verdict"]),
+            verdict=self._database.decoded(decode_verdict, row["verdict"]),
             attempts=row["attempts"],
         )
-        result = self._decoded(results.__getitem__, row["job"]) if row["job"] is not None else None
+        result = self._database.decoded(results.__getitem__, row["job"]) if row["job"] is not None else None
         return Scored(sample=sample, result=result, feedback=row["feedback"], played=scores.get(row["job"]))
 
     def candidate(self, identity: CandidateId | None) -> Candidate | None:
@@ -444,6 +337,15 @@ class Store:
 
     # --- the best ----------------------------------------------------------------------------------------------------
 
+    def save_crown(self, place: Place) -> None:
+        """Keep which candidate the final trainings confirmed."""
+        self._database.put("crown", {"id": 1, "generation": place.generation, "slot": place.slot})
+
+    def crown(self) -> Place | None:
+        """The candidate that the final trainings confirmed; None before they are done, and in runs that had no race."""
+        row = self._database.row("crown")
+        return Place(row["generation"], row["slot"]) if row is not None else None
+
     def save_best(self, program: Candidate | None, job: str, peak: Peak) -> None:
         """Fill `best/` with the program and a lane's policy: the one place that changes, as better rewards come.
 
@@ -454,13 +356,17 @@ class Store:
         """
         if program is not None:
             artifacts.write(self.directory, "best/reward.py", program.source)
-        policy, kept = self.policy(job, peak), "best/policy.safetensors"
+        policy, kept = self.lanes.policy(job, peak), "best/policy.safetensors"
         if policy is None or artifacts.read(self.directory, kept) == policy:
             return
         for made in artifacts.names(self.directory, "best"):
             if made not in ("reward.py", "policy.safetensors"):
                 artifacts.remove(self.directory, f"best/{made}")
         artifacts.write(self.directory, kept, policy)
+
+
+def _restored(text: str) -> RunConfig:
+    return restored(RunConfig, decode(dict[str, object], text))
 
 
 def _foreign(directory: Path) -> bool:
