@@ -30,8 +30,8 @@ from openeureka.report.text import number
 from openeureka.reward import extract
 from openeureka.sandbox.client import Sandbox
 from openeureka.score import mean, rank
-from openeureka.search.strategy import Best
 from openeureka.store import Store
+from openeureka.strategies.strategy import Best
 from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
 from openeureka.types import (

@@ -28,7 +28,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from openeureka import given, search
+from openeureka import given, strategies
 from openeureka.config import NO_MODEL, RunConfig
 from openeureka.loop import run
 from openeureka.observer import NullObserver
@@ -140,7 +140,8 @@ def whole_run(directory: Path) -> None:
     """The search from wherever the directory has it to its end."""
     with Store.open(directory, CONFIG) as store:
         model = MeteredModel(SCRIPT, store=store)
-        run(CONFIG, store, model, ToyChecker(), ToyTrainer(error=0.5), TOY, search.make(CONFIG), None, Person(store))
+        trainer, strategy = ToyTrainer(error=0.5), strategies.make(CONFIG)
+        run(CONFIG, store, model, ToyChecker(), trainer, TOY, strategy, None, Person(store))
 
 
 GIVEN = replace(CONFIG, model=NO_MODEL, sample=0, iteration=0, feedback="none")

@@ -25,7 +25,7 @@ from openeureka.report.text import number, spread
 from openeureka.report.verdict import verdict
 from openeureka.report.view import RunView
 from openeureka.score import Arm
-from openeureka.search import Ranking
+from openeureka.strategies import Ranking
 from openeureka.types import History
 
 ROOT = Path(__file__).parents[1]

@@ -20,9 +20,9 @@ from typing import Any
 
 from baselines import machine, read, thinned, write
 
-from openeureka.cli.rewards import explain, judge
 from openeureka.executors.local import LocalExecutor
 from openeureka.reward.files import read as read_reward
+from openeureka.runs.rewards import explain, judge
 from openeureka.score import mean
 from openeureka.store import StageFiles, artifacts
 from openeureka.suite.dexterity.pen_in_hand import CYCLE

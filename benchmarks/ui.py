@@ -33,7 +33,7 @@ from pathlib import Path
 import imageio_ffmpeg
 from playwright.sync_api import CDPSession, Page, sync_playwright
 
-from openeureka import search
+from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.loop import run
 from openeureka.report.view import VIDEO
@@ -81,7 +81,7 @@ def reply(worth: int) -> str:
 
 def search_slowly(directory: Path, model: Paced) -> None:
     with Store.open(directory, CONFIG) as store:
-        run(CONFIG, store, model, ToyChecker(), LongTrainer(), TOY, search.make(CONFIG))
+        run(CONFIG, store, model, ToyChecker(), LongTrainer(), TOY, strategies.make(CONFIG))
 
 
 def film() -> bytes:

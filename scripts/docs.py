@@ -1,4 +1,4 @@
-"""Writes what is generated in the documentation: commands, modules, what was measured, the tree in CONTRIBUTING.md.
+"""Writes what is generated in the documentation: commands, Python, modules, measurements, the tree in CONTRIBUTING.md.
 
 `python scripts/docs.py --check` writes nothing and fails when a file is out of date.
 """
@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import python_page
 from typer.testing import CliRunner
 
 from openeureka.cli.main import app
@@ -22,6 +23,7 @@ from openeureka.tasks import registry
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "docs" / "reference" / "commands.md"
+PYTHON = ROOT / "docs" / "reference" / "python.md"
 MODULES = ROOT / "docs" / "reference" / "modules.md"
 BASELINES = ROOT / "docs" / "reference" / "baselines.md"
 MEASURED = ROOT / "benchmarks" / "results" / "baselines.json"
@@ -160,6 +162,7 @@ def generated() -> Mapping[Path, str]:
     """Path -> text as it should be."""
     return {
         REFERENCE: commands(),
+        PYTHON: python_page.page(),
         MODULES: modules(),
         BASELINES: baselines(),
         README: _between(README.read_text(), FOUND, found()),

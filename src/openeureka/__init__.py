@@ -1,3 +1,69 @@
-"""openeureka: a language model designs reinforcement-learning rewards, a population of policies judges them."""
+"""openeureka: a language model designs reinforcement-learning rewards, a population of policies judges them.
 
-__version__ = "0.1.0"
+What a Python program calls stands here, and is imported when it is first used.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+from .version import __version__
+
+if TYPE_CHECKING:
+    from .errors import EurekaError
+    from .runs.door import check, open_run, search, searching, train
+    from .runs.events import Asked, Began, Checked, Event, Played, Replied, Started
+    from .runs.policy import TrainedPolicy
+    from .runs.run import LaneView, Run
+    from .score import Outcome
+    from .types import Generation, TrainingProgress, TrainingResult, Verdict
+
+__all__ = [
+    "Asked",
+    "Began",
+    "Checked",
+    "EurekaError",
+    "Event",
+    "Generation",
+    "LaneView",
+    "Outcome",
+    "Played",
+    "Replied",
+    "Run",
+    "Started",
+    "TrainedPolicy",
+    "TrainingProgress",
+    "TrainingResult",
+    "Verdict",
+    "__version__",
+    "check",
+    "open_run",
+    "search",
+    "searching",
+    "train",
+]
+
+_MODULES = {
+    "errors": ("EurekaError",),
+    "runs.door": ("check", "open_run", "search", "searching", "train"),
+    "runs.events": ("Asked", "Began", "Checked", "Event", "Played", "Replied", "Started"),
+    "runs.policy": ("TrainedPolicy",),
+    "runs.run": ("LaneView", "Run"),
+    "score": ("Outcome",),
+    "types": ("Generation", "TrainingProgress", "TrainingResult", "Verdict"),
+}
+_PLACES = {name: module for module, names in _MODULES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    """Torch, MuJoCo and the rest take seconds to load, and who asks for a version needs none of them."""
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = getattr(importlib.import_module(f".{_PLACES[name]}", __name__), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

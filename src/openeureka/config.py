@@ -1,4 +1,4 @@
-"""Settings of a run as a frozen dataclass, read from `key=value` words."""
+"""Settings of a run as a frozen dataclass, read from `key=value` words or from Python values."""
 
 from __future__ import annotations
 
@@ -124,6 +124,51 @@ class RunConfig:
         return self.generations if self.judge == "votes" else self.generations - 1
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainConfig:
+    """Training of given rewards, without a language model. Zero means the default of the task."""
+
+    env: str = "cartpole"
+    reward: str = "human,sparse"
+    """Comma-separated: `human`, `sparse` or the path of a reward file."""
+    curriculum: str = ""
+    """Stages to train each reward through: one of the task's own, or a YAML file; empty means the task alone."""
+    seeds: int = 1
+    """Trainings per reward."""
+    seed: int = 0
+    """First seed."""
+    steps: int = 0
+    """Environment steps per training, over all stages of a curriculum."""
+    worlds: int = 0
+    """Worlds per training."""
+    bonus: str = "none"
+    """`none`, or `original`: hand tasks add 250 on success to generated rewards, as the original does."""
+    device: str = "cpu"
+    """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
+    threads: int = 0
+    """Cores to train on; 0 means all of them."""
+    executor: str = "local"
+    """Where lanes run: `local`, on this machine, or `pkg.mod:Name` of your own."""
+    dir: str = ""
+    """Run directory; empty means `outputs/<time>_train_<env>`. One that holds such a run is continued."""
+    unsafe_no_sandbox: bool = False
+    """Run reward files in an unconfined child process where the kernel cannot confine it."""
+
+    def __post_init__(self) -> None:
+        if self.seeds < 1:
+            raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")
+        for key in ("steps", "worlds", "threads"):
+            if getattr(self, key) < 0:
+                raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
+        if self.bonus not in BONUSES:
+            raise ConfigError(f"`bonus` must be one of {', '.join(BONUSES)}, not `{self.bonus}`.")
+
+    def run(self) -> RunConfig:
+        """The settings of the run: one that searches for nothing."""
+        shared = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "reward"}
+        return RunConfig(model=NO_MODEL, video="none", **shared)
+
+
 def short_name(env: str) -> str:
     """A task's name for files and titles: that of `some/where/pendulum.py:Pendulum` is `pendulum`."""
     name = env.rpartition(":")[2]
@@ -176,13 +221,41 @@ def _typed(kind: type, words: Sequence[str]) -> dict[str, Any]:
         key, sign, value = word.partition("=")
         if not sign:
             raise ConfigError(f"`{word}` is not of the form key=value, for example env=cartpole.")
-        if key not in hints:
-            raise ConfigError(f"Unknown setting `{key}`.{nearest(key, hints)} Settings: {', '.join(hints)}.")
+        _expect_known(key, hints)
         try:
             values[key] = _READ[hints[key]](absolute(key, value))
         except ValueError:
-            wanted = _WANTED.get(hints[key].__name__, "text")
-            raise ConfigError(f"`{key}={value:.80}` does not fit: `{key}` takes {wanted}.") from None
+            raise _unfit(key, value, hints[key]) from None
+    return values
+
+
+def _expect_known(key: str, hints: Mapping[str, type]) -> None:
+    if key not in hints:
+        raise ConfigError(f"Unknown setting `{key}`.{nearest(key, hints)} Settings: {', '.join(hints)}.")
+
+
+def _unfit(key: str, value: object, kind: type) -> ConfigError:
+    wanted = _WANTED.get(kind.__name__, "text")
+    return ConfigError(f"`{key}={value!s:.80}` does not fit: `{key}` takes {wanted}.")
+
+
+def taken(kind: type, settings: Mapping[str, object]) -> dict[str, Any]:
+    """Python values as the fields of a config dataclass hold them: paths as text, 1e6 as a whole number.
+
+    Raises:
+        ConfigError: for an unknown key or a value of the wrong type.
+    """
+    hints = get_type_hints(kind)
+    values: dict[str, Any] = {}
+    for key, value in settings.items():
+        _expect_known(key, hints)
+        wanted = hints[key]
+        given: Any = str(value) if isinstance(value, Path) else value
+        if wanted is int and isinstance(given, float) and given.is_integer():
+            given = int(given)
+        if type(given) is not wanted and (type(given), wanted) != (int, float):
+            raise _unfit(key, value, wanted)
+        values[key] = absolute(key, given) if isinstance(given, str) else wanted(given)
     return values
 
 

@@ -9,8 +9,8 @@ from .errors import StoreError
 from .lanes import BASELINES, Lanes, deal
 from .observer import NullObserver, Observer
 from .score import mean, rank
-from .search import Best
 from .store import Store
+from .strategies import Best
 from .types import GIVEN, Candidate, Reply, RewardProgram, Trainer, Verdict
 
 Given = Mapping[str, tuple[Candidate, Verdict] | None]

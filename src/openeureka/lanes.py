@@ -11,8 +11,8 @@ from .errors import WorkerError
 from .hacking import Trial
 from .observer import Observer
 from .score import level, played, standing
-from .search import SearchStrategy
 from .store import Store
+from .strategies import SearchStrategy
 from .types import (
     CandidateId,
     Evaluation,
@@ -138,10 +138,11 @@ class Lanes:
         return {lane.id: results[lane.id] for lane in lanes}
 
     def _keep(self, result: TrainingResult, jobs: Iterable[TrainJob]) -> None:
-        for job in jobs:
-            own = dataclasses.replace(result, job=job.id)
-            self.store.lanes.save_result(own)
-            self.observer.result(own)
+        own = [dataclasses.replace(result, job=job.id) for job in jobs]
+        for each in own:
+            self.store.lanes.save_result(each)
+        for each in own:
+            self.observer.result(each)
 
     def final(self, arms: Iterable[Scored]) -> dict[str, list[str]]:
         """Job ids of the final trainings by reward, as far as they are done: see `final_lanes`."""

@@ -16,8 +16,8 @@ from .person import Desk, EmptyDesk, Hearing
 from .reflection import reflect
 from .sampling import Checker, Sampler
 from .score import Outcome, rank
-from .search import Ranking, SearchStrategy
 from .store import Store
+from .strategies import Ranking, SearchStrategy
 from .types import History, Scored, TaskContext, Trainer, lane_id
 
 

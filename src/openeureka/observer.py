@@ -12,7 +12,10 @@ Phase = Literal["sample", "check", "train", "play", "feedback", "final", "evalua
 
 
 class Observer(Protocol):
-    """Called from the thread of the run, in the order of events; must return soon and must not raise."""
+    """Called from the thread of the run, in the order of events, after what they tell is stored; must return soon.
+
+    What one raises ends the run, and KeyboardInterrupt stops it as Ctrl-C does.
+    """
 
     def phase(self, generation: int, name: Phase) -> None:
         """A phase begins; `final` and `evaluate` come with the number of generations, `feedback` waits for a person."""

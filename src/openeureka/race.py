@@ -11,7 +11,7 @@ from . import baselines
 from .config import RunConfig
 from .lanes import Lanes, beside, deal, final_lanes, final_seeds, programs
 from .score import Outcome, compare, difference, level, mean, rank
-from .search import Ranking, SearchStrategy
+from .strategies import Ranking, SearchStrategy
 from .types import Evaluation, History, Place, Scored, TrainingResult
 
 CONTENDERS = 3

@@ -7,7 +7,7 @@ import pytest
 from toys import ToySandbox
 
 from openeureka.cli import main as command
-from openeureka.cli import search
+from openeureka.runs import compose
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 
 EASY, LAST = "cartpole+episode_length=100", "cartpole"
@@ -33,9 +33,9 @@ class StagedTrainer(ToyTrainer):
 def toy(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> StagedTrainer:
     """In place of model, sandbox and trainer; the working directory holds `stages.yaml`."""
     staged = StagedTrainer()
-    monkeypatch.setattr(search, "open_model", lambda config, held: ScriptedModel([reply(3.0)]))
-    monkeypatch.setattr(search, "Sandbox", ToySandbox)
-    monkeypatch.setattr(search, "record_states", lambda env: {})
+    monkeypatch.setattr(compose, "open_model", lambda config, held: ScriptedModel([reply(3.0)]))
+    monkeypatch.setattr(compose, "Sandbox", ToySandbox)
+    monkeypatch.setattr(compose, "record_states", lambda env: {})
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: staged)
     monkeypatch.chdir(tmp_path)
     Path("stages.yaml").write_text("- {set: {episode_length: 100}, steps: 2000}\n- {steps: 1000}\n")

@@ -15,8 +15,9 @@ from toys import ToySandbox
 from ui.serving import visitor
 
 from openeureka.cli import main as command
-from openeureka.cli import play, search
+from openeureka.cli import play
 from openeureka.report import video
+from openeureka.runs import compose
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 from openeureka.training.policy import Policy
 
@@ -53,9 +54,9 @@ def things(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Where the person is: among things that no run may reach. They are as they were in the end."""
     monkeypatch.setenv("CANARY", SECRET)
     monkeypatch.setenv("OPENAI_API_KEY", f"sk-{SECRET}")
-    monkeypatch.setattr(search, "open_model", lambda config, held: ScriptedModel([reply(5), reply(6)]))
-    monkeypatch.setattr(search, "Sandbox", Confined)
-    monkeypatch.setattr(search, "record_states", lambda env: {})
+    monkeypatch.setattr(compose, "open_model", lambda config, held: ScriptedModel([reply(5), reply(6)]))
+    monkeypatch.setattr(compose, "Sandbox", Confined)
+    monkeypatch.setattr(compose, "record_states", lambda env: {})
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: Known())
     monkeypatch.setattr(play.viewer, "has_display", lambda: False)
     for module in (video, play):

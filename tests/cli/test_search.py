@@ -9,12 +9,14 @@ import torch
 from filelock import FileLock
 from toys import ToySandbox
 
-from openeureka.cli import log, search, stop
 from openeureka.cli import main as command
+from openeureka.cli import stop
 from openeureka.config import RunConfig
+from openeureka.display import log
 from openeureka.errors import ModelError
 from openeureka.report import video
 from openeureka.report.view import RunView
+from openeureka.runs import compose, stopping
 from openeureka.sandbox import client, confine
 from openeureka.store import read_config, read_replies
 from openeureka.store.db import LOCK, LOG, STOP
@@ -48,9 +50,9 @@ class Interrupting(ScriptedModel):
 @pytest.fixture
 def parts(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """A search of pure functions in place of model, sandbox and trainer."""
-    monkeypatch.setattr(search, "open_model", lambda config, held: ScriptedModel(SCRIPT))
-    monkeypatch.setattr(search, "Sandbox", ToySandbox)
-    monkeypatch.setattr(search, "record_states", lambda env: {})
+    monkeypatch.setattr(compose, "open_model", lambda config, held: ScriptedModel(SCRIPT))
+    monkeypatch.setattr(compose, "Sandbox", ToySandbox)
+    monkeypatch.setattr(compose, "record_states", lambda env: {})
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: ToyTrainer())
     return monkeypatch
 
@@ -74,7 +76,7 @@ def test_a_run_prints_its_best_reward_and_leaves_the_files_of_a_report(parts, tm
 
 
 def test_a_failing_endpoint_is_one_sentence_and_the_way_to_continue(parts, tmp_path, capsys):
-    parts.setattr(search, "open_model", lambda config, held: Failing(SCRIPT))
+    parts.setattr(compose, "open_model", lambda config, held: Failing(SCRIPT))
     assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 3
     assert capsys.readouterr().err.splitlines() == [
         "The endpoint refused the key; check OPENAI_API_KEY.",
@@ -83,12 +85,12 @@ def test_a_failing_endpoint_is_one_sentence_and_the_way_to_continue(parts, tmp_p
 
 
 def test_ctrl_c_says_how_to_continue_and_resuming_asks_for_the_rest_only(parts, tmp_path, capsys):
-    parts.setattr(search, "open_model", lambda config, held: Interrupting(SCRIPT))
+    parts.setattr(compose, "open_model", lambda config, held: Interrupting(SCRIPT))
     assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 130
     assert f"eureka resume {tmp_path}/run" in capsys.readouterr().err
 
     rest = ScriptedModel(SCRIPT[2:])
-    parts.setattr(search, "open_model", lambda config, held: rest)
+    parts.setattr(compose, "open_model", lambda config, held: rest)
     assert run("resume", f"{tmp_path}/run", "max_cost=5") == 0
     assert rest.said == 2
     assert "best F 11" in capsys.readouterr().out
@@ -99,7 +101,7 @@ def test_a_replay_broken_off_goes_on_where_it_stopped(parts, tmp_path, capsys):
     again = [f"model=replay:{tmp_path}/first" if word.startswith("model=") else word for word in SETTINGS]
     parts.undo()
     for name, stand_in in (("Sandbox", ToySandbox), ("record_states", lambda env: {})):
-        parts.setattr(search, name, stand_in)
+        parts.setattr(compose, name, stand_in)
     trainings = iter([Interruption(), ToyTrainer()])
     parts.setattr("openeureka.executors.local.LocalExecutor", lambda **_: next(trainings))
     assert run("run", *again, f"dir={tmp_path}/second") == 130
@@ -123,7 +125,7 @@ def test_resuming_with_another_search_is_refused(parts, tmp_path, capsys):
 
 
 OWN = """
-from openeureka.search import Best
+from openeureka.strategies import Best
 from openeureka.testing.scripted import ToyTrainer
 
 class Twice(Best):
@@ -210,7 +212,7 @@ def test_a_run_is_json_for_programs(parts, tmp_path, capsys):
 
 
 def test_a_run_under_way_is_json_too(parts, tmp_path, capsys):
-    parts.setattr(search, "open_model", lambda config, held: Failing(SCRIPT))
+    parts.setattr(compose, "open_model", lambda config, held: Failing(SCRIPT))
     run("run", *SETTINGS, f"dir={tmp_path}/run")
     capsys.readouterr()
     assert run("show", f"{tmp_path}/run", "--json") == 0
@@ -238,10 +240,10 @@ def test_a_given_reward_may_be_a_chat_reply_and_is_found_from_any_directory(part
 
 def test_a_run_goes_on_without_the_given_file(parts, tmp_path, capsys):
     (tmp_path / "mine.py").write_text(program(9.0))
-    parts.setattr(search, "open_model", lambda config, held: Interrupting(SCRIPT))
+    parts.setattr(compose, "open_model", lambda config, held: Interrupting(SCRIPT))
     assert run("run", *SETTINGS, f"init={tmp_path}/mine.py", f"dir={tmp_path}/run") == 130
     (tmp_path / "mine.py").unlink()
-    parts.setattr(search, "open_model", lambda config, held: ScriptedModel(SCRIPT[2:]))
+    parts.setattr(compose, "open_model", lambda config, held: ScriptedModel(SCRIPT[2:]))
     assert run("resume", f"{tmp_path}/run") == 0, capsys.readouterr().err
 
 
@@ -271,9 +273,9 @@ def test_a_report_made_later_may_ask_for_all_videos(parts, tmp_path, capsys):
 
 def test_a_run_refuses_a_kernel_that_cannot_confine_before_the_model_is_asked(parts, tmp_path, capsys):
     model = ScriptedModel(SCRIPT)
-    parts.setattr(search, "open_model", lambda config, held: model)
-    parts.setattr(search, "Sandbox", client.Sandbox)
-    parts.setattr(search, "record_states", search_states)
+    parts.setattr(compose, "open_model", lambda config, held: model)
+    parts.setattr(compose, "Sandbox", client.Sandbox)
+    parts.setattr(compose, "record_states", search_states)
     parts.setattr(confine, "support", lambda: confine.Support("x86_64", 0, True))
     assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 6
     said = capsys.readouterr()
@@ -290,7 +292,7 @@ def test_the_flag_must_be_typed_to_run_without_confinement(parts, tmp_path):
             asked.append(self.unsafe)
             return self
 
-    parts.setattr(search, "Sandbox", Noted)
+    parts.setattr(compose, "Sandbox", Noted)
     assert run("run", *SETTINGS, f"dir={tmp_path}/a") == 0
     assert run("run", *SETTINGS, f"dir={tmp_path}/b", "unsafe_no_sandbox=true") == 0
     assert asked == [False, True]
@@ -302,9 +304,9 @@ def search_states(env: str) -> dict[str, object]:
 
 
 def test_a_run_tells_its_log_how_it_goes_and_why_it_ended(parts, tmp_path, capsys):
-    parts.setattr(search, "open_model", lambda config, held: Failing(SCRIPT))
+    parts.setattr(compose, "open_model", lambda config, held: Failing(SCRIPT))
     run("run", *SETTINGS, f"dir={tmp_path}/run")
-    parts.setattr(search, "open_model", lambda config, held: Interrupting(SCRIPT[2:]))
+    parts.setattr(compose, "open_model", lambda config, held: Interrupting(SCRIPT[2:]))
     run("resume", f"{tmp_path}/run")
     log = (tmp_path / "run" / LOG).read_text()
     told = ["Generation 0: best F 7, 2 of 2 trained", "The endpoint refused the key", "Generation 1: best F 11"]
@@ -332,12 +334,12 @@ def test_a_search_does_not_stop_for_a_log_that_cannot_be_written(parts, tmp_path
 
 
 def test_a_run_that_is_asked_to_stop_stops_as_by_ctrl_c_and_forgets_the_request(parts, tmp_path, capsys):
-    parts.setattr(search, "open_model", lambda config, held: Asking(SCRIPT, tmp_path / "run"))
+    parts.setattr(compose, "open_model", lambda config, held: Asking(SCRIPT, tmp_path / "run"))
     assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 130
     assert f"eureka resume {tmp_path}/run" in capsys.readouterr().err
     assert (tmp_path / "run" / LOG).read_text().endswith("Stopped\n")
     (tmp_path / "run" / STOP).touch()  # asked again a moment too late
-    parts.setattr(search, "open_model", lambda config, held: ScriptedModel(SCRIPT[2:]))
+    parts.setattr(compose, "open_model", lambda config, held: ScriptedModel(SCRIPT[2:]))
     assert run("resume", f"{tmp_path}/run") == 0
 
 
@@ -377,23 +379,23 @@ def interrupt(*_: object, **__: object) -> None:
 
 
 def test_ctrl_c_before_a_search_has_begun_leaves_nothing(parts, tmp_path, capsys):
-    parts.setattr(search, "record_states", interrupt)
+    parts.setattr(compose, "record_states", interrupt)
     assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 130
     assert capsys.readouterr().err == "Stopped before it began.\n"
     assert not list(tmp_path.iterdir())
 
 
 def test_ctrl_c_while_a_run_is_taken_up_says_how_to_continue(parts, tmp_path, capsys):
-    parts.setattr(search, "open_model", lambda config, held: Interrupting(SCRIPT))
+    parts.setattr(compose, "open_model", lambda config, held: Interrupting(SCRIPT))
     run("run", *SETTINGS, f"dir={tmp_path}/run")
     capsys.readouterr()
-    parts.setattr(search, "record_states", interrupt)
+    parts.setattr(compose, "record_states", interrupt)
     assert run("resume", f"{tmp_path}/run") == 130
     assert f"eureka resume {tmp_path}/run" in capsys.readouterr().err
 
 
 def test_ctrl_c_in_the_report_says_how_to_write_it(parts, tmp_path, capsys):
-    parts.setattr(search, "build", interrupt)
+    parts.setattr(compose, "build", interrupt)
     assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 130
     sentence = f"Stopped; the search is done. Write its report with: eureka report {tmp_path}/run\n"
     assert capsys.readouterr().err == sentence
@@ -403,10 +405,10 @@ def test_ctrl_c_in_the_report_says_how_to_write_it(parts, tmp_path, capsys):
 
 def test_ctrl_c_is_answered_at_once_and_the_second_one_does_not_wait(capsys):
     before = signal.getsignal(signal.SIGINT)
-    with pytest.raises(KeyboardInterrupt), stop.announced():
+    with pytest.raises(KeyboardInterrupt), stopping.announced():
         signal.raise_signal(signal.SIGINT)
     assert capsys.readouterr().out.startswith("Stopping: what is trained is being kept")
-    with pytest.raises(KeyboardInterrupt), stop.announced():
+    with pytest.raises(KeyboardInterrupt), stopping.announced():
         try:
             signal.raise_signal(signal.SIGINT)
         finally:
@@ -419,7 +421,7 @@ def test_ctrl_c_is_answered_at_once_and_the_second_one_does_not_wait(capsys):
 def test_a_shell_that_has_ctrl_c_ignored_is_obeyed():
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        with stop.announced():
+        with stopping.announced():
             signal.raise_signal(signal.SIGINT)
     finally:
         signal.signal(signal.SIGINT, before)

@@ -10,7 +10,7 @@ from llm.endpoint import Endpoint, answer, failure
 from toys import ToySandbox
 
 from openeureka.cli import main as command
-from openeureka.cli import search
+from openeureka.runs import compose
 from openeureka.testing.scripted import ToyTrainer, reply
 
 KEY = "sk-canary-0123456789"
@@ -26,8 +26,8 @@ def endpoint(monkeypatch: pytest.MonkeyPatch) -> Iterator[Endpoint]:
     served = Endpoint()
     monkeypatch.setenv("OPENAI_API_KEY", KEY)
     monkeypatch.setenv("OPENAI_BASE_URL", served.url.replace("http://", f"http://user:{PASSWORD}@"))
-    monkeypatch.setattr(search, "Sandbox", ToySandbox)
-    monkeypatch.setattr(search, "record_states", lambda env: {})
+    monkeypatch.setattr(compose, "Sandbox", ToySandbox)
+    monkeypatch.setattr(compose, "record_states", lambda env: {})
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: ToyTrainer())
     served.script = lambda body: answer(*[f"{reply(3.0)} Bearer {KEY} {ESCAPES}"] * body.get("n", 1))
     yield served

@@ -4,13 +4,14 @@ from dataclasses import replace
 import pytest
 
 from openeureka import baselines
-from openeureka.cli import training
 from openeureka.cli.main import main
 from openeureka.cli.search import resume
 from openeureka.cli.show import facts, show
 from openeureka.cli.training import train
+from openeureka.config import TrainConfig
 from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError, WorkerError
 from openeureka.report.view import RunView
+from openeureka.runs.rewards import named
 from openeureka.score import Arm, Baselines
 from openeureka.store import Store
 from openeureka.testing.scripted import ToyTrainer
@@ -106,7 +107,7 @@ def test_the_policy_of_highest_held_out_f_is_the_best(toy, tmp_path, capsys):
 
 def test_a_reward_file_is_checked_and_named_by_its_stem(tmp_path):
     (tmp_path / "mine.py").write_text(GOOD)
-    rewards = training._given(training.parse(training.TrainConfig, [f"reward=human,{tmp_path}/mine.py"]))
+    rewards = named(TrainConfig(reward=f"human,{tmp_path}/mine.py"))
     assert list(rewards) == ["human", "mine"] and rewards["human"] is None
     candidate, verdict = rewards["mine"]
     assert candidate.source == GOOD and isinstance(verdict.graph, RewardGraph)

@@ -11,15 +11,16 @@ from pathlib import Path
 import pytest
 from toys import ToySandbox
 
-from openeureka import search as strategies
-from openeureka.cli import search, trust
+from openeureka import strategies
+from openeureka.cli import search
 from openeureka.cli.play import play
-from openeureka.cli.settings import PlayConfig, TrainConfig
+from openeureka.cli.settings import PlayConfig
 from openeureka.cli.show import report, show
-from openeureka.config import RunConfig
+from openeureka.config import RunConfig, TrainConfig
 from openeureka.errors import ConfigError
 from openeureka.loop import run as run_search
 from openeureka.report import video
+from openeureka.runs import compose, trust
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
 
@@ -37,10 +38,10 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         opened.append(config.base_url)
         return ScriptedModel([reply(n) for n in range(1, 9)][held:])
 
-    monkeypatch.setattr(search, "open_model", open_model)
-    monkeypatch.setattr(search, "context", lambda env: TOY)
-    monkeypatch.setattr(search, "Sandbox", ToySandbox)
-    monkeypatch.setattr(search, "record_states", lambda env: {})
+    monkeypatch.setattr(compose, "open_model", open_model)
+    monkeypatch.setattr(compose, "context", lambda env: TOY)
+    monkeypatch.setattr(compose, "Sandbox", ToySandbox)
+    monkeypatch.setattr(compose, "record_states", lambda env: {})
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: ToyTrainer())
     return opened
 
@@ -167,7 +168,7 @@ def test_the_same_relative_path_elsewhere_is_another_file(tmp_path, monkeypatch)
 
 STRANGE = """
 open({mark!r}, "w").close()
-from openeureka.search import Best
+from openeureka.strategies import Best
 from openeureka.testing.scripted import ToyTrainer
 
 def search(config):

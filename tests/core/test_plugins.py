@@ -10,7 +10,7 @@ from openeureka.errors import ConfigError
 from openeureka.executors import EXECUTORS
 from openeureka.executors.local import LocalExecutor
 from openeureka.plugins import Door
-from openeureka.search import SEARCHES, Best, Eureka
+from openeureka.strategies import SEARCHES, Best, Eureka
 
 CONFIG = RunConfig(sample=3)
 MODULE = """

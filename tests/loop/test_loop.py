@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from sandbox.states import recorded
 
-from openeureka import baselines, search
+from openeureka import baselines, strategies
 from openeureka.config import RunConfig
 from openeureka.errors import BudgetError, ConfigError, ModelError, WorkerError
 from openeureka.loop import run, summarise
@@ -41,7 +41,7 @@ class Search:
 
     def go(self) -> Outcome:
         with Store.open(self.directory, self.config) as store:
-            strategy = search.make(self.config)
+            strategy = strategies.make(self.config)
             return run(self.config, store, self.model, self.checker, self.trainer, TOY, strategy, self.observer)
 
     def history(self):
@@ -261,7 +261,7 @@ def test_spending_stops_before_the_limit_and_goes_on_with_a_higher_one(begin) ->
     with pytest.raises(BudgetError, match=r"max_cost=0\.035"):
         one.go()
     assert one.model.said == 2
-    assert search.Ranking(one.history()).best.fitness == 8
+    assert strategies.Ranking(one.history()).best.fitness == 8
     one.config = replace(one.config, max_cost=0.05)
     assert one.go().best.fitness == 10
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from openeureka import search
+from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError, FeedbackError, RewardFileError
 from openeureka.loop import run
@@ -87,7 +87,7 @@ class Search:
 
     def go(self, desk: Any = None) -> Outcome:
         with Store.open(self.directory, self.config) as store:
-            strategy = search.make(self.config)
+            strategy = strategies.make(self.config)
             return run(self.config, store, self.model, ToyChecker(), self.trainer, TOY, strategy, None, desk)
 
     def heard(self, *remarks: list[Remark]) -> tuple[Outcome, Person]:

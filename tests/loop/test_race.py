@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from openeureka import race, search
+from openeureka import race, strategies
 from openeureka.config import RunConfig
 from openeureka.loop import run
 from openeureka.score import Outcome
@@ -41,7 +41,7 @@ def go(directory: Path, trainer: ToyTrainer, worths: list[float], **settings) ->
     config = RunConfig(sample=len(worths), iteration=1, repair=0, refill=0, **settings)
     model = ScriptedModel([reply(worth) for worth in worths])
     with Store.open(directory, config) as store:
-        return run(config, store, model, ToyChecker(), trainer, TOY, search.make(config))
+        return run(config, store, model, ToyChecker(), trainer, TOY, strategies.make(config))
 
 
 def test_the_one_that_fresh_seeds_prefer_is_crowned(tmp_path: Path) -> None:
@@ -133,7 +133,7 @@ def test_a_run_of_a_version_that_ranked_by_training_goes_on_as_it_began(tmp_path
         store._database._connection.executescript("DROP TRIGGER run_UPDATE; UPDATE run SET ranks = NULL;")
         assert store.ranks == "training"
         model = ScriptedModel([reply(7), reply(8)])
-        run(config, store, model, ToyChecker(), ToyTrainer(), TOY, search.make(config, store.ranks))
+        run(config, store, model, ToyChecker(), ToyTrainer(), TOY, strategies.make(config, store.ranks))
         assert store.lanes.plays() == {} and store.lanes.evaluations()["human-s1"].peak == "reward"
 
 

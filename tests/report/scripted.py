@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from openeureka import search
+from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.llm.client import LanguageModel
 from openeureka.loop import run
@@ -28,5 +28,5 @@ def search_in(
     config = RunConfig(**{"env": "toy", "sample": 2, "iteration": 1, "refill": 0, "seeds": 1, **settings})  # type: ignore[arg-type]
     with Store.open(directory, config) as store:
         model, trainer = model or ScriptedModel(script), trainer or ToyTrainer()
-        run(config, store, model, ToyChecker(), trainer, TOY, search.make(config), observer)
+        run(config, store, model, ToyChecker(), trainer, TOY, strategies.make(config), observer)
     return directory

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from openeureka import search
+from openeureka import strategies
 from openeureka.cli.show import show
 from openeureka.config import RunConfig
 from openeureka.loop import run
@@ -43,7 +43,7 @@ def finished(tmp_path: Path):
         model = ScriptedModel([reply(7), reply(8), reply(1), reply(2)])
         with Store.open(directory, CONFIG) as store:
             desk = Person(directory, words)
-            run(CONFIG, store, model, ToyChecker(), ToyTrainer(), TOY, search.make(CONFIG), None, desk)
+            run(CONFIG, store, model, ToyChecker(), ToyTrainer(), TOY, strategies.make(CONFIG), None, desk)
         return directory
 
     return finished

@@ -15,10 +15,9 @@ from openeureka.cli.settings import (
     PageConfig,
     PlayConfig,
     ReportConfig,
-    TrainConfig,
     split,
 )
-from openeureka.config import RunConfig
+from openeureka.config import RunConfig, TrainConfig
 from openeureka.types import RemarkKind
 
 ROOT = Path(__file__).parents[2]

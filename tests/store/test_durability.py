@@ -19,7 +19,7 @@ from pathlib import Path
 
 import pytest
 
-from openeureka import search
+from openeureka import strategies
 from openeureka.config import RunConfig, as_dict
 from openeureka.errors import StoreError
 from openeureka.loop import run
@@ -36,7 +36,7 @@ def search_in(directory: Path) -> int:
     with Store.open(directory, CONFIG) as store:
         model = ScriptedModel(SCRIPT, said=len(store.replies()))
         before = model.said
-        run(CONFIG, store, model, ToyChecker(), ToyTrainer(), TOY, search.make(CONFIG))
+        run(CONFIG, store, model, ToyChecker(), ToyTrainer(), TOY, strategies.make(CONFIG))
         return model.said - before
 
 
@@ -153,7 +153,7 @@ def stopped(directory: Path) -> Path:
             yield from super().sample(prompt, n=n, seed=seed)
 
     with Store.open(directory, CONFIG) as store, pytest.raises(KeyboardInterrupt):
-        run(CONFIG, store, Stopping(SCRIPT), ToyChecker(), ToyTrainer(), TOY, search.make(CONFIG))
+        run(CONFIG, store, Stopping(SCRIPT), ToyChecker(), ToyTrainer(), TOY, strategies.make(CONFIG))
     return directory
 
 

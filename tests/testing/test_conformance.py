@@ -1,6 +1,6 @@
 """The fakes and the built-in strategies keep the promises of their kind."""
 
-from openeureka.search import Best, Eureka
+from openeureka.strategies import Best, Eureka
 from openeureka.testing.conformance.model import ModelConformance
 from openeureka.testing.conformance.search import SearchConformance
 from openeureka.testing.conformance.trainer import TrainerConformance

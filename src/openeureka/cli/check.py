@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from ..config import parse
 from ..reward.extract import in_file
-from .rewards import MEANINGS, explain, judge
+from ..runs.rewards import MEANINGS, explain, judge
 from .settings import CheckConfig, only_path, split
 
 

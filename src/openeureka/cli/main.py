@@ -14,11 +14,11 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
-from .. import __version__
-from ..config import RunConfig
+from ..config import RunConfig, TrainConfig
 from ..errors import ConfigError, EurekaError, Interrupted, StoreError
 from ..text import plain
-from .settings import CheckConfig, ContextConfig, NewConfig, PageConfig, PlayConfig, ReportConfig, TrainConfig, describe
+from ..version import __version__
+from .settings import CheckConfig, ContextConfig, NewConfig, PageConfig, PlayConfig, ReportConfig, describe
 
 
 class _Commands(typer.core.TyperGroup):

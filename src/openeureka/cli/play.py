@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..config import parse, short_name
+from ..display.progress import working
 from ..errors import ConfigError
 from ..report import viewer
 from ..report.stage import Stage
 from ..report.video import render
+from ..runs import trust
 from ..store import artifacts
 from ..training.policy import Policy
-from . import trust
-from .progress import working
 from .settings import PlayConfig, only_path, split
 
 AGENTS = ("random", "zero")

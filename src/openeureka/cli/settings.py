@@ -9,53 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..config import BONUSES, NO_MODEL, VIDEOS, RunConfig
+from ..config import VIDEOS
 from ..errors import ConfigError
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrainConfig:
-    """Training of given rewards, without a language model. Zero means the default of the task."""
-
-    env: str = "cartpole"
-    reward: str = "human,sparse"
-    """Comma-separated: `human`, `sparse` or the path of a reward file."""
-    curriculum: str = ""
-    """Stages to train each reward through: one of the task's own, or a YAML file; empty means the task alone."""
-    seeds: int = 1
-    """Trainings per reward."""
-    seed: int = 0
-    """First seed."""
-    steps: int = 0
-    """Environment steps per training, over all stages of a curriculum."""
-    worlds: int = 0
-    """Worlds per training."""
-    bonus: str = "none"
-    """`none`, or `original`: hand tasks add 250 on success to generated rewards, as the original does."""
-    device: str = "cpu"
-    """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
-    threads: int = 0
-    """Cores to train on; 0 means all of them."""
-    executor: str = "local"
-    """Where lanes run: `local`, on this machine, or `pkg.mod:Name` of your own."""
-    dir: str = ""
-    """Run directory; empty means `outputs/<time>_train_<env>`. One that holds such a run is continued."""
-    unsafe_no_sandbox: bool = False
-    """Run reward files in an unconfined child process where the kernel cannot confine it."""
-
-    def __post_init__(self) -> None:
-        if self.seeds < 1:
-            raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")
-        for key in ("steps", "worlds", "threads"):
-            if getattr(self, key) < 0:
-                raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
-        if self.bonus not in BONUSES:
-            raise ConfigError(f"`bonus` must be one of {', '.join(BONUSES)}, not `{self.bonus}`.")
-
-    def run(self) -> RunConfig:
-        """The settings of the run: one that searches for nothing."""
-        shared = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "reward"}
-        return RunConfig(model=NO_MODEL, video="none", **shared)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,19 +8,20 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ..config import as_dict, parse
+from ..display.live import verdict_line
+from ..display.progress import working
 from ..report import tables
 from ..report.build import build
 from ..report.stats import by_generation
 from ..report.text import columns, number, scored, spread
 from ..report.verdict import meaning, verdict
 from ..report.view import CandidateView, GenerationView, RunView
+from ..runs import trust
+from ..runs.run import lanes
 from ..score import Arm, Outcome
 from ..store import read_config
 from ..text import plain
 from ..types import CandidateId, Evaluation, Generation, Remark, Scored, TrainingResult
-from . import trust
-from .live import verdict_line
-from .progress import working
 from .settings import ReportConfig, only_path, split
 
 MAX_SAID = 4_000
@@ -97,30 +98,17 @@ def facts(run: RunView) -> dict[str, object]:
         "ranked_by": run.ranks,
         "generations": [_generation(generation) for generation in run.generations],
         "baselines": {name: _scores(run.played.get(r.job), r) for name, r in run.baselines.items()},
-        "given": {lane.id: _lane(run, lane.id) for lane in run.lanes.values() if lane.role == "given"},
+        "given": {
+            name: {key: value for key, value in lane.row().items() if key not in ("lane", "role", "place")}
+            for name, lane in lanes(run).items()
+            if lane.lane.role == "given"
+        },
         "best": {"name": str(best.place), "source": best.candidate.source} if best and best.candidate else None,
         "final": _final(outcome) if outcome is not None else None,
         "verdict": verdict(run),
         "score": outcome.normalised if outcome is not None else None,
         "suspected": [{"kind": sign.kind, "sentence": sign.sentence} for sign in run.signs],
         "usage": dataclasses.asdict(run.usage),
-    }
-
-
-def _lane(run: RunView, lane: str) -> dict[str, object]:
-    """A training of a given reward; its state is null until it ends."""
-    result, score = run.results.get(lane), run.evaluations.get(lane)
-    return {
-        "reward": run.lanes[lane].reward,
-        "seed": run.lanes[lane].seed,
-        "state": result.state if result is not None else None,
-        **_scores(run.played.get(lane), result),
-        "held_out_fitness": score.fitness if score is not None else None,
-        "held_out_episode_length": score.episode_length if score is not None else None,
-        "correlation_with_human": result.correlation if result is not None else None,
-        "env_steps": result.env_steps if result is not None else 0,
-        "seconds": result.seconds if result is not None else 0.0,
-        "message": result.message if result is not None else "",
     }
 
 

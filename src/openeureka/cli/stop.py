@@ -1,21 +1,16 @@
-"""How a run is stopped, hears of it, and says how to go on."""
+"""`eureka stop`."""
 
 from __future__ import annotations
 
-import signal
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import FrameType
 
-from ..errors import EurekaError, Interrupted, StoreError
+from ..errors import StoreError
+from ..runs.stopping import stopped
 from ..store import is_held
-from ..store.halt import ask_to_stop, is_asked_to_stop, withdraw
+from ..store.halt import ask_to_stop
+from .terminal import again
 
-POLL = 0.5
-"""[s] between two looks at whether the run is to stop."""
 PATIENCE = 60.0
 """[s] in which a run that was asked must have stopped."""
 
@@ -28,75 +23,4 @@ def stop(directory: Path) -> None:
         if time.monotonic() > end:
             raise StoreError(f"The run in {directory} was asked to stop and goes on; end its process where it runs.")
         time.sleep(0.1)
-    print(stopped(directory))
-
-
-@contextmanager
-def continuable(directory: Path) -> Iterator[None]:
-    """Have whatever ends a run say how to go on with it."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        raise Interrupted(stopped(directory)) from None
-    except EurekaError as error:
-        error.add_note(f"What is done is kept. Continue with: eureka resume {directory}")
-        raise
-
-
-def stopped(directory: Path) -> str:
-    """Of a run that was stopped on purpose."""
-    return f"Stopped, nothing is lost. Continue with: eureka resume {directory}"
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    # What is printed right now may be in the middle of a line, and must not be entered twice.
-    with suppress(RuntimeError):
-        print("Stopping: what is trained is being kept, for up to ten seconds. Ctrl-C again does not wait.", flush=True)
-    signal.default_int_handler(number, frame)
-
-
-@contextmanager
-def announced() -> Iterator[None]:
-    """In the main thread: say at once that Ctrl-C was heard. Keeping a training under way takes some seconds."""
-    before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler:  # a shell's background process ignores it
-        yield
-        return
-
-    def once(number: int, frame: FrameType | None) -> None:
-        signal.signal(signal.SIGINT, before)
-        _interrupt(number, frame)
-
-    signal.signal(signal.SIGINT, once)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-@contextmanager
-def stoppable(directory: Path) -> Iterator[None]:
-    """In the main thread: raise KeyboardInterrupt, as Ctrl-C does, when the run is asked to stop.
-
-    SIGINT itself would not do: shells have processes in the background ignore it.
-    """
-    withdraw(directory)
-    over, listener = threading.Event(), threading.get_ident()
-
-    def watch() -> None:
-        while not over.wait(POLL):
-            if is_asked_to_stop(directory):
-                signal.pthread_kill(listener, signal.SIGUSR1)
-                return
-
-    before = signal.signal(signal.SIGUSR1, _interrupt)
-    watcher = threading.Thread(target=watch, daemon=True)
-    watcher.start()
-    try:
-        with announced():
-            yield
-    finally:
-        over.set()
-        watcher.join()
-        signal.signal(signal.SIGUSR1, before)
-        withdraw(directory)
+    print(stopped(again(directory)))

@@ -3,39 +3,26 @@
 from __future__ import annotations
 
 import json
-import re
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext, redirect_stdout
 from pathlib import Path
 
-from .. import given
-from ..config import RunConfig, parse, short_name
-from ..errors import ConfigError, RewardFileError, WorkerError
+from ..config import RunConfig, TrainConfig, parse
+from ..errors import WorkerError
 from ..given import Given
-from ..observer import Observers
 from ..report import tables
-from ..report.build import build
 from ..report.text import columns
 from ..report.verdict import verdict
 from ..report.view import RunView
-from ..reward.extract import in_file
-from ..store import Store
+from ..runs import compose, trust
+from ..runs.rewards import named
 from ..store.paths import output_directory
 from ..tasks.registry import get
 from ..text import plain
-from ..types import Candidate, TrainingState, Usage, Verdict
-from . import trust
-from .live import view
-from .log import logged
-from .progress import working
-from .rewards import explain, judge
-from .settings import TrainConfig
+from ..types import TrainingState
 from .show import facts
-from .stop import continuable, stoppable
-from .trainer import trainer_of
-
-BUILT_IN = ("human", "sparse")
+from .terminal import Terminal
 
 
 def train(words: Sequence[str], *, as_json: bool = False) -> None:
@@ -47,7 +34,7 @@ def train(words: Sequence[str], *, as_json: bool = False) -> None:
     get(typed.env)
     trust.remember(typed)
     with redirect_stdout(sys.stderr) if as_json else nullcontext():
-        rewards = _given(typed)
+        rewards = named(typed)
         directory = output_directory(typed.dir, typed.env, "train_")
         run = compare(typed.run(), directory, rewards)
     if as_json:
@@ -66,20 +53,7 @@ def compare(config: RunConfig, directory: Path, rewards: Given | None) -> RunVie
     Args:
         rewards: None for those that the run holds.
     """
-    trainer = trainer_of(config, directory)
-    print(f"{short_name(config.env)}: given rewards, in {directory}")
-    with (
-        Store.open(directory, config) as store,
-        continuable(directory),
-        stoppable(directory),
-        logged(directory, config, Usage()) as log,
-        view(config, Usage()) as table,
-    ):
-        if rewards is not None:
-            given.keep(store, rewards)
-        given.train(config, store, trainer, Observers(table, *log))
-    with working("Writing the report"):
-        problems = build(directory, config.video, config.env)
+    problems = compose.train(config, directory, rewards, Terminal())
     run = RunView.read(directory)
     scores = tables.given(run)
     print(f"\n{columns([scores.titles, *scores.rows])}\n\n{scores.note}\n{plain(verdict(run))}")
@@ -90,33 +64,6 @@ def compare(config: RunConfig, directory: Path, rewards: Given | None) -> RunVie
         print(plain(problem))
     print(f"\nEverything is in {directory}; begin with report.html")
     return run
-
-
-def _given(config: TrainConfig) -> Given:
-    """The rewards by what they are called, files by their stem; each is checked before anything of a run is made."""
-    words = [word.strip() for word in config.reward.split(",") if word.strip()]
-    if not words:
-        raise ConfigError("`reward` names nothing to train, write for example reward=human,sparse.")
-    files = {word: in_file(Path(word))[0] for word in words if word not in BUILT_IN}
-    verdicts = judge(config.env, list(files.values()), worlds=config.worlds, unsafe=config.unsafe_no_sandbox)
-    judged = dict(zip(files, verdicts, strict=True))
-    rewards: dict[str, tuple[Candidate, Verdict] | None] = {}
-    for word in words:
-        name = word if word in BUILT_IN else _name(word)
-        if name in rewards:
-            raise ConfigError(f"`reward` names `{name}` twice; give the files different names.")
-        if word in BUILT_IN:
-            rewards[name] = None
-        elif judged[word].accepted:
-            rewards[name] = files[word], judged[word]
-        else:
-            raise RewardFileError(f"{word} was refused: {'; '.join(explain(judged[word]))}")
-    return rewards
-
-
-def _name(path: str) -> str:
-    """A file's stem, as far as it can name a folder."""
-    return re.sub(r"[^A-Za-z0-9_-]+", "_", Path(path).stem).lstrip("-")[:60] or "reward"
 
 
 def _say_what_failed(run: RunView) -> None:

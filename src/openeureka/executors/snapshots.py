@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .. import __version__
 from ..codec import DecodeError, decode, encode
 from ..store import artifacts
+from ..version import __version__
 
 ABOUT = ".json"
 

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Iterator
+from pathlib import Path
+
+import imageio_ffmpeg
+import numpy as np
 
 from ..errors import EurekaError
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
@@ -46,6 +51,16 @@ def render(
     request = {"env": env, "agent": policy if isinstance(policy, str) else "policy", "seconds": seconds, "seed": seed}
     blobs = {"policy": policy} if isinstance(policy, bytes) else {}
     return _first_that_works(request, blobs, timeout, background)["video"]
+
+
+def frames(video: bytes) -> np.ndarray:
+    """The pictures of an mp4, uint8 (T, height, width, 3)."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "video.mp4"
+        path.write_bytes(video)
+        pictures = imageio_ffmpeg.read_frames(str(path))
+        width, height = next(pictures)["size"]
+        return np.stack([np.frombuffer(picture, np.uint8).reshape(height, width, 3) for picture in pictures])
 
 
 def renderer() -> str:

@@ -8,7 +8,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Literal
 
-from .. import baselines, hacking, race, score, search
+from .. import baselines, hacking, race, score, strategies
 from ..config import NO_MODEL, RunConfig
 from ..hacking import Sign, Tried
 from ..lanes import BASELINES, beside, final_lanes, final_seeds
@@ -184,7 +184,7 @@ class RunView:
                 entries={entry.sample.place: entry for g in history.generations for entry in g.entries},
                 parents=store.parents(),
                 attempts=store.attempts(),
-                ranking=search.Ranking(history),
+                ranking=strategies.Ranking(history),
                 results=results,
                 played=played,
                 videos=videos,
@@ -232,8 +232,8 @@ class RunView:
         return tuple(candidate for generation in self.generations for candidate in generation.candidates)
 
     @property
-    def ranking(self) -> search.Ranking:
-        return search.Ranking(self.history)
+    def ranking(self) -> strategies.Ranking:
+        return strategies.Ranking(self.history)
 
     @property
     def best(self) -> CandidateView | None:
@@ -305,7 +305,7 @@ class _Reader:
     """Those of the finished generations."""
     parents: Mapping[Place, Place]
     attempts: Mapping[tuple[int, int, int], Attempt]
-    ranking: search.Ranking
+    ranking: strategies.Ranking
     results: Mapping[str, TrainingResult]
     played: Mapping[str, Evaluation]
     videos: Mapping[str, str]

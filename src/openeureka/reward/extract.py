@@ -51,13 +51,16 @@ def in_file(path: Path) -> tuple[Candidate, str]:
     Raises:
         RewardFileError: for a file that cannot be read.
     """
-    whole = files.read(path)
-    if _parsed(whole.source) is not None:
-        return whole, ""
-    found = program(whole.source)
-    if found is None or _parsed(found) is None:
-        return whole, ""
-    return Candidate.of(found), f"{path} is prose with a program in it; lines are counted from the program's first."
+    text = files.read(path).source
+    found = in_text(text)
+    prose = f"{path} is prose with a program in it; lines are counted from the program's first."
+    return found, prose if found.source != text else ""
+
+
+def in_text(text: str) -> Candidate:
+    """The program that a text is, or that it holds if it is a model's whole answer."""
+    found = program(text) if _parsed(text) is None else None
+    return Candidate.of(found if found is not None and _parsed(found) is not None else text)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,6 @@ from typing import Literal, TypeVar
 
 from filelock import FileLock, Timeout
 
-from .. import __version__
 from ..codec import decode, encode
 from ..config import RunConfig, as_dict, restored
 from ..errors import ConfigError, StoreError
@@ -39,6 +38,7 @@ from ..types import (
     Usage,
     Verdict,
 )
+from ..version import __version__
 from . import artifacts
 from .codec import (
     decode_messages,

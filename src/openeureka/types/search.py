@@ -72,7 +72,7 @@ class Generation:
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """Everything a search strategy may look at; `search.Ranking` says who is ahead."""
+    """Everything a search strategy may look at; `strategies.Ranking` says who is ahead."""
 
     generations: tuple[Generation, ...] = ()
     judge: Literal["fitness", "votes"] = "fitness"

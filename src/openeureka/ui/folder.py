@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..config import RunConfig
 from ..errors import StoreError
+from ..runs.run import finished
 from ..store import Store, artifacts, is_held, is_run
 from ..store.db import FILENAME, LOG
 from ..types import Glance
@@ -83,17 +84,9 @@ def entry(name: str, directory: Path) -> Entry:
             config, glance = store.config, store.glance()
     except StoreError as error:
         return Entry(name=name, standing=Standing.RUNNING if held else Standing.STOPPED, problem=str(error))
-    standing = Standing.RUNNING if held else _left(config, glance)
+    left = Standing.FINISHED if finished(config, glance) else Standing.STOPPED
+    standing = Standing.RUNNING if held else left
     return Entry(name=name, standing=standing, config=config, glance=glance)
-
-
-def _left(config: RunConfig, glance: Glance) -> Standing:
-    """How a run stands on which nobody works. Held-out scores come last."""
-    if not config.generations:
-        return Standing.FINISHED if glance.evaluations else Standing.STOPPED
-    searched = glance.generations >= config.generations
-    done = searched and (glance.evaluations > 0 or glance.fitness is None)  # without a reward nothing is scored
-    return Standing.FINISHED if done else Standing.STOPPED
 
 
 def log(directory: Path, lines: int = 15, size: int = 4000) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from random import Random
 
-from openeureka.search import SearchStrategy
+from openeureka.strategies import SearchStrategy
 from openeureka.types import (
     Candidate,
     History,

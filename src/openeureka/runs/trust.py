@@ -19,7 +19,7 @@ import platformdirs
 from ..config import NO_MODEL, absolute
 from ..errors import ConfigError
 from ..executors import EXECUTORS
-from ..search import SEARCHES
+from ..strategies import SEARCHES
 from ..tasks import registry
 from ..text import plain, visible
 

@@ -2,8 +2,8 @@ import math
 
 import pytest
 
-from openeureka.search import Ranking
-from openeureka.search.votes import PRIOR, strengths
+from openeureka.strategies import Ranking
+from openeureka.strategies.votes import PRIOR, strengths
 from openeureka.testing.conformance.search import entries
 from openeureka.types import History, Place, Remark, RemarkKind
 

@@ -3,7 +3,7 @@ from random import Random
 import pytest
 
 from openeureka.config import RunConfig
-from openeureka.search import Best, Eureka, make, sized
+from openeureka.strategies import Best, Eureka, make, sized
 from openeureka.testing.conformance.search import entries
 from openeureka.types import History
 

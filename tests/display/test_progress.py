@@ -2,8 +2,8 @@ import io
 
 from rich.console import Console
 
-from openeureka.cli import progress
-from openeureka.cli.progress import ProgressLine
+from openeureka.display import progress
+from openeureka.display.progress import ProgressLine
 from openeureka.types import TrainingProgress
 
 PROGRESS = TrainingProgress(

@@ -3,9 +3,9 @@ import io
 import pytest
 from rich.console import Console
 
-from openeureka.cli import live
-from openeureka.cli.live import PlainView, TerminalView, view
 from openeureka.config import RunConfig
+from openeureka.display import live
+from openeureka.display.live import PlainView, TerminalView, view
 from openeureka.types import (
     Candidate,
     Evaluation,

@@ -1,0 +1,185 @@
+"""Puts the parts of a run together, and has it report. Who started it is its host: a terminal, or a Python program."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Protocol
+
+from .. import baselines, given, loop, sampling, strategies
+from ..config import NO_MODEL, RunConfig
+from ..display.log import logged
+from ..errors import ConfigError, Interrupted
+from ..given import Given
+from ..llm import open_model
+from ..llm.client import LanguageModel
+from ..llm.registry import KINDS
+from ..observer import Observer, Observers
+from ..person import Desk
+from ..report.build import build
+from ..report.filming import Filming
+from ..sandbox.client import Sandbox
+from ..store import Store, is_run, read_config, read_replies
+from ..tasks.context import context, informed
+from ..tasks.record import record_states
+from ..tasks.registry import get
+from ..types import TaskContext, Trainer, Usage
+from . import trust
+from .stopping import continuable, stoppable, stopped
+from .trainer import trainer_of
+
+Parts = tuple[
+    RunConfig, Store, LanguageModel, Sandbox, Trainer, TaskContext, strategies.SearchStrategy, Observers, Desk
+]
+"""Arguments of `loop.run`."""
+
+
+class Host(Protocol):
+    """Whoever started a run: what it is told, and where its person sits."""
+
+    def begins(self, config: RunConfig, directory: Path) -> None:
+        """Nothing of the run is made yet, and all that a person can get wrong without its task is refused."""
+        ...
+
+    def working(self, text: str) -> AbstractContextManager[None]:
+        """Around what takes long and tells nothing of itself."""
+        ...
+
+    def view(self, config: RunConfig, directory: Path, usage: Usage) -> AbstractContextManager[Observer]:
+        """Entered when the run is at work; `usage` is what earlier processes spent on it."""
+        ...
+
+    def desk(self, config: RunConfig, directory: Path, films: Sequence[Filming]) -> Desk: ...
+
+    def again(self, directory: Path) -> str:
+        """What to write to go on with the run."""
+        ...
+
+
+def admitted(config: RunConfig, typed: Collection[str]) -> RunConfig:
+    """The settings of a new search as it takes them; what they reach outside the run is remembered as typed.
+
+    Args:
+        typed: the settings that were given.
+
+    Raises:
+        ConfigError: where they do not fit each other.
+    """
+    if config.model == NO_MODEL:
+        raise ConfigError("model=none searches for nothing; `eureka train` trains and compares given rewards.")
+    if config.base_url and config.model.partition(":")[0] in KINDS:
+        raise ConfigError(f"model={config.model} is at no endpoint: name the one at base_url= with model=NAME.")
+    if config.feedback == "human" and "video" not in typed:
+        config = replace(config, video="all")  # who is to judge needs to see
+    trust.remember(config)
+    return config
+
+
+def stored(directory: Path) -> RunConfig:
+    """The settings of a run that is continued. That programs need no sandbox is never taken from a store."""
+    return replace(read_config(directory), unsafe_no_sandbox=False)
+
+
+def search(config: RunConfig, directory: Path, host: Host, model: LanguageModel | None = None) -> list[str]:
+    """Search, or go on with it, then report. What a person can get wrong is refused before a directory is made.
+
+    Args:
+        model: in place of the one that the settings name.
+
+    Returns:
+        Sentences that say what of the report could not be made.
+
+    Raises:
+        Interrupted: stopped by Ctrl-C or `eureka stop`; all that was finished is stored.
+        EurekaError: what else ended it.
+    """
+    begun = is_run(directory)
+    try:
+        with _parts(config, directory, host, model) as parts:
+            loop.run(*parts)
+    except KeyboardInterrupt:  # before the search, or a resumed one, was at work
+        known = begun or is_run(directory)
+        raise Interrupted(stopped(host.again(directory)) if known else "Stopped before it began.") from None
+    try:
+        # Reports come last: the search is complete without them.
+        with host.working("Writing the report" if config.video == "none" else "Filming, and writing the report"):
+            return build(directory, config.video, config.env)
+    except KeyboardInterrupt:
+        raise Interrupted(f"Stopped; the search is done. Write its report with: eureka report {directory}") from None
+
+
+@contextmanager
+def _parts(config: RunConfig, directory: Path, host: Host, model: LanguageModel | None) -> Iterator[Parts]:
+    """What a search is made of, as long as it is at work."""
+    known = context(config.env)
+    baselines.chosen(config)
+    begun = is_run(directory)
+    if config.init and not begun:
+        sampling.given(config)
+    trainer = trainer_of(config, directory)
+    model = model or open_model(config, held=len(read_replies(directory)) if begun else 0)
+    config = strategies.sized(config, model.style)
+    strategies.make(config)  # refuses what is none; which one it will be, the store says
+    host.begins(config, directory)
+    with host.working("Trying the task out"):
+        states = record_states(config.env)
+    known = informed(known, states, config)
+    try:
+        worlds = config.worlds or get(config.env).recipe.worlds
+        with Sandbox(known.state, states, worlds=worlds, unsafe=config.unsafe_no_sandbox) as checker:
+            if not begun:
+                sampling.admit(config, checker)
+            with (
+                Store.open(directory, config) as store,
+                continuable(host.again(directory)),
+                stoppable(directory),
+                logged(directory, config, store.usage()) as log,
+                _filming(directory, config, host) as films,
+                host.view(config, directory, store.usage()) as view,
+            ):
+                desk = host.desk(config, directory, films)
+                strategy = strategies.make(config, store.ranks)
+                observers = Observers(*log, *films, view)
+                yield config, store, model, checker, trainer, known, strategy, observers, desk
+    finally:
+        model.close()
+
+
+@contextmanager
+def _filming(directory: Path, config: RunConfig, host: Host) -> Iterator[list[Filming]]:
+    """The one who films all policies while the search goes on, if they are wanted."""
+    if config.video != "all":
+        yield []
+        return
+    with Filming(directory, config) as films:
+        yield [films]
+        if films.waiting:
+            with host.working(f"Filming the last {films.waiting} policies"):
+                films.wait()
+
+
+def train(config: RunConfig, directory: Path, rewards: Given | None, host: Host) -> list[str]:
+    """Train what is missing of a run of given rewards, then report.
+
+    Args:
+        rewards: None for those that the run holds.
+
+    Returns, Raises:
+        As `search` does.
+    """
+    trainer = trainer_of(config, directory)
+    host.begins(config, directory)
+    with (
+        Store.open(directory, config) as store,
+        continuable(host.again(directory)),
+        stoppable(directory),
+        logged(directory, config, Usage()) as log,
+        host.view(config, directory, Usage()) as view,
+    ):
+        if rewards is not None:
+            given.keep(store, rewards)
+        given.train(config, store, trainer, Observers(*log, view))
+    with host.working("Writing the report"):
+        return build(directory, config.video, config.env)

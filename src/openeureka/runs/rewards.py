@@ -1,0 +1,106 @@
+"""Rewards that a person gives, as names, files or texts: checking them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..config import TrainConfig
+from ..errors import ConfigError, RewardFileError
+from ..given import Given
+from ..reward import extract
+from ..sandbox.client import Sandbox
+from ..tasks.record import record_states
+from ..tasks.registry import get
+from ..text import one_line, plain
+from ..types import Candidate, Verdict, VerdictCode
+
+BUILT_IN = ("human", "sparse")
+
+
+def read(program: str | Path) -> Candidate:
+    """The program in a file, or in a text of several lines; either may be a model's whole answer.
+
+    Raises:
+        RewardFileError: for a file that cannot be read.
+    """
+    return extract.in_text(str(program)) if _is_text(program) else extract.in_file(Path(program))[0]
+
+
+def _is_text(program: str | Path) -> bool:
+    return isinstance(program, str) and "\n" in program
+
+
+def named(config: TrainConfig, rewards: Sequence[str | Path] | None = None) -> Given:
+    """The rewards by what they are called: files by their stem, texts by their number. Each is checked before anything
+    of a run is made.
+
+    Args:
+        rewards: in place of those that the settings name.
+
+    Raises:
+        ConfigError: for none, or two of a name.
+        RewardFileError: for one that cannot be read or was refused.
+    """
+    words = rewards if rewards is not None else [word.strip() for word in config.reward.split(",") if word.strip()]
+    if not words:
+        raise ConfigError("`reward` names nothing to train, write for example reward=human,sparse.")
+    names = [_name(word, number) for number, word in enumerate(words, start=1)]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(f"`reward` names `{name}` twice; give the files different names.")
+    programs = {name: read(word) for name, word in zip(names, words, strict=True) if word not in BUILT_IN}
+    verdicts = judge(config.env, list(programs.values()), worlds=config.worlds, unsafe=config.unsafe_no_sandbox)
+    judged = {name: (programs[name], verdict) for name, verdict in zip(programs, verdicts, strict=True)}
+    for name, word in zip(names, words, strict=True):
+        if name in judged and not judged[name][1].accepted:
+            reasons = "; ".join(explain(judged[name][1]))
+            raise RewardFileError(f"{name if _is_text(word) else word} was refused: {reasons}")
+    return {name: judged.get(name) for name in names}
+
+
+def _name(reward: str | Path, number: int) -> str:
+    """A file's stem, as far as it can name a folder."""
+    if reward in BUILT_IN:
+        return str(reward)
+    if _is_text(reward):
+        return f"reward_{number}"
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", Path(reward).stem).lstrip("-")[:60] or "reward"
+
+
+def judge(env: str, candidates: Sequence[Candidate], *, worlds: int = 0, unsafe: bool) -> list[Verdict]:
+    """Verdicts in the order of the candidates, by the same gate and sandbox as in a run with so many worlds."""
+    if not candidates:
+        return []
+    task = get(env)
+    with Sandbox(task.spec, record_states(env), worlds=worlds or task.recipe.worlds, unsafe=unsafe) as sandbox:
+        return [sandbox.check(candidate) for candidate in candidates]
+
+
+MEANINGS = {
+    VerdictCode.ACCEPTED: "it can train",
+    VerdictCode.NO_PROGRAM: "there is no reward function in it",
+    VerdictCode.REFUSED: "what it says is not allowed in a reward; it was not run",
+    VerdictCode.CONTRACT: "it was run on states of the task, and what it did is not what a reward must do",
+    VerdictCode.TIMEOUT: "it was run on states of the task, and took too long",
+    VerdictCode.CRASHED: "it was run on states of the task, and ended its process",
+}
+
+
+def explain(verdict: Verdict, source: str = "") -> list[str]:
+    """The verdict for a person: a line for each finding, or one that says what the program computes.
+
+    Args:
+        source: the program, to show a line that Python cannot read.
+    """
+    if verdict.graph is None:
+        lines = source.splitlines()
+        told = []
+        for finding in verdict.findings:
+            told.append(plain(finding.sentence()))
+            if finding.rule == "syntax" and finding.line is not None and finding.line <= len(lines):
+                told.append(f"    {one_line(lines[finding.line - 1])}")
+        return told
+    names = ", ".join(plain(name) for name, _ in verdict.graph.components) or "none"
+    return [f"{len(verdict.graph.nodes)} tensor operations; components: {names}; {verdict.seconds * 1000:.0f} ms"]

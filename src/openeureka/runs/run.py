@@ -1,0 +1,221 @@
+"""A run as an object: its directory, and what it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..config import RunConfig
+from ..errors import ConfigError, StoreError
+from ..report import verdict
+from ..report.view import CandidateView, RunView
+from ..score import Outcome
+from ..store import Store, artifacts, is_run
+from ..types import Evaluation, Glance, History, Lane, TrainingResult
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ..llm.client import LanguageModel
+    from .events import Event
+    from .policy import TrainedPolicy
+
+Row = dict[str, str | int | float | None]
+
+LONGEST = 120.0
+"""[s] of what `Run.play` shows: a second of it takes 28 MB."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaneView:
+    """One training of a run, as far as it has come."""
+
+    lane: Lane
+    place: str
+    """The first slot that holds its candidate, such as `g0s3`; empty for a reward that no model wrote."""
+    result: TrainingResult | None
+    """None while it trains."""
+    played: Evaluation | None
+    """What its policy scored when it was played to choose by."""
+    held_out: Evaluation | None
+    """What it scored in the end, in episodes that nothing was chosen by."""
+
+    @property
+    def curves(self) -> Mapping[str, tuple[float | None, ...]]:
+        """A value an epoch, by name: see `TrainingResult.curves`. Empty while it trains."""
+        return self.result.curves if self.result is not None else {}
+
+    def row(self) -> Row:
+        """All of it that is a text or a number; what is undefined is None."""
+        result, played, held_out = self.result, self.played, self.held_out
+        return {
+            "lane": self.lane.id,
+            "reward": self.lane.reward,
+            "seed": self.lane.seed,
+            "role": self.lane.role,
+            "place": self.place,
+            "state": str(result.state) if result is not None else None,
+            "played_fitness": played.fitness if played is not None else None,
+            "played_error": played.error if played is not None else None,
+            "fitness": result.fitness if result is not None else None,
+            "held_out_fitness": held_out.fitness if held_out is not None else None,
+            "held_out_episode_length": held_out.episode_length if held_out is not None else None,
+            "correlation_with_human": result.correlation if result is not None else None,
+            "env_steps": result.env_steps if result is not None else 0,
+            "seconds": result.seconds if result is not None else 0.0,
+            "message": result.message if result is not None else "",
+        }
+
+
+def lanes(run: RunView) -> dict[str, LaneView]:
+    """By id, in the order in which they were begun."""
+    places: dict[str, str] = {}
+    for slot in run.candidates:
+        if slot.candidate is not None:
+            places.setdefault(slot.candidate.id, str(slot.place))
+    return {
+        name: LaneView(
+            lane=lane,
+            place=places.get(lane.reward, ""),
+            result=run.results.get(name),
+            played=run.played.get(name),
+            held_out=run.evaluations.get(name),
+        )
+        for name, lane in run.lanes.items()
+    }
+
+
+def finished(config: RunConfig, glance: Glance) -> bool:
+    """Whether nothing is left to do but reports. Held-out scores come last."""
+    if not config.generations:
+        return glance.evaluations > 0
+    searched = glance.generations >= config.generations
+    return searched and (glance.evaluations > 0 or glance.fitness is None)  # without a reward nothing is scored
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A run directory, of a search or of given rewards, finished or not. It is read anew at each look."""
+
+    directory: Path
+
+    @property
+    def view(self) -> RunView:
+        """All that reports show of it. Look once where you need several things of a large run."""
+        return RunView.read(self.directory)
+
+    @property
+    def config(self) -> RunConfig:
+        """Its settings."""
+        with Store.view(self.directory) as store:
+            return store.config
+
+    @property
+    def finished(self) -> bool:
+        """Whether it is complete; else `resume` goes on with it."""
+        if not is_run(self.directory):
+            return False
+        with Store.view(self.directory) as store:
+            return finished(store.config, store.glance())
+
+    @property
+    def history(self) -> History:
+        """The finished generations: every slot with its program, verdict, training and feedback."""
+        return self.view.history
+
+    @property
+    def candidates(self) -> tuple[CandidateView, ...]:
+        """Every slot of every generation, also of the one under way, with all attempts at it."""
+        return self.view.candidates
+
+    @property
+    def lanes(self) -> dict[str, LaneView]:
+        """Every training by id, such as `human-s0`: its result, scores and curves."""
+        return lanes(self.view)
+
+    def rows(self) -> list[Row]:
+        """A row of numbers and texts for each training, as data frames take them: `pandas.DataFrame(run.rows())`."""
+        return [lane.row() for lane in self.lanes.values()]
+
+    @property
+    def verdict(self) -> str:
+        """In one sentence, which reward is better."""
+        return verdict.verdict(self.view)
+
+    @property
+    def outcome(self) -> Outcome | None:
+        """The final comparison of a search in numbers; None before it is done, and for given rewards."""
+        view = self.view
+        return view.outcome if view.searched else None
+
+    @property
+    def best_reward(self) -> str | None:
+        """The best reward's program; None where nothing is trained yet, or the best comes with the task."""
+        program = artifacts.read(self.directory, "best/reward.py")
+        return program.decode(errors="replace") if program is not None else None
+
+    @property
+    def policy(self) -> TrainedPolicy:
+        """The best policy, a function of numpy observations (O,) or (N, O). Raises StoreError before there is one."""
+        from .policy import TrainedPolicy  # loads torch
+
+        return TrainedPolicy.of(self._policy())
+
+    def _policy(self) -> bytes:
+        data = artifacts.read(self.directory, "best/policy.safetensors")
+        if data is None:
+            raise StoreError(f"{self.directory} holds no policy yet; it has one as soon as a training is done.")
+        return data
+
+    def play(self, *, seconds: float = 10.0, seed: int = 0, env: str | Path = "") -> np.ndarray:
+        """Pictures of the best policy at work: uint8 (T, 480, 640, 3), 30 for each second of simulated time.
+
+        Args:
+            seconds: at most 120; a second takes 28 MB.
+            seed: of the start and of the task's chances.
+            env: the task, where it is a file or a package of your own that this machine does not know yet.
+
+        Raises:
+            VideoUnavailable: where nothing can be rendered; it says what to install.
+            ConfigError: where the run names a task that is not installed and that you never used here: it would be run
+                with your rights.
+        """
+        from ..report import video
+        from . import trust
+
+        if not 0.0 < seconds <= LONGEST:
+            raise ConfigError(f"`seconds` must be above 0 and at most {LONGEST:g}, not {seconds}.")
+        task = str(env) or self.config.env
+        if not env and "env" in trust.unknown(self.config):
+            raise ConfigError(
+                f"The run names env={task}, which is no installed task and was never used here; call play(env=...) if "
+                "you know where it comes from: it is run with your rights."
+            )
+        return video.frames(video.render(task, self._policy(), seconds=seconds, seed=seed))
+
+    @property
+    def report(self) -> Path:
+        """Where its report is, a page for a browser, once the run is finished."""
+        return self.directory / "report.html"
+
+    def resume(
+        self,
+        *,
+        model: LanguageModel | None = None,
+        trust: bool = False,
+        on_event: Callable[[Event], object] | None = None,
+        **settings: Any,
+    ) -> Run:
+        """Go on where it stopped. No reply is paid twice and no training is done twice.
+
+        Args:
+            model: for a search that began with an object of your own: the object again.
+            trust: use what the run names and you never used on this machine: addresses, files, models.
+            on_event: as in `search`.
+            settings: those that do not change what is searched may be given anew, such as `max_cost`.
+        """
+        from .door import resume
+
+        return resume(self, model=model, trust=trust, on_event=on_event, settings=settings)

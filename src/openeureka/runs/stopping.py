@@ -1,0 +1,92 @@
+"""How a run at work is stopped, hears of it, and says how to go on."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import FrameType
+
+from ..errors import EurekaError, Interrupted
+from ..store.halt import is_asked_to_stop, withdraw
+
+POLL = 0.5
+"""[s] between two looks at whether the run is to stop."""
+
+
+@contextmanager
+def continuable(again: str) -> Iterator[None]:
+    """Have whatever ends a run say what to write to go on with it."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise Interrupted(stopped(again)) from None
+    except EurekaError as error:
+        error.add_note(f"What is done is kept. Continue with: {again}")
+        raise
+
+
+def stopped(again: str) -> str:
+    """Of a run that was stopped on purpose."""
+    return f"Stopped, nothing is lost. Continue with: {again}"
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    # What is printed right now may be in the middle of a line, and must not be entered twice.
+    with suppress(RuntimeError):
+        print("Stopping: what is trained is being kept, for up to ten seconds. Ctrl-C again does not wait.", flush=True)
+    signal.default_int_handler(number, frame)
+
+
+@contextmanager
+def announced() -> Iterator[None]:
+    """In the main thread: say at once that Ctrl-C was heard. Keeping a training under way takes some seconds."""
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.default_int_handler:  # a shell's background process ignores it
+        yield
+        return
+
+    def once(number: int, frame: FrameType | None) -> None:
+        signal.signal(signal.SIGINT, before)
+        _interrupt(number, frame)
+
+    signal.signal(signal.SIGINT, once)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def stoppable(directory: Path) -> Iterator[None]:
+    """In the main thread: raise KeyboardInterrupt, as Ctrl-C does, when the run is asked to stop.
+
+    SIGINT itself would not do: shells have processes in the background ignore it. No signal reaches another thread;
+    there the host stops the run.
+    """
+    withdraw(directory)
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        withdraw(directory)
+        return
+    over, listener = threading.Event(), threading.get_ident()
+
+    def watch() -> None:
+        while not over.wait(POLL):
+            if is_asked_to_stop(directory):
+                signal.pthread_kill(listener, signal.SIGUSR1)
+                return
+
+    before = signal.signal(signal.SIGUSR1, _interrupt)
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
+    try:
+        with announced():
+            yield
+    finally:
+        over.set()
+        watcher.join()
+        signal.signal(signal.SIGUSR1, before)
+        withdraw(directory)

@@ -1,0 +1,318 @@
+"""Runs begun from Python, with fakes for model, sandbox and trainer."""
+
+import os
+import signal
+import threading
+import time
+from contextlib import nullcontext
+from pathlib import Path
+
+import numpy as np
+import pytest
+from report.policies import policy
+
+import openeureka
+from openeureka.cli.search import resume as resume_command
+from openeureka.config import RunConfig
+from openeureka.errors import ConfigError, ModelError, RewardFileError, StoreError
+from openeureka.report import video
+from openeureka.runs import compose, rewards
+from openeureka.store import Store
+from openeureka.store.halt import ask_to_stop
+from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, program, reply
+from openeureka.training.policy import Policy
+from openeureka.types import TrainingState
+
+SCRIPT = [reply(3.0), reply(8.0), reply(12.0), reply(4.0)]
+SETTINGS = {"sample": 2, "iteration": 2, "seeds": 1, "video": "none"}
+EVENTS = openeureka.Event.__args__
+
+
+@pytest.fixture(autouse=True)
+def trainer(monkeypatch: pytest.MonkeyPatch) -> ToyTrainer:
+    """A run of pure functions; what trained is in the trainer."""
+    toy = ToyTrainer()
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: toy)
+    monkeypatch.setattr(compose, "record_states", lambda env: {})
+    monkeypatch.setattr(rewards, "record_states", lambda env: {})
+    for room in (compose, rewards):
+        monkeypatch.setattr(room, "Sandbox", lambda *_, **__: nullcontext(ToyChecker()))
+    return toy
+
+
+def search(directory: Path, model=None, **settings) -> openeureka.Run:
+    return openeureka.search(model=model or ScriptedModel(SCRIPT), dir=directory, **{**SETTINGS, **settings})
+
+
+class Waiting(ScriptedModel):
+    """Sleeps before its third reply, until somebody stops it."""
+
+    def sample(self, prompt, *, n, seed):
+        if self.said == 2:
+            self.act()
+        yield from super().sample(prompt, n=n, seed=seed)
+
+    def act(self) -> None:
+        raise KeyboardInterrupt
+
+
+def test_a_search_returns_a_run_with_all_that_it_found(tmp_path):
+    run = search(tmp_path / "run")
+    assert run == openeureka.open_run(str(tmp_path / "run")) and run.finished
+    assert run.best_reward == program(12.0)
+    # Held out takes one from each toy F; the human reward is worth 10: 11.01 against 9.005.
+    assert run.verdict.startswith("The generated reward is better than the human one: F 11.01")
+    assert run.outcome.normalised == pytest.approx(1.4, abs=0.01)
+    assert [len(generation.entries) for generation in run.history.generations] == [2, 2]
+    assert [slot.score for slot in run.candidates] == [2.0, 7.0, 11.0, 3.0]
+    assert run.report.is_file() and run.config.env == "cartpole"
+
+
+def test_lanes_are_rows_of_plain_values(tmp_path):
+    run = search(tmp_path / "run")
+    rows = {row["lane"]: row for row in run.rows()}
+    assert list(rows) == list(run.lanes)
+    assert {type(value) for row in rows.values() for value in row.values()} <= {str, int, float, type(None)}
+    best = [row for row in rows.values() if row["place"] == "g1s0"]
+    assert [(row["role"], row["seed"], row["fitness"]) for row in best] == [("candidate", 0, 12.0), ("final", 1, 12.01)]
+    assert rows["human-s0"]["role"] == "baseline" and rows["human-s0"]["held_out_fitness"] == 9.0
+    assert run.lanes["human-s0"].curves["human_reward"] == (0.0, 1.0, 2.0)
+
+
+def test_events_are_told_in_order_and_a_loop_sees_the_same(tmp_path):
+    told: list[openeureka.Event] = []
+    run = search(tmp_path / "a", on_event=told.append)
+    assert told[0] == openeureka.Started(run) and isinstance(told[-1], openeureka.Outcome)
+    assert all(isinstance(event, EVENTS) for event in told)
+    seen = list(openeureka.searching(model=ScriptedModel(SCRIPT), dir=tmp_path / "b", **SETTINGS))
+    assert [type(event) for event in seen] == [type(event) for event in told]
+    assert [e.slot for e in seen if isinstance(e, openeureka.Replied)] == [0, 1, 0, 1]
+    assert openeureka.open_run(tmp_path / "b").finished
+
+
+def test_leaving_the_loop_stops_the_search_and_it_goes_on_later(tmp_path, capsys, trainer):
+    model = ScriptedModel(SCRIPT)
+    events = openeureka.searching(model=model, dir=tmp_path / "run", **SETTINGS)
+    for event in events:
+        if isinstance(event, openeureka.Generation):
+            break
+    events.close()
+    run = openeureka.open_run(tmp_path / "run")
+    assert not run.finished and not [t for t in threading.enumerate() if t.name == "openeureka"]
+    before = list(trainer.trained)
+    assert run.resume(model=model).finished
+    assert model.said == 4  # no reply twice
+    assert len(trainer.trained) == len(set(trainer.trained)) and trainer.trained[: len(before)] == before
+    assert run.best_reward == program(12.0) and capsys.readouterr().out == ""
+
+
+def test_a_loop_may_be_left_while_a_person_is_waited_for(tmp_path):
+    settings = {**SETTINGS, "feedback": "human"}
+    for event in openeureka.searching(model=ScriptedModel(SCRIPT), dir=tmp_path / "run", **settings):
+        if event == openeureka.Began(0, "feedback"):
+            break
+    assert not [thread for thread in threading.enumerate() if thread.name == "openeureka"]
+    assert len(openeureka.open_run(tmp_path / "run").history.generations) == 1
+
+
+def test_what_ends_a_search_is_raised_in_the_loop(tmp_path):
+    class Failing(Waiting):
+        def act(self):
+            raise ModelError("The endpoint refused the key.")
+
+    with pytest.raises(ModelError, match="refused the key") as failed:
+        list(openeureka.searching(model=Failing(SCRIPT), dir=tmp_path / "run", **SETTINGS))
+    assert failed.value.__notes__ == [
+        f"What is done is kept. Continue with: openeureka.open_run('{tmp_path}/run').resume()"
+    ]
+
+
+def test_a_notebooks_stop_button_returns_the_run_so_far(tmp_path, capsys):
+    class Interrupted(Waiting):
+        def act(self):
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(10)
+
+    run = search(tmp_path / "run", Interrupted(SCRIPT))
+    assert not run.finished and len(run.history.generations) == 1
+    said = capsys.readouterr().out.splitlines()
+    assert said[-1] == f"Stopped, nothing is lost. Continue with: openeureka.open_run('{tmp_path}/run').resume()"
+    assert run.resume(model=ScriptedModel(SCRIPT[2:])).finished
+
+
+def test_ctrl_c_ends_a_loop_that_waits_for_an_event(tmp_path, capsys):
+    class Slow(Waiting):
+        def act(self):
+            os.kill(os.getpid(), signal.SIGINT)  # the main thread gets it, which is waiting
+            time.sleep(0.5)
+
+    for event in openeureka.searching(model=Slow(SCRIPT), dir=tmp_path / "run", **SETTINGS):
+        last = event
+    assert not isinstance(last, openeureka.Outcome)
+    assert "Stopped, nothing is lost." in capsys.readouterr().out
+    assert not openeureka.open_run(tmp_path / "run").finished
+
+
+def test_ctrl_c_before_anything_is_made_is_ctrl_c(tmp_path, monkeypatch):
+    def interrupt(env):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(compose, "record_states", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        search(tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_search_in_another_thread_is_stopped_by_eureka_stop(tmp_path, capsys):
+    class Asked(Waiting):
+        def act(self):
+            ask_to_stop(tmp_path / "run")
+
+    found: list[openeureka.Run] = []
+    thread = threading.Thread(target=lambda: found.append(search(tmp_path / "run", Asked(SCRIPT))))
+    thread.start()
+    thread.join()
+    assert not found[0].finished and "Stopped, nothing is lost." in capsys.readouterr().out
+
+
+def test_a_callback_that_raises_ends_the_search_and_loses_nothing(tmp_path):
+    def tell(event):
+        if isinstance(event, openeureka.Generation):
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        search(tmp_path / "run", on_event=tell)
+    assert len(openeureka.open_run(tmp_path / "run").history.generations) == 1
+
+
+def test_a_run_begun_here_goes_on_at_the_command_line(tmp_path, monkeypatch, capsys):
+    search(tmp_path / "run", Waiting(SCRIPT))
+    monkeypatch.setattr(compose, "open_model", lambda config, held: ScriptedModel(SCRIPT[2:]))
+    resume_command([f"{tmp_path}/run"])
+    assert openeureka.open_run(tmp_path / "run").finished
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ({"sampel": 2}, "Unknown setting `sampel`. Did you mean `sample`?"),
+        ({"sample": "two"}, "`sample=two` does not fit: `sample` takes a whole number."),
+        ({"sample": True}, "`sample=True` does not fit"),
+        ({"sample": 1.5}, "`sample=1.5` does not fit"),
+        ({"video": "some"}, "`video` must be one of"),
+        ({"base_url": "http://x/v1", "model": "local"}, "is at no endpoint"),
+    ],
+)
+def test_settings_that_do_not_fit_are_refused_as_on_the_command_line(tmp_path, settings, sentence):
+    with pytest.raises(ConfigError) as refused:
+        openeureka.search(**{"model": "random", "dir": tmp_path / "run", **settings})
+    assert sentence in str(refused.value) and not (tmp_path / "run").exists()
+
+
+def test_settings_may_be_paths_and_large_numbers_as_people_write_them(tmp_path, monkeypatch):
+    (tmp_path / "mine.py").write_text(program(9.0))
+    monkeypatch.chdir(tmp_path)
+    run = search(tmp_path / "run", init=Path("mine.py"), steps=1e6, max_cost=5)
+    assert (run.config.init, run.config.steps) == (f"{tmp_path}/mine.py", 1_000_000)
+    assert type(run.config.steps) is int and type(run.config.max_cost) is float
+
+
+def test_rewards_are_trained_by_name_by_path_and_as_text(tmp_path, trainer, monkeypatch):
+    monkeypatch.setattr(rewards, "judge", lambda env, programs, **_: [ToyChecker().check(p) for p in programs])
+    (tmp_path / "mine.py").write_text(program(7.0))
+    run = openeureka.train(
+        reward=["human", tmp_path / "mine.py", f"Here it is.\n\n{reply(9.0)}"], seeds=2, dir=tmp_path / "run"
+    )
+    assert run.finished and run.outcome is None
+    rows = [(row["reward"], row["seed"], row["held_out_fitness"]) for row in run.rows()]
+    assert rows[:4] == [("human", 0, 9.0), ("human", 1, 9.01), ("mine", 0, 6.0), ("mine", 1, 6.01)]
+    assert rows[4:] == [("reward_3", 0, 8.0), ("reward_3", 1, 8.01)]
+    assert run.verdict.startswith("human is better than reward_3: F 9.005")
+    assert run.resume().finished and len(trainer.trained) == 6
+    with pytest.raises(RewardFileError, match="reward_1 was refused: line 1: nothing is returned"):
+        openeureka.train(reward="def f(x):\n    return x\n")
+    with pytest.raises(ConfigError, match="names nothing to train"):
+        openeureka.train(reward=[])
+    listed = openeureka.train(reward="sparse, human", dir=tmp_path / "b")
+    assert list(listed.lanes) == ["sparse-s0", "human-s0"]
+
+
+def test_a_training_that_is_stopped_goes_on(tmp_path, trainer, capsys):
+    def tell(event):
+        if isinstance(event, openeureka.TrainingResult) and event.state is TrainingState.FINISHED:
+            raise KeyboardInterrupt
+
+    run = openeureka.train(dir=tmp_path / "run", on_event=tell)
+    assert not run.finished and list(run.rows()[0])[:2] == ["lane", "reward"]
+    assert run.resume().finished and sorted(trainer.trained) == ["human-s0", "sparse-s0"]
+    assert run.best_reward is None  # the human one comes with the task
+
+
+def test_a_program_is_checked_as_text_or_file(tmp_path):
+    assert openeureka.check("cartpole", program(3.0)).accepted
+    (tmp_path / "bad.py").write_text("def f(x):\n    return x\n")
+    verdict = openeureka.check("cartpole", tmp_path / "bad.py")
+    assert not verdict.accepted and verdict.findings[0].rule == "no-number"
+    with pytest.raises(RewardFileError, match="Cannot read the reward file"):
+        openeureka.check("cartpole", "none.py")
+
+
+def test_what_is_no_run_is_said(tmp_path):
+    with pytest.raises(StoreError, match="is not a run"):
+        openeureka.open_run(tmp_path)
+
+
+@pytest.fixture
+def trained(tmp_path) -> openeureka.Run:
+    """A run with a policy of a network."""
+    run = search(tmp_path / "run")
+    (run.directory / "best" / "policy.safetensors").write_bytes(
+        Policy("cartpole", policy(4, 1, (8,)).tensors).to_bytes()
+    )
+    return run
+
+
+def test_the_policy_is_a_function_of_arrays(trained):
+    act = trained.policy
+    one, many = act([0.1, 0.2, 0.3, 0.4]), act(np.array([[0.1, 0.2, 0.3, 0.4], [9.0, 0.0, 0.0, 0.0]]))
+    assert one.shape == (1,) and many.shape == (2, 1) and one.dtype == np.float32
+    assert np.array_equal(one, many[0]) and (abs(many) <= 1.0).all()
+    with pytest.raises(ValueError, match=r"observations are \(4,\) or \(N, 4\), not \(3,\)"):
+        act([0.0] * 3)
+
+
+def test_frames_are_those_of_the_film(trained, monkeypatch):
+    import imageio_ffmpeg
+
+    def film(env, data, *, seconds, seed):
+        assert (env, seconds, seed) == ("cartpole", 0.2, 7) and Policy.from_bytes(data).env == "cartpole"
+        path = trained.directory / "film.mp4"
+        writer = imageio_ffmpeg.write_frames(str(path), (64, 48), fps=30, macro_block_size=1)
+        writer.send(None)
+        for level in (0, 50, 100, 150, 200, 250):
+            writer.send(np.full((48, 64, 3), level, np.uint8))
+        writer.close()
+        return path.read_bytes()
+
+    monkeypatch.setattr(video, "render", film)
+    frames = trained.play(seconds=0.2, seed=7)
+    assert frames.shape == (6, 48, 64, 3) and frames.dtype == np.uint8
+    assert frames.mean(axis=(1, 2, 3)) == pytest.approx([0, 50, 100, 150, 200, 250], abs=4)
+    for seconds in (0.0, 121.0, float("nan")):
+        with pytest.raises(ConfigError, match="`seconds` must be above 0"):
+            trained.play(seconds=seconds)
+
+
+def test_a_run_from_elsewhere_is_read_and_reaches_nothing_unasked(tmp_path, monkeypatch):
+    (tmp_path / "evil.py").write_text(f"open({str(tmp_path / 'mark')!r}, 'w')\n")
+    config = RunConfig(env=f"{tmp_path}/evil.py", model="m", base_url="http://127.0.0.1:9/v1", **SETTINGS)
+    Store.open(tmp_path / "run", config).close()
+    run = openeureka.open_run(tmp_path / "run")
+    assert run.rows() == [] and not run.finished and run.best_reward is None
+    with pytest.raises(StoreError, match="holds no policy yet"):
+        _ = run.policy
+    with pytest.raises(ConfigError, match="is no installed task and was never used here"):
+        run.play()
+    with pytest.raises(ConfigError, match=r"base_url=http://127.0.0.1:9/v1; call resume\(trust=True\)"):
+        run.resume()
+    assert not (tmp_path / "mark").exists()
