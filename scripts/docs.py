@@ -47,6 +47,7 @@ CHOOSING = ROOT / "benchmarks" / "results" / "choosing.json"
 FIRST_RUNS = "<!-- make run -->\n", "<!-- /make run -->\n"
 FOUND = "<!-- found -->\n", "<!-- /found -->\n"
 CHOSEN = "<!-- choosing -->\n", "<!-- /choosing -->\n"
+LATER = "<!-- generations -->\n", "<!-- /generations -->\n"
 
 
 def commands() -> str:
@@ -130,6 +131,12 @@ def choosing() -> str:
     return f"{ranking}\n{study.NOTE}\n\n{_table(study.CHECKPOINTS, study.checkpoints(measured))}"
 
 
+def later() -> str:
+    """What `benchmarks/generations.py` was told: whether later generations improve on the first."""
+    study = _benchmark("generations")
+    return _table(study.TITLES, study.rows(study.known()))
+
+
 def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in (titles, ["---"] * len(titles), *rows))
 
@@ -167,8 +174,15 @@ def generated() -> Mapping[Path, str]:
         BASELINES: baselines(),
         README: _between(README.read_text(), FOUND, found()),
         CONTRIBUTING: _between(CONTRIBUTING.read_text(), TREE, tree()),
-        SCORES: _between(_between(SCORES.read_text(), CHOSEN, choosing()), FIRST_RUNS, first_runs()),
+        SCORES: _scores(),
     }
+
+
+def _scores() -> str:
+    text = SCORES.read_text()
+    for marks, part in ((CHOSEN, choosing()), (FIRST_RUNS, first_runs()), (LATER, later())):
+        text = _between(text, marks, part)
+    return text
 
 
 def _between(whole: str, marks: tuple[str, str], text: str) -> str:

@@ -1,0 +1,84 @@
+"""Do later generations improve on the first? What finished searches say, as a table of docs/concepts/scores.md.
+
+    eureka run env=quadcopter model=NAME base_url=... sample=8 iteration=2 steps=1500000 dir=outputs/quad
+    python benchmarks/generations.py outputs/quad          # adds it to benchmarks/results/generations.json
+    make docs                                              # the table
+
+Scores are F of the best reward of each generation when its policy was played, and held-out F of fresh trainings.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import openeureka
+from openeureka.report.text import number
+from openeureka.types import Generation
+
+RESULTS = Path(__file__).parent / "results" / "generations.json"
+TITLES = (
+    *("task", "model", "rewards a generation", "steps", "best of the first, played", "best of the later ones"),
+    *("better by its error", "generated, held out", "human, held out", "seeds"),
+)
+Record = dict[str, Any]
+
+
+def best(generation: Generation) -> Record | None:
+    """Place, F and its standard error of the reward that played best."""
+    entry = generation.best
+    if entry is None or entry.played is None:
+        return None
+    score = entry.played
+    return {"place": str(entry.sample.place), "fitness": score.fitness, "error": score.error}
+
+
+def record(run: openeureka.Run) -> Record:
+    """What a finished search found."""
+    config, outcome = run.config, run.outcome
+    if outcome is None:
+        raise SystemExit(f"{run.directory} is not finished.")
+    return {
+        "env": config.env,
+        "model": config.model,
+        "sample": config.sample,
+        "steps": config.steps,
+        "seed": config.seed,
+        "best": [best(generation) for generation in run.history.generations],
+        "generated": list(outcome.method.held_out),
+        "human": list(outcome.human.held_out),
+        "verdict": run.verdict,
+        "date": datetime.now(UTC).date().isoformat(),
+    }
+
+
+def rows(records: list[Record]) -> list[tuple[str, ...]]:
+    """A row a search."""
+    return [_row(one) for one in records]
+
+
+def _row(one: Record) -> tuple[str, ...]:
+    known = [score for score in one["best"] if score is not None and score["fitness"] is not None]
+    first, later = known[0], max(known[1:], key=lambda score: score["fitness"])
+    apart = (later["fitness"] - first["fitness"]) / math.hypot(first["error"], later["error"])
+    played = [f"{number(score['fitness'])} ± {number(score['error'], 2)}" for score in (first, later)]
+    seeds = f"{len(one['generated'])}, {len(one['human'])}"
+    size = (str(one["sample"]), f"{one['steps']:,}")
+    held_out = [number(sum(arm) / len(arm)) for arm in (one["generated"], one["human"])]
+    return (one["env"], one["model"], *size, *played, f"{apart:+.1f}", *held_out, seeds)
+
+
+def known() -> list[Record]:
+    """What is measured so far."""
+    return json.loads(RESULTS.read_text()) if RESULTS.exists() else []
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("directories", type=Path, nargs="+")
+    found = [record(openeureka.open_run(directory)) for directory in parser.parse_args().directories]
+    RESULTS.write_text(json.dumps([*known(), *found], indent=1, sort_keys=True) + "\n")
