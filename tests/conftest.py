@@ -1,6 +1,7 @@
 """Tests are offline and never meet a paid endpoint: keys are removed and sockets beyond loopback refuse to open."""
 
 import os
+import signal
 import socket
 from pathlib import Path
 
@@ -10,6 +11,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "2")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")  # idle threads that spin starve the simulator's
 for key in [name for name in os.environ if name.endswith("_API_KEY")]:
     del os.environ[key]
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as where a shell runs the suite in the background
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 _connect = socket.socket.connect
 
