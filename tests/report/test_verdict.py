@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from openeureka.report.tables import scale
-from openeureka.report.verdict import meaning, verdict
+from openeureka.report.verdict import meaning, nexts, verdict
 from openeureka.report.view import RunView
 from openeureka.score import Arm, Outcome
 from openeureka.types import Candidate, Evaluation, Generation, History
@@ -56,6 +56,21 @@ def test_an_open_verdict_says_how_many_seeds_would_close_it() -> None:
         "About 17 seeds of each would decide a difference of this size."
     )
     assert "more than 100 seeds" in verdict(ended([40.01, 42.0], [39.0, 43.0]))
+
+
+@pytest.mark.parametrize(
+    ("generated", "human", "first"),
+    [
+        ([40.0, 42.0], [39.0, 41.0], "eureka run ... seeds=17: about enough to decide it"),
+        ([41.0], [40.0], "eureka run ... seeds=3: more seeds say more"),
+        ([49.0, 51.0], [39.0, 41.0], "eureka play DIR: watch the policy"),
+        ([40.01, 42.0], [39.0, 43.0], "eureka play DIR: watch the policy"),  # more than anybody would train
+    ],
+)
+def test_what_to_type_next_names_the_seeds_that_would_decide(
+    generated: list[float], human: list[float], first: str
+) -> None:
+    assert nexts(ended(generated, human))[0] == first
 
 
 def test_before_the_end_nothing_is_claimed() -> None:

@@ -86,11 +86,21 @@ def nexts(run: RunView) -> list[str]:
     """What to type next: the command, and what it does."""
     if not run.searched:
         return ["eureka play DIR: watch the policy"]
-    found = run.outcome.difference if run.outcome is not None else None
     if run.outcome is None:
         return ["eureka resume DIR: go on where it was"]
-    more = [] if beside(run.config) == () or (found and found.sure) else ["eureka run ... seeds=10: decide it"]
-    return [*more, "eureka play DIR: watch the policy"]
+    return [*_deciding(run), "eureka play DIR: watch the policy"]
+
+
+def _deciding(run: RunView) -> list[str]:
+    """How to decide what is not, where so many seeds are within reach."""
+    if run.outcome is None or not beside(run.config):
+        return []
+    found = run.outcome.difference
+    if found is None:
+        return ["eureka run ... seeds=3: more seeds say more"]
+    if found.sure or found.seeds is None:
+        return []
+    return [f"eureka run ... seeds={max(found.seeds, len(run.outcome.method.scores) + 1)}: about enough to decide it"]
 
 
 def _arm(arm: Arm) -> str:
