@@ -76,10 +76,10 @@ def _expression(random: Random, depth: int) -> str:
         return f"({inner}){random.choice(_CASTS)}"
     if kind < 0.8:
         made = random.choice(_SHAPED)
-        while "{" in made:
-            made = made.replace("{i}", random.choice(_INTEGERS), 1).replace("{f}", random.choice(_FLOATS), 1)
-            made = made.replace("{t}", f"({inner})")
-        return made
+        for mark, numbers in (("{i}", _INTEGERS), ("{f}", _FLOATS)):
+            while mark in made:
+                made = made.replace(mark, random.choice(numbers), 1)
+        return made.replace("{t}", f"({inner})")
     name, dim = random.choice(_UNARY), random.choice(("", "0", "1", "-1", "dim=-1", "dim=0", _number(random)))
     return f"torch.{name}({inner}{', ' if dim else ''}{dim})"
 
