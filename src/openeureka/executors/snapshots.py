@@ -22,9 +22,9 @@ def groups(folder: Path | None, env: str) -> list[list[str]]:
     training begins anew."""
     if folder is None:
         return []
-    found = (name for name in artifacts.names(folder.parent, folder.name) if name.endswith(ABOUT))
-    about = (_about(artifacts.read(folder.parent, f"{folder.name}/{name}")) for name in found)
-    return [found.jobs for found in about if found is not None and found.env == env]
+    names = (name for name in artifacts.names(folder.parent, folder.name) if name.endswith(ABOUT))
+    found = (_about(artifacts.read(folder.parent, f"{folder.name}/{name}")) for name in names)
+    return [about.jobs for about in found if about is not None and about.env == env]
 
 
 @dataclass(frozen=True, slots=True)

@@ -186,7 +186,8 @@ class Database:
         for number, script in enumerate(MIGRATIONS[schema:], start=schema + 1):
             try:
                 self._connection.executescript(f"BEGIN IMMEDIATE; {script} PRAGMA user_version = {number};")
-                FILLS.get(number, _nothing)(self._connection)
+                if fill := FILLS.get(number):
+                    fill(self._connection)
                 self._connection.execute("COMMIT")
             except BaseException:
                 if self._connection.in_transaction:
@@ -241,9 +242,6 @@ class Database:
 
     def close(self) -> None:
         self._connection.close()
-
-
-def _nothing(connection: sqlite3.Connection) -> None: ...
 
 
 def _fits(name: str, kind: str, value: object, optional: bool) -> bool:

@@ -50,11 +50,8 @@ class LaneLog:
         folder = f"lanes/{result.job}"
         text = encode_result(result)
         artifacts.write(self._directory, f"{folder}/curves.json", text)
-        for name, peak in (("best_fitness", result.best_fitness), ("best_reward", result.best_reward)):
-            if peak is not None:
-                artifacts.write(self._directory, f"{folder}/{name}.safetensors", peak.policy)
-        if result.last is not None:
-            artifacts.write(self._directory, f"{folder}/last.safetensors", result.last)
+        for name, policy in result.policies.items():
+            artifacts.write(self._directory, f"{folder}/{name}.safetensors", policy)
         self._database.put("results", {"job": result.job, "fitness": finite(result.fitness), "result": text})
 
     def result(self, job: str) -> TrainingResult | None:
