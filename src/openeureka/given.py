@@ -44,6 +44,10 @@ def train(config: RunConfig, store: Store, trainer: Trainer, observer: Observer 
     Raises:
         EurekaError: what stopped it; all that was finished is stored, and calling again continues.
     """
+    if not store.given():  # killed between the two first rows of the run
+        raise StoreError(
+            f"{store.directory} holds no rewards yet; start it again with the same `eureka train` command."
+        )
     observer = observer or NullObserver()
     lanes, strategy = Lanes(config, store, trainer, observer), Best(samples=0)
     observer.phase(0, "train")

@@ -8,7 +8,7 @@ from openeureka.cli.main import main
 from openeureka.cli.search import resume
 from openeureka.cli.show import facts, show
 from openeureka.cli.training import train
-from openeureka.config import TrainConfig
+from openeureka.config import RunConfig, TrainConfig
 from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError, WorkerError
 from openeureka.report.view import RunView
 from openeureka.runs.rewards import named
@@ -185,6 +185,12 @@ def test_a_stopped_training_goes_on_with_what_is_missing(toy, tmp_path, monkeypa
     assert folder.entry("", tmp_path / "out").standing is folder.Standing.FINISHED
     run = RunView.read(tmp_path / "out")
     assert {name: arm.held_out for name, arm in run.given.items()} == {"human": (9.0, 9.01), "sparse": (4.0, 4.01)}
+
+
+def test_a_run_that_was_killed_before_it_had_its_rewards_says_what_to_type(toy, tmp_path):
+    Store.open(tmp_path / "out", RunConfig(model="none", video="none")).close()
+    with pytest.raises(StoreError, match="holds no rewards yet; start it again with the same `eureka train` command"):
+        resume([f"{tmp_path}/out"])
 
 
 def test_a_run_of_other_rewards_is_refused(toy, tmp_path):
