@@ -28,6 +28,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import scipy.special  # noqa: F401 -- a verdict imports it late, and each fork would pay for that
+
 from openeureka import given, strategies
 from openeureka.config import NO_MODEL, RunConfig
 from openeureka.loop import run

@@ -1,6 +1,6 @@
 """A run that is killed with SIGKILL and started again ends as if nothing had happened.
 
-`benchmarks/crash.py` takes every point, here it is every seventh.
+`benchmarks/crash.py` takes every point, here it is every eleventh.
 """
 
 import json
@@ -10,13 +10,15 @@ from pathlib import Path
 
 import pytest
 
+# Half a minute on an idle machine; the first test that runs pays for all of them.
+pytestmark = pytest.mark.timeout(600)
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "crash.py"
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, dict[str, int]]]:
     out = tmp_path_factory.mktemp("crash") / "crash.json"
-    subprocess.run([sys.executable, SCRIPT, "--stride", "7", "--out", out], check=True, timeout=110)
+    subprocess.run([sys.executable, SCRIPT, "--stride", "11", "--out", out], check=True)
     return json.loads(out.read_text())["runs"]
 
 
@@ -28,8 +30,8 @@ def outcomes(runs: dict[str, dict[str, dict[str, int]]]) -> dict[str, dict[str, 
 @pytest.mark.parametrize(
     ("kind", "mode", "least"),
     [
-        *(("search", "around", 30), ("search", "within", 30), ("search", "between", 8)),
-        *(("train", "around", 10), ("train", "within", 10), ("train", "between", 2)),
+        *(("search", "around", 25), ("search", "within", 40), ("search", "between", 6)),
+        *(("train", "around", 9), ("train", "within", 18), ("train", "between", 1)),
     ],
 )
 def test_a_killed_run_ends_the_same(
