@@ -29,7 +29,7 @@ import torch
 
 from openeureka.executors.local import LocalExecutor
 from openeureka.tasks import registry
-from openeureka.types import Evaluation, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainJob
+from openeureka.types import Evaluation, LaneSpec, TrainBudget, Trainer, TrainingProgress, TrainingResult
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results" / "baselines.json"
@@ -42,14 +42,14 @@ POINTS = 40  # of each curve in the file
 Record = dict[str, Any]
 
 
-def missing(entry: Record, seeds: int, rewards: Sequence[str] = REWARDS) -> list[TrainJob]:
+def missing(entry: Record, seeds: int, rewards: Sequence[str] = REWARDS) -> list[LaneSpec]:
     """Lanes of a task that its record does not hold."""
-    jobs = [
-        TrainJob(id=f"{reward}-s{seed}", program=reward, seed=seed)  # pyright: ignore[reportArgumentType]
+    specs = [
+        LaneSpec(id=f"{reward}-s{seed}", program=reward, seed=seed)  # pyright: ignore[reportArgumentType]
         for reward in rewards
         for seed in range(seeds)
     ]
-    return [job for job in jobs if job.id not in entry["lanes"]]
+    return [spec for spec in specs if spec.id not in entry["lanes"]]
 
 
 def settings(env: str, budget: TrainBudget) -> Record:
@@ -62,22 +62,22 @@ def settings(env: str, budget: TrainBudget) -> Record:
     }
 
 
-def learn(env: str, jobs: Sequence[TrainJob], budget: TrainBudget, device: str, threads: int) -> Record:
+def learn(env: str, specs: Sequence[LaneSpec], budget: TrainBudget, device: str, threads: int) -> Record:
     """Train the lanes and score the peaks of F on held-out episodes; one record a lane."""
     trainer = LocalExecutor(device, threads, snapshots=SNAPSHOTS)
     started = time.perf_counter()
     results: list[TrainingResult] = []
-    for message in trainer.train(env, jobs, budget):
+    for message in trainer.train(env, specs, budget):
         if isinstance(message, TrainingProgress):
-            best = ", ".join(f"{job} {value:.3g}" for job, value in message.fitness.items() if value is not None)
+            best = ", ".join(f"{lane} {value:.3g}" for lane, value in message.fitness.items() if value is not None)
             print(f"\r{env} epoch {message.epoch}/{message.epochs}: {best}\033[K", end="", flush=True)
         else:
             results.append(message)
     print()
     minutes = (time.perf_counter() - started) / 60
     used = {"threads": threads} if threads else {}
-    training = {"lanes": len(jobs), **used, "minutes": round(minutes, 2), **machine(device)}
-    return {job: {**found, "training": training} for job, found in scored(env, results, trainer).items()}
+    training = {"lanes": len(specs), **used, "minutes": round(minutes, 2), **machine(device)}
+    return {lane: {**found, "training": training} for lane, found in scored(env, results, trainer).items()}
 
 
 def scored(env: str, results: Sequence[TrainingResult], trainer: Trainer) -> Record:
@@ -85,20 +85,20 @@ def scored(env: str, results: Sequence[TrainingResult], trainer: Trainer) -> Rec
 
     F at first is that of the first episodes that end: of a policy that has hardly trained, exploring.
     """
-    at_fitness = {result.job: result.best_fitness.policy for result in results if result.best_fitness}
-    at_reward = {result.job: result.best_reward.policy for result in results if result.best_reward}
+    at_fitness = {result.lane: result.best_fitness.policy for result in results if result.best_fitness}
+    at_reward = {result.lane: result.best_reward.policy for result in results if result.best_reward}
     by_fitness, by_reward = (
-        {score.job: score for score in trainer.evaluate(env, policies, seed=0)} for policies in (at_fitness, at_reward)
+        {score.lane: score for score in trainer.evaluate(env, policies, seed=0)} for policies in (at_fitness, at_reward)
     )
     return {
-        result.job: {
+        result.lane: {
             "state": str(result.state),
             "message": result.message,
             "env_steps": result.env_steps,
             "fitness_at_first": next((f for f in result.curves.get("fitness", ()) if f is not None), None),
             "fitness_max_over_epochs": result.fitness,
-            "held_out_at_peak_of_fitness": _score(by_fitness.get(result.job)),
-            "held_out_at_peak_of_reward": _score(by_reward.get(result.job)),
+            "held_out_at_peak_of_fitness": _score(by_fitness.get(result.lane)),
+            "held_out_at_peak_of_reward": _score(by_reward.get(result.lane)),
             "correlation_with_human": result.correlation,
             "curves": thinned(result.curves),
         }
@@ -142,7 +142,7 @@ def _summarised(entry: Record) -> Record:
     trainings = [lane["training"] for lane in lanes.values()]
 
     def arm(reward: str) -> Record:
-        seeds = [lanes[job] for job in sorted(lanes, key=_place) if job.startswith(f"{reward}-")]
+        seeds = [lanes[name] for name in sorted(lanes, key=_place) if name.startswith(f"{reward}-")]
         return {
             "training": [lane["fitness_max_over_epochs"] for lane in seeds],
             "held_out": {peak: [lane[f"held_out_at_peak_of_{peak}"]["fitness"] for lane in seeds] for peak in PEAKS},
@@ -157,9 +157,9 @@ def _summarised(entry: Record) -> Record:
     }
 
 
-def _place(job: str) -> tuple[str, int]:
+def _place(name: str) -> tuple[str, int]:
     """Reward, then seed as a number."""
-    reward, _, seed = job.rpartition("-s")
+    reward, _, seed = name.rpartition("-s")
     return reward, int(seed)
 
 
@@ -196,23 +196,21 @@ def main(words: Sequence[str] | None = None) -> None:
         differing = [key for key in wanted if entry[key] != wanted[key]]
         if differing:
             raise SystemExit(f"{options.out} holds {env} with another {' and '.join(differing)}; --again replaces it.")
-        jobs = missing(entry, options.seeds, options.reward or REWARDS)
-        if not jobs:
+        specs = missing(entry, options.seeds, options.reward or REWARDS)
+        if not specs:
             print(f"{env}: all is known")
             continue
-        learned = learn(env, jobs, budget, options.device, options.threads)
+        learned = learn(env, specs, budget, options.device, options.threads)
         # What diverged is a result, and what died with its worker is none.
-        lanes = entry["lanes"] | {job: lane for job, lane in learned.items() if lane["state"] != "failed"}
-        entry["lanes"] = {job: lanes[job] for job in sorted(lanes, key=_place)}
+        lanes = entry["lanes"] | {name: lane for name, lane in learned.items() if lane["state"] != "failed"}
+        entry["lanes"] = {name: lanes[name] for name in sorted(lanes, key=_place)}
         found = dict(sorted({**read(options.out), env: entry}.items()))  # others may have written
         write(options.out, found)
         write(options.shipped, summary(found))
-        for job, lane in learned.items():
+        for name, lane in learned.items():
             held_out = lane["held_out_at_peak_of_fitness"]["fitness"]
-            at_first, at_best = lane["fitness_at_first"], lane["fitness_max_over_epochs"]
-            print(
-                f"{env} {job}: F at first {at_first}, at best {at_best}, held out {held_out} {lane['message']}".rstrip()
-            )
+            first, best = lane["fitness_at_first"], lane["fitness_max_over_epochs"]
+            print(f"{env} {name}: F at first {first}, at best {best}, held out {held_out} {lane['message']}".rstrip())
 
 
 if __name__ == "__main__":

@@ -99,7 +99,7 @@ class Say(NullObserver):
             print(f"  {tenth}0 %, {progress.env_steps_per_second:,.0f} steps/s", flush=True)
 
     def result(self, result: TrainingResult) -> None:
-        print(f"  {result.job}: F {result.fitness} {result.message}", flush=True)
+        print(f"  {result.lane}: F {result.fitness} {result.message}", flush=True)
 
 
 def programs(env: str, store: Store) -> list[tuple[str, RewardProgram]]:
@@ -128,10 +128,10 @@ def measure(env: str, seed: int, trainer: LocalExecutor) -> None:
         lanes.play(results, Best(samples=0, peaks=PEAKS))
         known = _read().get(env, {"lanes": {}})["lanes"]
         records: Record = {}
-        for job in (job for job in results if job not in known):
-            policies = {peak: policy for peak in PEAKS if (policy := store.lanes.policy(job, peak)) is not None}
-            judged = {score.job: score for score in trainer.evaluate(env, policies, seed=JUDGED)}
-            records[job] = _record(results[job], store.lanes.plays().get(job, {}), judged)
+        for lane in (lane for lane in results if lane not in known):
+            policies = {peak: policy for peak in PEAKS if (policy := store.lanes.policy(lane, peak)) is not None}
+            judged = {score.lane: score for score in trainer.evaluate(env, policies, seed=JUDGED)}
+            records[lane] = _record(results[lane], store.lanes.plays().get(lane, {}), judged)
         _write(env, records)
 
 
@@ -168,7 +168,7 @@ def ranking(measured: Record) -> list[tuple[str, ...]]:
 
 
 def _ranking(env: str, lanes: Mapping[str, Record]) -> tuple[str, ...]:
-    names = sorted({job.rpartition("-s")[0] for job in lanes} - {"human"})
+    names = sorted({lane.rpartition("-s")[0] for lane in lanes} - {"human"})
     own = {name: lanes[lane_id(name, SEEDS[0])] for name in names}
     names = [name for name in names if own[name]["held_out"] and own[name]["training"] is not None]
     training = [own[name]["training"] for name in names]

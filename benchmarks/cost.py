@@ -28,7 +28,7 @@ from mujoco.batch import Batch
 
 from openeureka.tasks import registry
 from openeureka.training.population import Population
-from openeureka.types import TrainBudget, TrainJob
+from openeureka.types import LaneSpec, TrainBudget
 
 RESULTS = Path(__file__).parent / "results" / "cost.json"
 TASKS = (
@@ -62,8 +62,8 @@ def raw(env: str, worlds: int) -> float:
 def training(env: str, worlds: int) -> tuple[float, dict[str, float]]:
     """CPU seconds per environment step of LANES lanes under the human reward, and those of its parts."""
     horizon = registry.get(env).recipe.horizon
-    jobs = [TrainJob(id=str(seed), program="human", seed=seed) for seed in range(LANES)]
-    population = Population(env, jobs, TrainBudget(worlds=worlds, env_steps=EPOCHS * horizon * worlds))
+    specs = [LaneSpec(id=str(seed), program="human", seed=seed) for seed in range(LANES)]
+    population = Population(env, specs, TrainBudget(worlds=worlds, env_steps=EPOCHS * horizon * worlds))
     task, simulator, ppo = population.env.task, population.env.sim, population.ppo
     spent: defaultdict[str, float] = defaultdict(float)
     parts = {

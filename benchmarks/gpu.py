@@ -50,7 +50,7 @@ from openeureka.tasks import registry
 from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
 from openeureka.testing.conformance.parity import compare
-from openeureka.types import Candidate, PromptPlan, RewardGraph, TrainBudget, TrainingResult, TrainingState, TrainJob
+from openeureka.types import Candidate, LaneSpec, PromptPlan, RewardGraph, TrainBudget, TrainingResult, TrainingState
 
 KINDS = ("parity", "raw", "env", "lanes", "processes", "human")
 RESULTS = Path(__file__).parent / "results" / "gpu.json"
@@ -214,11 +214,11 @@ def _used_memory(device: str) -> int:
 def training(env: str, device: str, sizes: Sizes, lanes: int, processes: int) -> Found:
     """Environment steps a second of training, network updates included, from the moment all processes are under way."""
     programs = rewards(env, max(sizes.lanes))[:lanes]
-    jobs = [TrainJob(id=str(seed), program=program, seed=seed) for seed, program in enumerate(programs)]
+    specs = [LaneSpec(id=str(seed), program=program, seed=seed) for seed, program in enumerate(programs)]
     budget = TrainBudget(worlds=sizes.worlds, env_steps=ENDLESS)
     steps_per_epoch = sizes.worlds * registry.get(env).recipe.horizon * lanes // processes
     called, began, epochs = time.perf_counter(), 0.0, 0
-    with closing(LocalExecutor(",".join([device] * processes)).train(env, jobs, budget)) as stream:
+    with closing(LocalExecutor(",".join([device] * processes)).train(env, specs, budget)) as stream:
         for message in stream:
             now = time.perf_counter()
             if isinstance(message, TrainingResult):
@@ -256,11 +256,11 @@ def rewards(env: str, count: int) -> list[RewardGraph]:
 def human(env: str, device: str, sizes: Sizes, rate: float) -> Found:
     """Train the human reward for about `sizes.train` seconds, which `rate` [environment steps a second] makes steps."""
     seeds = sizes.lanes[1]
-    jobs = [TrainJob(id=f"human-s{seed}", program="human", seed=seed) for seed in range(seeds)]
+    specs = [LaneSpec(id=f"human-s{seed}", program="human", seed=seed) for seed in range(seeds)]
     budget = TrainBudget(worlds=sizes.worlds, env_steps=round(rate * sizes.train / seeds))
     trainer = LocalExecutor(device)
     began = time.perf_counter()
-    results = [message for message in trainer.train(env, jobs, budget) if isinstance(message, TrainingResult)]
+    results = [message for message in trainer.train(env, specs, budget) if isinstance(message, TrainingResult)]
     seconds = time.perf_counter() - began
     if failed := [result.message for result in results if result.state is TrainingState.FAILED]:
         raise RuntimeError(failed[0])

@@ -26,7 +26,7 @@ from torch import Tensor
 
 from openeureka.tasks import registry
 from openeureka.training.population import Population
-from openeureka.types import Node, RewardGraph, TrainBudget, TrainingResult, TrainJob
+from openeureka.types import LaneSpec, Node, RewardGraph, TrainBudget, TrainingResult
 
 ENVS = ("cartpole", "ant")
 LANES = 8
@@ -42,8 +42,8 @@ class Pace(NamedTuple):
 class Unguarded(Population):
     """Trains whatever comes."""
 
-    def __init__(self, env: str, jobs: list[TrainJob], budget: TrainBudget) -> None:
-        super().__init__(env, jobs, budget)
+    def __init__(self, env: str, specs: list[LaneSpec], budget: TrainBudget) -> None:
+        super().__init__(env, specs, budget)
         self.env.check = lambda: None
 
     def _watch(self, own: Tensor) -> None: ...
@@ -67,8 +67,8 @@ def reward() -> RewardGraph:
 def pace(kind: type[Population], env: str, epochs: int) -> Pace:
     """Of a whole training, without the start."""
     recipe = registry.get(env).recipe
-    jobs = [TrainJob(id=str(lane), program=reward(), seed=lane) for lane in range(LANES)]
-    population = kind(env, jobs, TrainBudget(env_steps=epochs * recipe.horizon * recipe.worlds))
+    specs = [LaneSpec(id=str(lane), program=reward(), seed=lane) for lane in range(LANES)]
+    population = kind(env, specs, TrainBudget(env_steps=epochs * recipe.horizon * recipe.worlds))
     wall, processor = time.perf_counter(), time.process_time()
     steps = sum(message.env_steps for message in population.train() if isinstance(message, TrainingResult))
     return Pace(steps / (time.perf_counter() - wall), steps / (time.process_time() - processor))

@@ -34,12 +34,12 @@ from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
 from openeureka.types import (
     Candidate,
+    LaneSpec,
     PromptPlan,
     RewardProgram,
     TrainBudget,
     TrainingProgress,
     TrainingResult,
-    TrainJob,
     Verdict,
 )
 
@@ -83,12 +83,12 @@ def train(env: str, drawn: dict[str, Drawn], steps: int, seed: int) -> dict[str,
     for arm in drawn.values():
         wanted |= {verdict.candidate: verdict.graph for verdict in arm.verdicts if verdict.graph is not None}
     results: dict[str, TrainingResult] = {}
-    jobs = [TrainJob(id=name, program=program, seed=seed) for name, program in wanted.items()]
-    for message in LocalExecutor().train(env, jobs, TrainBudget(env_steps=steps)):
+    specs = [LaneSpec(id=name, program=program, seed=seed) for name, program in wanted.items()]
+    for message in LocalExecutor().train(env, specs, TrainBudget(env_steps=steps)):
         if isinstance(message, TrainingProgress):
             print(f"\r{env}: epoch {message.epoch}/{message.epochs}\033[K", end="", flush=True)
         else:
-            results[message.job] = message
+            results[message.lane] = message
     print()
     return results
 

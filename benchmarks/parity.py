@@ -29,7 +29,7 @@ from tensordict import TensorDict
 
 from openeureka.tasks import registry
 from openeureka.training.population import Population
-from openeureka.types import TrainBudget, TrainingResult, TrainJob
+from openeureka.types import LaneSpec, TrainBudget, TrainingResult
 
 TAIL = 0.1  # the share of epochs at the end whose mean F is compared
 
@@ -107,7 +107,7 @@ def theirs(env: str, worlds: int, epochs: int, seed: int) -> list[float | None]:
 
 def ours(env: str, worlds: int, epochs: int, seed: int) -> list[float | None]:
     budget = TrainBudget(worlds=worlds, env_steps=epochs * worlds * registry.get(env).recipe.horizon)
-    messages = Population(env, [TrainJob(id="human", program="human", seed=seed)], budget).train()
+    messages = Population(env, [LaneSpec(id="human", program="human", seed=seed)], budget).train()
     (result,) = (message for message in messages if isinstance(message, TrainingResult))
     return list(result.curves["fitness"])
 

@@ -29,7 +29,7 @@ from openeureka.suite.dexterity.pen_in_hand import CYCLE
 from openeureka.tasks import curriculum
 from openeureka.tasks.registry import get
 from openeureka.training.curriculum import CurriculumTrainer
-from openeureka.types import RewardProgram, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainJob
+from openeureka.types import LaneSpec, RewardProgram, TrainBudget, Trainer, TrainingProgress, TrainingResult
 
 ENV, CURRICULUM = "shadow_hand_spin", "pen_spinning"
 RESULTS = Path(__file__).parent / "results" / "pen_spinning.json"
@@ -37,15 +37,15 @@ RESULTS = Path(__file__).parent / "results" / "pen_spinning.json"
 Record = dict[str, Any]
 
 
-def train(trainer: Trainer, jobs: Sequence[TrainJob], budget: TrainBudget) -> dict[str, TrainingResult]:
-    """Results by job."""
+def train(trainer: Trainer, specs: Sequence[LaneSpec], budget: TrainBudget) -> dict[str, TrainingResult]:
+    """Results by lane id."""
     results = {}
-    for message in trainer.train(ENV, jobs, budget):
+    for message in trainer.train(ENV, specs, budget):
         if isinstance(message, TrainingProgress):
-            best = ", ".join(f"{job} {value:.3g}" for job, value in message.fitness.items() if value is not None)
+            best = ", ".join(f"{lane} {value:.3g}" for lane, value in message.fitness.items() if value is not None)
             print(f"\rEpoch {message.epoch}/{message.epochs}: {best}\033[K", end="", flush=True)
         else:
-            results[message.job] = message
+            results[message.lane] = message
     print()
     return results
 
@@ -55,44 +55,44 @@ def arm(trainer: Trainer, results: Mapping[str, TrainingResult], folder: Path) -
 
     Policies are those at the end of training, as a curriculum goes on from them.
     """
-    policies = {job: result.last for job, result in results.items() if result.last is not None}
-    for job, policy in policies.items():
-        artifacts.write(folder, f"{job}.safetensors", policy)
-    scores = {score.job: score for score in trainer.evaluate(ENV, policies, seed=0)}
-    cycles = {job: score.fitness / CYCLE for job, score in scores.items() if score.fitness is not None}
+    policies = {lane: result.last for lane, result in results.items() if result.last is not None}
+    for lane, policy in policies.items():
+        artifacts.write(folder, f"{lane}.safetensors", policy)
+    scores = {score.lane: score for score in trainer.evaluate(ENV, policies, seed=0)}
+    cycles = {lane: score.fitness / CYCLE for lane, score in scores.items() if score.fitness is not None}
     return {
         "cycles": mean(list(cycles.values())),
         "lanes": {
-            job: {
+            lane: {
                 "state": str(result.state),
-                "cycles": cycles.get(job),
-                "episode_length": scores[job].episode_length if job in scores else None,
+                "cycles": cycles.get(lane),
+                "episode_length": scores[lane].episode_length if lane in scores else None,
                 "env_steps": result.env_steps,
                 "minutes": round(result.seconds / 60, 2),
                 "curves": thinned(result.curves),
             }
-            for job, result in results.items()
+            for lane, result in results.items()
         },
     }
 
 
 def through_the_curriculum(
-    trainer: Trainer, jobs: Sequence[TrainJob], budget: TrainBudget, folder: Path
+    trainer: Trainer, specs: Sequence[LaneSpec], budget: TrainBudget, folder: Path
 ) -> dict[str, Record]:
     """The arms `pre_trained` and `fine_tuned`; the first stage is kept in the folder."""
     kept = StageFiles(folder)
     stages = curriculum.find(ENV, CURRICULUM)
-    fine_tuned = train(CurriculumTrainer(trainer, stages, kept), jobs, budget)
-    pre_trained = {job.id: result for job in jobs if (result := kept.read(1, job.id)) is not None}
+    fine_tuned = train(CurriculumTrainer(trainer, stages, kept), specs, budget)
+    pre_trained = {spec.id: result for spec in specs if (result := kept.read(1, spec.id)) is not None}
     return {
         "pre_trained": arm(trainer, pre_trained, folder / "pre_trained"),
         "fine_tuned": arm(trainer, fine_tuned, folder / "fine_tuned"),
     }
 
 
-def from_scratch(trainer: Trainer, jobs: Sequence[TrainJob], budget: TrainBudget, folder: Path) -> dict[str, Record]:
+def from_scratch(trainer: Trainer, specs: Sequence[LaneSpec], budget: TrainBudget, folder: Path) -> dict[str, Record]:
     """The arm `scratch`."""
-    return {"scratch": arm(trainer, train(trainer, jobs, budget), folder / "scratch")}
+    return {"scratch": arm(trainer, train(trainer, specs, budget), folder / "scratch")}
 
 
 PARTS = {("pre_trained", "fine_tuned"): through_the_curriculum, ("scratch",): from_scratch}
@@ -128,14 +128,14 @@ def main(words: Sequence[str] | None = None) -> None:
         raise SystemExit(f"{options.out} holds another experiment; move it away or choose another --out.")
     found = {**settings, "arms": {}, **found}
     budget = TrainBudget(env_steps=steps, worlds=worlds, bonus=True)
-    jobs = [TrainJob(id=f"s{seed}", program=program(options.reward), seed=seed) for seed in range(options.seeds)]
+    specs = [LaneSpec(id=f"s{seed}", program=program(options.reward), seed=seed) for seed in range(options.seeds)]
     folder = options.policies / "_".join(map(str, settings.values()))
     trainer = LocalExecutor(options.device, options.threads, snapshots=folder / "snapshots")
     for names, learn in PARTS.items():
         if not found["arms"].keys() >= set(names):
             found["arms"] |= {
                 name: {**learned, **machine(options.device)}
-                for name, learned in learn(trainer, jobs, budget, folder).items()
+                for name, learned in learn(trainer, specs, budget, folder).items()
             }
             write(options.out, found)
         for name in names:

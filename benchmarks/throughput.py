@@ -32,7 +32,7 @@ from openeureka.executors import devices
 from openeureka.executors.local import LocalExecutor
 from openeureka.tasks import registry
 from openeureka.training.population import Population
-from openeureka.types import TrainBudget, TrainingResult, TrainJob
+from openeureka.types import LaneSpec, TrainBudget, TrainingResult
 
 GYM_ANT = "gym_ant:GymAnt"
 LANES = 8
@@ -66,7 +66,7 @@ def raw(env: str, worlds: int, steps: int) -> float:
 def lanes(env: str, count: int, worlds: int, epochs: int) -> float:
     """`count` lanes in this process."""
     budget = TrainBudget(worlds=worlds, env_steps=epochs * registry.get(env).recipe.horizon * worlds)
-    population = Population(env, [TrainJob(id=str(i), program="human", seed=i) for i in range(count)], budget)
+    population = Population(env, [LaneSpec(id=str(i), program="human", seed=i) for i in range(count)], budget)
     results = [message for message in population.train() if isinstance(message, TrainingResult)]
     return sum(result.env_steps for result in results) / results[0].seconds
 
@@ -74,11 +74,11 @@ def lanes(env: str, count: int, worlds: int, epochs: int) -> float:
 def waited(env: str, processes: int, worlds: int, epochs: int) -> float:
     """8 lanes in worker processes that share all cores, with their start: what a person waits for."""
     budget = TrainBudget(worlds=worlds, env_steps=epochs * registry.get(env).recipe.horizon * worlds)
-    jobs = [TrainJob(id=str(i), program="human", seed=i) for i in range(LANES)]
+    specs = [LaneSpec(id=str(i), program="human", seed=i) for i in range(LANES)]
     started = time.perf_counter()
     cores = max(os.cpu_count() or 1, processes)
     with patch.multiple(devices, usable_cores=lambda: cores, CPU_WORKERS=processes):
-        messages = list(LocalExecutor().train(env, jobs, budget))
+        messages = list(LocalExecutor().train(env, specs, budget))
     results = [message for message in messages if isinstance(message, TrainingResult)]
     failed = [result.message for result in results if not result.env_steps]
     if failed:

@@ -39,7 +39,7 @@ from openeureka.loop import run
 from openeureka.report.view import VIDEO
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer
-from openeureka.types import Prompt, Reply, TrainingResult, TrainJob
+from openeureka.types import LaneSpec, Prompt, Reply, TrainingResult
 
 CONFIG = RunConfig(env="toy", model="scripted", sample=16, iteration=5, refill=0, seeds=3, video="all")
 CANDIDATES = CONFIG.sample * CONFIG.iteration
@@ -63,8 +63,8 @@ class Paced(ScriptedModel):
 class LongTrainer(ToyTrainer):
     """Leaves curves of real length."""
 
-    def _result(self, job: TrainJob) -> TrainingResult:
-        result = super()._result(job)
+    def _result(self, spec: LaneSpec) -> TrainingResult:
+        result = super()._result(spec)
         names = [*result.curves, *(f"component/term_{i}" for i in range(COMPONENTS))]
         curves = {
             name: tuple(math.sin(shift + epoch / 50) * math.sqrt(2 + epoch) for epoch in range(EPOCHS))

@@ -78,7 +78,7 @@ def baselines() -> str:
         f"| {env} | {reward} | {_baseline(lanes)} |"
         for env in registry.names()
         for reward in ("human", "sparse")
-        if (lanes := [lane for job, lane in measured.get(env, {"lanes": {}})["lanes"].items() if reward in job])
+        if (lanes := [record for lane, record in measured.get(env, {"lanes": {}})["lanes"].items() if reward in lane])
     ]
     return BASELINES_HEAD + "".join(f"{row}\n" for row in rows)
 

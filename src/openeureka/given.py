@@ -56,11 +56,11 @@ def train(config: RunConfig, store: Store, trainer: Trainer, observer: Observer 
     lanes.play(results, strategy)
     observer.phase(0, "evaluate")
     standing = lanes.standing(results, strategy)
-    scores = {job: score.fitness for job, score in lanes.evaluate(standing).items()}
+    scores = {lane: score.fitness for lane, score in lanes.evaluate(standing).items()}
     arms = {name: [lane.id for lane in store.lanes.all().values() if lane.reward == name] for name in store.given()}
-    best = max(arms, key=lambda name: rank(mean([scores.get(job) for job in arms[name]])))
-    job = max(arms[best], key=lambda job: rank(scores.get(job)))
-    store.save_best(store.candidate(store.given()[best]), job, standing[job])
+    best = max(arms, key=lambda name: rank(mean([scores.get(lane) for lane in arms[name]])))
+    lane = max(arms[best], key=lambda lane: rank(scores.get(lane)))
+    store.save_best(store.candidate(store.given()[best]), lane, standing[lane])
 
 
 def programs(store: Store) -> dict[str, RewardProgram]:

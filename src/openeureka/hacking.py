@@ -61,7 +61,7 @@ class Tried:
 class Trial:
     """One more held-out score to be taken of a final training."""
 
-    job: str
+    lane: str
     name: str
     peak: Peak
     """Which of its two policies plays."""
@@ -72,18 +72,18 @@ def trials(results: Mapping[str, TrainingResult], kept: str, peaks: Mapping[str,
     """What has to be tried before `signs` can tell.
 
     Args:
-        results: final trainings of the best reward by job id.
+        results: final trainings of the best reward by lane id.
         kept: the one whose policy is the run's; it alone plays in the changed worlds.
         peaks: of each, the policy that has a held-out score already.
     """
     drifting = [
-        Trial(job=job, name=PEAKS[other], peak=other)
-        for job, result in results.items()
+        Trial(lane=lane, name=PEAKS[other], peak=other)
+        for lane, result in results.items()
         if _two(result)
         for other in ("fitness", "reward")
-        if other != peaks[job]
+        if other != peaks[lane]
     ]
-    return drifting + [Trial(job=kept, name=name, peak=peaks[kept], dynamics=world) for name, world in WORLDS.items()]
+    return drifting + [Trial(lane=kept, name=name, peak=peaks[kept], dynamics=world) for name, world in WORLDS.items()]
 
 
 def tried(
@@ -96,11 +96,11 @@ def tried(
     return [
         Tried(
             result=result,
-            held_out=held_out[job],
-            trials={**trials.get(job, {}), PEAKS[held_out[job].peak or peak]: held_out[job]},
+            held_out=held_out[lane],
+            trials={**trials.get(lane, {}), PEAKS[held_out[lane].peak or peak]: held_out[lane]},
         )
-        for job, result in results.items()
-        if job in held_out
+        for lane, result in results.items()
+        if lane in held_out
     ]
 
 

@@ -17,6 +17,7 @@ from .types import (
     CandidateId,
     Evaluation,
     Lane,
+    LaneSpec,
     Peak,
     RewardProgram,
     Role,
@@ -27,7 +28,6 @@ from .types import (
     TrainingProgress,
     TrainingResult,
     TrainingState,
-    TrainJob,
     lane_id,
 )
 
@@ -69,7 +69,7 @@ def final_seeds(config: RunConfig) -> range:
 def final_lanes(
     config: RunConfig, arms: Iterable[Scored], results: Container[str], scores: Container[str]
 ) -> dict[str, list[str]]:
-    """Job ids of the final trainings by reward: those of the candidates, and of each baseline that is trained.
+    """Lane ids of the final trainings by reward: those of the candidates, and of each baseline that is trained.
 
     A baseline's training beside the first generation counts as well where it has a score: nobody picked it.
     """
@@ -77,7 +77,9 @@ def final_lanes(
     fresh |= {name: [config.seed, *final_seeds(config)] for name, _ in beside(config)}
     return {
         name: [
-            job for seed in seeds if (job := lane_id(name, seed)) in results and (seed != config.seed or job in scores)
+            lane
+            for seed in seeds
+            if (lane := lane_id(name, seed)) in results and (seed != config.seed or lane in scores)
         ]
         for name, seeds in fresh.items()
     }
@@ -112,11 +114,11 @@ class Lanes:
         self.store.lanes.add(lanes)
         known = self.store.lanes.results()
         # Programs that differ only in comments or local names have equal graphs: they train once and share the result.
-        twins: dict[str, list[TrainJob]] = {}
+        twins: dict[str, list[LaneSpec]] = {}
         for lane, program in lanes.items():
             if lane.id not in known:
-                job = TrainJob(id=lane.id, program=program, seed=lane.seed)
-                twins.setdefault(f"{lane.seed} {program}", []).append(job)
+                spec = LaneSpec(id=lane.id, program=program, seed=lane.seed)
+                twins.setdefault(f"{lane.seed} {program}", []).append(spec)
         missing = [group[0] for group in twins.values()]
         sharing = {group[0].id: group for group in twins.values()}
         budget = TrainBudget(
@@ -129,26 +131,26 @@ class Lanes:
             elif event.state is TrainingState.FAILED:
                 failed.append(event)
             else:
-                self._keep(event, sharing[event.job])
-        if failed and len(failed) == len(missing) and any(isinstance(job.program, str) for job in missing):
+                self._keep(event, sharing[event.lane])
+        if failed and len(failed) == len(missing) and any(isinstance(spec.program, str) for spec in missing):
             raise WorkerError(failed[0].message)
         for result in failed:
-            self._keep(result, sharing[result.job])
+            self._keep(result, sharing[result.lane])
         results = self.store.lanes.results()
         return {lane.id: results[lane.id] for lane in lanes}
 
-    def _keep(self, result: TrainingResult, jobs: Iterable[TrainJob]) -> None:
-        own = [dataclasses.replace(result, job=job.id) for job in jobs]
+    def _keep(self, result: TrainingResult, specs: Iterable[LaneSpec]) -> None:
+        own = [dataclasses.replace(result, lane=spec.id) for spec in specs]
         for each in own:
             self.store.lanes.save_result(each)
         for each in own:
             self.observer.result(each)
 
     def final(self, arms: Iterable[Scored]) -> dict[str, list[str]]:
-        """Job ids of the final trainings by reward, as far as they are done: see `final_lanes`."""
+        """Lane ids of the final trainings by reward, as far as they are done: see `final_lanes`."""
         return final_lanes(self.config, arms, self.store.lanes.results(), self.store.lanes.plays())
 
-    def play(self, jobs: Iterable[str], strategy: SearchStrategy) -> dict[str, Evaluation]:
+    def play(self, ids: Iterable[str], strategy: SearchStrategy) -> dict[str, Evaluation]:
         """What each lane scores by the one of its policies that plays best, on start states kept for choosing; nothing
         where the strategy ranks by training.
 
@@ -157,65 +159,67 @@ class Lanes:
         """
         if strategy.judge == "training":
             return {}
-        jobs = tuple(dict.fromkeys(jobs))
-        self._look(0, jobs, strategy.peaks)
-        lanes, beside = self.store.lanes.all(), dict(BASELINES)
-        rivals = [job for job in jobs if lanes[job].role == "given" or lanes[job].reward not in beside]
+        ids = tuple(dict.fromkeys(ids))
+        self._look(0, ids, strategy.peaks)
+        records, beside = self.store.lanes.all(), dict(BASELINES)
+        rivals = [lane for lane in ids if records[lane].role == "given" or records[lane].reward not in beside]
         self._look(1, level(self._scores(rivals)), strategy.peaks)
-        scores = self._scores(jobs)
+        scores = self._scores(ids)
         self.observer.played(scores)
         return scores
 
-    def _scores(self, jobs: Iterable[str]) -> dict[str, Evaluation]:
+    def _scores(self, ids: Iterable[str]) -> dict[str, Evaluation]:
         plays = self.store.lanes.plays()
-        return {job: played(plays[job]) for job in jobs if job in plays}
+        return {lane: played(plays[lane]) for lane in ids if lane in plays}
 
-    def _look(self, look: int, jobs: Sequence[str], peaks: Sequence[Peak]) -> None:
+    def _look(self, look: int, ids: Sequence[str], peaks: Sequence[Peak]) -> None:
         """Let those play that have not yet, in this look, side by side on the same start states."""
         known, results = self.store.lanes.plays(), self.store.lanes.results()
-        jobs = [job for job in jobs if results[job].fitness is not None]  # whose F is undefined wins nothing
+        ids = [lane for lane in ids if results[lane].fitness is not None]  # whose F is undefined wins nothing
         missing: list[tuple[str, Peak]] = [
-            (job, peak) for job in jobs for peak in peaks if len(known.get(job, {}).get(peak, ())) <= look
+            (lane, peak) for lane in ids for peak in peaks if len(known.get(lane, {}).get(peak, ())) <= look
         ]
-        places: dict[str, tuple[str, Peak]] = {f"{job} {peak}": (job, peak) for job, peak in missing}
+        places: dict[str, tuple[str, Peak]] = {f"{lane} {peak}": (lane, peak) for lane, peak in missing}
         policies = {key: self.store.lanes.policy(*place) for key, place in places.items()}
         playing = {key: policy for key, policy in policies.items() if policy is not None}
         if not playing:
             return
-        episodes = affordable([results[job] for job in jobs], len(peaks))
+        episodes = affordable([results[lane] for lane in ids], len(peaks))
         seed = self.config.seed + CHOOSING + look
         scores: list[Evaluation] = []
         for score in self.trainer.evaluate(self.config.env, playing, seed=seed, episodes=episodes):
-            job, peak = places[score.job]
-            scores.append(dataclasses.replace(score, job=job, peak=peak))
+            lane, peak = places[score.lane]
+            scores.append(dataclasses.replace(score, lane=lane, peak=peak))
         self.store.lanes.save_plays(look, scores)  # all or none: who plays beside whom may matter to the last bit
 
-    def standing(self, jobs: Iterable[str], strategy: SearchStrategy) -> dict[str, Peak]:
-        """Which of its policies stands for each job: that which plays best, or the first where none was played."""
+    def standing(self, ids: Iterable[str], strategy: SearchStrategy) -> dict[str, Peak]:
+        """Which of its policies stands for each lane: that which plays best, or the first where none was played."""
         plays = self.store.lanes.plays()
-        return {job: standing(plays.get(job), strategy.peaks[0]) for job in jobs}
+        return {lane: standing(plays.get(lane), strategy.peaks[0]) for lane in ids}
 
-    def evaluate(self, jobs: Mapping[str, Peak]) -> dict[str, Evaluation]:
-        """Held-out scores by job id, each of the named policy; a lane without it has none."""
+    def evaluate(self, ids: Mapping[str, Peak]) -> dict[str, Evaluation]:
+        """Held-out scores by lane id, each of the named policy; a lane without it has none."""
         known = self.store.lanes.evaluations()
-        policies = {job: self.store.lanes.policy(job, peak) for job, peak in jobs.items() if job not in known}
-        missing = {job: policy for job, policy in policies.items() if policy is not None}
+        policies = {lane: self.store.lanes.policy(lane, peak) for lane, peak in ids.items() if lane not in known}
+        missing = {lane: policy for lane, policy in policies.items() if policy is not None}
         scores = self.trainer.evaluate(self.config.env, missing, seed=self._held_out) if missing else ()
-        self.store.lanes.save_evaluations([dataclasses.replace(score, peak=jobs[score.job]) for score in scores])
-        return {job: score for job, score in self.store.lanes.evaluations().items() if job in jobs}
+        self.store.lanes.save_evaluations([dataclasses.replace(score, peak=ids[score.lane]) for score in scores])
+        return {lane: score for lane, score in self.store.lanes.evaluations().items() if lane in ids}
 
     def try_out(self, trials: Iterable[Trial]) -> None:
         """Take the scores that the store does not hold yet, on the start states of `evaluate`."""
         known = self.store.lanes.trials()
-        missing = {f"{trial.job} {trial.name}": trial for trial in trials if trial.name not in known.get(trial.job, {})}
-        policies = {key: self.store.lanes.policy(trial.job, trial.peak) for key, trial in missing.items()}
+        missing = {
+            f"{trial.lane} {trial.name}": trial for trial in trials if trial.name not in known.get(trial.lane, {})
+        }
+        policies = {key: self.store.lanes.policy(trial.lane, trial.peak) for key, trial in missing.items()}
         playing = {key: policy for key, policy in policies.items() if policy is not None}
         dynamics = {key: missing[key].dynamics for key in playing}
         if not playing:
             return
         for score in self.trainer.evaluate(self.config.env, playing, seed=self._held_out, dynamics=dynamics):
-            trial = missing[score.job]
-            self.store.lanes.save_trial(trial.name, dataclasses.replace(score, job=trial.job, peak=trial.peak))
+            trial = missing[score.lane]
+            self.store.lanes.save_trial(trial.name, dataclasses.replace(score, lane=trial.lane, peak=trial.peak))
 
     @property
     def _held_out(self) -> int:

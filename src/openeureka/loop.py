@@ -45,7 +45,7 @@ def run(
     history = store.history()
     for generation in history.generations:
         observer.generation(generation)
-    history = history.replayed(lanes.play(history.jobs, strategy))  # nothing, unless it was stopped while they played
+    history = history.replayed(lanes.play(history.lanes, strategy))  # nothing, unless it was stopped while they played
 
     for index in range(len(history.generations), config.generations):
         history = hearing.hear(history)
@@ -59,13 +59,13 @@ def run(
         results = lanes.train([*deal(programs(samples), own, "candidate"), *deal(others, own, "baseline")])
         if strategy.judge == "played":
             observer.phase(index, "play")
-        scores = lanes.play([*history.jobs, *results], strategy)
+        scores = lanes.play([*history.lanes, *results], strategy)
 
         entries: list[Scored] = []
         for sample in samples:
-            job = lane_id(sample.verdict.candidate, config.seed)
-            feedback = reflect(sample, results.get(job), model.style, scores.get(job))
-            entries.append(Scored(sample=sample, result=results.get(job), played=scores.get(job), feedback=feedback))
+            lane = lane_id(sample.verdict.candidate, config.seed)
+            feedback = reflect(sample, results.get(lane), model.style, scores.get(lane))
+            entries.append(Scored(sample=sample, result=results.get(lane), played=scores.get(lane), feedback=feedback))
         history = strategy.tell(history.replayed(scores), entries)
         best = Ranking(history).best
         if best is not None:
@@ -93,10 +93,10 @@ def conclude(
         return
     observer.phase(config.generations, "evaluate")
     arms = lanes.final(race.contenders(history))
-    scores = lanes.evaluate(lanes.standing([job for jobs in arms.values() for job in jobs], strategy))
+    scores = lanes.evaluate(lanes.standing([lane for own in arms.values() for lane in own], strategy))
     results = store.lanes.results()
-    own = {job: results[job] for job in arms[best.sample.verdict.candidate] if job in scores}
-    winner = max(own, key=lambda job: rank(scores[job].fitness), default=None)
+    own = {lane: results[lane] for lane in arms[best.sample.verdict.candidate] if lane in scores}
+    winner = max(own, key=lambda lane: rank(scores[lane].fitness), default=None)
     keep(store, lanes, strategy, best, winner)
     if winner is not None:
         lanes.try_out(hacking.trials(own, winner, lanes.standing(own, strategy)))
@@ -104,10 +104,10 @@ def conclude(
         store.save_crown(best.sample.place)
 
 
-def keep(store: Store, lanes: Lanes, strategy: SearchStrategy, best: Scored, job: str | None = None) -> None:
+def keep(store: Store, lanes: Lanes, strategy: SearchStrategy, best: Scored, lane: str | None = None) -> None:
     """Leave the best reward in `best/`, with the policy of its lane in the search, or of another."""
-    job = job or lane_id(best.sample.verdict.candidate, lanes.config.seed)
-    store.save_best(best.sample.candidate, job, lanes.standing([job], strategy)[job])
+    lane = lane or lane_id(best.sample.verdict.candidate, lanes.config.seed)
+    store.save_best(best.sample.candidate, lane, lanes.standing([lane], strategy)[lane])
 
 
 def summarise(config: RunConfig, store: Store, history: History) -> Outcome:

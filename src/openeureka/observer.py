@@ -40,7 +40,7 @@ class Observer(Protocol):
         ...
 
     def played(self, scores: Mapping[str, Evaluation]) -> None:
-        """What lanes score by now, by job id, since their policies were played; the stored ones come again."""
+        """What lanes score by now, by lane id, since their policies were played; the stored ones come again."""
         ...
 
     def generation(self, generation: Generation) -> None:

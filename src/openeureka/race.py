@@ -64,10 +64,10 @@ def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | 
         if not raced:
             break
         finals = lanes.final(tuple(arms.values()))
-        played = lanes.play([job for jobs in finals.values() for job in jobs], strategy)
+        played = lanes.play([lane for own in finals.values() for lane in own], strategy)
         scores = {
-            name: [score.fitness for job in jobs if (score := played.get(job)) and score.fitness is not None]
-            for name, jobs in finals.items()
+            name: [score.fitness for lane in own if (score := played.get(lane)) and score.fitness is not None]
+            for name, own in finals.items()
         }
         if known is not None:
             scores["human"] = list(known.human.scores)
@@ -91,7 +91,7 @@ def outcome(
     results: Mapping[str, TrainingResult],
     scores: Mapping[str, Evaluation],
 ) -> Outcome:
-    """What a search found, as far as its final trainings (`results`) and held-out `scores`, by job id, go."""
+    """What a search found, as far as its final trainings (`results`) and held-out `scores`, by lane id, go."""
     arms, best = contenders(history), crowned(history, place)
     if best is None:
         return Outcome(best=None)

@@ -224,19 +224,19 @@ def compare(
     """The outcome of the final trainings.
 
     Args:
-        lanes: job ids by reward (candidate id, `human` or `sparse`), a seed each; one that is missing, because the run
+        lanes: lane ids by reward (candidate id, `human` or `sparse`), a seed each; one that is missing, because the run
             is not that far, counts as undefined.
         known: `human` and `sparse` where the run has no lanes of them.
         rivals: the other candidates that trained again.
     """
-    fitness = {job: result.fitness for job, result in results.items()}
-    held_out = {job: score.fitness for job, score in scores.items()}
+    fitness = {lane: result.fitness for lane, result in results.items()}
+    held_out = {lane: score.fitness for lane, score in scores.items()}
 
     def arm(name: str) -> Arm:
         return Arm(training=tuple(map(fitness.get, lanes[name])), held_out=tuple(map(held_out.get, lanes[name])))
 
     own = best.sample.verdict.candidate
-    trained = [results[job] for job in lanes[own] if job in results]
+    trained = [results[lane] for lane in lanes[own] if lane in results]
     curves = [(result.curves.get("reward", ()), result.curves.get("human_reward", ())) for result in trained]
     return Outcome(
         best=best,

@@ -29,7 +29,7 @@ def go(benchmark: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(benchmark, "LocalExecutor", lambda *_, **__: trainer)
 
     def go(*words: str) -> list[str]:
-        """Jobs trained by this call."""
+        """Lanes trained by this call."""
         trainer.trained.clear()
         benchmark.main([*words, "--out", str(tmp_path / "all.json"), "--shipped", str(tmp_path / "shipped.json")])
         return list(trainer.trained)
@@ -65,7 +65,7 @@ def test_what_is_known_is_not_repeated(go, tmp_path):
 def test_a_lane_that_died_is_trained_again_and_one_that_diverged_is_not(go, monkeypatch):
     states = {"human-s0": TrainingState.FAILED, "sparse-s0": TrainingState.DIVERGED}
     train = ToyTrainer._result
-    monkeypatch.setattr(ToyTrainer, "_result", lambda self, job: replace(train(self, job), state=states[job.id]))
+    monkeypatch.setattr(ToyTrainer, "_result", lambda self, lane: replace(train(self, lane), state=states[lane.id]))
     go("--env", "ant", "--seeds", "1")
     assert go("--env", "ant", "--seeds", "1") == ["human-s0"]
 

@@ -115,7 +115,7 @@ def test_trainings_are_measured(gpu, sizes):
 
 def test_the_human_reward_is_trained_for_a_time_and_scored(gpu, sizes, monkeypatch):
     def evaluate(self: Any, env: str, policies: dict[str, bytes], *, seed: int) -> Iterator[Evaluation]:
-        return (Evaluation(job=job, fitness=8.5, episode_length=9.0, episodes=1) for job in policies)
+        return (Evaluation(lane=lane, fitness=8.5, episode_length=9.0, episodes=1) for lane in policies)
 
     monkeypatch.setattr(gpu.LocalExecutor, "evaluate", evaluate)  # which would play 256 worlds for 500 steps
     found = gpu.human(ENV, "cpu", sizes, rate=2 * 4 * 16 * 3 / 0.1)  # three epochs of two lanes

@@ -26,7 +26,7 @@ def go(benchmark: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(benchmark, "LocalExecutor", lambda *_, **__: trainer)
 
     def go(*words: str) -> list[str]:
-        """Jobs trained by this call."""
+        """Lanes trained by this call."""
         trainer.trained.clear()
         folder = str(tmp_path / "policies")
         benchmark.main(["--seeds", "2", *words, "--policies", folder, "--out", str(tmp_path / "pen.json")])

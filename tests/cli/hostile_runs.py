@@ -186,10 +186,10 @@ CASES = (
     HostileRun("pipe-film", piped("lanes/human-s0/video.mp4")),
     HostileRun("pipe-store", piped("run.sqlite-wal"), resume=_LINK, read=_LINK),
     # Names that lead out of the directory.
-    HostileRun("job-outside", rows("UPDATE results SET job = '../../things/sub' WHERE rowid = 1"), _ROW, _ROW),
-    HostileRun("job-absolute", rows("UPDATE results SET job = ? WHERE rowid = 1", "{folder}/sub"), _ROW, _ROW),
+    HostileRun("lane-outside", rows("UPDATE results SET lane = '../../things/sub' WHERE rowid = 1"), _ROW, _ROW),
+    HostileRun("lane-absolute", rows("UPDATE results SET lane = ? WHERE rowid = 1", "{folder}/sub"), _ROW, _ROW),
     HostileRun("candidate-outside", rows("UPDATE entries SET candidate = '../../things/sub'"), _ROW, _ROW),
-    HostileRun("entry-outside", rows("UPDATE entries SET job = '../../things/sub'"), _ROW, _ROW),
+    HostileRun("entry-outside", rows("UPDATE entries SET lane = '../../things/sub'"), _ROW, _ROW),
     HostileRun("verdict-outside", inside("entries", "verdict", candidate="../../things/sub"), _ROW, _ROW),
     # Settings that reach outside.
     HostileRun("secret-in-address", settings(base_url="http://127.0.0.1:9/${{oc.env:CANARY}}/v1", model="m"), _TYPED),
@@ -216,7 +216,7 @@ CASES = (
     HostileRun("seeds-without-end", settings(seeds=10**12), "settings unknown", "settings unknown"),
     HostileRun("generation-without-end", rows("UPDATE replies SET generation = 1000000000"), _ROW, _ROW),
     HostileRun("missing-generation", rows("UPDATE entries SET generation = 5"), _ROW, _ROW),
-    HostileRun("missing-result", rows("UPDATE entries SET job = 'elsewhere'"), _ROW, _ROW),
+    HostileRun("missing-result", rows("UPDATE entries SET lane = 'elsewhere'"), _ROW, _ROW),
     HostileRun("text-as-number", rows("UPDATE replies SET cost_usd = 'much'"), _ROW, _ROW),
     HostileRun("infinite-time", rows("UPDATE replies SET seconds = 9e999"), _ROW, _ROW),
     HostileRun("infinite-curve", inside("results", "result", seconds=float("inf")), _ROW, _ROW),
@@ -233,7 +233,7 @@ CASES = (
     HostileRun("view", schema("CREATE VIEW later AS SELECT * FROM replies"), _TABLES, _TABLES),
     HostileRun("table", schema("CREATE TABLE later (words TEXT)"), _TABLES, _TABLES),
     HostileRun("snapshot-of-nothing", snapshot("[" * 100_000)),
-    HostileRun("snapshot-of-another-form", snapshot('{"env": "cartpole", "jobs": {"a": 1}}')),
+    HostileRun("snapshot-of-another-form", snapshot('{"env": "cartpole", "lanes": {"a": 1}}')),
     # Text.
     HostileRun("model-that-draws", settings(model=_ESCAPES), _TYPED),
     HostileRun("reply-that-draws", rows("UPDATE replies SET model = ?", _ESCAPES)),

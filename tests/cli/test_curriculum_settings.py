@@ -15,18 +15,18 @@ SETTINGS = ["env=cartpole", "model=scripted", "sample=1", "iteration=1", "seeds=
 
 
 class StagedTrainer(ToyTrainer):
-    """Notes task and job of every training; Ctrl-C in the last stage while `stops`."""
+    """Notes task and lane of every training; Ctrl-C in the last stage while `stops`."""
 
     def __init__(self) -> None:
         super().__init__()
         self.stages: list[str] = []
         self.stops = False
 
-    def train(self, env, jobs, budget):
+    def train(self, env, lanes, budget):
         if self.stops and env == LAST:
             raise KeyboardInterrupt
-        self.stages += [f"{env} {job.id[-8:]}" for job in jobs]
-        yield from super().train(env, jobs, budget)
+        self.stages += [f"{env} {lane.id[-8:]}" for lane in lanes]
+        yield from super().train(env, lanes, budget)
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def run(*words: str) -> int:
 
 def test_train_takes_every_reward_through_the_stages_and_leaves_their_policies(toy: StagedTrainer, tmp_path: Path):
     assert run("train", "reward=human,sparse", "curriculum=stages.yaml", "dir=out") == 0
-    assert toy.stages == [f"{env} {job}" for env in (EASY, LAST) for job in ("human-s0", "parse-s0")]
+    assert toy.stages == [f"{env} {lane}" for env in (EASY, LAST) for lane in ("human-s0", "parse-s0")]
     lane = tmp_path / "out" / "lanes" / "human-s0"
     assert (lane / "stage1.safetensors").read_bytes() == b"10.0"
     assert (lane / "best_fitness.safetensors").read_bytes() == b"10.0"

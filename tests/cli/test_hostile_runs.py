@@ -35,9 +35,9 @@ class Confined(ToySandbox):
 class Known(ToyTrainer):
     """The task is installed, whatever the run says."""
 
-    def train(self, env, jobs, budget):
+    def train(self, env, lanes, budget):
         assert env == "cartpole"
-        yield from super().train(env, jobs, budget)
+        yield from super().train(env, lanes, budget)
 
 
 @pytest.fixture(scope="module")

@@ -113,7 +113,7 @@ def test_a_replay_broken_off_goes_on_where_it_stopped(parts, tmp_path, capsys):
 class Interruption(ToyTrainer):
     """Ctrl-C in the first training."""
 
-    def train(self, env, jobs, budget):
+    def train(self, env, lanes, budget):
         raise KeyboardInterrupt
         yield
 

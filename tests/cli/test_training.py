@@ -87,8 +87,8 @@ def test_what_could_be_trained_is_json_also_where_something_could_not(toy, tmp_p
     ending(toy, TrainingState.FAILED, "sparse", monkeypatch)
     with pytest.raises(WorkerError, match="^sparse-s0 could not be trained"):
         train([f"dir={tmp_path}/out"], as_json=True)
-    jobs = json.loads(capsys.readouterr().out)["given"]
-    assert {name: job["state"] for name, job in jobs.items()} == {"human-s0": "finished", "sparse-s0": "failed"}
+    lanes = json.loads(capsys.readouterr().out)["given"]
+    assert {name: lane["state"] for name, lane in lanes.items()} == {"human-s0": "finished", "sparse-s0": "failed"}
 
 
 def test_a_report_shows_the_table_and_the_curves_of_every_training(toy, tmp_path):
@@ -126,15 +126,15 @@ def test_a_list_of_rewards_that_makes_no_sense_is_refused(toy, reward, sentence)
         train([f"reward={reward}"])
 
 
-def ending(trainer: ToyTrainer, state: TrainingState, jobs: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have the jobs whose ids begin so end early."""
+def ending(trainer: ToyTrainer, state: TrainingState, lanes: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have the lanes whose ids begin so end early."""
     whole = trainer._result
 
-    def result(job):
-        if not job.id.startswith(jobs):
-            return whole(job)
+    def result(lane):
+        if not lane.id.startswith(lanes):
+            return whole(lane)
         return TrainingResult(
-            job=job.id, state=state, fitness=None, curves={}, env_steps=0, seconds=0.0, message="It went wrong."
+            lane=lane.id, state=state, fitness=None, curves={}, env_steps=0, seconds=0.0, message="It went wrong."
         )
 
     monkeypatch.setattr(trainer, "_result", result)
@@ -164,10 +164,10 @@ def stopping(trainer: ToyTrainer, after: int, monkeypatch: pytest.MonkeyPatch) -
     """Have somebody press Ctrl-C when so many lanes have trained."""
     whole = trainer._result
 
-    def result(job):
+    def result(lane):
         if len(trainer.trained) > after:
             raise KeyboardInterrupt
-        return whole(job)
+        return whole(lane)
 
     monkeypatch.setattr(trainer, "_result", result)
 
@@ -201,7 +201,7 @@ def test_a_run_of_other_rewards_is_refused(toy, tmp_path):
 
 def test_a_reward_file_is_kept_so_that_the_run_needs_it_no_more(toy, tmp_path, monkeypatch):
     (tmp_path / "my reward.py").write_text(GOOD)
-    monkeypatch.setattr(toy, "_result", lambda job: ToyTrainer()._result(replace(job, program="sparse")))
+    monkeypatch.setattr(toy, "_result", lambda lane: ToyTrainer()._result(replace(lane, program="sparse")))
     train([f"reward={tmp_path}/my reward.py", f"dir={tmp_path}/out"])
     (tmp_path / "my reward.py").unlink()
     with Store.view(tmp_path / "out") as store:

@@ -15,6 +15,7 @@ from openeureka.types import (
     Checkpoint,
     Evaluation,
     Finding,
+    LaneSpec,
     Message,
     Node,
     RewardGraph,
@@ -23,7 +24,6 @@ from openeureka.types import (
     TrainingProgress,
     TrainingResult,
     TrainingState,
-    TrainJob,
     Verdict,
     VerdictCode,
 )
@@ -48,7 +48,7 @@ VERDICT = Verdict(
     seconds=0.5,
 )
 RESULT = TrainingResult(
-    job="a-s0",
+    lane="a-s0",
     state=TrainingState.FINISHED,
     fitness=1.5,
     curves={"fitness": (None, 1.5)},
@@ -61,11 +61,11 @@ NOUNS = (
     GRAPH,
     VERDICT,
     RESULT,
-    Evaluation(job="a", fitness=None, episode_length=3.0, episodes=4, peak="last"),
+    Evaluation(lane="a", fitness=None, episode_length=3.0, episodes=4, peak="last"),
     Message("user", "\U0001f600 \ud800"),
     StateSpec((StateVar(name="pos", meaning="where", shape=(3,)), StateVar(name="dt", meaning="[s]", kind="float"))),
-    TrainJob(id="a", program=GRAPH, seed=2),
-    TrainJob(id="b", program="human", start=b"\x00\xff"),
+    LaneSpec(id="a", program=GRAPH, seed=2),
+    LaneSpec(id="b", program="human", start=b"\x00\xff"),
     TrainingProgress(epoch=1, epochs=2, env_steps_per_second=math.inf, fitness={"a": None, "b": 1.0}),
 )
 
@@ -97,7 +97,7 @@ def test_a_verdict_of_an_older_version_is_read_and_its_infinity_with_it() -> Non
 
 def test_a_result_of_an_older_version_is_read() -> None:
     data = json.loads(encode_result(RESULT))
-    older = {name: data[name] for name in data if name not in ("job", "clock", "last")}
+    older = {name: data[name] for name in data if name not in ("lane", "clock", "last")}
     older["best_fitness"] = {"epoch": 1, "value": 1.5}
     found = decode_result("a-s0", json.dumps(older))
     assert (found, found.clock) == (RESULT, ())
@@ -163,4 +163,4 @@ def test_data_that_is_nested_without_end_is_no_noun() -> None:
     for _ in range(100_000):
         deep = [deep]
     with pytest.raises(DecodeError):
-        shaped(TrainJob, {"id": "a", "program": {"nodes": [{"op": "input", "args": deep}]}})
+        shaped(LaneSpec, {"id": "a", "program": {"nodes": [{"op": "input", "args": deep}]}})

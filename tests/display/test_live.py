@@ -36,9 +36,9 @@ REFUSED = Sample(
     attempts=3,
 )
 LANE = f"{PROGRAM.id}-s0"
-RESULT = TrainingResult(job=LANE, state=TrainingState.FINISHED, fitness=321.0, curves={}, env_steps=1, seconds=1.0)
+RESULT = TrainingResult(lane=LANE, state=TrainingState.FINISHED, fitness=321.0, curves={}, env_steps=1, seconds=1.0)
 
-PLAYED = Evaluation(job=LANE, fitness=300.0, error=12.0, episode_length=300.0, episodes=64)
+PLAYED = Evaluation(lane=LANE, fitness=300.0, error=12.0, episode_length=300.0, episodes=64)
 
 
 def play(shown: PlainView | TerminalView) -> None:

@@ -3,17 +3,19 @@
 import os
 import signal
 
-from openeureka.training.wire import pack, unpack_jobs
+from openeureka.training.wire import pack, unpack_lanes
 from openeureka.types import TrainingResult, TrainingState
 from openeureka.worker import Channel
 
 channel = Channel()
 request = channel.receive()
 assert request is not None
-for job in unpack_jobs(request)[1]:
-    if job.program != "human":
+for lane in unpack_lanes(request)[1]:
+    if lane.program != "human":
         os.kill(os.getpid(), signal.SIGFPE)
-    result = TrainingResult(job=job.id, state=TrainingState.FINISHED, fitness=1.0, curves={}, env_steps=1, seconds=0.0)
+    result = TrainingResult(
+        lane=lane.id, state=TrainingState.FINISHED, fitness=1.0, curves={}, env_steps=1, seconds=0.0
+    )
     frame = pack(result)
     channel.send(frame.header, frame.blobs)
 channel.send({"done": True})

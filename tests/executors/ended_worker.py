@@ -1,4 +1,4 @@
-"""A training worker that the kernel ends: every job is named after a signal, and the worker sends it to itself."""
+"""A training worker that the kernel ends: every lane is named after a signal, and the worker sends it to itself."""
 
 import os
 import signal
@@ -8,4 +8,4 @@ from openeureka.worker import Channel
 channel = Channel()
 request = channel.receive()
 assert request is not None
-os.kill(os.getpid(), signal.Signals[request.header["jobs"][0]["id"]])
+os.kill(os.getpid(), signal.Signals[request.header["lanes"][0]["id"]])

@@ -9,5 +9,5 @@ channel.receive()
 for _ in range(8):
     time.sleep(0.5)
     channel.send({})
-channel.send({"score": {"job": "a", "fitness": 1.0, "episode_length": 2.0, "episodes": 3}})
+channel.send({"score": {"lane": "a", "fitness": 1.0, "episode_length": 2.0, "episodes": 3}})
 channel.send({"done": True})

@@ -7,6 +7,6 @@ from openeureka.worker import Channel
 channel = Channel()
 request = channel.receive()
 assert request is not None
-job = next(iter(request.blobs))
-channel.send({"score": {"job": job, "fitness": 1.0, "episode_length": 2.0, "episodes": 3}})
+lane = next(iter(request.blobs))
+channel.send({"score": {"lane": lane, "fitness": 1.0, "episode_length": 2.0, "episodes": 3}})
 os._exit(1)

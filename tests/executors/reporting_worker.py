@@ -1,4 +1,4 @@
-"""A training worker that says on which device it is asked to train what, and ends as the names of its jobs tell."""
+"""A training worker that says on which device it is asked to train what, and ends as the names of its lanes tell."""
 
 import dataclasses
 import os
@@ -10,16 +10,16 @@ from openeureka.worker import Channel
 channel = Channel()
 request = channel.receive()
 assert request is not None
-jobs = [job["id"] for job in request.header["jobs"]]  # without `wire`, whose imports take a second
+lanes = [lane["id"] for lane in request.header["lanes"]]  # without `wire`, whose imports take a second
 progress = TrainingProgress(
-    epoch=3, epochs=4, env_steps_per_second=100.0, fitness={job: float(os.getpid()) for job in jobs}
+    epoch=3, epochs=4, env_steps_per_second=100.0, fitness={lane: float(os.getpid()) for lane in lanes}
 )
 channel.send({"progress": dataclasses.asdict(progress)})
-for job in jobs:
-    while job.startswith("patient") and not os.path.exists(os.environ["SIGNAL"]):
+for lane in lanes:
+    while lane.startswith("patient") and not os.path.exists(os.environ["SIGNAL"]):
         time.sleep(0.01)
-    if job.startswith("deadly"):
+    if lane.startswith("deadly"):
         os._exit(1)
-    said = {"job": job, "state": "finished", "fitness": 1.0, "curves": {}, "env_steps": 1, "seconds": 0.0}
+    said = {"lane": lane, "state": "finished", "fitness": 1.0, "curves": {}, "env_steps": 1, "seconds": 0.0}
     channel.send({"result": {**said, "message": request.header["device"], "peaks": {}, "clock": []}})
 channel.send({"done": True})

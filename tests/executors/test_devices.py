@@ -10,12 +10,12 @@ from openeureka.errors import ConfigError
 from openeureka.executors import scheduler
 from openeureka.executors.devices import CPU_WORKERS, devices, workers
 from openeureka.executors.local import LocalExecutor, Message
-from openeureka.types import TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
+from openeureka.types import LaneSpec, TrainBudget, TrainingProgress, TrainingResult, TrainingState
 
 
 @pytest.fixture
 def signal(tmp_path: Path) -> Path:
-    """A file that jobs named `patient` wait for."""
+    """A file that specs named `patient` wait for."""
     return tmp_path / "signal"
 
 
@@ -30,11 +30,11 @@ def gpus(monkeypatch: pytest.MonkeyPatch, signal: Path) -> None:
 
 def train(names: Sequence[str], device: str = "cuda", **options) -> Iterator[Message]:
     trainer = LocalExecutor(device, module="reporting_worker", **options)
-    return trainer.train("cartpole", [TrainJob(id=name, program="human") for name in names], TrainBudget())
+    return trainer.train("cartpole", [LaneSpec(id=name, program="human") for name in names], TrainBudget())
 
 
 def results(found: Iterable[Message]) -> dict[str, TrainingResult]:
-    return {message.job: message for message in found if isinstance(message, TrainingResult)}
+    return {message.lane: message for message in found if isinstance(message, TrainingResult)}
 
 
 def test_a_setting_names_one_device_a_worker(gpus):
@@ -88,7 +88,7 @@ def test_worlds_of_all_workers_on_a_device_count(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(scheduler, "train", noted)
     trainer = LocalExecutor(device, threads=2, max_worlds=1024)  # 256 worlds a lane: room for four on a device
-    list(trainer.train("cartpole", [TrainJob(id=name, program="human") for name in "abcdef"], TrainBudget()))
+    list(trainer.train("cartpole", [LaneSpec(id=name, program="human") for name in "abcdef"], TrainBudget()))
     assert dealt == expected
 
 
@@ -149,10 +149,10 @@ def test_whoever_stops_listening_leaves_no_worker_behind(gpus):
 
 
 def test_lanes_learn_the_same_in_two_processes_as_in_one():
-    jobs = [TrainJob(id=name, program="human", seed=seed) for seed, name in enumerate("ab")]
+    specs = [LaneSpec(id=name, program="human", seed=seed) for seed, name in enumerate("ab")]
     budget = TrainBudget(env_steps=16 * 32 * 2, worlds=32)
     apart, beside = (
-        results(LocalExecutor(device, threads=1).train("cartpole", jobs, budget)) for device in ("cpu,cpu", "cpu")
+        results(LocalExecutor(device, threads=1).train("cartpole", specs, budget)) for device in ("cpu,cpu", "cpu")
     )
     for name in "ab":
         assert apart[name].state is TrainingState.FINISHED

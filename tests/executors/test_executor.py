@@ -7,27 +7,27 @@ from openeureka.errors import TaskError, WorkerError
 from openeureka.executors import local, retry
 from openeureka.executors.local import LocalExecutor
 from openeureka.executors.snapshots import Snapshot
-from openeureka.training.wire import pack, pack_jobs, unpack, unpack_jobs
+from openeureka.training.wire import pack, pack_lanes, unpack, unpack_lanes
 from openeureka.types import (
     Checkpoint,
+    LaneSpec,
     Node,
     RewardGraph,
     TrainBudget,
     TrainingProgress,
     TrainingResult,
     TrainingState,
-    TrainJob,
 )
 
 GRAPH = RewardGraph(nodes=(Node("input", ("pole_angle",)),), reward=0, components=(("angle", 0),))
 
 
-def test_jobs_and_results_survive_the_pipe():
-    jobs = [TrainJob(id="a", program=GRAPH, seed=3), TrainJob(id="b", program="human", start=b"\x03")]
+def test_specs_and_results_survive_the_pipe():
+    specs = [LaneSpec(id="a", program=GRAPH, seed=3), LaneSpec(id="b", program="human", start=b"\x03")]
     budget = TrainBudget(env_steps=5, worlds=2)
-    assert unpack_jobs(pack_jobs("cartpole", jobs, budget)) == ("cartpole", jobs, budget)
+    assert unpack_lanes(pack_lanes("cartpole", specs, budget)) == ("cartpole", specs, budget)
     result = TrainingResult(
-        job="a", state=TrainingState.DIVERGED, fitness=None, curves={"fitness": (None, 1.5)}, env_steps=3, seconds=1.0,
+        lane="a", state=TrainingState.DIVERGED, fitness=None, curves={"fitness": (None, 1.5)}, env_steps=3, seconds=1.0,
         best_reward=Checkpoint(epoch=1, value=2.0, policy=b"\x00\x01"), last=b"\x02", message="why",
     )  # fmt: skip
     progress = TrainingProgress(epoch=1, epochs=2, env_steps_per_second=3.0, fitness={"a": None})
@@ -35,11 +35,11 @@ def test_jobs_and_results_survive_the_pipe():
     assert unpack(pack(progress)) == progress
 
 
-def test_a_job_that_kills_its_worker_takes_no_other_with_it(monkeypatch: pytest.MonkeyPatch):
+def test_a_spec_that_kills_its_worker_takes_no_other_with_it(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     trainer = LocalExecutor(module="dying_worker")
-    jobs = [TrainJob(id=name, program="human", seed=seed) for seed, name in enumerate(["a", "b", "deadly", "late"])]
-    found = {r.job: r for r in trainer.train("cartpole", jobs, TrainBudget()) if isinstance(r, TrainingResult)}
+    specs = [LaneSpec(id=name, program="human", seed=seed) for seed, name in enumerate(["a", "b", "deadly", "late"])]
+    found = {r.lane: r for r in trainer.train("cartpole", specs, TrainBudget()) if isinstance(r, TrainingResult)}
     assert [found[name].state for name in ("a", "b", "late")] == [TrainingState.FINISHED] * 3
     assert found["deadly"].state is TrainingState.FAILED
     assert "ended before it answered" in found["deadly"].message
@@ -50,10 +50,10 @@ def interrupted(monkeypatch: pytest.MonkeyPatch, folder: Path | None) -> dict[st
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     monkeypatch.setattr(retry, "SNAPSHOT_SECONDS", 1e-9)
     trainer = LocalExecutor(module="interrupted_worker", snapshots=folder, threads=1)
-    jobs = [TrainJob(id="human", program="human"), TrainJob(id="angle", program=GRAPH, seed=1)]
+    specs = [LaneSpec(id="human", program="human"), LaneSpec(id="angle", program=GRAPH, seed=1)]
     budget = TrainBudget(env_steps=16 * 32 * 3, worlds=32)
-    found = (r for r in trainer.train("cartpole", jobs, budget) if isinstance(r, TrainingResult))
-    return {result.job: dataclasses.replace(result, seconds=0.0) for result in found}
+    found = (r for r in trainer.train("cartpole", specs, budget) if isinstance(r, TrainingResult))
+    return {result.lane: dataclasses.replace(result, seconds=0.0) for result in found}
 
 
 def test_a_training_whose_worker_is_killed_goes_on_from_its_snapshot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
@@ -63,12 +63,12 @@ def test_a_training_whose_worker_is_killed_goes_on_from_its_snapshot(monkeypatch
 
 
 def test_a_training_that_is_stopped_goes_on_from_where_it_was(tmp_path: Path):
-    jobs = [TrainJob(id="human", program="human"), TrainJob(id="angle", program=GRAPH, seed=1)]
+    specs = [LaneSpec(id="human", program="human"), LaneSpec(id="angle", program=GRAPH, seed=1)]
     budget = TrainBudget(env_steps=16 * 512 * 20, worlds=512)
 
     def trained(folder: Path, stop: bool) -> list[TrainingProgress | TrainingResult]:
         messages: list[TrainingProgress | TrainingResult] = []
-        training = LocalExecutor(snapshots=folder, threads=1).train("cartpole", jobs, budget)
+        training = LocalExecutor(snapshots=folder, threads=1).train("cartpole", specs, budget)
         for message in training:
             messages.append(message)
             if stop:
@@ -108,11 +108,11 @@ def test_what_is_left_of_a_training_keeps_the_populations_that_left_a_snapshot(
             return ()
 
         monkeypatch.setattr(local.scheduler, "train", train)
-        list(trainer.train("cartpole", [TrainJob(id=name, program="human") for name in names], TrainBudget(worlds=1)))
+        list(trainer.train("cartpole", [LaneSpec(id=name, program="human") for name in names], TrainBudget(worlds=1)))
         return found
 
     def snapshot(env: str, names: str) -> Snapshot:
-        return Snapshot(tmp_path, {"env": env, "jobs": [{"id": name} for name in names]})
+        return Snapshot(tmp_path, {"env": env, "specs": [{"id": name} for name in names]})
 
     assert populations("abcdefg") == [["a", "b", "c", "d"], ["e", "f", "g"]]
     snapshot("cartpole", "efg").write(b"state")
@@ -132,24 +132,24 @@ def test_another_training_does_not_go_on_from_this_snapshot(tmp_path: Path):
 
 def test_training_and_evaluation_in_a_worker():
     trainer = LocalExecutor(threads=1)
-    jobs = [TrainJob(id="a", program="human")]
+    specs = [LaneSpec(id="a", program="human")]
     budget = TrainBudget(env_steps=16 * 32 * 2, worlds=32)
-    (result,) = (r for r in trainer.train("cartpole", jobs, budget) if isinstance(r, TrainingResult))
+    (result,) = (r for r in trainer.train("cartpole", specs, budget) if isinstance(r, TrainingResult))
     assert result.best_fitness is not None
     (score,) = trainer.evaluate("cartpole", {"a": result.best_fitness.policy}, seed=0)
-    assert score.job == "a" and score.episodes == 256
+    assert score.lane == "a" and score.episodes == 256
     assert score.fitness == pytest.approx(score.episode_length)
 
 
 def test_lanes_that_are_too_many_for_one_simulation_train_one_population_after_another():
     trainer = LocalExecutor(threads=1, max_worlds=64)
-    jobs = [TrainJob(id=str(i), program="human", seed=i) for i in range(3)]
+    specs = [LaneSpec(id=str(i), program="human", seed=i) for i in range(3)]
     budget = TrainBudget(env_steps=16 * 32, worlds=32)
     together = LocalExecutor(threads=1)
     split, whole = (
-        [r for r in t.train("cartpole", jobs, budget) if isinstance(r, TrainingResult)] for t in (trainer, together)
+        [r for r in t.train("cartpole", specs, budget) if isinstance(r, TrainingResult)] for t in (trainer, together)
     )
-    assert [result.job for result in split] == [result.job for result in whole] == ["0", "1", "2"]
+    assert [result.lane for result in split] == [result.lane for result in whole] == ["0", "1", "2"]
     for apart, beside in zip(split, whole, strict=True):
         assert apart.curves["reward"] == pytest.approx(beside.curves["reward"], rel=1e-3)
 
@@ -157,7 +157,7 @@ def test_lanes_that_are_too_many_for_one_simulation_train_one_population_after_a
 def test_a_worker_that_hangs_is_given_up(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     trainer = LocalExecutor(module="silent_worker", silence=0.2)
-    (result,) = trainer.train("cartpole", [TrainJob(id="a", program="human")], TrainBudget())
+    (result,) = trainer.train("cartpole", [LaneSpec(id="a", program="human")], TrainBudget())
     assert isinstance(result, TrainingResult) and result.state is TrainingState.FAILED
     assert "did not answer in time" in result.message
 
@@ -165,12 +165,12 @@ def test_a_worker_that_hangs_is_given_up(monkeypatch: pytest.MonkeyPatch):
 def test_an_evaluation_may_take_longer_than_a_worker_may_be_silent(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     (score,) = LocalExecutor(module="evaluating_worker", silence=2.0).evaluate("cartpole", {"a": b""}, seed=0)
-    assert (score.job, score.fitness, score.episode_length, score.episodes) == ("a", 1.0, 2.0, 3)
+    assert (score.lane, score.fitness, score.episode_length, score.episodes) == ("a", 1.0, 2.0, 3)
 
 
 def test_an_unknown_environment_is_an_error_of_the_caller_and_not_of_the_worker():
     with pytest.raises(TaskError, match="Did you mean `cartpole`"):
-        list(LocalExecutor().train("cartpol", [TrainJob(id="a", program="human")], TrainBudget(worlds=1)))
+        list(LocalExecutor().train("cartpol", [LaneSpec(id="a", program="human")], TrainBudget(worlds=1)))
 
 
 @pytest.mark.parametrize(
@@ -184,7 +184,7 @@ def test_an_unknown_environment_is_an_error_of_the_caller_and_not_of_the_worker(
 def test_what_the_kernel_does_to_a_worker_is_said(signal: str, sentence: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     trainer = LocalExecutor(module="ended_worker", silence=2.0)
-    (result,) = trainer.train("cartpole", [TrainJob(id=signal, program="human")], TrainBudget())
+    (result,) = trainer.train("cartpole", [LaneSpec(id=signal, program="human")], TrainBudget())
     assert isinstance(result, TrainingResult) and result.state is TrainingState.FAILED
     assert sentence in result.message
 
@@ -193,7 +193,7 @@ def test_a_reward_that_ends_its_worker_has_a_result_also_when_it_trains_alone(mo
     """The human reward trains on this machine, so the reward is at fault."""
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     (result,) = LocalExecutor(module="choosy_worker").train(
-        "cartpole", [TrainJob(id="a", program=GRAPH)], TrainBudget()
+        "cartpole", [LaneSpec(id="a", program=GRAPH)], TrainBudget()
     )
     assert isinstance(result, TrainingResult) and result.state is TrainingState.FAILED
     assert "It was ended by SIGFPE." in result.message
@@ -202,14 +202,14 @@ def test_a_reward_that_ends_its_worker_has_a_result_also_when_it_trains_alone(mo
 def test_where_not_even_the_human_reward_trains_the_machine_is_at_fault(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     with pytest.raises(WorkerError, match="It was killed"):
-        list(LocalExecutor(module="killed_worker").train("cartpole", [TrainJob(id="a", program=GRAPH)], TrainBudget()))
+        list(LocalExecutor(module="killed_worker").train("cartpole", [LaneSpec(id="a", program=GRAPH)], TrainBudget()))
 
 
 def test_a_worker_that_dies_in_an_evaluation_is_started_again_once_for_what_is_left(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     trainer = LocalExecutor(module="half_evaluating_worker")
-    assert [score.job for score in trainer.evaluate("cartpole", {"a": b"", "b": b""}, seed=0)] == ["a", "b"]
+    assert [score.lane for score in trainer.evaluate("cartpole", {"a": b"", "b": b""}, seed=0)] == ["a", "b"]
     scores = trainer.evaluate("cartpole", {"a": b"", "b": b"", "c": b""}, seed=0)
-    assert [next(scores).job, next(scores).job] == ["a", "b"]
+    assert [next(scores).lane, next(scores).lane] == ["a", "b"]
     with pytest.raises(WorkerError, match="ended before it answered"):
         next(scores)

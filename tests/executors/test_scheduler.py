@@ -9,15 +9,15 @@ from openeureka.errors import TaskError, WorkerError
 from openeureka.executors.devices import Slot
 from openeureka.executors.retry import Population
 from openeureka.executors.scheduler import deal, train
-from openeureka.training.wire import SNAPSHOT, pack, unpack_jobs
+from openeureka.training.wire import SNAPSHOT, pack, unpack_lanes
 from openeureka.types import (
+    LaneSpec,
     Node,
     RewardGraph,
     TrainBudget,
     TrainingProgress,
     TrainingResult,
     TrainingState,
-    TrainJob,
 )
 from openeureka.worker import Frame
 
@@ -57,7 +57,7 @@ class Scripted:
         self.calls: list[ScriptedCall] = []
 
     def call(self, request: Frame, slot: Slot) -> ScriptedCall:
-        names = [lane.id for lane in unpack_jobs(request)[1]]
+        names = [lane.id for lane in unpack_lanes(request)[1]]
         self.asked.append((slot.device, names))
         self.calls.append(ScriptedCall(slot.device, self.script(names)))
         return self.calls[-1]
@@ -70,7 +70,7 @@ class Scripted:
 
 def result(name: str) -> Frame:
     return pack(
-        TrainingResult(job=name, state=TrainingState.FINISHED, fitness=1.0, curves={}, env_steps=1, seconds=0.0)
+        TrainingResult(lane=name, state=TrainingState.FINISHED, fitness=1.0, curves={}, env_steps=1, seconds=0.0)
     )
 
 
@@ -96,7 +96,7 @@ def populations(*names: str, folder: Path | None = None, generated: bool = False
     """One of lanes `a` and `b` for `ab`."""
     program = GRAPH if generated else "human"
     return [
-        Population("cartpole", [TrainJob(id=name, program=program) for name in of], TrainBudget(), folder)
+        Population("cartpole", [LaneSpec(id=name, program=program) for name in of], TrainBudget(), folder)
         for of in names
     ]
 
@@ -106,11 +106,11 @@ def trained(transport: Scripted, shares: Sequence[Population], devices: str = "0
     found = train(transport, shares, [Slot(device, 1) for device in devices])
     results = [message for message in found if isinstance(message, TrainingResult)]
     assert all(call.closed for call in transport.calls)
-    return [message.job + "!" * (message.state is TrainingState.FAILED) for message in results]
+    return [message.lane + "!" * (message.state is TrainingState.FAILED) for message in results]
 
 
 def test_lanes_are_dealt_in_order_and_those_of_a_snapshot_stay_together():
-    lanes = [TrainJob(id=name, program="human") for name in "abcdefg"]
+    lanes = [LaneSpec(id=name, program="human") for name in "abcdefg"]
 
     def dealt(kept: Sequence[str], count: int) -> list[str]:
         return ["".join(lane.id for lane in share) for share in deal(lanes, kept, count)]

@@ -13,7 +13,7 @@ from openeureka.types import Checkpoint, Evaluation, TrainingResult, TrainingSta
 
 def score(fitness: float | None, *, error: float = 0.1, concentration: float | None = 0.05) -> Evaluation:
     return Evaluation(
-        job="a-s1", fitness=fitness, episode_length=9.0, episodes=256, error=error, concentration=concentration
+        lane="a-s1", fitness=fitness, episode_length=9.0, episodes=256, error=error, concentration=concentration
     )
 
 
@@ -23,7 +23,7 @@ def peak(epoch: int) -> Checkpoint:
 
 # The untrained policy's F is 10, as F is not defined in the first epoch. F peaks in epoch 2, the own reward in epoch 4.
 RESULT = TrainingResult(
-    job="a-s1",
+    lane="a-s1",
     state=TrainingState.FINISHED,
     fitness=110.0,
     curves={"fitness": (None, 10.0, 110.0, 90.0, 80.0), "reward": (0.0, 1.0, 2.0, 3.0, 4.0)},
@@ -141,9 +141,9 @@ def test_a_policy_that_fails_in_a_changed_world_is_a_sign_by_itself() -> None:
 
 
 def test_only_the_kept_policy_plays_in_changed_worlds_and_only_drifting_trainings_play_twice() -> None:
-    late = dataclasses.replace(RESULT, job="a-s2", best_fitness=peak(4))  # F and the own reward peak together
+    late = dataclasses.replace(RESULT, lane="a-s2", best_fitness=peak(4))  # F and the own reward peak together
     trials = hacking.trials({"a-s1": RESULT, "a-s2": late}, kept="a-s2", peaks={"a-s1": "reward", "a-s2": "reward"})
-    assert [(t.job, t.name, t.peak) for t in trials] == [
+    assert [(t.lane, t.name, t.peak) for t in trials] == [
         ("a-s1", "peak of F", "fitness"),
         *(("a-s2", name, "reward") for name in ("mass +10 %", "mass -10 %", "friction +10 %", "friction -10 %")),
     ]

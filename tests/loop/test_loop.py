@@ -140,7 +140,7 @@ def test_programs_that_differ_in_a_comment_train_once_and_share_the_result(begin
     first, second = one.history().generations[0].entries
     assert first.sample.candidate != second.sample.candidate
     assert (first.fitness, second.fitness) == (7, 7)
-    assert [job for job in one.trainer.trained if job.endswith("-s0")] == [lane(7, 0), "human-s0", "sparse-s0"]
+    assert [lane for lane in one.trainer.trained if lane.endswith("-s0")] == [lane(7, 0), "human-s0", "sparse-s0"]
 
 
 def test_a_program_that_repeats_another_of_the_run_is_sampled_anew(begin) -> None:
@@ -277,9 +277,9 @@ def test_a_replay_of_the_replies_is_the_same_search(begin) -> None:
 
 
 class Diverging(ToyTrainer):
-    def _result(self, job):
-        result = super()._result(job)
-        if job.id.startswith(("human", "sparse")):
+    def _result(self, lane):
+        result = super()._result(lane)
+        if lane.id.startswith(("human", "sparse")):
             return result
         curves = {name: (float("nan"),) for name in result.curves}
         state, message = TrainingState.DIVERGED, "reward was NaN"
@@ -302,8 +302,8 @@ class Failing(ToyTrainer):
         super().__init__()
         self.everything = everything
 
-    def _result(self, job):
-        result = super()._result(job)
+    def _result(self, lane):
+        result = super()._result(lane)
         if not self.everything and result.fitness != 7:
             return result
         return replace(result, state=TrainingState.FAILED, message="out of memory", fitness=None, curves={},

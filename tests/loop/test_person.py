@@ -161,8 +161,8 @@ def test_votes_choose_parent_and_best_where_they_judge(begin) -> None:
 
 
 class WithoutFitness(ToyTrainer):
-    def _result(self, job) -> TrainingResult:
-        return replace(super()._result(job), fitness=None)
+    def _result(self, lane) -> TrainingResult:
+        return replace(super()._result(lane), fitness=None)
 
 
 def test_votes_judge_a_task_that_never_defines_f(begin) -> None:

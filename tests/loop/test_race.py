@@ -14,18 +14,18 @@ from openeureka.loop import run
 from openeureka.score import Outcome
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
-from openeureka.types import Candidate, Checkpoint, Evaluation, Place, TrainJob
+from openeureka.types import Candidate, Checkpoint, Evaluation, LaneSpec, Place
 
 
 @dataclass
 class Lucky(ToyTrainer):
-    """F of some lanes, by job id, is what is said here, in training and when played; of the others as usual."""
+    """F of some lanes, by lane id, is what is said here, in training and when played; of the others as usual."""
 
     said: dict[str, float] = field(default_factory=dict)
 
-    def _result(self, job: TrainJob):
-        result = super()._result(job)
-        value = self.said.get(job.id)
+    def _result(self, spec: LaneSpec):
+        result = super()._result(spec)
+        value = self.said.get(spec.id)
         if value is None:
             return result
         policy = str(value + 1).encode()  # what is played scores one less
@@ -33,7 +33,7 @@ class Lucky(ToyTrainer):
         return dataclasses.replace(result, best_fitness=peak, best_reward=peak, last=policy)
 
 
-def job(worth: float, seed: int) -> str:
+def spec(worth: float, seed: int) -> str:
     return f"{Candidate.of(program(worth)).id}-s{seed}"
 
 
@@ -46,7 +46,7 @@ def go(directory: Path, trainer: ToyTrainer, worths: list[float], **settings) ->
 
 def test_the_one_that_fresh_seeds_prefer_is_crowned(tmp_path: Path) -> None:
     # In the search 8 plays best, by luck; fresh seeds say that 7 is worth 20.
-    trainer = Lucky(error=1.0, said={job(7, 1): 20.0, job(7, 2): 21.0})
+    trainer = Lucky(error=1.0, said={spec(7, 1): 20.0, spec(7, 2): 21.0})
     outcome = go(tmp_path, trainer, [7, 8, 1], seeds=2)
     assert outcome.best is not None and outcome.best.sample.place == Place(0, 0)
     assert outcome.method.held_out == (20.0, 21.0)
@@ -61,24 +61,24 @@ def test_only_those_level_with_the_best_train_again_and_at_most_three(tmp_path: 
     # Played one less: 9 is 2 above 7, within two errors of both (2.83); 4 is not.
     go(tmp_path, trainer, [4, 7, 8, 8.5, 9], seeds=2)
     again = {name for name in trainer.trained if name.endswith("-s1")}
-    assert again == {job(8, 1), job(8.5, 1), job(9, 1), "human-s1"}
+    assert again == {spec(8, 1), spec(8.5, 1), spec(9, 1), "human-s1"}
 
 
 def test_a_clear_winner_trains_alone_and_no_longer_than_needed(tmp_path: Path) -> None:
     trainer = ToyTrainer()  # nothing varies but a hundredth a seed: two seeds decide
     outcome = go(tmp_path, trainer, [7, 8], seeds=5)
     assert [name for name in trainer.trained if not name.endswith("-s0")] == [
-        *(job(8, 1), job(8, 2), "human-s1", "human-s2")
+        *(spec(8, 1), spec(8, 2), "human-s1", "human-s2")
     ]
     assert outcome.difference is not None and outcome.difference.sure
 
 
 def test_more_seeds_train_while_it_is_undecided_beside_the_human_reward(tmp_path: Path) -> None:
-    noisy = {job(10, seed): 9.0 + (-1) ** seed * 5 for seed in range(1, 9)} | {f"human-s{s}": 9.0 for s in range(9)}
+    noisy = {spec(10, seed): 9.0 + (-1) ** seed * 5 for seed in range(1, 9)} | {f"human-s{s}": 9.0 for s in range(9)}
     trainer = Lucky(said=noisy)
     outcome = go(tmp_path, trainer, [10, 1], seeds=4)
     last = [name for name in trainer.trained if name.endswith(("-s3", "-s4"))]
-    assert last == [job(10, 3), "human-s3", job(10, 4), "human-s4"]
+    assert last == [spec(10, 3), "human-s3", spec(10, 4), "human-s4"]
     assert outcome.difference is not None and not outcome.difference.sure
 
 
@@ -90,7 +90,7 @@ def test_one_that_is_shown_to_be_worse_leaves_the_race() -> None:
 def test_where_training_ranks_the_best_trains_with_all_seeds_at_once(tmp_path: Path) -> None:
     trainer = ToyTrainer(error=1.0)
     go(tmp_path, trainer, [7, 8], seeds=3, search="eureka")
-    assert trainer.trained[4:7] == [job(8, 1), job(8, 2), job(8, 3)]
+    assert trainer.trained[4:7] == [spec(8, 1), spec(8, 2), spec(8, 3)]
     with Store.view(tmp_path) as store:
         assert store.lanes.plays() == {}
         assert store.crown() == Place(0, 1)
@@ -98,8 +98,8 @@ def test_where_training_ranks_the_best_trains_with_all_seeds_at_once(tmp_path: P
 
 def test_a_lane_is_judged_by_that_of_its_policies_which_plays_best(tmp_path: Path) -> None:
     class Peaked(ToyTrainer):
-        def _result(self, job: TrainJob):
-            return dataclasses.replace(super()._result(job), last=b"100")
+        def _result(self, spec: LaneSpec):
+            return dataclasses.replace(super()._result(spec), last=b"100")
 
     go(tmp_path, Peaked(), [7, 8], seeds=1)
     with Store.view(tmp_path) as store:
@@ -119,7 +119,7 @@ def test_policies_that_are_level_play_again_and_their_looks_are_pooled(tmp_path:
     go(tmp_path, Noisy(error=1.0), [1, 7, 8], seeds=1)
     with Store.view(tmp_path) as store:
         looks = {name: len(plays["reward"]) for name, plays in store.lanes.plays().items() if name.endswith("-s0")}
-        assert looks == {job(1, 0): 1, job(7, 0): 2, job(8, 0): 2, "human-s0": 1, "sparse-s0": 1}
+        assert looks == {spec(1, 0): 1, spec(7, 0): 2, spec(8, 0): 2, "human-s0": 1, "sparse-s0": 1}
         (generation,) = store.history().generations
         played = generation.entries[2].played
         # Looks of 7 and 10 with error 1 each, equally long: mean 8.5, error sqrt(2) / 2.
@@ -138,5 +138,5 @@ def test_a_run_of_a_version_that_ranked_by_training_goes_on_as_it_began(tmp_path
 
 
 def test_the_error_of_a_score_that_nobody_measured_leaves_no_one_level() -> None:
-    alone = Evaluation(job="a", fitness=2.0, episode_length=1.0, episodes=4)
+    alone = Evaluation(lane="a", fitness=2.0, episode_length=1.0, episodes=4)
     assert race.level({"a": alone, "b": dataclasses.replace(alone, fitness=1.9)}) == ["a"]

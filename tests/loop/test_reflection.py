@@ -20,7 +20,7 @@ SAMPLE = Sample(
     generation=0, slot=0, candidate=CANDIDATE, verdict=Verdict(candidate=CANDIDATE.id, code=VerdictCode.ACCEPTED)
 )
 RESULT = TrainingResult(
-    job="a-s0",
+    lane="a-s0",
     state=TrainingState.FINISHED,
     fitness=40.0,
     curves={
@@ -55,13 +55,13 @@ def test_feedback_on_a_training() -> None:
 def test_the_model_is_not_shown_what_ppo_did() -> None:
     names = ("surrogate_loss", "value_loss", "kl", "entropy", "learning_rate")
     more = replace(RESULT, curves={**RESULT.curves, **{f"ppo/{name}": (7.75,) * 40 for name in names}})
-    played = Evaluation(job="a-s0", fitness=38.0, episode_length=38.0, episodes=64, error=1.0)
+    played = Evaluation(lane="a-s0", fitness=38.0, episode_length=38.0, episodes=64, error=1.0)
     for style in ("free", "grammar"):
         assert reflect(SAMPLE, more, style, played) == reflect(SAMPLE, RESULT, style, played)
 
 
 def test_where_played_policies_rank_the_score_in_training_is_told_apart() -> None:
-    played = Evaluation(job="a-s0", fitness=38.0, episode_length=38.0, episodes=64, error=1.0)
+    played = Evaluation(lane="a-s0", fitness=38.0, episode_length=38.0, episodes=64, error=1.0)
     told = reflect(SAMPLE, RESULT, "free", played).splitlines()
     assert "in training, while it explored; rewards are ranked by the score when played instead. " in told[0]
     assert told[1:] == reflect(SAMPLE, RESULT, "free").splitlines()[1:]
@@ -78,7 +78,7 @@ def test_feedback_for_small_models_has_fewer_points_and_no_advice() -> None:
 
 
 def test_where_played_policies_rank_components_are_told_early_and_late_in_an_episode() -> None:
-    played = Evaluation(job="a-s0", fitness=38.0, episode_length=38.0, episodes=64, error=1.0)
+    played = Evaluation(lane="a-s0", fitness=38.0, episode_length=38.0, episodes=64, error=1.0)
     early = {"component_early/speed": (0.5,), "component_early/effort": (-0.002,)}
     late = {"component_late/speed": (3.0,), "component_late/effort": (None,)}
     result = replace(RESULT, curves={**RESULT.curves, **early, **late})

@@ -95,12 +95,12 @@ def ranked(generation: int, name: str, fitness: float | None, error: float | Non
     scored = entry(
         f"def compute_reward(pole_angle):\n    return -pole_angle.abs(), {{}}  # {name}\n", f"{name}: [1.00]", verdict
     )
-    played = Evaluation(job=name, fitness=fitness, episode_length=9.0, episodes=64, error=error)
+    played = Evaluation(lane=name, fitness=fitness, episode_length=9.0, episodes=64, error=error)
     return replace(scored, sample=replace(scored.sample, generation=generation), played=played)
 
 
 OLDER, BEST = ranked(0, "angle", 302.46, 20.4), ranked(1, "height", 428.04, 33.1)
-DONE = TrainingResult(job="", state=TrainingState.FINISHED, fitness=1.0, curves={}, env_steps=1, seconds=1.0)
+DONE = TrainingResult(lane="", state=TrainingState.FINISHED, fitness=1.0, curves={}, env_steps=1, seconds=1.0)
 TRAINED = replace(ranked(1, "height_and_angle", 405.2, 22.4), result=DONE)
 INFORMED = PromptPlan(count=4, informed=True, turns=(OLDER, BEST), best=BEST)
 BALANCED = replace(
@@ -194,7 +194,7 @@ def test_the_published_search_is_told_no_score_unit_and_no_rank(style):
     ],
 )
 def test_a_score_has_as_many_digits_as_its_error_allows(fitness, error, text):
-    score = Evaluation(job="", fitness=fitness, episode_length=1.0, episodes=1, error=error)
+    score = Evaluation(lane="", fitness=fitness, episode_length=1.0, episodes=1, error=error)
     assert prompts.with_error(score) == text
 
 

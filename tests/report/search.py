@@ -43,10 +43,10 @@ def refused(generation: int, slot: int, message: str) -> Scored:
     return Scored(sample=sample, result=None, feedback="")
 
 
-def result(job: str, fitness: float | None) -> TrainingResult:
+def result(lane: str, fitness: float | None) -> TrainingResult:
     """A training of two epochs; None: it diverged."""
     return TrainingResult(
-        job=job,
+        lane=lane,
         state=TrainingState.DIVERGED if fitness is None else TrainingState.FINISHED,
         fitness=fitness,
         curves={"fitness": (None, fitness), "component/$upright": (0.25, 0.5)},
@@ -75,8 +75,8 @@ def run(history: History, results: Sequence[TrainingResult] = (), evaluations: S
             GenerationView(index=generation.index, candidates=tuple(map(view, generation.entries)))
             for generation in history.generations
         ),
-        results={r.job: r for r in results},
-        evaluations={e.job: e for e in evaluations},
+        results={r.lane: r for r in results},
+        evaluations={e.lane: e for e in evaluations},
         trials={},
         usage=Usage(prompt_tokens=1200, completion_tokens=340, cost_usd=0.0125),
         videos={},
@@ -99,6 +99,6 @@ def finished() -> RunView:
     """HISTORY with its final trainings: two seeds of the best, the human and the sparse reward."""
     best = Candidate.of(BEST).id
     final = {f"{best}-s1": 46.0, f"{best}-s2": 50.0, "human-s1": 60.0, "human-s2": 62.0, "sparse-s1": 20.0}
-    scores = [Evaluation(job=job, fitness=value - 2, episode_length=9.0, episodes=4) for job, value in final.items()]
-    trained_again = [result(job, value) for job, value in final.items()]
+    scores = [Evaluation(lane=lane, fitness=value - 2, episode_length=9.0, episodes=4) for lane, value in final.items()]
+    trained_again = [result(lane, value) for lane, value in final.items()]
     return run(HISTORY, [*BASELINES, *trained_again, result("sparse-s2", None)], scores)

@@ -23,7 +23,7 @@ def test_equal_curves_give_equal_files():
 
 def test_the_axes_are_environment_steps_and_seconds(tmp_path):
     result = TrainingResult(
-        job="a", state=TrainingState.FINISHED, fitness=3.5, curves=CURVES, env_steps=3000, seconds=60.0
+        lane="a", state=TrainingState.FINISHED, fitness=3.5, curves=CURVES, env_steps=3000, seconds=60.0
     )
     path = tmp_path / events.FILE_NAME
     path.write_bytes(events.of(result))
@@ -35,7 +35,7 @@ def test_the_axes_are_environment_steps_and_seconds(tmp_path):
 def test_an_epoch_has_the_time_at_which_it_was_done_and_ppo_a_place_of_its_own(tmp_path):
     curves = {"fitness": (None, 2.0), "ppo/kl": (0.5, 0.25)}
     result = TrainingResult(
-        job="a", state=TrainingState.FINISHED, fitness=2.0, curves=curves, env_steps=20, seconds=10.0, clock=(8.0, 9.5)
+        lane="a", state=TrainingState.FINISHED, fitness=2.0, curves=curves, env_steps=20, seconds=10.0, clock=(8.0, 9.5)
     )
     path = tmp_path / events.FILE_NAME
     path.write_bytes(events.of(result))

@@ -17,9 +17,11 @@ from .page import words
 def judged(concentration: float) -> RunView:
     """A finished run whose policies were tried in one changed world; F rests on few moments to this degree."""
     run = search.finished()
-    scores = {job: dataclasses.replace(e, error=0.5, concentration=concentration) for job, e in run.evaluations.items()}
-    kept = next(job for job in scores if job.endswith("-s2"))
-    heavier = Evaluation(job=kept, fitness=40.0, episode_length=9.0, episodes=4, error=0.25)
+    scores = {
+        lane: dataclasses.replace(e, error=0.5, concentration=concentration) for lane, e in run.evaluations.items()
+    }
+    kept = next(lane for lane in scores if lane.endswith("-s2"))
+    heavier = Evaluation(lane=kept, fitness=40.0, episode_length=9.0, episodes=4, error=0.25)
     return dataclasses.replace(run, evaluations=scores, trials={kept: {"mass +10 %": heavier}})
 
 

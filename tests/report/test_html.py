@@ -50,8 +50,8 @@ class Page(HTMLParser):
 class NamesComponents(ToyTrainer):
     """Trainings whose components and messages have hostile names."""
 
-    def _result(self, job):
-        result = super()._result(job)
+    def _result(self, lane):
+        result = super()._result(lane)
         curves = {**result.curves, f"component/{HOSTILE}": (0.0, 1.0, 2.0)}
         return dataclasses.replace(result, curves=curves, message=HOSTILE)
 
@@ -124,9 +124,9 @@ def test_the_best_video_is_in_the_page_and_others_are_beside_it(tmp_path):
     result = RunView.read(directory).candidates[0].result
     assert result is not None
     (directory / "best" / "video.mp4").write_bytes(b"mp4")
-    (directory / "lanes" / result.job / "video.mp4").write_bytes(b"mp4")
+    (directory / "lanes" / result.lane / "video.mp4").write_bytes(b"mp4")
     assert page(directory).links()[:1] == ["data:video/mp4;base64,bXA0"]
-    assert f"lanes/{result.job}/video.mp4" in page(directory).links()
+    assert f"lanes/{result.lane}/video.mp4" in page(directory).links()
     with (directory / "best" / "video.mp4").open("wb") as file:
         file.truncate(html.MAX_EMBEDDED + 1)
     assert "best/video.mp4" in page(directory).links()

@@ -18,8 +18,8 @@ def ended(generated: list[float], human: list[float]) -> RunView:
     best = Candidate.of(BEST).id
     scores = {f"{best}-s{seed}": value for seed, value in enumerate(generated, start=1)}
     scores |= {f"human-s{seed}": value for seed, value in enumerate(human, start=1)}
-    lanes = [result(job, value) for job, value in scores.items()] + [result(f"sparse-s{s}", 0.0) for s in (1, 2)]
-    held_out = [Evaluation(job=job, fitness=value, episode_length=9.0, episodes=4) for job, value in scores.items()]
+    lanes = [result(lane, value) for lane, value in scores.items()] + [result(f"sparse-s{s}", 0.0) for s in (1, 2)]
+    held_out = [Evaluation(lane=lane, fitness=value, episode_length=9.0, episodes=4) for lane, value in scores.items()]
     whole = run(HISTORY, [*BASELINES, *lanes], held_out)
     config, best = replace(whole.config, seeds=max(len(generated), len(human))), HISTORY.generations[2].entries[0]
     return replace(whole, config=config, crown=best.sample.place)

@@ -27,7 +27,7 @@ class Interrupting(ScriptedModel):
 
 
 class NeverTrains(ToyTrainer):
-    def train(self, env, jobs, budget):
+    def train(self, env, lanes, budget):
         raise Interrupted
         yield
 
@@ -90,11 +90,11 @@ def test_a_checked_program_waits_for_its_training(tmp_path):
 
 def test_videos_are_found_where_they_lie(tmp_path):
     directory = search_in(tmp_path / "run", [reply(7), reply(8)])
-    job = RunView.read(directory).history.generations[0].entries[0].result
-    assert job is not None
-    (directory / "lanes" / job.job / "video.mp4").write_bytes(b"mp4")
+    lane = RunView.read(directory).history.generations[0].entries[0].result
+    assert lane is not None
+    (directory / "lanes" / lane.lane / "video.mp4").write_bytes(b"mp4")
     first, second = RunView.read(directory).candidates
-    assert (first.video, second.video) == (f"lanes/{job.job}/video.mp4", "")
+    assert (first.video, second.video) == (f"lanes/{lane.lane}/video.mp4", "")
 
 
 def test_a_folder_that_is_no_run_says_so(tmp_path):

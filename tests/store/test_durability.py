@@ -120,15 +120,15 @@ def test_a_run_that_lost_its_database_does_not_begin_anew(finished: Path, lose: 
 
 def test_a_damaged_or_missing_policy_is_named_before_it_is_used(finished: Path):
     with Store.view(finished) as store:
-        job = next(iter(store.lanes.results()))
-        path = finished / "lanes" / job / "best_reward.safetensors"
+        lane = next(iter(store.lanes.results()))
+        path = finished / "lanes" / lane / "best_reward.safetensors"
         whole = path.read_bytes()
-        assert store.lanes.policy(job, "reward") == whole
+        assert store.lanes.policy(lane, "reward") == whole
         for content in (whole[:-1], b"", None):
             path.unlink()
             if content is not None:
                 path.write_bytes(content)
-            assert f"{path} is missing or damaged" in refusal(lambda: store.lanes.policy(job, "reward"))
+            assert f"{path} is missing or damaged" in refusal(lambda: store.lanes.policy(lane, "reward"))
             path.write_bytes(whole)
 
 

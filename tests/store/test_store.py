@@ -48,9 +48,9 @@ ACCEPTED = Verdict(candidate=CANDIDATE.id, code=VerdictCode.ACCEPTED, graph=GRAP
 REPLY = Reply(text="text", model="m", usage=Usage(prompt_tokens=3, completion_tokens=2, cost_usd=0.25), seconds=1.5)
 
 
-def result(job: str, fitness: float | None = 2.0) -> TrainingResult:
+def result(lane: str, fitness: float | None = 2.0) -> TrainingResult:
     return TrainingResult(
-        job=job,
+        lane=lane,
         state=TrainingState.FINISHED,
         fitness=fitness,
         curves={"fitness": (None, 2.0), "component/speed": (0.5, math.nan)},
@@ -132,13 +132,13 @@ def test_the_clock_of_a_training_is_kept_and_an_older_result_has_none(store: Sto
     store.lanes.save_result(timed)
     older = json.loads(encode_result(result("b")))
     del older["clock"]
-    store._database.put("results", {"job": "b", "fitness": 2.0, "result": json.dumps(older)})
-    assert {job: kept.clock for job, kept in store.lanes.results().items()} == {"a": (1.5, 3.0), "b": ()}
+    store._database.put("results", {"lane": "b", "fitness": 2.0, "result": json.dumps(older)})
+    assert {lane: kept.clock for lane, kept in store.lanes.results().items()} == {"a": (1.5, 3.0), "b": ()}
 
 
 def test_an_undefined_fitness_is_null_in_the_tables(store: Store) -> None:
     store.lanes.save_result(result("a", fitness=math.inf))
-    store.lanes.save_evaluations([Evaluation(job="a", fitness=math.nan, episode_length=2.0, episodes=3)])
+    store.lanes.save_evaluations([Evaluation(lane="a", fitness=math.nan, episode_length=2.0, episodes=3)])
     assert store.lanes.evaluations()["a"].fitness is None
     with sqlite3.connect(store.directory / "run.sqlite") as connection:
         assert connection.execute("SELECT fitness FROM results").fetchall() == [(None,)]
@@ -277,6 +277,6 @@ def test_a_row_that_was_changed_is_named_and_nothing_of_it_is_used(store: Store,
 @pytest.mark.parametrize("field", ["state", "fitness", "curves", "env_steps", "best_reward", "message"])
 def test_a_result_that_was_changed_is_named(store: Store, field: str) -> None:
     data = json.loads(encode_result(result("a", fitness=1.0))) | {field: ["x"]}
-    store._database.put("results", {"job": "a", "fitness": 1.0, "result": json.dumps(data)})
+    store._database.put("results", {"lane": "a", "fitness": 1.0, "result": json.dumps(data)})
     with pytest.raises(StoreError, match="was changed"):
         store.lanes.results()

@@ -16,7 +16,7 @@ from openeureka.tasks.context import context
 from openeureka.tasks.registry import get, make
 from openeureka.testing.conformance.task import TaskConformance
 from openeureka.training.policy import Policy
-from openeureka.types import TrainBudget, TrainingResult, TrainingState, TrainJob
+from openeureka.types import LaneSpec, TrainBudget, TrainingResult, TrainingState
 
 FILE = Path(__file__).parents[2] / "examples" / "pendulum.py"
 ENV = f"{FILE}:Pendulum"
@@ -95,7 +95,7 @@ def test_a_trainer_finds_the_file_and_its_authors_packages_and_nothing_that_lies
     (result,) = (
         message
         for message in LocalExecutor(threads=1).train(
-            str(file), [TrainJob(id="human-s0", program="human")], TrainBudget(env_steps=2000, worlds=4)
+            str(file), [LaneSpec(id="human-s0", program="human")], TrainBudget(env_steps=2000, worlds=4)
         )
         if isinstance(message, TrainingResult)
     )
@@ -134,8 +134,8 @@ def test_the_training_process_finds_a_task_that_was_named_from_another_directory
     env = parse(RunConfig, ["env=pendulum.py:Pendulum"]).env
     monkeypatch.chdir(tmp_path)
     trainer = LocalExecutor(threads=1)
-    jobs = [TrainJob(id="h", program="human", seed=0)]
-    *_, result = trainer.train(env, jobs, TrainBudget(env_steps=4096, worlds=16))
+    specs = [LaneSpec(id="h", program="human", seed=0)]
+    *_, result = trainer.train(env, specs, TrainBudget(env_steps=4096, worlds=16))
     assert isinstance(result, TrainingResult) and result.state is TrainingState.FINISHED, result
     assert result.best_fitness is not None and Policy.from_bytes(result.best_fitness.policy).env == ENV
 

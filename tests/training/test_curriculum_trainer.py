@@ -16,25 +16,25 @@ from openeureka.testing.scripted import ToyTrainer
 from openeureka.training.curriculum import CurriculumTrainer
 from openeureka.training.policy import Policy
 from openeureka.training.population import Population
-from openeureka.types import TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
+from openeureka.types import LaneSpec, TrainBudget, TrainingProgress, TrainingResult, TrainingState
 
 STAGES = (Stage(env="easy", steps=300), Stage(env="hard", steps=100))
-JOBS = [TrainJob(id="human-s0", program="human"), TrainJob(id="sparse-s0", program="sparse")]
+SPECS = [LaneSpec(id="human-s0", program="human"), LaneSpec(id="sparse-s0", program="sparse")]
 
 
 @dataclass
 class StagedTrainer(ToyTrainer):
-    """A ToyTrainer that notes what it is asked; lanes end in the states it is given, by task and job."""
+    """A ToyTrainer that notes what it is asked; lanes end in the states it is given, by task and spec."""
 
     asked: list[tuple[str, int, dict[str, bytes | None]]] = field(default_factory=list)
     states: dict[tuple[str, str], TrainingState] = field(default_factory=dict)
 
     def train(
-        self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget
+        self, env: str, specs: Sequence[LaneSpec], budget: TrainBudget
     ) -> Iterator[TrainingProgress | TrainingResult]:
-        self.asked.append((env, budget.env_steps, {job.id: job.start for job in jobs}))
-        for event in super().train(env, jobs, budget):
-            if isinstance(event, TrainingResult) and (state := self.states.get((env, event.job))):
+        self.asked.append((env, budget.env_steps, {spec.id: spec.start for spec in specs}))
+        for event in super().train(env, specs, budget):
+            if isinstance(event, TrainingResult) and (state := self.states.get((env, event.lane))):
                 event = replace(event, state=state, message="why", last=None)
             if isinstance(event, TrainingResult):
                 event = replace(event, seconds=4.0, clock=(1.0, 2.0, 3.0))
@@ -42,13 +42,13 @@ class StagedTrainer(ToyTrainer):
 
 
 def go(trainer: StagedTrainer, folder: Path, *, env_steps: int = 0):
-    """Events of both jobs through both stages."""
+    """Events of both specs through both stages."""
     staged = CurriculumTrainer(trainer, STAGES, StageFiles(folder))
-    return list(staged.train("hard", JOBS, TrainBudget(env_steps=env_steps)))
+    return list(staged.train("hard", SPECS, TrainBudget(env_steps=env_steps)))
 
 
 def results(events) -> dict[str, TrainingResult]:
-    return {event.job: event for event in events if isinstance(event, TrainingResult)}
+    return {event.lane: event for event in events if isinstance(event, TrainingResult)}
 
 
 def test_all_lanes_go_on_from_their_own_last_policy(tmp_path: Path):
@@ -91,7 +91,7 @@ def test_a_lane_that_ends_early_has_no_fitness_and_the_others_go_on(tmp_path: Pa
 
 
 def test_nothing_is_trained_in_the_last_stage_when_no_lane_reaches_it(tmp_path: Path):
-    trainer = StagedTrainer(states={("easy", job.id): TrainingState.DIVERGED for job in JOBS})
+    trainer = StagedTrainer(states={("easy", spec.id): TrainingState.DIVERGED for spec in SPECS})
     assert results(go(trainer, tmp_path)).keys() == {"human-s0", "sparse-s0"}
     assert [env for env, _, _ in trainer.asked] == ["easy"]
 
@@ -108,9 +108,9 @@ def test_a_finished_stage_is_not_repeated_and_one_that_failed_is(tmp_path: Path)
 
 
 class Forgetful:
-    """Keeps no stage: the suite trains other jobs by the same names."""
+    """Keeps no stage: the suite trains other specs by the same names."""
 
-    def read(self, stage: int, job: str) -> None: ...
+    def read(self, stage: int, spec: str) -> None: ...
     def save(self, stage: int, result: TrainingResult) -> None: ...
 
 
@@ -127,12 +127,12 @@ class TestCurriculumTrainer(TrainerConformance):
 
 def test_a_warm_start_is_the_policy_with_its_statistics():
     budget = TrainBudget(env_steps=16 * 32 * 2, worlds=32)
-    first = Population("cartpole", [TrainJob(id="a", program="human", seed=1)], budget, threads=1)
+    first = Population("cartpole", [LaneSpec(id="a", program="human", seed=1)], budget, threads=1)
     (before,) = results(first.train()).values()
     policy = before.last
     assert policy is not None
-    jobs = [TrainJob(id="warm", program="human", start=policy), TrainJob(id="cold", program="human")]
-    after = Population("cartpole", jobs, budget, threads=1)
+    specs = [LaneSpec(id="warm", program="human", start=policy), LaneSpec(id="cold", program="human")]
+    after = Population("cartpole", specs, budget, threads=1)
     warm, cold = (Policy.of("cartpole", after.ppo, lane) for lane in (0, 1))
     assert warm.to_bytes() == policy
     assert not torch.equal(cold.tensors["w0"], warm.tensors["w0"])
@@ -145,13 +145,13 @@ def test_pen_spinning_runs_from_end_to_end(tmp_path: Path):
     stages = curriculum.find("shadow_hand_spin", "pen_spinning")
     trainer = CurriculumTrainer(LocalExecutor(threads=1), stages, StageFiles(tmp_path))
     budget = TrainBudget(env_steps=2 * 16 * 4, worlds=4)
-    found = results(trainer.train("shadow_hand_spin", JOBS, budget))
+    found = results(trainer.train("shadow_hand_spin", SPECS, budget))
     assert {result.state for result in found.values()} == {TrainingState.FINISHED}
     assert {result.env_steps for result in found.values()} == {2 * 16 * 4}
-    for job, result in found.items():
+    for spec, result in found.items():
         assert result.best_reward is not None
         assert Policy.from_bytes(result.best_reward.policy).env == "shadow_hand_spin"
-        before = Policy.from_bytes((tmp_path / "lanes" / job / "stage1.safetensors").read_bytes())
+        before = Policy.from_bytes((tmp_path / "lanes" / spec / "stage1.safetensors").read_bytes())
         assert before.env == "shadow_hand_spin+random_goals=true"
         # The last stage is one epoch, so its peak is the policy that acted in it: where the first stage ended.
         after = Policy.from_bytes(result.best_reward.policy)

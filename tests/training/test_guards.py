@@ -15,8 +15,8 @@ from openeureka.tasks.env import Step
 from openeureka.tasks.task import Score
 from openeureka.training import rewards
 from openeureka.training.population import Population
-from openeureka.training.wire import pack_jobs, unpack_jobs
-from openeureka.types import Node, RewardGraph, TrainBudget, TrainingResult, TrainingState, TrainJob
+from openeureka.training.wire import pack_lanes, unpack_lanes
+from openeureka.types import LaneSpec, Node, RewardGraph, TrainBudget, TrainingResult, TrainingState
 
 HORIZON = 16
 BUDGET = TrainBudget(env_steps=3 * HORIZON * 16, worlds=16)  # three epochs
@@ -42,8 +42,8 @@ BAD = {
 
 
 def trained(env: str, bad: RewardGraph, prepare: Callable[[Population], None] = lambda population: None):
-    jobs = [TrainJob(id="good", program=GOOD), TrainJob(id="bad", program=bad, seed=1)]
-    population = Population(env, jobs, BUDGET, threads=1)
+    specs = [LaneSpec(id="good", program=GOOD), LaneSpec(id="bad", program=bad, seed=1)]
+    population = Population(env, specs, BUDGET, threads=1)
     prepare(population)
     good, other = (message for message in population.train() if isinstance(message, TrainingResult))
     return good, other
@@ -107,7 +107,7 @@ def test_a_world_whose_physics_breaks_down_pays_nothing_and_no_bonus(
     monkeypatch.setattr(Ant, "success_bonus", lambda task, s: torch.full((len(s["dof_vel"]),), 250.0))
     one_a_step = program(Node("mul.Tensor", ({"ref": 1}, 0.0)), Node("add.Tensor", ({"ref": 2}, 1.0)))
     budget = dataclasses.replace(BUDGET, bonus=True)
-    population = Population("ant", [TrainJob(id="one", program=one_a_step)], budget, threads=1)
+    population = Population("ant", [LaneSpec(id="one", program=one_a_step)], budget, threads=1)
     honest, qvel = population.env.step, population.env.sim.bind("qvel")
 
     def step(actions: torch.Tensor) -> Step:
@@ -133,7 +133,7 @@ def test_rewards_are_judged_before_they_are_scaled() -> None:
 def test_a_graph_that_was_tampered_with_never_reaches_training() -> None:
     forged = program(Node("from_file.default", ("/etc/hostname",)))
     with pytest.raises(GraphError, match=r"node 2: operation 'from_file\.default' is not allowed"):
-        unpack_jobs(pack_jobs("cartpole", [TrainJob(id="x", program=forged)], BUDGET))
+        unpack_lanes(pack_lanes("cartpole", [LaneSpec(id="x", program=forged)], BUDGET))
 
 
 def test_a_lane_whose_reward_takes_too_long_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:

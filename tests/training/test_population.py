@@ -13,7 +13,7 @@ from openeureka.training.policy import Player, Policy
 from openeureka.training.population import Population
 from openeureka.training.ppo import STATISTICS
 from openeureka.training.rewards import correlation, moments
-from openeureka.types import Node, RewardGraph, TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
+from openeureka.types import LaneSpec, Node, RewardGraph, TrainBudget, TrainingProgress, TrainingResult, TrainingState
 
 SMALL = TrainBudget(env_steps=16 * 32 * 4, worlds=32)
 
@@ -28,40 +28,40 @@ def upright(scale: float = -1.0) -> RewardGraph:
     return RewardGraph(nodes=nodes, reward=2, components=(("angle", 1),))
 
 
-def results(jobs: list[TrainJob], budget: TrainBudget = SMALL) -> dict[str, TrainingResult]:
+def results(specs: list[LaneSpec], budget: TrainBudget = SMALL) -> dict[str, TrainingResult]:
     torch.manual_seed(0)
-    found = [x for x in Population("cartpole", jobs, budget, threads=1).train() if isinstance(x, TrainingResult)]
-    assert [result.job for result in found] == [job.id for job in jobs]
-    return {result.job: result for result in found}
+    found = [x for x in Population("cartpole", specs, budget, threads=1).train() if isinstance(x, TrainingResult)]
+    assert [result.lane for result in found] == [spec.id for spec in specs]
+    return {result.lane: result for result in found}
 
 
 def test_training_is_deterministic_and_does_not_depend_on_global_random_state():
-    jobs = [TrainJob(id="a", program="human", seed=1), TrainJob(id="b", program=upright(), seed=1)]
-    first = results(jobs)
+    specs = [LaneSpec(id="a", program="human", seed=1), LaneSpec(id="b", program=upright(), seed=1)]
+    first = results(specs)
     torch.manual_seed(99)
-    assert dict(first["b"].curves) == dict(results(jobs)["b"].curves)
+    assert dict(first["b"].curves) == dict(results(specs)["b"].curves)
 
 
 def test_a_training_goes_on_from_its_saved_state_as_if_nothing_had_happened(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(population, "PROGRESS_SECONDS", 0.0)
-    jobs = [TrainJob(id="human", program="human"), TrainJob(id="own", program=upright(), seed=1)]
-    whole = results(jobs)
-    first = Population("cartpole", jobs, SMALL, threads=1)
+    specs = [LaneSpec(id="human", program="human"), LaneSpec(id="own", program=upright(), seed=1)]
+    whole = results(specs)
+    first = Population("cartpole", specs, SMALL, threads=1)
     for message in first.train():
         assert isinstance(message, TrainingProgress)
         if message.epoch == 2:
             break
-    second = Population("cartpole", jobs, SMALL, threads=1)
+    second = Population("cartpole", specs, SMALL, threads=1)
     second.load_state_dict(first.state_dict())
     for message in second.train():
         if isinstance(message, TrainingProgress):
             assert message.epoch > 2
         else:
-            assert dataclasses.replace(message, seconds=0.0) == dataclasses.replace(whole[message.job], seconds=0.0)
+            assert dataclasses.replace(message, seconds=0.0) == dataclasses.replace(whole[message.lane], seconds=0.0)
 
 
 def test_what_ppo_did_is_a_curve_with_a_number_for_every_update():
-    found = results([TrainJob(id="human", program="human"), TrainJob(id="bad", program=upright(1e30))])
+    found = results([LaneSpec(id="human", program="human"), LaneSpec(id="bad", program=upright(1e30))])
     curves = found["human"].curves
     assert all(value is not None for name in STATISTICS for value in curves[f"ppo/{name}"])
     # Two normal actions would have more: cartpole has one, of standard deviation 1 at first.
@@ -75,15 +75,15 @@ def test_the_clock_of_a_training_goes_on_after_a_pause(monkeypatch: pytest.Monke
     monkeypatch.setattr(population, "PROGRESS_SECONDS", 0.0)
     now = iter(range(0, 1000))
     monkeypatch.setattr(population, "time", SimpleNamespace(monotonic=lambda: float(next(now))))
-    jobs = [TrainJob(id="human", program="human")]
-    first = Population("cartpole", jobs, SMALL, threads=1)
+    specs = [LaneSpec(id="human", program="human")]
+    first = Population("cartpole", specs, SMALL, threads=1)
     for message in first.train():
         if isinstance(message, TrainingProgress) and message.epoch == 2:
             break
     saved = first.state_dict()
     before = tuple(saved["clock"])
     now = iter(range(5000, 6000))  # the machine was off
-    second = Population("cartpole", jobs, SMALL, threads=1)
+    second = Population("cartpole", specs, SMALL, threads=1)
     second.load_state_dict(saved)
     (result,) = [message for message in second.train() if isinstance(message, TrainingResult)]
     assert len(result.clock) == 4 and list(result.clock) == sorted(result.clock)
@@ -92,8 +92,8 @@ def test_the_clock_of_a_training_goes_on_after_a_pause(monkeypatch: pytest.Monke
 
 def test_a_state_that_an_older_version_saved_is_gone_on_from(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(population, "PROGRESS_SECONDS", 0.0)
-    jobs = [TrainJob(id="human", program="human")]
-    first = Population("cartpole", jobs, SMALL, threads=1)
+    specs = [LaneSpec(id="human", program="human")]
+    first = Population("cartpole", specs, SMALL, threads=1)
     for message in first.train():
         if isinstance(message, TrainingProgress) and message.epoch == 2:
             break
@@ -101,7 +101,7 @@ def test_a_state_that_an_older_version_saved_is_gone_on_from(monkeypatch: pytest
     del saved["clock"]
     for name in STATISTICS:
         del saved["curves"]["curves"][0][f"ppo/{name}"]
-    second = Population("cartpole", jobs, SMALL, threads=1)
+    second = Population("cartpole", specs, SMALL, threads=1)
     second.load_state_dict(saved)
     (result,) = [message for message in second.train() if isinstance(message, TrainingResult)]
     kl = result.curves["ppo/kl"]
@@ -110,9 +110,9 @@ def test_a_state_that_an_older_version_saved_is_gone_on_from(monkeypatch: pytest
 
 
 def test_a_lane_trains_the_same_beside_others():
-    job = TrainJob(id="a", program=upright(), seed=1)
-    beside = results([TrainJob(id="x", program="human", seed=2), job])["a"].curves["reward"]
-    assert results([job])["a"].curves["reward"] == pytest.approx(beside, rel=1e-3)
+    spec = LaneSpec(id="a", program=upright(), seed=1)
+    beside = results([LaneSpec(id="x", program="human", seed=2), spec])["a"].curves["reward"]
+    assert results([spec])["a"].curves["reward"] == pytest.approx(beside, rel=1e-3)
 
 
 def test_a_success_bonus_trains_generated_rewards_only_and_shows_in_no_curve(monkeypatch: pytest.MonkeyPatch):
@@ -120,10 +120,10 @@ def test_a_success_bonus_trains_generated_rewards_only_and_shows_in_no_curve(mon
         return 250.0 * (s["pole_angle"].abs() < 0.05)
 
     monkeypatch.setattr(Cartpole, "success_bonus", bonus)
-    jobs = [TrainJob(id="own", program=upright()), TrainJob(id="human", program="human")]
+    specs = [LaneSpec(id="own", program=upright()), LaneSpec(id="human", program="human")]
     trained: dict[bool, Population] = {}
     for switch in (False, True):
-        trained[switch] = Population("cartpole", jobs, dataclasses.replace(SMALL, bonus=switch), threads=1)
+        trained[switch] = Population("cartpole", specs, dataclasses.replace(SMALL, bonus=switch), threads=1)
         list(trained[switch].train())
     without, with_bonus = (trained[switch].rollout.reward for switch in (False, True))
     # 250 on top of less than nothing, scaled by 0.1
@@ -135,12 +135,12 @@ def test_a_success_bonus_trains_generated_rewards_only_and_shows_in_no_curve(mon
 
 
 def test_a_task_without_a_bonus_trains_as_ever():
-    jobs = [TrainJob(id="a", program=upright())]
-    assert results(jobs, dataclasses.replace(SMALL, bonus=True))["a"].curves == results(jobs)["a"].curves
+    specs = [LaneSpec(id="a", program=upright())]
+    assert results(specs, dataclasses.replace(SMALL, bonus=True))["a"].curves == results(specs)["a"].curves
 
 
 def test_curves_hold_one_point_an_epoch_and_every_component():
-    result = results([TrainJob(id="a", program=upright(-2.0))])["a"]
+    result = results([LaneSpec(id="a", program=upright(-2.0))])["a"]
     curves = result.curves
     whole = {"fitness", "episode_length", "reward", "human_reward", "component/angle"}
     whole |= {f"ppo/{name}" for name in STATISTICS}
@@ -151,9 +151,9 @@ def test_curves_hold_one_point_an_epoch_and_every_component():
 
 
 def test_a_lane_whose_reward_is_absurd_is_masked_and_the_others_are_bit_identical():
-    good = TrainJob(id="good", program=upright())
-    calm = results([good, TrainJob(id="bad", program=upright())])["good"]
-    found = results([good, TrainJob(id="bad", program=upright(1e30))])
+    good = LaneSpec(id="good", program=upright())
+    calm = results([good, LaneSpec(id="bad", program=upright())])["good"]
+    found = results([good, LaneSpec(id="bad", program=upright(1e30))])
     assert found["bad"].state is TrainingState.DIVERGED
     assert "not finite or beyond 1e6" in found["bad"].message
     assert found["good"].state is TrainingState.FINISHED
@@ -166,16 +166,16 @@ def test_a_lane_whose_reward_is_absurd_is_masked_and_the_others_are_bit_identica
 
 
 def test_the_human_reward_balances_the_pole_within_a_quarter_of_a_million_steps():
-    jobs = [TrainJob(id=str(seed), program="human", seed=seed) for seed in range(3)]
-    found = results(jobs, TrainBudget(env_steps=250_000))
+    specs = [LaneSpec(id=str(seed), program="human", seed=seed) for seed in range(3)]
+    found = results(specs, TrainBudget(env_steps=250_000))
     # The median: rounding alone moves the maximum of one seed between 290 and 460.
     assert sorted(result.fitness or 0.0 for result in found.values())[1] > 350
 
 
 def test_a_lane_whose_policy_is_not_finite_is_masked_and_the_others_are_bit_identical():
-    jobs = [TrainJob(id="good", program=upright()), TrainJob(id="bad", program="human", seed=1)]
-    calm = results(jobs)["good"]
-    population = Population("cartpole", jobs, SMALL, threads=1)
+    specs = [LaneSpec(id="good", program=upright()), LaneSpec(id="bad", program="human", seed=1)]
+    calm = results(specs)["good"]
+    population = Population("cartpole", specs, SMALL, threads=1)
     population.ppo.network.flat[1] = float("nan")
     good, bad = (x for x in population.train() if isinstance(x, TrainingResult))
     assert bad.state is TrainingState.DIVERGED and "policy was not finite" in bad.message
@@ -183,14 +183,14 @@ def test_a_lane_whose_policy_is_not_finite_is_masked_and_the_others_are_bit_iden
 
 
 def test_training_ends_when_every_lane_has_diverged():
-    jobs = [TrainJob(id=name, program=upright(1e30)) for name in "ab"]
-    found = results(jobs, TrainBudget(env_steps=10**12, worlds=32))
+    specs = [LaneSpec(id=name, program=upright(1e30)) for name in "ab"]
+    found = results(specs, TrainBudget(env_steps=10**12, worlds=32))
     assert {result.state for result in found.values()} == {TrainingState.DIVERGED}
     assert {result.env_steps for result in found.values()} == {16 * 32}
 
 
 def test_a_policy_survives_being_stored():
-    result = results([TrainJob(id="a", program="human", seed=1), TrainJob(id="b", program="human", seed=2)])
+    result = results([LaneSpec(id="a", program="human", seed=1), LaneSpec(id="b", program="human", seed=2)])
     data = [r.best_fitness.policy for r in result.values() if r.best_fitness]
     policies = [Policy.from_bytes(part) for part in data]
     assert [policy.to_bytes() for policy in policies] == data
@@ -256,8 +256,8 @@ def test_components_are_told_apart_early_and_late_in_episodes():
 def test_the_last_tenth_of_a_training_says_what_components_were_early_in_episodes():
     """|pole angle| of a cart that nobody steers: near upright at first, then fallen."""
     budget = TrainBudget(env_steps=32 * 16 * 20, worlds=32)
-    job = TrainJob(id="a", program=upright())
-    curves = results([job], budget)["a"].curves
+    spec = LaneSpec(id="a", program=upright())
+    curves = results([spec], budget)["a"].curves
     assert [len(curves[f"component_{part}/angle"]) for part in ("early", "late")] == [1, 1]
     # Episodes last about 30 of 500 steps, so all is early, as in the last two of the 20 epochs.
     assert curves["component_early/angle"][0] == pytest.approx(sum(curves["component/angle"][-2:]) / 2, rel=1e-4)

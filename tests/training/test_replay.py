@@ -5,7 +5,7 @@ from openeureka.tasks.registry import get, make
 from openeureka.training.population import Population
 from openeureka.training.replay import Replay, waits
 from openeureka.training.rewards import LaneRewards
-from openeureka.types import Node, RewardGraph, TrainBudget, TrainJob
+from openeureka.types import LaneSpec, Node, RewardGraph, TrainBudget
 
 
 def program(scale: float, name: str) -> RewardGraph:
@@ -66,8 +66,8 @@ def test_rewards_that_pick_by_a_mask_run_beside_those_that_are_recorded():
 
 
 def test_a_step_of_training_asks_a_gpu_nothing():
-    jobs = [TrainJob(id="a", program=program(1.0, "a")), TrainJob(id="b", program="human")]
-    population = Population("cartpole", jobs, TrainBudget(worlds=8), threads=1)
+    specs = [LaneSpec(id="a", program=program(1.0, "a")), LaneSpec(id="b", program="human")]
+    population = Population("cartpole", specs, TrainBudget(worlds=8), threads=1)
     population.env.masked = True  # as on a GPU
     observation = population.env.reset().view(2, 8, get("cartpole").num_observations)
 

@@ -10,7 +10,7 @@ from openeureka import hacking
 from openeureka.hacking import Kind, Sign, Trial
 from openeureka.training.evaluate import concentration, evaluate
 from openeureka.training.population import Population
-from openeureka.types import Evaluation, Node, RewardGraph, RewardProgram, TrainBudget, TrainingResult, TrainJob
+from openeureka.types import Evaluation, LaneSpec, Node, RewardGraph, RewardProgram, TrainBudget, TrainingResult
 
 SPEED = RewardGraph(nodes=(Node("input", ("cart_velocity",)),), reward=0, components=())
 """The faster the cart runs off its rail, the better."""
@@ -20,27 +20,27 @@ SPEED = RewardGraph(nodes=(Node("input", ("cart_velocity",)),), reward=0, compon
 def signs() -> dict[str, tuple[Sign, ...]]:
     """What is found of each reward, trained and tried as a run does it, but less: a lane each, 32 held-out episodes."""
     programs: dict[str, RewardProgram] = {"speed": SPEED, "human": "human"}
-    jobs = [TrainJob(id=name, program=program, seed=1) for name, program in programs.items()]
-    population = Population("cartpole", jobs, TrainBudget(env_steps=16 * 32 * 40, worlds=32), threads=1)
-    results = {message.job: message for message in population.train() if isinstance(message, TrainingResult)}
+    specs = [LaneSpec(id=name, program=program, seed=1) for name, program in programs.items()]
+    population = Population("cartpole", specs, TrainBudget(env_steps=16 * 32 * 40, worlds=32), threads=1)
+    results = {message.lane: message for message in population.train() if isinstance(message, TrainingResult)}
     trials = {
-        f"{job} {trial.name}": trial
-        for job, result in results.items()
+        f"{spec} {trial.name}": trial
+        for spec, result in results.items()
         for trial in (
-            Trial(job=job, name="peak of own reward", peak="reward"),
-            *hacking.trials({job: result}, kept=job, peaks={job: "reward"}),
+            Trial(lane=spec, name="peak of own reward", peak="reward"),
+            *hacking.trials({spec: result}, kept=spec, peaks={spec: "reward"}),
         )
     }
-    peaks = {(job, "fitness"): result.best_fitness for job, result in results.items()}
-    peaks |= {(job, "reward"): result.best_reward for job, result in results.items()}
-    policies = {key: peak.policy for key, trial in trials.items() if (peak := peaks[trial.job, trial.peak])}
+    peaks = {(spec, "fitness"): result.best_fitness for spec, result in results.items()}
+    peaks |= {(spec, "reward"): result.best_reward for spec, result in results.items()}
+    policies = {key: peak.policy for key, trial in trials.items() if (peak := peaks[trial.lane, trial.peak])}
     dynamics = {key: trial.dynamics for key, trial in trials.items()}
     scores = evaluate("cartpole", policies, seed=5, dynamics=dynamics, episodes=32, threads=1)
-    found: dict[str, dict[str, Evaluation]] = {job: {} for job in results}
+    found: dict[str, dict[str, Evaluation]] = {spec: {} for spec in results}
     for score in scores:
-        found[trials[score.job].job][trials[score.job].name] = score
-    held_out = {job: found[job]["peak of own reward"] for job in results}
-    return {job: hacking.signs(hacking.tried({job: results[job]}, held_out, found, "reward")) for job in results}
+        found[trials[score.lane].lane][trials[score.lane].name] = score
+    held_out = {spec: found[spec]["peak of own reward"] for spec in results}
+    return {spec: hacking.signs(hacking.tried({spec: results[spec]}, held_out, found, "reward")) for spec in results}
 
 
 @pytest.mark.timeout(400)

@@ -64,7 +64,7 @@ def film(directory: Path, slot: int) -> None:
     # imageio's own writer forks, for which there may be no memory after some thousand tests in this process.
     command = [imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", *raw, "-pix_fmt", "yuv420p", str(made)]
     subprocess.run(command, input=frames, check=True)
-    made.rename(directory / "lanes" / result.job / VIDEO)
+    made.rename(directory / "lanes" / result.lane / VIDEO)
 
 
 def test_a_person_follows_a_run_and_their_words_are_in_the_next_prompt(page: Page, tmp_path: Path):

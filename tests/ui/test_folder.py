@@ -95,8 +95,8 @@ def test_the_fingerprint_changes_with_a_commit_a_film_and_a_log_and_not_by_looki
 
     folder.entry("run", directory)
     assert not differs()
-    (job,) = {path for path in (directory / "lanes").iterdir() if path.name.startswith("human-s0")}
-    (job / "video.mp4").write_bytes(b"film")
+    (lane,) = {path for path in (directory / "lanes").iterdir() if path.name.startswith("human-s0")}
+    (lane / "video.mp4").write_bytes(b"film")
     assert differs()
     (directory / LOG).write_text("more")
     assert differs()

@@ -97,7 +97,7 @@ def facts(run: RunView) -> dict[str, object]:
         "settings": as_dict(run.config),
         "ranked_by": run.ranks,
         "generations": [_generation(generation) for generation in run.generations],
-        "baselines": {name: _scores(run.played.get(r.job), r) for name, r in run.baselines.items()},
+        "baselines": {name: _scores(run.played.get(r.lane), r) for name, r in run.baselines.items()},
         "given": {
             name: {key: value for key, value in lane.row().items() if key not in ("lane", "role", "place")}
             for name, lane in lanes(run).items()

@@ -57,9 +57,9 @@ def compare(config: RunConfig, directory: Path, rewards: Given | None) -> RunVie
     run = RunView.read(directory)
     scores = tables.given(run)
     print(f"\n{columns([scores.titles, *scores.rows])}\n\n{scores.note}\n{plain(verdict(run))}")
-    for job, result in run.results.items():
+    for lane, result in run.results.items():
         if result.state is TrainingState.DIVERGED:
-            print(plain(f"{job} {result.message}"))
+            print(plain(f"{lane} {result.message}"))
     for problem in problems:
         print(plain(problem))
     print(f"\nEverything is in {directory}; begin with report.html")
@@ -67,7 +67,7 @@ def compare(config: RunConfig, directory: Path, rewards: Given | None) -> RunVie
 
 
 def _say_what_failed(run: RunView) -> None:
-    failed = {job: result.message for job, result in run.results.items() if result.state is TrainingState.FAILED}
+    failed = {lane: result.message for lane, result in run.results.items() if result.state is TrainingState.FAILED}
     if not failed:
         return
     reason = next(iter(failed.values()))

@@ -161,11 +161,11 @@ class PlainView:
 
     def result(self, result: TrainingResult) -> None:
         state = "" if result.state is TrainingState.FINISHED else f" {result.state}: {one_line(result.message, 80)}"
-        self._say(f"  {result.job}: F {number(result.fitness)} in training{state}")
+        self._say(f"  {result.lane}: F {number(result.fitness)} in training{state}")
 
     def played(self, scores: Mapping[str, Evaluation]) -> None:
-        for job in scores.keys() - self._played.keys():
-            self._say(f"  {job}: F {scored(scores[job])} played")
+        for lane in scores.keys() - self._played.keys():
+            self._say(f"  {lane}: F {scored(scores[lane])} played")
         self._played |= scores
 
     def generation(self, generation: Generation) -> None:
@@ -227,7 +227,7 @@ class TerminalView:
         self._epochs = f"epoch {progress.epoch} of {progress.epochs}, {progress.env_steps_per_second:,.0f} steps/s"
 
     def result(self, result: TrainingResult) -> None:
-        self._fitness[result.job] = result.fitness
+        self._fitness[result.lane] = result.fitness
 
     def played(self, scores: Mapping[str, Evaluation]) -> None:
         self._played |= scores
@@ -270,12 +270,12 @@ class TerminalView:
 
     def _lanes(self) -> Table:
         table = Table("training", "F in training", "F played", box=None, pad_edge=False)
-        for job in self._fitness:
-            table.add_row(Text(job), *self._scores(job))
+        for lane in self._fitness:
+            table.add_row(Text(lane), *self._scores(lane))
         return table
 
-    def _scores(self, job: str) -> tuple[str, str]:
-        return number(self._fitness.get(job)), scored(self._played.get(job))
+    def _scores(self, lane: str) -> tuple[str, str]:
+        return number(self._fitness.get(lane)), scored(self._played.get(lane))
 
 
 def view(config: RunConfig, usage: Usage, console: Console | None = None) -> PlainView | TerminalView:

@@ -73,8 +73,8 @@ class ProgressLine:
     def _sentence(self, progress: TrainingProgress) -> str:
         elapsed = time.monotonic() - self._started
         left = elapsed / progress.epoch * (progress.epochs - progress.epoch) if progress.epoch else None
-        scores = [(fitness, job) for job, fitness in progress.fitness.items() if fitness is not None]
-        best = ", ".join(f"{job} {number(fitness)}" for fitness, job in sorted(scores, reverse=True)[:SHOWN])
+        scores = [(fitness, lane) for lane, fitness in progress.fitness.items() if fitness is not None]
+        best = ", ".join(f"{lane} {number(fitness)}" for fitness, lane in sorted(scores, reverse=True)[:SHOWN])
         return (
             f"Training: epoch {progress.epoch} of {progress.epochs}, "
             f"{progress.env_steps_per_second:,.0f} steps/s, "

@@ -14,7 +14,7 @@ from ..errors import CapacityError, TaskError
 from ..tasks.faults import fault
 from ..training.evaluate import evaluate
 from ..training.population import Population
-from ..training.wire import SNAPSHOT, pack, unpack_jobs
+from ..training.wire import SNAPSHOT, pack, unpack_lanes
 from ..types import Dynamics, TrainingProgress
 from ..worker import Channel, Frame
 
@@ -30,7 +30,7 @@ def main() -> None:
             torch.cuda.set_device(header["device"])  # graphs are captured on the current device
         try:
             if header["do"] == "train":
-                _train(channel, request, Population(*unpack_jobs(request), **options))
+                _train(channel, request, Population(*unpack_lanes(request), **options))
             else:
                 _evaluate(channel, request, options)
         except CapacityError:

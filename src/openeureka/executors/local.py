@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..codec import plain
 from ..tasks import registry
-from ..types import Dynamics, Evaluation, TrainBudget, TrainJob
+from ..types import Dynamics, Evaluation, LaneSpec, TrainBudget
 from . import retry, scheduler, snapshots
 from .devices import Slot, devices, workers
 from .retry import Message, Population
@@ -51,7 +51,7 @@ class LocalExecutor:
         kind = "cuda" if self._devices[0].startswith("cuda") else "cpu"
         self._max_worlds = max_worlds or MAX_WORLDS[kind]
 
-    def train(self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget) -> Generator[Message]:
+    def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Generator[Message]:
         """Train every lane. A worker that dies or hangs is started again with those of its lanes that have no result
         yet, then once more for each of them alone; those that die even so are FAILED with the reason.
 
@@ -61,11 +61,11 @@ class LocalExecutor:
                 epoch: the machine is at fault, and no generated reward.
         """
         worlds = budget.worlds or registry.get(env).recipe.worlds
-        crew = [slot.device for slot in workers(self._devices, self._threads, len(jobs))]
+        crew = [slot.device for slot in workers(self._devices, self._threads, len(lanes))]
         room = self._max_worlds // max(map(crew.count, crew))  # of one worker, where several share a device
-        count = max(len(crew), math.ceil(len(jobs) / max(1, room // worlds)))
-        dealt = scheduler.deal(jobs, snapshots.groups(self._snapshots, env), count)
-        populations = [Population(env, lanes, budget, self._snapshots) for lanes in dealt]
+        count = max(len(crew), math.ceil(len(lanes) / max(1, room // worlds)))
+        dealt = scheduler.deal(lanes, snapshots.groups(self._snapshots, env), count)
+        populations = [Population(env, share, budget, self._snapshots) for share in dealt]
         return scheduler.train(self._transport, populations, workers(self._devices, self._threads, len(populations)))
 
     def evaluate(

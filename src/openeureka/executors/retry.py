@@ -10,8 +10,8 @@ from pathlib import Path
 
 from ..codec import shaped
 from ..errors import WorkerError
-from ..training.wire import SNAPSHOT, pack_jobs, unpack
-from ..types import Evaluation, TrainBudget, TrainingProgress, TrainingResult, TrainingState, TrainJob
+from ..training.wire import SNAPSHOT, pack_lanes, unpack
+from ..types import Evaluation, LaneSpec, TrainBudget, TrainingProgress, TrainingResult, TrainingState
 from ..worker import Frame
 from .devices import Slot
 from .snapshots import Snapshot
@@ -29,7 +29,7 @@ Message = TrainingProgress | TrainingResult
 class Attempt:
     """Lanes that are asked for at once."""
 
-    lanes: tuple[TrainJob, ...]
+    lanes: tuple[LaneSpec, ...]
     budget: TrainBudget
     control: bool = False
     """Only whether it trains is of interest."""
@@ -45,7 +45,7 @@ class Population:
         snapshots: folder of its state while it is under way; None for one that begins anew when its worker dies.
     """
 
-    def __init__(self, env: str, lanes: Sequence[TrainJob], budget: TrainBudget, snapshots: Path | None) -> None:
+    def __init__(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget, snapshots: Path | None) -> None:
         self.lanes = tuple(lanes)
         self._env, self._budget, self._snapshots = env, budget, snapshots
         self._left = {lane.id: lane for lane in lanes}
@@ -63,7 +63,7 @@ class Population:
             yield Attempt((lane,), self._budget)
         generated = not any(isinstance(lane.program, str) for lane in self.lanes)
         if generated and len(self._left) == len(self.lanes):
-            human = TrainJob(id="control", program="human", seed=self.lanes[0].seed)
+            human = LaneSpec(id="control", program="human", seed=self.lanes[0].seed)
             yield Attempt((human,), dataclasses.replace(self._budget, env_steps=1), control=True)
 
     @property
@@ -79,7 +79,7 @@ class Population:
     def request(self, device: str) -> Frame:
         """What to ask a worker on this device for, now."""
         assert self._attempt is not None
-        packed = pack_jobs(self._env, self._attempt.lanes, self._attempt.budget)
+        packed = pack_lanes(self._env, self._attempt.lanes, self._attempt.budget)
         folder = self._snapshots if self.resumable else None
         self._snapshot = Snapshot(folder, {**packed.header, "device": device.partition(":")[0]})
         state = self._snapshot.read()
@@ -112,7 +112,7 @@ class Population:
             return None, False
         message = unpack(frame)
         if isinstance(message, TrainingResult):
-            del self._left[message.job]
+            del self._left[message.lane]
         return message, False
 
     def keep(self, frame: Frame) -> None:
@@ -129,7 +129,7 @@ class Population:
         """Results of the lanes that nothing could train."""
         for lane in self._left.values():
             yield TrainingResult(
-                job=lane.id, state=TrainingState.FAILED, fitness=None, curves={}, env_steps=0, seconds=0.0,
+                lane=lane.id, state=TrainingState.FAILED, fitness=None, curves={}, env_steps=0, seconds=0.0,
                 message=self._reasons[lane.id],
             )  # fmt: skip
 
@@ -152,7 +152,7 @@ def evaluate(
                 while not (frame := call.receive()).header.get("done"):
                     if "score" in frame.header:
                         score = shaped(Evaluation, frame.header["score"])
-                        del left[score.job]
+                        del left[score.lane]
                         yield score
             except WorkerError:
                 if last and left:

@@ -6,13 +6,13 @@ from collections import deque
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ..types import TrainingProgress, TrainJob
+from ..types import LaneSpec, TrainingProgress
 from .devices import Slot
 from .retry import Message, Population
 from .transport import AnyCall, Transport, farewell
 
 
-def deal(lanes: Sequence[TrainJob], kept: Sequence[Sequence[str]], count: int) -> list[Sequence[TrainJob]]:
+def deal(lanes: Sequence[LaneSpec], kept: Sequence[Sequence[str]], count: int) -> list[Sequence[LaneSpec]]:
     """Lanes of about `count` populations. What a snapshot was taken of (`kept`, ids) stays together: no other
     population can go on from it."""
     left = {lane.id: lane for lane in lanes}

@@ -18,19 +18,19 @@ ABOUT = ".json"
 
 
 def groups(folder: Path | None, env: str) -> list[list[str]]:
-    """Ids of the jobs of each population of a task that has left a snapshot there. What cannot be read is left out: its
+    """Lane ids of each population of a task that has left a snapshot there. What cannot be read is left out: its
     training begins anew."""
     if folder is None:
         return []
     names = (name for name in artifacts.names(folder.parent, folder.name) if name.endswith(ABOUT))
     found = (_about(artifacts.read(folder.parent, f"{folder.name}/{name}")) for name in names)
-    return [about.jobs for about in found if about is not None and about.env == env]
+    return [about.lanes for about in found if about is not None and about.env == env]
 
 
 @dataclass(frozen=True, slots=True)
 class _About:
     env: str
-    jobs: list[str]
+    lanes: list[str]
 
 
 def _about(data: bytes | None) -> _About | None:
@@ -41,7 +41,7 @@ def _about(data: bytes | None) -> _About | None:
 
 
 class Snapshot:
-    """The newest state of one population, in a file that exists while the training is unfinished; beside it, its jobs.
+    """The newest state of one population, in a file that exists while the training is unfinished; beside it, its lanes.
 
     Args:
         folder: where the file is; None keeps nothing.
@@ -53,7 +53,7 @@ class Snapshot:
         name = hashlib.sha256(text.encode()).hexdigest()[:16]
         self._folder = folder
         self._name = f"{folder.name}/{name}" if folder is not None else ""
-        self._about = {"env": request.get("env"), "jobs": [job["id"] for job in request.get("jobs", ())]}
+        self._about = {"env": request.get("env"), "lanes": [lane["id"] for lane in request.get("lanes", ())]}
         self._renewed = False
 
     def read(self) -> bytes | None:

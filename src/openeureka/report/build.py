@@ -31,8 +31,8 @@ def build(directory: Path, wanted: str = "", env: str = "") -> list[str]:
     env = env or (run.config.env if registry.installed(run.config.env) else "")
     problems = [best(directory, wanted, env), _candidates(directory, run, wanted, env)]
     run = RunView.read(directory)  # now with videos
-    for job, result in run.results.items():
-        artifacts.write(directory, f"lanes/{job}/{events.FILE_NAME}", events.of(result))
+    for lane, result in run.results.items():
+        artifacts.write(directory, f"lanes/{lane}/{events.FILE_NAME}", events.of(result))
     artifacts.write(directory, "report.html", html.report(run, directory))
     return list(dict.fromkeys(problem for problem in problems if problem))
 

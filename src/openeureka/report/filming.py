@@ -30,37 +30,37 @@ TIMEOUT = 3600.0
 
 
 def missing(directory: Path) -> dict[str, bytes]:
-    """By job id, the policies that count of those lanes of the search that are trained and not filmed."""
+    """By lane id, the policies that count of those lanes of the search that are trained and not filmed."""
     with Store.view(directory) as store:
         # Of the final trainings only the best is filmed, in `best/`.
-        jobs = [lane.id for lane in store.lanes.all().values() if lane.role != "final"]
+        lanes = [lane.id for lane in store.lanes.all().values() if lane.role != "final"]
         results = store.lanes.results()
-        jobs = [job for job in jobs if job in results and not artifacts.exists(directory, _place(job))]
+        lanes = [lane for lane in lanes if lane in results and not artifacts.exists(directory, _place(lane))]
         plays = store.lanes.plays()
-        policies = {job: store.lanes.policy(job, standing(plays.get(job), "fitness")) for job in jobs}
-    return {job: policy for job, policy in policies.items() if policy is not None}
+        policies = {lane: store.lanes.policy(lane, standing(plays.get(lane), "fitness")) for lane in lanes}
+    return {lane: policy for lane, policy in policies.items() if policy is not None}
 
 
 def film(directory: Path, env: str, policies: Iterable[tuple[str, bytes]], *, background: bool = False) -> str:
-    """Write the video of each job. Returns why there is one less, as a sentence, or an empty string.
+    """Write the video of each lane. Returns why there is one less, as a sentence, or an empty string.
 
     A policy that cannot be shown is skipped; a machine that cannot render is asked once.
     """
     problem = ""
-    for job, policy in policies:
+    for lane, policy in policies:
         try:
             picture = video.render(env, policy, seconds=SECONDS, timeout=TIMEOUT, background=background)
         except video.NoRenderer as error:
             return str(error)
         except video.VideoUnavailable as error:
-            problem = f"No video of {job}: {error}"
+            problem = f"No video of {lane}: {error}"
             continue
-        artifacts.write(directory, _place(job), picture)
+        artifacts.write(directory, _place(lane), picture)
     return problem
 
 
-def _place(job: str) -> str:
-    return f"lanes/{job}/{VIDEO}"
+def _place(lane: str) -> str:
+    return f"lanes/{lane}/{VIDEO}"
 
 
 class Filming(NullObserver):
@@ -99,9 +99,9 @@ class Filming(NullObserver):
 
     def _queue(self) -> None:
         left = missing(self._directory) if is_run(self._directory) else {}
-        for job in left.keys() - self._queued:
-            self._queued.add(job)
-            self._policies.put((job, left[job]))
+        for lane in left.keys() - self._queued:
+            self._queued.add(lane)
+            self._policies.put((lane, left[lane]))
 
     def __enter__(self) -> Filming:
         self._thread.start()

@@ -35,7 +35,7 @@ def search(run: RunView) -> Table:
         rows = [(name, number(result.fitness if result else None)) for name, result in trained.items()]
         return Table(("during the search", "F, maximum over training"), rows, note)
     rows = [
-        (name, scored(run.played.get(result.job)) if result else "-", number(result.fitness if result else None))
+        (name, scored(run.played.get(result.lane)) if result else "-", number(result.fitness if result else None))
         for name, result in trained.items()
     ]
     return Table(("during the search", "F when played", "F in training"), rows, note)

@@ -152,14 +152,14 @@ class RunView:
     """By lane; checkpoints without their policies."""
     evaluations: Mapping[str, Evaluation]
     trials: Mapping[str, Mapping[str, Evaluation]]
-    """Further held-out scores of the best reward's policies, by job id and name (see `hacking`)."""
+    """Further held-out scores of the best reward's policies, by lane id and name (see `hacking`)."""
     usage: Usage
     videos: Mapping[str, str]
-    """Path in the run directory by job id, and of the best policy by `best`."""
+    """Path in the run directory by lane id, and of the best policy by `best`."""
     lanes: Mapping[str, Lane] = field(default_factory=dict)
     """By id, trained or under way."""
     played: Mapping[str, Evaluation] = field(default_factory=dict)
-    """By job id: what lanes scored when they were played to choose by."""
+    """By lane id: what lanes scored when they were played to choose by."""
     ranks: Literal["played", "training"] = "training"
     """By which F the search ranks."""
     crown: Place | None = None
@@ -177,7 +177,7 @@ class RunView:
             results = store.lanes.results(earlier.results if earlier is not None else {})
             config, history = store.config, store.history(results)
             videos = _videos(directory, results)
-            played = {job: score.played(plays) for job, plays in store.lanes.plays().items()}
+            played = {lane: score.played(plays) for lane, plays in store.lanes.plays().items()}
             reader = _Reader(
                 config=config,
                 history=history,
@@ -244,13 +244,13 @@ class RunView:
     @property
     def baselines(self) -> dict[str, TrainingResult]:
         """The trainings of `human` and `sparse` that the candidates were compared with, as far as they are done."""
-        jobs = {name: lane_id(name, self.config.seed) for name, _ in BASELINES}
-        return {name: self.results[job] for name, job in jobs.items() if job in self.results}
+        lanes = {name: lane_id(name, self.config.seed) for name, _ in BASELINES}
+        return {name: self.results[lane] for name, lane in lanes.items() if lane in self.results}
 
     def baseline_score(self, name: str) -> float | None:
         """What a baseline scored beside the search, as candidates are ranked: played, or in training."""
         result = self.baselines[name]
-        played = self.played.get(result.job)
+        played = self.played.get(result.lane)
         return played.fitness if played is not None else result.fitness
 
     @property
@@ -270,8 +270,8 @@ class RunView:
         """Whether it was finished by a version that kept no crown."""
         best = self.ranking.best
         names = [best.sample.verdict.candidate if best is not None else "", *(name for name, _ in beside(self.config))]
-        jobs = [lane_id(name, seed) for name in names for seed in final_seeds(self.config)]
-        return self.ranks == "training" and all(job in self.results for job in jobs)
+        lanes = [lane_id(name, seed) for name in names for seed in final_seeds(self.config)]
+        return self.ranks == "training" and all(lane in self.results for lane in lanes)
 
     @property
     def tried(self) -> tuple[Tried, ...]:
@@ -280,7 +280,7 @@ class RunView:
         if best is None or self.outcome is None or not self.trials:
             return ()
         arms = final_lanes(self.config, [best], self.results, self.evaluations)
-        final = {job: self.results[job] for job in arms[best.sample.verdict.candidate]}
+        final = {lane: self.results[lane] for lane in arms[best.sample.verdict.candidate]}
         unsaid: Peak = "fitness" if self.config.search == "eureka" else "reward"  # by versions before
         return tuple(hacking.tried(final, self.evaluations, self.trials, unsaid))
 
@@ -291,7 +291,7 @@ class RunView:
 
 
 def _videos(directory: Path, results: Mapping[str, TrainingResult]) -> dict[str, str]:
-    places = {job: f"lanes/{job}/{VIDEO}" for job in results} | {"best": f"best/{VIDEO}"}
+    places = {lane: f"lanes/{lane}/{VIDEO}" for lane in results} | {"best": f"best/{VIDEO}"}
     return {name: place for name, place in places.items() if artifacts.exists(directory, place)}
 
 
@@ -342,19 +342,19 @@ class _Reader:
         entry = self.entries.get(place)
         candidate = entry.sample.candidate if entry is not None else attempts[-1].candidate
         verdict = entry.sample.verdict if entry is not None else attempts[-1].verdict
-        job = lane_id(candidate.id, self.config.seed) if candidate is not None else ""
+        lane = lane_id(candidate.id, self.config.seed) if candidate is not None else ""
         parent = self.entries.get(self.parents[place]) if place in self.parents else None
         return CandidateView(
             generation=place.generation,
             slot=place.slot,
             candidate=candidate,
             verdict=verdict,
-            result=entry.result if entry is not None else self.results.get(job),
-            played=entry.played if entry is not None else self.played.get(job),
+            result=entry.result if entry is not None else self.results.get(lane),
+            played=entry.played if entry is not None else self.played.get(lane),
             feedback=entry.feedback if entry is not None else "",
             parent=parent.sample if parent is not None else None,
             attempts=attempts,
-            video=self.videos.get(job, ""),
+            video=self.videos.get(lane, ""),
             strength=self.ranking.strengths.get(candidate.id) if candidate is not None else None,
             vetoed=candidate is not None and candidate.id in self.ranking.rejected,
         )

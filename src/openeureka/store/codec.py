@@ -37,11 +37,11 @@ def decode_messages(text: str) -> tuple[Message, ...]:
 # --- lanes -----------------------------------------------------------------------------------------------------------
 
 
-def decode_lane(job: str, reward: str, seed: int, role: str) -> Lane:
+def decode_lane(name: str, reward: str, seed: int, role: str) -> Lane:
     """Raises DecodeError for a lane that contradicts its name."""
     lane = shaped(Lane, {"reward": reward, "seed": seed, "role": role})
-    if lane.id != job:
-        raise DecodeError(f"{job!r:.40} is no lane")
+    if lane.id != name:
+        raise DecodeError(f"{name!r:.40} is no lane")
     return lane
 
 
@@ -91,14 +91,14 @@ def policy_name(peak: Peak) -> str:
     return "last" if peak == "last" else f"best_{peak}"
 
 
-def decode_result(job: str, text: str | bytes) -> TrainingResult:
+def decode_result(lane: str, text: str | bytes) -> TrainingResult:
     """The result with empty policies: those are read one at a time, when they are needed.
 
     Raises:
         DecodeError: for anything but a result, also where its epochs contradict each other: who reads a curve at a
             peak's epoch relies on them.
     """
-    result = shaped(TrainingResult, decode(dict[str, Any], text) | {"job": job, "last": None}).holding({})
+    result = shaped(TrainingResult, decode(dict[str, Any], text) | {"lane": lane, "last": None}).holding({})
     lengths = {len(result.curves[name]) for name in EVERY_EPOCH if name in result.curves}
     peaks = [peak.epoch for peak in (result.best_fitness, result.best_reward) if peak is not None]
     if len(lengths) > 1 or any(epoch >= length for epoch in peaks for length in lengths):

@@ -35,21 +35,21 @@ AGAIN = "start it again with the same `eureka run` command."
 MAX_VALUE = 64 << 20
 """Bytes of one value of a row."""
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
-_NAMES = {"job", "candidate"}
+_NAMES = {"lane", "candidate"}
 """Columns whose values become names of files."""
 _COUNTS = {"generation", "slot", "attempt", "attempts", "over_generation", "over_slot"}
 _TYPES: Mapping[str, tuple[type, ...]] = {"TEXT": (str,), "INTEGER": (int,), "REAL": (float, int)}
 
 _GLANCE = """
-WITH finished AS (SELECT job FROM entries UNION SELECT job FROM lanes WHERE role = 'given')
+WITH finished AS (SELECT lane FROM entries UNION SELECT lane FROM lanes WHERE role = 'given')
 SELECT
     (SELECT COUNT(DISTINCT generation) FROM entries) AS generations,
     COALESCE(
         -- As `score.played` has it: the best of a lane's policies, over all that it played.
         (SELECT MAX(fitness) FROM (
             SELECT SUM(plays.fitness * plays.episodes) / SUM(plays.episodes) AS fitness
-            FROM plays WHERE job IN finished AND fitness IS NOT NULL GROUP BY job, peak)),
-        (SELECT MAX(fitness) FROM results WHERE job IN finished)
+            FROM plays WHERE lane IN finished AND fitness IS NOT NULL GROUP BY lane, peak)),
+        (SELECT MAX(fitness) FROM results WHERE lane IN finished)
     ) AS fitness,
     (SELECT COUNT(*) FROM evaluations) AS evaluations,
     TOTAL(cost_usd) AS cost_usd,

@@ -38,50 +38,50 @@ class LaneLog:
         """Keep what is about to train, where the run does not know it yet."""
         known = self.all()
         fresh = {lane.id: lane for lane in lanes if lane.id not in known}
-        self._database.put("lanes", *({"job": name} | dataclasses.asdict(lane) for name, lane in fresh.items()))
+        self._database.put("lanes", *({"lane": name} | dataclasses.asdict(lane) for name, lane in fresh.items()))
 
     def all(self) -> dict[str, Lane]:
         """Every lane of the run by its id, trained or not, in the order in which they began."""
-        columns = ("job", "reward", "seed", "role")
+        columns = ("lane", "reward", "seed", "role")
         rows = [[row[name] for name in columns] for row in self._database.rows("lanes")]
         return {row[0]: self._database.decoded(decode_lane, *row) for row in rows}
 
     def save_result(self, result: TrainingResult) -> None:
-        folder = f"lanes/{result.job}"
+        folder = f"lanes/{result.lane}"
         text = encode_result(result)
         artifacts.write(self._directory, f"{folder}/curves.json", text)
         for name, policy in result.policies.items():
             artifacts.write(self._directory, f"{folder}/{name}.safetensors", policy)
-        self._database.put("results", {"job": result.job, "fitness": finite(result.fitness), "result": text})
+        self._database.put("results", {"lane": result.lane, "fitness": finite(result.fitness), "result": text})
 
-    def result(self, job: str) -> TrainingResult | None:
+    def result(self, lane: str) -> TrainingResult | None:
         """The stored result, its checkpoints without policies: `policy` reads those."""
-        row = self._database.row("results", job=job)
-        return self._database.decoded(decode_result, job, row["result"]) if row is not None else None
+        row = self._database.row("results", lane=lane)
+        return self._database.decoded(decode_result, lane, row["result"]) if row is not None else None
 
     def results(self, known: Mapping[str, TrainingResult] = MappingProxyType({})) -> dict[str, TrainingResult]:
-        """By job. Those that are known from before are not decoded again."""
+        """By lane. Those that are known from before are not decoded again."""
 
         def result(row: sqlite3.Row) -> TrainingResult:
-            earlier = known.get(row["job"])
+            earlier = known.get(row["lane"])
             # Results never change, but a directory may hold another run by now.
             if earlier is not None and earlier.fitness == row["fitness"]:
                 return earlier
-            return self._database.decoded(decode_result, row["job"], row["result"])
+            return self._database.decoded(decode_result, row["lane"], row["result"])
 
-        return {row["job"]: result(row) for row in self._database.rows("results")}
+        return {row["lane"]: result(row) for row in self._database.rows("results")}
 
-    def policy(self, job: str, peak: Peak) -> bytes | None:
+    def policy(self, lane: str, peak: Peak) -> bytes | None:
         """One of the lane's policies (safetensors); None when it never had that one.
 
         Raises:
             StoreError: when its file is not the one that was written.
         """
-        row = self._database.row("results", job=job)
+        row = self._database.row("results", lane=lane)
         wanted = self._database.decoded(decode_digest, row["result"], peak) if row is not None else None
         if wanted is None:
             return None
-        name = f"lanes/{job}/{policy_name(peak)}.safetensors"
+        name = f"lanes/{lane}/{policy_name(peak)}.safetensors"
         found = artifacts.read(self._directory, name)
         if not found or (wanted and digest(found) != wanted):
             where = self._directory / name
@@ -92,19 +92,19 @@ class LaneLog:
         self._database.put("evaluations", *map(encode_evaluation, scores))
 
     def evaluations(self) -> dict[str, Evaluation]:
-        return {row["job"]: Evaluation(**dict(row)) for row in self._database.rows("evaluations")}
+        return {row["lane"]: Evaluation(**dict(row)) for row in self._database.rows("evaluations")}
 
     def save_plays(self, look: int, scores: Iterable[Evaluation]) -> None:
         """Keep what policies of lanes scored when they were played to choose by, the first time or again."""
         self._database.put("plays", *({"look": look} | encode_evaluation(score) for score in scores))
 
     def plays(self) -> dict[str, dict[Peak, tuple[Evaluation, ...]]]:
-        """Scores by job id and policy, a look after the other."""
+        """Scores by lane id and policy, a look after the other."""
         found: dict[str, dict[Peak, tuple[Evaluation, ...]]] = {}
         for row in self._database.rows("plays", order=("look", "rowid")):
             score = dict(row)
             del score["look"]
-            own = found.setdefault(row["job"], {})
+            own = found.setdefault(row["lane"], {})
             own[row["peak"]] = (*own.get(row["peak"], ()), Evaluation(**score))
         return found
 
@@ -113,10 +113,10 @@ class LaneLog:
         self._database.put("trials", {"name": name} | encode_evaluation(evaluation))
 
     def trials(self) -> dict[str, dict[str, Evaluation]]:
-        """Scores by job id and name of the trial."""
+        """Scores by lane id and name of the trial."""
         found: dict[str, dict[str, Evaluation]] = {}
         for row in self._database.rows("trials"):
             score = dict(row)
             name = score.pop("name")
-            found.setdefault(row["job"], {})[name] = Evaluation(**score)
+            found.setdefault(row["lane"], {})[name] = Evaluation(**score)
         return found

@@ -157,6 +157,10 @@ _UNUSED = """
 ALTER TABLE prompts DROP COLUMN parent_generation;
 ALTER TABLE prompts DROP COLUMN parent_slot;
 """
+_LANES = "".join(
+    f"ALTER TABLE {table} RENAME COLUMN job TO lane;\n"
+    for table in ("lanes", "results", "entries", "evaluations", "plays", "trials")
+)
 
 MIGRATIONS: list[str] = [
     _TABLES + _immutable("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations"),
@@ -165,6 +169,7 @@ MIGRATIONS: list[str] = [
     _PLAYS + _immutable("plays", "crown"),
     _LEDGER + _immutable("lanes", "given", "slots", "attempts"),
     _UNUSED,
+    _LANES,
 ]
 """Script n brings a file from schema n to n + 1. Published scripts are never edited, only followed by new ones."""
 

@@ -21,20 +21,20 @@ class StageFiles:
 
     def save(self, stage: int, result: TrainingResult) -> None:
         if result.last is not None:
-            artifacts.write(self._directory, self._name(stage, result.job, "safetensors"), result.last)
-        artifacts.write(self._directory, self._name(stage, result.job, "json"), encode_result(result))
+            artifacts.write(self._directory, self._name(stage, result.lane, "safetensors"), result.last)
+        artifacts.write(self._directory, self._name(stage, result.lane, "json"), encode_result(result))
 
-    def read(self, stage: int, job: str) -> TrainingResult | None:
+    def read(self, stage: int, lane: str) -> TrainingResult | None:
         """The result with its last policy, the others empty; None when the stage was not finished."""
-        text = artifacts.read(self._directory, self._name(stage, job, "json"))
+        text = artifacts.read(self._directory, self._name(stage, lane, "json"))
         if text is None:
             return None
-        last = artifacts.read(self._directory, self._name(stage, job, "safetensors"))
+        last = artifacts.read(self._directory, self._name(stage, lane, "safetensors"))
         try:
-            result = decode_result(job, text)
+            result = decode_result(lane, text)
         except DecodeError:
             return None
         return result.holding({"last": last} if last is not None else {})
 
-    def _name(self, stage: int, job: str, suffix: str) -> str:
-        return f"lanes/{job}/stage{stage}.{suffix}"
+    def _name(self, stage: int, lane: str, suffix: str) -> str:
+        return f"lanes/{lane}/stage{stage}.{suffix}"

@@ -285,7 +285,7 @@ class Store:
                 "slot": entry.sample.slot,
                 "candidate": entry.sample.candidate.id if entry.sample.candidate is not None else None,
                 "verdict": encode(entry.sample.verdict),
-                "job": entry.result.job if entry.result is not None else None,
+                "lane": entry.result.lane if entry.result is not None else None,
                 "attempts": entry.sample.attempts,
                 "feedback": safe_text(entry.feedback),
             }
@@ -296,7 +296,7 @@ class Store:
     def history(self, results: Mapping[str, TrainingResult] | None = None) -> History:
         """Every finished generation; `results` are those of the run, where the caller has them."""
         results = self.lanes.results() if results is None else results
-        scores = {job: played(plays) for job, plays in self.lanes.plays().items()}
+        scores = {lane: played(plays) for lane, plays in self.lanes.plays().items()}
         generations: dict[int, list[Scored]] = {}
         for row in self._database.rows("entries", order=("generation", "slot")):
             generations.setdefault(row["generation"], []).append(self._scored(row, results, scores))
@@ -317,8 +317,8 @@ class Store:
             verdict=self._database.decoded(decode_verdict, row["verdict"]),
             attempts=row["attempts"],
         )
-        result = self._database.decoded(results.__getitem__, row["job"]) if row["job"] is not None else None
-        return Scored(sample=sample, result=result, feedback=row["feedback"], played=scores.get(row["job"]))
+        result = self._database.decoded(results.__getitem__, row["lane"]) if row["lane"] is not None else None
+        return Scored(sample=sample, result=result, feedback=row["feedback"], played=scores.get(row["lane"]))
 
     def candidate(self, identity: CandidateId | None) -> Candidate | None:
         """A judged program; None where nothing of that name was judged."""
@@ -346,7 +346,7 @@ class Store:
         row = self._database.row("crown")
         return Place(row["generation"], row["slot"]) if row is not None else None
 
-    def save_best(self, program: Candidate | None, job: str, peak: Peak) -> None:
+    def save_best(self, program: Candidate | None, lane: str, peak: Peak) -> None:
         """Fill `best/` with the program and a lane's policy: the one place that changes, as better rewards come.
 
         A reward that comes with the task has no program of its own.
@@ -356,7 +356,7 @@ class Store:
         """
         if program is not None:
             artifacts.write(self.directory, "best/reward.py", program.source)
-        policy, kept = self.lanes.policy(job, peak), "best/policy.safetensors"
+        policy, kept = self.lanes.policy(lane, peak), "best/policy.safetensors"
         if policy is None or artifacts.read(self.directory, kept) == policy:
             return
         for made in artifacts.names(self.directory, "best"):

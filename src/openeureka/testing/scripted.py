@@ -16,6 +16,7 @@ from ..types import (
     Dynamics,
     Evaluation,
     Finding,
+    LaneSpec,
     Node,
     Prompt,
     Reply,
@@ -26,7 +27,6 @@ from ..types import (
     TrainingProgress,
     TrainingResult,
     TrainingState,
-    TrainJob,
     Usage,
     Verdict,
     VerdictCode,
@@ -101,19 +101,19 @@ class ToyTrainer:
     """Standard error of what is played: rewards nearer than two of both are level."""
 
     def train(
-        self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget
+        self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget
     ) -> Iterator[TrainingProgress | TrainingResult]:
-        yield TrainingProgress(epoch=1, epochs=2, env_steps_per_second=1.0, fitness={job.id: None for job in jobs})
-        for job in jobs:
-            self.trained.append(job.id)
-            yield self._result(job)
+        yield TrainingProgress(epoch=1, epochs=2, env_steps_per_second=1.0, fitness={lane.id: None for lane in lanes})
+        for lane in lanes:
+            self.trained.append(lane.id)
+            yield self._result(lane)
 
-    def _result(self, job: TrainJob) -> TrainingResult:
-        worth = _worth(job)
+    def _result(self, lane: LaneSpec) -> TrainingResult:
+        worth = _worth(lane)
         peak = Checkpoint(epoch=1, value=worth, policy=str(worth).encode())
         own = (0.0, worth / 2, worth)
         return TrainingResult(
-            job=job.id,
+            lane=lane.id,
             state=TrainingState.FINISHED,
             fitness=worth,
             curves={
@@ -125,7 +125,7 @@ class ToyTrainer:
             },
             env_steps=3,
             seconds=0.0,
-            correlation=1.0 if job.program == "human" else 0.5,
+            correlation=1.0 if lane.program == "human" else 0.5,
             best_fitness=peak,
             best_reward=peak,
             last=peak.policy,
@@ -140,17 +140,17 @@ class ToyTrainer:
         episodes: int = 0,
         dynamics: Mapping[str, Dynamics] | None = None,
     ) -> Iterator[Evaluation]:
-        for job, policy in policies.items():
+        for lane, policy in policies.items():
             yield Evaluation(
-                job=job, fitness=float(policy) - 1, episode_length=3.0, episodes=episodes or 4, error=self.error
+                lane=lane, fitness=float(policy) - 1, episode_length=3.0, episodes=episodes or 4, error=self.error
             )
 
 
-def _worth(job: TrainJob) -> float:
-    if isinstance(job.program, RewardGraph):
-        (number,) = job.program.nodes[0].args
+def _worth(lane: LaneSpec) -> float:
+    if isinstance(lane.program, RewardGraph):
+        (number,) = lane.program.nodes[0].args
         assert isinstance(number, float)
         base = number
     else:
-        base = {"human": 10.0, "sparse": 5.0}[job.program]
-    return base + job.seed / 100
+        base = {"human": 10.0, "sparse": 5.0}[lane.program]
+    return base + lane.seed / 100

@@ -10,25 +10,25 @@ from ..tasks.task import Stage
 from ..types import (
     Dynamics,
     Evaluation,
+    LaneSpec,
     TrainBudget,
     Trainer,
     TrainingProgress,
     TrainingResult,
     TrainingState,
-    TrainJob,
 )
 
 
 class Keeper(Protocol):
     """Remembers finished stages, so that a resumed run does not repeat them; like `store.StageFiles`."""
 
-    def read(self, stage: int, job: str) -> TrainingResult | None: ...
+    def read(self, stage: int, lane: str) -> TrainingResult | None: ...
 
     def save(self, stage: int, result: TrainingResult) -> None: ...
 
 
 class CurriculumTrainer:
-    """A `types.Trainer` that takes every job through all stages, all lanes of a stage at once.
+    """A `types.Trainer` that takes every lane through all stages, all lanes of a stage at once.
 
     A lane goes on from where it ended, not from a peak: F guides no training, and the peak of a noisy reward may be an
     early one. Curves, F and checkpoints of its result are those of the last stage, the task itself; steps and seconds
@@ -44,37 +44,39 @@ class CurriculumTrainer:
         self._trainer, self._stages, self._keeper = trainer, stages, keeper
 
     def train(
-        self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget
+        self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget
     ) -> Iterator[TrainingProgress | TrainingResult]:
-        """Train every job. The budget's steps, if any, are shared out among the stages in proportion to their own."""
+        """Train every lane. The budget's steps, if any, are shared out among the stages in proportion to their own."""
         steps = shares(self._stages, budget.env_steps)
-        passed: dict[str, list[TrainingResult]] = {job.id: [] for job in jobs}
+        passed: dict[str, list[TrainingResult]] = {lane.id: [] for lane in lanes}
         for number, stage in enumerate(self._stages, start=1):
             last = number == len(self._stages)
             part = dataclasses.replace(budget, env_steps=steps[number - 1])
-            train = self._trainer.train(env, jobs, part) if last else self._remembered(number, stage, jobs, part)
+            train = self._trainer.train(env, lanes, part) if last else self._remembered(number, stage, lanes, part)
             for event in train:
                 if isinstance(event, TrainingProgress):
                     yield _overall(event, steps, number)
                 elif last:
-                    yield _summed([*passed[event.job], event])
+                    yield _summed([*passed[event.lane], event])
                 elif event.last is None:
-                    yield _lost([*passed[event.job], event])
+                    yield _lost([*passed[event.lane], event])
                 else:
-                    passed[event.job].append(event)
-            jobs = [
-                dataclasses.replace(job, start=passed[job.id][-1].last) for job in jobs if len(passed[job.id]) == number
+                    passed[event.lane].append(event)
+            lanes = [
+                dataclasses.replace(lane, start=passed[lane.id][-1].last)
+                for lane in lanes
+                if len(passed[lane.id]) == number
             ]
-            if not jobs:
+            if not lanes:
                 return
 
     def _remembered(
-        self, number: int, stage: Stage, jobs: Sequence[TrainJob], budget: TrainBudget
+        self, number: int, stage: Stage, lanes: Sequence[LaneSpec], budget: TrainBudget
     ) -> Iterator[TrainingProgress | TrainingResult]:
         """What the keeper holds of a stage, then the rest as it is trained."""
-        known = {job.id: self._keeper.read(number, job.id) for job in jobs}
+        known = {lane.id: self._keeper.read(number, lane.id) for lane in lanes}
         yield from (result for result in known.values() if result is not None)
-        missing = [job for job in jobs if known[job.id] is None]
+        missing = [lane for lane in lanes if known[lane.id] is None]
         for event in self._trainer.train(stage.env, missing, budget) if missing else ():
             if isinstance(event, TrainingResult) and event.state is not TrainingState.FAILED:
                 self._keeper.save(number, event)

@@ -41,9 +41,9 @@ def evaluate(
     over those episodes.
 
     Args:
-        policies: job id to safetensors bytes; equal network shapes.
+        policies: lane id to safetensors bytes; equal network shapes.
         episodes: of each policy; 0 for `EPISODES`.
-        dynamics: job ids that play in another world than the task's.
+        dynamics: lane ids that play in another world than the task's.
         after_step: called after every step of all worlds: a long episode takes minutes.
     """
     if not policies:
@@ -52,7 +52,7 @@ def evaluate(
     simulation = registry.make(
         env, worlds=worlds, lane_seeds=[seed + HELD_OUT_SEED] * lanes, device=device, threads=threads
     )
-    perturb(simulation.sim, [(dynamics or {}).get(job, NOMINAL) for job in policies])
+    perturb(simulation.sim, [(dynamics or {}).get(lane, NOMINAL) for lane in policies])
     play = Player([Policy.from_bytes(data) for data in policies.values()], simulation.sim.device)
     observation = simulation.reset()
     running = torch.ones(simulation.num_worlds, dtype=torch.bool, device=observation.device)
@@ -72,10 +72,10 @@ def evaluate(
         after_step()
     simulation.check()
     sums, parts = (x.unflatten(1, (lanes, worlds)).transpose(0, 1) for x in (total, torch.stack(contributions)))
-    return [_evaluation(job, *lane) for job, *lane in zip(policies, sums, parts, strict=True)]
+    return [_evaluation(lane, *played) for lane, *played in zip(policies, sums, parts, strict=True)]
 
 
-def _evaluation(job: str, sums: Tensor, contributions: Tensor) -> Evaluation:
+def _evaluation(lane: str, sums: Tensor, contributions: Tensor) -> Evaluation:
     """One lane's score from the sums (3, n) of value times weight, weight and steps of each world, and the
     contributions (steps, n) to the first of them."""
     value, weight, steps = sums
@@ -86,7 +86,7 @@ def _evaluation(job: str, sums: Tensor, contributions: Tensor) -> Evaluation:
         # F is a ratio of two sums over worlds: its variance to first order (Cochran, Sampling Techniques, 2.11).
         error = math.sqrt(float((value - fitness * weight).square().sum()) * worlds / (worlds - 1)) / whole
     return Evaluation(
-        job=job,
+        lane=lane,
         fitness=fitness,
         episode_length=float(steps.sum()) / worlds,
         episodes=worlds,

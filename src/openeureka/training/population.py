@@ -14,11 +14,11 @@ from ..tasks import registry
 from ..tasks.env import Step
 from ..types import (
     Checkpoint,
+    LaneSpec,
     TrainBudget,
     TrainingProgress,
     TrainingResult,
     TrainingState,
-    TrainJob,
 )
 from .curves import Curves
 from .policy import Policy
@@ -34,7 +34,7 @@ class Population:
 
     Args:
         env: name of the task.
-        jobs: one lane each.
+        specs: one a lane.
         budget: steps and worlds of each lane; zeros take the task's recipe.
 
     Attributes:
@@ -43,21 +43,21 @@ class Population:
     """
 
     def __init__(
-        self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget, *, device: str = "cpu", threads: int = 0
+        self, env: str, specs: Sequence[LaneSpec], budget: TrainBudget, *, device: str = "cpu", threads: int = 0
     ) -> None:
         task = registry.get(env)
-        self.env_name, self.jobs, self.recipe = env, list(jobs), task.recipe
-        self.lanes, self.worlds = len(jobs), budget.worlds or task.recipe.worlds
+        self.env_name, self.specs, self.recipe = env, list(specs), task.recipe
+        self.lanes, self.worlds = len(specs), budget.worlds or task.recipe.worlds
         self.horizon = task.recipe.horizon
         self.epochs = max(1, (budget.env_steps or task.recipe.env_steps) // (self.worlds * self.horizon))
-        seeds = [job.seed for job in jobs]
+        seeds = [spec.seed for spec in specs]
         self.env = registry.make(env, worlds=self.worlds, lane_seeds=seeds, device=device, threads=threads)
         self.device = self.env.sim.device
-        self.rewards = LaneRewards(self.env.task, [job.program for job in jobs], self.worlds, bonus=budget.bonus)
+        self.rewards = LaneRewards(self.env.task, [spec.program for spec in specs], self.worlds, bonus=budget.bonus)
         self.ppo = PPO(seeds, task.num_observations, task.num_actions, task.recipe, self.device)
-        for lane, job in enumerate(self.jobs):
-            if job.start is not None:
-                Policy.from_bytes(job.start).put(self.ppo, lane)
+        for lane, spec in enumerate(self.specs):
+            if spec.start is not None:
+                Policy.from_bytes(spec.start).put(self.ppo, lane)
         self.rollout = Rollout(
             self.lanes, self.worlds, self.horizon, task.num_observations, task.num_actions, self.device
         )
@@ -80,7 +80,7 @@ class Population:
         self._before = 0.0  # [s] that training took in processes before this one
 
     def train(self) -> Iterator[TrainingProgress | TrainingResult]:
-        """Yields progress about once a second, when its state may be saved, then one result per job."""
+        """Yields progress about once a second, when its state may be saved, then one result per lane."""
         began, self._started = self.epoch, time.monotonic()
         reported = self._started
         observation = self.observation
@@ -145,7 +145,7 @@ class Population:
         }
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
-        """Go on where another population of the same task, jobs and budget was; what follows is the same to the bit."""
+        """Go on where another population of the same task, lanes and budget was; the rest is the same to the bit."""
         self.epoch, self.observation, self._before = saved["epoch"], saved["observation"], saved["seconds"]
         equal = [self._before * (epoch + 1) / self.epoch for epoch in range(self.epoch)]
         self.clock = saved.get("clock", equal)  # an older version saved none
@@ -201,7 +201,7 @@ class Population:
                     peaks[lane] = Peak(epoch, value, Policy.of(self.env_name, self.ppo, lane))
 
     def _progress(self, epochs_per_second: float) -> TrainingProgress:
-        best = {job.id: peak.value if peak else None for job, peak in zip(self.jobs, self.best_fitness, strict=True)}
+        best = {spec.id: peak.value if peak else None for spec, peak in zip(self.specs, self.best_fitness, strict=True)}
         rate = epochs_per_second * self.horizon * self.worlds * self.lanes
         return TrainingProgress(epoch=self.epoch, epochs=self.epochs, env_steps_per_second=rate, fitness=best)
 
@@ -210,7 +210,7 @@ class Population:
         message, trained = self.messages[lane], self.trained[lane]
         curves = {name: tuple(curve[:trained]) for name, curve in self.curves.curves[lane].items()}
         return TrainingResult(
-            job=self.jobs[lane].id,
+            lane=self.specs[lane].id,
             state=TrainingState.DIVERGED if message else TrainingState.FINISHED,
             fitness=peak.value if peak else None,
             curves=curves if message else curves | self.curves.early_and_late(lane),

@@ -1,4 +1,4 @@
-"""Jobs, progress and results as worker frames: nouns in headers, policies as blobs."""
+"""Lanes, progress and results as worker frames: nouns in headers, policies as blobs."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from dataclasses import replace
 
 from ..codec import defined, plain, shaped
 from ..reward.validate import validate
-from ..types import RewardGraph, TrainBudget, TrainingProgress, TrainingResult, TrainJob
+from ..types import LaneSpec, RewardGraph, TrainBudget, TrainingProgress, TrainingResult
 from ..worker import Frame
 
 SNAPSHOT = "snapshot"
 """The blob that holds the state of a training under way."""
 
 
-def pack_jobs(env: str, jobs: Sequence[TrainJob], budget: TrainBudget) -> Frame:
+def pack_lanes(env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Frame:
     """What to train; policies to go on from are blobs."""
-    starts = {job.id: job.start for job in jobs if job.start is not None}
+    starts = {lane.id: lane.start for lane in lanes if lane.start is not None}
     header = {
         "env": env,
-        "jobs": [replace(job, start=None) for job in jobs],
+        "lanes": [replace(lane, start=None) for lane in lanes],
         "budget": budget,
         # Snapshots are known by this header: trainings that begin elsewhere must not share one.
         "starts": {name: hashlib.sha256(start).hexdigest() for name, start in starts.items()},
@@ -28,13 +28,13 @@ def pack_jobs(env: str, jobs: Sequence[TrainJob], budget: TrainBudget) -> Frame:
     return Frame(plain(header), starts)
 
 
-def unpack_jobs(frame: Frame) -> tuple[str, list[TrainJob], TrainBudget]:
-    """Inverse of `pack_jobs`; graphs are validated again."""
-    jobs = shaped(list[TrainJob], frame.header["jobs"])
-    for job in jobs:
-        if isinstance(job.program, RewardGraph):
-            validate(job.program)
-    started = [replace(job, start=frame.blobs.get(job.id)) for job in jobs]
+def unpack_lanes(frame: Frame) -> tuple[str, list[LaneSpec], TrainBudget]:
+    """Inverse of `pack_lanes`; graphs are validated again."""
+    lanes = shaped(list[LaneSpec], frame.header["lanes"])
+    for lane in lanes:
+        if isinstance(lane.program, RewardGraph):
+            validate(lane.program)
+    started = [replace(lane, start=frame.blobs.get(lane.id)) for lane in lanes]
     return frame.header["env"], started, shaped(TrainBudget, frame.header["budget"])
 
 

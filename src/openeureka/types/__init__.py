@@ -14,6 +14,7 @@ from .training import (
     Dynamics,
     Evaluation,
     Lane,
+    LaneSpec,
     Peak,
     RewardProgram,
     Role,
@@ -22,7 +23,6 @@ from .training import (
     TrainingProgress,
     TrainingResult,
     TrainingState,
-    TrainJob,
     lane_id,
 )
 
@@ -41,6 +41,7 @@ __all__ = [
     "Glance",
     "History",
     "Lane",
+    "LaneSpec",
     "Message",
     "Node",
     "Opinion",
@@ -62,7 +63,6 @@ __all__ = [
     "StateVar",
     "TaskContext",
     "TrainBudget",
-    "TrainJob",
     "Trainer",
     "TrainingProgress",
     "TrainingResult",

@@ -83,12 +83,12 @@ class History:
         return replace(self, generations=(*self.generations, generation))
 
     def replayed(self, scores: Mapping[str, Evaluation]) -> History:
-        """With what policies scored by now, by job id: those that lead may have been played again."""
+        """With what policies scored by now, by lane id: those that lead may have been played again."""
         generations = [
             replace(
                 generation,
                 entries=tuple(
-                    replace(entry, played=scores.get(entry.result.job, entry.played)) if entry.result else entry
+                    replace(entry, played=scores.get(entry.result.lane, entry.played)) if entry.result else entry
                     for entry in generation.entries
                 ),
             )
@@ -97,10 +97,10 @@ class History:
         return replace(self, generations=tuple(generations))
 
     @property
-    def jobs(self) -> tuple[str, ...]:
+    def lanes(self) -> tuple[str, ...]:
         """The lanes of its candidates."""
         entries = (entry for generation in self.generations for entry in generation.entries)
-        return tuple(entry.result.job for entry in entries if entry.result is not None)
+        return tuple(entry.result.lane for entry in entries if entry.result is not None)
 
     def heard(self, remarks: Sequence[Remark]) -> History:
         """With what a person said of the last generation."""

@@ -41,7 +41,7 @@ def lane_id(reward: str, seed: int) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrainJob:
+class LaneSpec:
     """One lane: a reward program and a seed."""
 
     id: str
@@ -84,7 +84,7 @@ class Checkpoint:
 class TrainingResult:
     """What one lane's training left."""
 
-    job: str
+    lane: str
     state: TrainingState
     fitness: Finite | None
     """Maximum over epochs of the task's F; None when F was never defined."""
@@ -135,7 +135,7 @@ class TrainingProgress:
     epochs: int
     env_steps_per_second: float
     fitness: Mapping[str, Finite | None]
-    """Best F so far per job id."""
+    """Best F so far per lane id."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,7 +156,7 @@ NOMINAL = Dynamics()
 class Evaluation:
     """What one policy scores when it is played: deterministic actions, fresh episodes."""
 
-    job: str
+    lane: str
     fitness: Finite | None
     episode_length: Finite
     episodes: int
@@ -172,9 +172,9 @@ class Trainer(Protocol):
     """Trains lanes and scores policies, like `executors.local.LocalExecutor`."""
 
     def train(
-        self, env: str, jobs: Sequence[TrainJob], budget: TrainBudget
+        self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget
     ) -> Iterator[TrainingProgress | TrainingResult]:
-        """Train every job; exactly one result per job, in any order, progress in between."""
+        """Train every lane; exactly one result per lane, in any order, progress in between."""
         ...
 
     def evaluate(
@@ -186,11 +186,11 @@ class Trainer(Protocol):
         episodes: int = 0,
         dynamics: Mapping[str, Dynamics] | None = None,
     ) -> Iterator[Evaluation]:
-        """Score of each policy (job id -> safetensors bytes), all on the same start states, which no training saw.
+        """Score of each policy (lane id -> safetensors bytes), all on the same start states, which no training saw.
 
         Args:
             seed: of the start states.
             episodes: of each policy; 0 for as many as a final score needs.
-            dynamics: the jobs that play in another world than the task's.
+            dynamics: the lanes that play in another world than the task's.
         """
         ...

@@ -32,7 +32,7 @@ def entries(generation: int, scores: Sequence[float | None], *, refused: bool = 
         verdict = Verdict(candidate=candidate.id, code=code)
         state = TrainingState.DIVERGED if fitness is None else TrainingState.FINISHED
         result = TrainingResult(
-            job=f"{candidate.id}-s0", state=state, fitness=fitness, curves={}, env_steps=0, seconds=0.0
+            lane=f"{candidate.id}-s0", state=state, fitness=fitness, curves={}, env_steps=0, seconds=0.0
         )
         sample = Sample(generation=generation, slot=slot, candidate=candidate, verdict=verdict)
         made.append(Scored(sample=sample, result=None if refused else result, feedback=f"F {fitness}"))

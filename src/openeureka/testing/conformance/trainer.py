@@ -16,13 +16,13 @@ from typing import ClassVar
 from openeureka.types import (
     Dynamics,
     Evaluation,
+    LaneSpec,
     RewardProgram,
     TrainBudget,
     Trainer,
     TrainingProgress,
     TrainingResult,
     TrainingState,
-    TrainJob,
 )
 
 
@@ -44,18 +44,18 @@ class TrainerConformance:
     def make(self) -> Trainer:
         raise NotImplementedError
 
-    def jobs(self) -> list[TrainJob]:
+    def lanes(self) -> list[LaneSpec]:
         return [
-            TrainJob(id=f"p{number}-s{seed}", program=program, seed=seed)
+            LaneSpec(id=f"p{number}-s{seed}", program=program, seed=seed)
             for number, program in enumerate(self.programs)
             for seed in (0, 1)
         ]
 
-    def test_each_job_has_exactly_one_result(self) -> None:
-        assert sorted(result.job for result in self._results()) == sorted(job.id for job in self.jobs())
+    def test_each_lane_has_exactly_one_result(self) -> None:
+        assert sorted(result.lane for result in self._results()) == sorted(lane.id for lane in self.lanes())
 
-    def test_progress_counts_epochs_and_names_jobs(self) -> None:
-        known = {job.id for job in self.jobs()}
+    def test_progress_counts_epochs_and_names_lanes(self) -> None:
+        known = {lane.id for lane in self.lanes()}
         for event in self._events():
             if isinstance(event, TrainingProgress):
                 assert 0 <= event.epoch <= event.epochs
@@ -78,24 +78,24 @@ class TrainerConformance:
         names = [f"p{number}-" for number, program in enumerate(self.programs) if program == "human"]
         for result in self._finished():
             assert result.correlation is None or -1 - 1e-6 <= result.correlation <= 1 + 1e-6
-            if result.job.startswith(tuple(names)):
+            if result.lane.startswith(tuple(names)):
                 assert result.correlation is None or abs(result.correlation - 1) < 1e-3
 
-    def test_the_same_jobs_give_the_same_results(self) -> None:
-        again = self.make().train(self.env, self.jobs(), self.budget)
-        second = {event.job: event for event in again if isinstance(event, TrainingResult)}
+    def test_the_same_lanes_give_the_same_results(self) -> None:
+        again = self.make().train(self.env, self.lanes(), self.budget)
+        second = {event.lane: event for event in again if isinstance(event, TrainingResult)}
         for first in self._results():
-            assert first.state == second[first.job].state
-            assert first.fitness == second[first.job].fitness
-            assert first.curves == second[first.job].curves
+            assert first.state == second[first.lane].state
+            assert first.fitness == second[first.lane].fitness
+            assert first.curves == second[first.lane].curves
 
     def test_policies_are_scored_one_by_one(self) -> None:
         trainer = self.make()
-        peaks = {result.job: result.best_reward for result in self._finished()[:2]}
-        policies = {job: peak.policy for job, peak in peaks.items() if peak is not None}
+        peaks = {result.lane: result.best_reward for result in self._finished()[:2]}
+        policies = {lane: peak.policy for lane, peak in peaks.items() if peak is not None}
         assert policies
         scores: list[Evaluation] = list(trainer.evaluate(self.env, policies, seed=7))
-        assert sorted(score.job for score in scores) == sorted(policies)
+        assert sorted(score.lane for score in scores) == sorted(policies)
         assert all(score.episodes > 0 and score.episode_length > 0 for score in scores)
         assert list(trainer.evaluate(self.env, policies, seed=7)) == scores
 
@@ -103,7 +103,7 @@ class TrainerConformance:
         peaks = (result.best_reward for result in self._finished())
         policy = next(peak.policy for peak in peaks if peak is not None)
         policies, heavy = {"own": policy, "heavy": policy}, {"heavy": Dynamics(mass=1.1)}
-        scores = {s.job: s for s in self.make().evaluate(self.env, policies, seed=7, dynamics=heavy)}
+        scores = {s.lane: s for s in self.make().evaluate(self.env, policies, seed=7, dynamics=heavy)}
         assert set(scores) == {"own", "heavy"}
         (alone,) = self.make().evaluate(self.env, {"own": policy}, seed=7)
         assert scores["own"].episodes == alone.episodes
@@ -116,7 +116,7 @@ class TrainerConformance:
         """Of one training for all checks of the class: it may take seconds."""
         kind = type(self)
         if "_kept" not in kind.__dict__:
-            kind._kept = list(self.make().train(self.env, self.jobs(), self.budget))
+            kind._kept = list(self.make().train(self.env, self.lanes(), self.budget))
         return kind._kept
 
     def _results(self) -> list[TrainingResult]:
