@@ -35,7 +35,7 @@ def test_specs_and_results_survive_the_pipe():
     assert unpack(pack(progress)) == progress
 
 
-def test_a_spec_that_kills_its_worker_takes_no_other_with_it(monkeypatch: pytest.MonkeyPatch):
+def test_a_lane_that_kills_its_worker_takes_no_other_with_it(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     trainer = LocalExecutor(module="dying_worker")
     specs = [LaneSpec(id=name, program="human", seed=seed) for seed, name in enumerate(["a", "b", "deadly", "late"])]
@@ -112,7 +112,7 @@ def test_what_is_left_of_a_training_keeps_the_populations_that_left_a_snapshot(
         return found
 
     def snapshot(env: str, names: str) -> Snapshot:
-        return Snapshot(tmp_path, {"env": env, "specs": [{"id": name} for name in names]})
+        return Snapshot(tmp_path, {"env": env, "lanes": [{"id": name} for name in names]})
 
     assert populations("abcdefg") == [["a", "b", "c", "d"], ["e", "f", "g"]]
     snapshot("cartpole", "efg").write(b"state")
