@@ -32,6 +32,7 @@ import scipy.special  # noqa: F401 -- a verdict imports it late, and each fork w
 
 from openeureka import given, strategies
 from openeureka.config import NO_MODEL, RunConfig
+from openeureka.lanes import Lanes
 from openeureka.loop import run
 from openeureka.observer import NullObserver
 from openeureka.person import EmptyDesk
@@ -154,7 +155,7 @@ def whole_training(directory: Path) -> None:
     candidate = Candidate.of("def compute_reward():\n    return 3.0, {}\n")
     with Store.open(directory, GIVEN) as store:
         given.keep(store, {"human": None, "mine": (candidate, ToyChecker().check(candidate)), "sparse": None})
-        given.train(GIVEN, store, ToyTrainer(error=0.5))
+        given.train(Lanes(GIVEN, store, ToyTrainer(error=0.5), NullObserver()))
 
 
 WHOLE: Mapping[str, Callable[[Path], None]] = {"search": whole_run, "train": whole_training}
