@@ -15,7 +15,7 @@ The parts, in this order, each for every task:
 
 `--out` is written after each part and read at the start: a broken-off run loses one part, and the same command goes on.
 No part uses the device in this process, so that a fault there ends that part only; its error is recorded, and the next
-call tries again.
+call tries again. Trainings are timed whole, so none is gone on with, as those of a run are.
 """
 
 from __future__ import annotations
@@ -37,12 +37,13 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from baselines import read, scored, write
+from ledger import PEAKS, read, record, write
 from throughput import RAW_EPISODE, sleep_when_idle
 from throughput import raw as raw_on_cpu
 
 from openeureka import prompts
 from openeureka.executors.local import LocalExecutor
+from openeureka.lanes import HELD_OUT
 from openeureka.llm.random import RandomModel
 from openeureka.reward import extract
 from openeureka.sandbox.client import Sandbox
@@ -50,7 +51,17 @@ from openeureka.tasks import registry
 from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
 from openeureka.testing.conformance.parity import compare
-from openeureka.types import Candidate, LaneSpec, PromptPlan, RewardGraph, TrainBudget, TrainingResult, TrainingState
+from openeureka.types import (
+    Candidate,
+    Evaluation,
+    LaneSpec,
+    Peak,
+    PromptPlan,
+    RewardGraph,
+    TrainBudget,
+    TrainingResult,
+    TrainingState,
+)
 
 KINDS = ("parity", "raw", "env", "lanes", "processes", "human")
 RESULTS = Path(__file__).parent / "results" / "gpu.json"
@@ -264,11 +275,17 @@ def human(env: str, device: str, sizes: Sizes, rate: float) -> Found:
     seconds = time.perf_counter() - began
     if failed := [result.message for result in results if result.state is TrainingState.FAILED]:
         raise RuntimeError(failed[0])
+    scores: dict[str, dict[Peak, Evaluation]] = {result.lane: {} for result in results}
+    for peak in PEAKS:
+        policies = {result.lane: result.policies.get(f"best_{peak}", b"") for result in results}
+        held_out = trainer.evaluate(env, {lane: data for lane, data in policies.items() if data}, seed=HELD_OUT)
+        for score in held_out:
+            scores[score.lane][peak] = score
     return {
         "worlds": sizes.worlds * seeds,
         "seconds_of_training": round(results[0].seconds, 1),
         "seconds_with_start": round(seconds, 1),
-        "lanes": scored(env, results, trainer),
+        "lanes": {result.lane: record(result, scores[result.lane]) for result in results},
     }
 
 
