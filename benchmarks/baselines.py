@@ -20,7 +20,8 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from ledger import OUTPUTS, PEAKS, Record, learn, machine, read, record, write
+from ledger import OUTPUTS, learn
+from records import PEAKS, Record, machine, read, record, write
 
 from openeureka.config import TrainConfig
 from openeureka.lanes import BASELINES, Wanted, deal

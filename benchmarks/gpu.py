@@ -29,7 +29,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
 from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from multiprocessing import get_context
@@ -37,7 +36,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from ledger import PEAKS, read, record, write
+from records import PEAKS, read, record, today, write
 from throughput import RAW_EPISODE, sleep_when_idle
 from throughput import raw as raw_on_cpu
 
@@ -394,7 +393,7 @@ def run(device: str, envs: Sequence[str], kinds: Sequence[str], sizes: Sizes, ou
     size = {"worlds_per_lane": sizes.worlds, "lanes": list(sizes.lanes)}
     if found["parts"] and found["size"] != size:
         raise SystemExit(f"{out} was measured with {found['size']}; name another file with --out.")
-    found |= {"date": datetime.now(UTC).date().isoformat(), "machine": attempt(machine, device), "size": size}
+    found |= {"date": today(), "machine": attempt(machine, device), "size": size}
     repeated: set[str] = set()
     for name, part, extra in plan(envs, kinds, sizes, found):
         if _done(found, name) and not (again and name not in repeated):

@@ -17,7 +17,8 @@ import statistics
 from pathlib import Path
 from typing import Any
 
-from ledger import OUTPUTS, machine, read, write
+from ledger import OUTPUTS
+from records import machine, read, write
 
 import openeureka
 from openeureka.errors import EurekaError

@@ -16,12 +16,14 @@ import contextlib
 import io
 import statistics
 import time
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import torch
-from ledger import OUTPUTS, learn, write
+from ledger import OUTPUTS, learn
+from records import write
 from rsl_rl.env import VecEnv
 from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
@@ -107,8 +109,8 @@ def theirs(env: str, worlds: int, steps: int, seed: int) -> tuple[list[float | N
     return adapter.curve(horizon), time.perf_counter() - started
 
 
-def ours(env: str, worlds: int, steps: int, seed: int) -> tuple[list[float | None], float]:
-    directory = OUTPUTS / "parity" / f"{env}_{steps}_{worlds}_s{seed}"
+def ours(folder: Path, env: str, worlds: int, steps: int, seed: int) -> tuple[list[float | None], float]:
+    directory = folder / f"{env}_{steps}_{worlds}_s{seed}"
     config = TrainConfig(env=env, reward="human", seed=seed, steps=steps, worlds=worlds, dir=str(directory))
     ((result, _),) = learn(config, ()).values()
     return list(result.curves["fitness"]), result.seconds
@@ -120,12 +122,12 @@ def tail(curve: list[float | None]) -> float:
     return statistics.fmean(known[-max(1, round(TAIL * len(known))) :])
 
 
-def compare(env: str, steps: int, worlds: int, seeds: int) -> dict[str, Any]:
+def compare(env: str, steps: int, worlds: int, seeds: int, folder: Path) -> dict[str, Any]:
     epoch = worlds * registry.get(env).recipe.horizon
     epochs = max(1, steps // epoch)
     found: dict[str, list[dict[str, Any]]] = {"ours": [], "rsl_rl": []}
     for seed in range(seeds):
-        for name, train in (("ours", ours), ("rsl_rl", theirs)):
+        for name, train in (("ours", partial(ours, folder)), ("rsl_rl", theirs)):
             curve, seconds = train(env, worlds, epochs * epoch, seed)
             found[name].append({"seed": seed, "final": tail(curve), "seconds": seconds})
             found[name][-1]["curve"] = [None if v is None else round(v, 3) for v in curve[:: max(1, epochs // 50)]]
@@ -152,10 +154,11 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=3_000_000, help="environment steps of each run")
     parser.add_argument("--worlds", type=int, default=512)
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--dir", type=Path, default=OUTPUTS / "parity", help="where the runs are kept")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "parity.json")
     options = parser.parse_args()
     sleep_when_idle()
-    found = compare(options.env, options.steps, options.worlds, options.seeds)
+    found = compare(options.env, options.steps, options.worlds, options.seeds, options.dir)
     print(f"ours - rsl_rl: {found['difference']:+.3f}; spread over seeds {found['standard_deviation']}")
     write(options.out, found)
 

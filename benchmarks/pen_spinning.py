@@ -19,7 +19,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ledger import OUTPUTS, Learned, Record, learn, machine, read, thinned, write
+from ledger import OUTPUTS, Learned, learn
+from records import Record, machine, read, thinned, write
 
 from openeureka.config import TrainConfig
 from openeureka.lanes import HELD_OUT
