@@ -55,7 +55,8 @@ class Adapter(VecEnv):
         value, weight = step.score
         self.scores.append((float((value * weight).sum()), float(weight.sum())))
         self.observation = step.observation
-        reward = self.task.human_reward(step.state) * self.task.recipe.reward_scale
+        with torch.inference_mode(False):  # in which rsl_rl collects, and a reward cannot be traced
+            reward = self.task.human_reward(step.state) * self.task.recipe.reward_scale
         return self.get_observations(), reward, step.done.long(), {"time_outs": step.timed_out.float()}
 
     def curve(self, horizon: int) -> list[float | None]:
