@@ -13,6 +13,7 @@ from ..config import NO_MODEL, RunConfig
 from ..display.log import logged
 from ..errors import ConfigError, Interrupted
 from ..given import Given
+from ..lanes import Lanes
 from ..llm import open_model
 from ..llm.client import LanguageModel
 from ..llm.registry import KINDS
@@ -169,6 +170,17 @@ def train(config: RunConfig, directory: Path, rewards: Given | None, host: Host)
     Returns, Raises:
         As `search` does.
     """
+    with comparing(config, directory, host) as lanes:
+        if rewards is not None:
+            given.keep(lanes.store, rewards)
+        given.train(lanes)
+    with host.working("Writing the report"):
+        return build(directory, config.video, config.env)
+
+
+@contextmanager
+def comparing(config: RunConfig, directory: Path, host: Host) -> Iterator[Lanes]:
+    """The lanes of a run of given rewards, begun or gone on with, as long as it is at work."""
     trainer = trainer_of(config, directory)
     host.begins(config, directory)
     with (
@@ -178,8 +190,4 @@ def train(config: RunConfig, directory: Path, rewards: Given | None, host: Host)
         logged(directory, config, Usage()) as log,
         host.view(config, directory, Usage()) as view,
     ):
-        if rewards is not None:
-            given.keep(store, rewards)
-        given.train(config, store, trainer, Observers(*log, view))
-    with host.working("Writing the report"):
-        return build(directory, config.video, config.env)
+        yield Lanes(config, store, trainer, Observers(*log, view))
