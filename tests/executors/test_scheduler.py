@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from openeureka.errors import TaskError, WorkerError
-from openeureka.executors.devices import Slot
 from openeureka.executors.retry import Population
 from openeureka.executors.scheduler import deal, train
+from openeureka.executors.transport import Slot
 from openeureka.training.wire import SNAPSHOT, pack, unpack_lanes
 from openeureka.types import (
     LaneSpec,
