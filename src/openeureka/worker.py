@@ -82,7 +82,10 @@ def framed(header: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) 
 
 def unframed(data: bytes) -> Frame:
     """Inverse of `framed`, for who has it whole. Raises WorkerDied for anything else."""
-    return _Reader(-1, MAX_HEADER, MAX_BLOBS, data).read(0.0)
+    try:
+        return _Reader(-1, MAX_HEADER, MAX_BLOBS, data).read(0.0)
+    except WorkerTimeout:
+        raise WorkerDied("The worker process sent a part of a frame.") from None
 
 
 class _Reader:
