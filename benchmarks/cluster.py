@@ -118,7 +118,7 @@ def scaling(tiny: bool) -> dict[str, object]:
 def faults(tiny: bool) -> dict[str, object]:
     """What each costs beside an undisturbed training, with a snapshot every few seconds."""
     retry.SNAPSHOT_SECONDS = 1.0 if tiny else 5.0
-    budget = TrainBudget(env_steps=100_000 if tiny else 400_000, worlds=256)
+    budget = TrainBudget(env_steps=60_000 if tiny else 200_000, worlds=256)
     found: dict[str, object] = {"snapshot_every_s": retry.SNAPSHOT_SECONDS}
     with cluster(2) as made, tempfile.TemporaryDirectory() as folder:
         found["health_check"] = "as Ray sets it"
@@ -223,10 +223,11 @@ def driver(address: str, folder: Path, budget: TrainBudget) -> dict[str, object]
 
 
 def curves(directory: Path) -> dict[str, object]:
-    """Of every lane that a run stores."""
+    """Of every lane that a run stores, with its row but for the time it took."""
     from openeureka import open_run
 
-    return {lane: (result.fitness, result.curves) for lane, result in open_run(directory).view.results.items()}
+    found = open_run(directory).lanes.items()
+    return {name: (lane.row() | {"seconds": 0.0}, dict(lane.curves)) for name, lane in found}
 
 
 class Sleeper:
@@ -324,6 +325,7 @@ def scale(tiny: bool) -> dict[str, object]:
         "results": len(results),
         "messages": messages,
         "seconds": round(seconds, 1),
+        "driver_cpu_s": round(spent, 1),
         "driver_cores": round(spent / seconds, 3),
         "driver_peak_gb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20, 2),
     }

@@ -15,7 +15,7 @@ import pytest
 
 from openeureka.cli import doctor
 from openeureka.errors import ConfigError
-from openeureka.executors import ray_node, retry
+from openeureka.executors import EXECUTORS, ray_node, retry
 from openeureka.executors.local import LocalExecutor
 from openeureka.executors.ray import Place, RayExecutor, check, shares
 from openeureka.testing.conformance.trainer import TrainerConformance
@@ -69,16 +69,23 @@ class Nodes:
         self._cluster.shutdown()
 
 
+def running(name: bytes) -> list[int]:
+    """Pids of processes with this in their command line."""
+    return [int(folder.name) for folder in Path("/proc").glob("[0-9]*") if name in read(folder / "cmdline")]
+
+
 def shares_at_work() -> dict[int, int]:
     """Pids of actors that train, with that of their raylet."""
-    found: dict[int, int] = {}
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            if (folder / "cmdline").read_bytes().startswith(b"ray::Share.serve"):
-                found[int(folder.name)] = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
-        except OSError:  # it ended
-            continue
-    return found
+    stats = {pid: read(Path(f"/proc/{pid}/stat")) for pid in running(b"ray::Share.serve")}
+    return {pid: int(stat.rpartition(b")")[2].split()[1]) for pid, stat in stats.items() if stat}
+
+
+def read(file: Path) -> bytes:
+    """Nothing of a process that has ended."""
+    try:
+        return file.read_bytes()
+    except OSError:
+        return b""
 
 
 @pytest.fixture(scope="class")
@@ -163,9 +170,11 @@ class TestRayExecutor(TrainerConformance):
             for pid in hurt:
                 os.kill(pid, signal.SIGSTOP if fault == "hang" else signal.SIGKILL)
 
-        messages = self.trained(tmp_path, disturb, 3)
-        for pid in hurt if fault == "hang" else ():
-            os.kill(pid, signal.SIGKILL)
+        try:
+            messages = self.trained(tmp_path, disturb, 3)
+        finally:
+            for pid in hurt if fault == "hang" else ():
+                os.kill(pid, signal.SIGKILL)
         results = [plain(message) for message in messages if isinstance(message, TrainingResult)]
         assert sorted(results, key=lambda result: result.lane) == undisturbed[:3]
         assert list(tmp_path.iterdir()) == []
@@ -207,9 +216,9 @@ class TestRayExecutor(TrainerConformance):
         training.close()
         assert len(list((tmp_path / "s").glob("*.pt"))) == 1
         end = time.monotonic() + 20
-        while shares_at_work() and time.monotonic() < end:
+        while (left := [*shares_at_work(), *running(b"eager_worker")]) and time.monotonic() < end:
             time.sleep(0.1)
-        assert not shares_at_work()
+        assert not left
 
     def test_a_node_with_other_versions_is_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
         here = ray_node.versions()
@@ -269,6 +278,10 @@ def test_where_ray_is_missing_the_sentence_says_what_to_install(monkeypatch: pyt
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(ConfigError, match=r"pip install 'openeureka\[ray\]'"):
         RayExecutor(address="local")
+
+
+def test_it_is_found_by_its_name():
+    assert EXECUTORS.find("ray") is RayExecutor
 
 
 def test_what_runs_on_a_node_imports_neither_torch_nor_ray_by_itself():
