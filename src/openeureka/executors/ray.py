@@ -99,9 +99,13 @@ class RayExecutor:
         episodes: int = 0,
         dynamics: Mapping[str, Dynamics] | None = None,
     ) -> Iterator[Evaluation]:
-        """Score of each policy, on one node: see `local.LocalExecutor.evaluate`."""
+        """Score of each policy, on one node: see `local.LocalExecutor.evaluate`.
+
+        It waits for one core of a node, and then takes what the others there leave: waiting for a whole node may take
+        for ever where several searches share a cluster, and it is brief.
+        """
         question = {"env": env, "seed": seed, "episodes": episodes, "dynamics": plain(dynamics or {})}
-        return retry.evaluate(self._transport, self._slot(self._threads or 1), question, policies)
+        return retry.evaluate(self._transport, self._slot(self._threads), question, policies)
 
     def _slot(self, threads: int) -> Slot:
         return Slot("cuda:0" if self._device == "cuda" else "cpu", threads)
@@ -156,7 +160,7 @@ class Actors:
     def call(self, request: Frame, slot: Slot) -> ActorCall:
         gpus = int(slot.device.startswith("cuda"))
         actor = self._actor.options(
-            num_cpus=1 if gpus else slot.threads,
+            num_cpus=1 if gpus else max(1, slot.threads),
             num_gpus=gpus,
             max_restarts=0,
             max_concurrency=2,  # `stop` is heard while `serve` is under way
