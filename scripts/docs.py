@@ -48,6 +48,8 @@ FIRST_RUNS = "<!-- make run -->\n", "<!-- /make run -->\n"
 FOUND = "<!-- found -->\n", "<!-- /found -->\n"
 CHOSEN = "<!-- choosing -->\n", "<!-- /choosing -->\n"
 LATER = "<!-- generations -->\n", "<!-- /generations -->\n"
+SCHEDULE = ROOT / "docs" / "concepts" / "schedule.md"
+EARLY = "<!-- predictors -->\n", "<!-- /predictors -->\n"
 
 
 def commands() -> str:
@@ -137,6 +139,12 @@ def later() -> str:
     return _table(study.TITLES, study.rows(study.known()))
 
 
+def early() -> str:
+    """What `benchmarks/predictors.py` was told: which curves say early how a training will end."""
+    study = _benchmark("predictors")
+    return _table(study.titles(study.known()), study.table(study.known()))
+
+
 def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in (titles, ["---"] * len(titles), *rows))
 
@@ -175,6 +183,7 @@ def generated() -> Mapping[Path, str]:
         README: _between(README.read_text(), FOUND, found()),
         CONTRIBUTING: _between(CONTRIBUTING.read_text(), TREE, tree()),
         SCORES: _scores(),
+        SCHEDULE: _between(SCHEDULE.read_text(), EARLY, early()),
     }
 
 
