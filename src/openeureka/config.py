@@ -70,7 +70,9 @@ class RunConfig:
     threads: int = 0
     """Cores to train on; 0 means all of them."""
     executor: str = "local"
-    """Where lanes run: `local`, on this machine, or `pkg.mod:Name` of your own."""
+    """Where lanes run: `local`, on this machine, `ray`, on a cluster, or `pkg.mod:Name` of your own."""
+    address: str = ""
+    """Of the Ray cluster: `auto`, the one that this machine is part of, `HOST:PORT`, or `local`, one of its own."""
     max_cost: float = 0.0
     """Stop before the spending on replies exceeds this many US dollars; 0 means no limit."""
     price: str = ""
@@ -148,7 +150,9 @@ class TrainConfig:
     threads: int = 0
     """Cores to train on; 0 means all of them."""
     executor: str = "local"
-    """Where lanes run: `local`, on this machine, or `pkg.mod:Name` of your own."""
+    """Where lanes run: `local`, on this machine, `ray`, on a cluster, or `pkg.mod:Name` of your own."""
+    address: str = ""
+    """Of the Ray cluster: `auto`, the one that this machine is part of, `HOST:PORT`, or `local`, one of its own."""
     dir: str = ""
     """Run directory; empty means `outputs/<time>_train_<env>`. One that holds such a run is continued."""
     unsafe_no_sandbox: bool = False

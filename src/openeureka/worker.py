@@ -73,17 +73,27 @@ class _Head:
     """Their sizes [bytes], in order."""
 
 
-def _encode(header: Mapping[str, Any], blobs: Mapping[str, bytes]) -> bytes:
+def framed(header: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) -> bytes:
+    """A frame as it travels."""
+    blobs = blobs or {}
     head = codec.encode(_Head(header, {name: len(blob) for name, blob in blobs.items()})).encode()
     return b"".join((_PREFIX.pack(len(head), sum(map(len, blobs.values()))), head, *blobs.values()))
+
+
+def unframed(data: bytes) -> Frame:
+    """Inverse of `framed`, for who has it whole. Raises WorkerDied for anything else."""
+    try:
+        return _Reader(-1, MAX_HEADER, MAX_BLOBS, data).read(0.0)
+    except WorkerTimeout:
+        raise WorkerDied("The worker process sent a part of a frame.") from None
 
 
 class _Reader:
     """Reads frames from a pipe with a deadline and size caps."""
 
-    def __init__(self, fd: int, max_header: int, max_blobs: int) -> None:
+    def __init__(self, fd: int, max_header: int, max_blobs: int, begun: bytes = b"") -> None:
         self.fd, self.max_header, self.max_blobs = fd, max_header, max_blobs
-        self._buffer = bytearray()
+        self._buffer = bytearray(begun)
 
     def _take(self, count: int, deadline: float | None) -> bytes:
         while len(self._buffer) < count:
@@ -160,7 +170,7 @@ class Worker:
     def send(self, header: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) -> None:
         """Send one frame. Raises WorkerDied when the child is gone."""
         try:
-            self._stdin.write(_encode(header, blobs or {}))
+            self._stdin.write(framed(header, blobs))
             self._stdin.flush()
         except (BrokenPipeError, ValueError):
             raise WorkerDied("The worker process ended before it could be asked.") from None
@@ -245,6 +255,6 @@ class Channel:
         return self._reader.ready(0.0)
 
     def send(self, header: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) -> None:
-        data = memoryview(_encode(header, blobs or {}))
+        data = memoryview(framed(header, blobs))
         while data:
             data = data[os.write(self._out, data) :]

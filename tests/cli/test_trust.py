@@ -203,6 +203,11 @@ def test_searches_and_executors_that_are_installed_need_no_consent():
     assert trust.claims(TrainConfig(executor="mine:Executor")) == {"executor": "mine:Executor"}
 
 
+@pytest.mark.parametrize(("address", "claimed"), [("auto", {}), ("local", {}), ("far:6379", {"address": "far:6379"})])
+def test_a_cluster_elsewhere_needs_consent(address: str, claimed: dict[str, str]):
+    assert trust.claims(RunConfig(model="local", executor="ray", address=address)) == claimed
+
+
 @pytest.mark.parametrize("env", ["cartpole", "cartpole+episode_length=100", "shadow_hand_spin"])
 def test_an_installed_task_needs_no_consent(env):
     assert trust.claims(PlayConfig(env=env)) == {}

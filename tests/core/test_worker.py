@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import openeureka
-from openeureka.worker import Worker, WorkerDied, WorkerTimeout, environment, interpreter
+from openeureka.worker import Frame, Worker, WorkerDied, WorkerTimeout, environment, framed, interpreter, unframed
 
 HERE = str(Path(__file__).parent)
 SOURCE = str(Path(openeureka.__file__).parents[1])
@@ -125,6 +125,14 @@ def test_garbage_is_refused_before_it_is_read_into_memory(worker: Worker):
     worker.send({"do": "garbage"})
     with pytest.raises(WorkerDied, match="oversized"):
         worker.receive(timeout=20)
+
+
+def test_a_frame_that_came_another_way_is_the_same_or_refused():
+    data = framed({"do": "echo"}, {"a": b"12", "b": b""})
+    assert unframed(data) == Frame({"do": "echo"}, {"a": b"12", "b": b""})
+    for garbage in (data[:-1], b"", b"\xff" * 40):
+        with pytest.raises(WorkerDied):
+            unframed(garbage)
 
 
 def test_the_child_dies_with_its_parent():

@@ -1,10 +1,11 @@
+import dataclasses
 import io
 
 from rich.console import Console
 
 from openeureka.display import progress
-from openeureka.display.progress import ProgressLine
-from openeureka.types import TrainingProgress
+from openeureka.display.progress import ProgressLine, by_node
+from openeureka.types import NodeShare, TrainingProgress
 
 PROGRESS = TrainingProgress(
     epoch=5, epochs=20, env_steps_per_second=12345.6, fitness={"sparse-s0": 5.0, "[red]": 321.0, "x-s0": None}
@@ -17,6 +18,20 @@ def test_without_a_terminal_lines_are_plain_and_rare():
         line.show(PROGRESS)
         line.show(PROGRESS)
     assert out.getvalue() == "Training: epoch 5 of 20, 12,346 steps/s, 0 s left; best F: [red] 321, sparse-s0 5\n"
+
+
+def test_the_nodes_of_a_cluster_follow_with_what_each_trains():
+    nodes = {
+        "beta": NodeShare(lanes=4, env_steps_per_second=2000.4),
+        "alp\nha": NodeShare(lanes=8, env_steps_per_second=1e4),
+    }
+    placed = dataclasses.replace(PROGRESS, nodes=nodes)
+    assert by_node(placed) == "alp ha 8 lanes at 10,000 steps/s, beta 4 lanes at 2,000 steps/s"
+    out = io.StringIO()
+    with ProgressLine(Console(file=out, width=300)) as line:
+        line.show(placed)
+    assert out.getvalue().endswith(f"sparse-s0 5; {by_node(placed)}\n")
+    assert by_node(PROGRESS) == ""
 
 
 def test_on_a_terminal_the_line_is_redrawn():

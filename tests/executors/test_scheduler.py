@@ -6,13 +6,14 @@ from pathlib import Path
 import pytest
 
 from openeureka.errors import TaskError, WorkerError
-from openeureka.executors.devices import Slot
-from openeureka.executors.retry import Population
+from openeureka.executors.retry import LOSSES, Population
 from openeureka.executors.scheduler import deal, train
+from openeureka.executors.transport import Slot, WorkerLost
 from openeureka.training.wire import SNAPSHOT, pack, unpack_lanes
 from openeureka.types import (
     LaneSpec,
     Node,
+    NodeShare,
     RewardGraph,
     TrainBudget,
     TrainingProgress,
@@ -145,6 +146,41 @@ def test_what_ends_a_worker_is_tried_together_once_more_then_alone():
     assert [names for _, names in transport.asked] == [
         ["a", "x", "c", "d"], ["x", "c", "d"], ["x"], ["c"], ["d"], ["e"],
     ]  # fmt: skip
+
+
+def test_a_machine_that_leaves_is_no_attempt_of_its_lanes():
+    left = iter(range(1, LOSSES + 1))
+
+    def script(names: list[str]) -> Said:
+        yield result(names[0])
+        if next(left, None) is not None:
+            yield WorkerLost("It left.")
+            return
+        yield from (*map(result, names[1:]), DONE)
+
+    transport = Scripted(script)
+    assert trained(transport, populations("abc")) == ["a", "b", "c"]  # each once, who tells it again
+    assert [names for _, names in transport.asked] == [["a", "b", "c"]] * (LOSSES + 1)
+
+
+def test_machines_that_leave_one_after_the_other_count_at_last():
+    transport = Scripted(lambda names: iter([WorkerLost("It left.")]))
+    assert trained(transport, populations("ab")) == ["a!", "b!"]
+    assert len(transport.asked) == LOSSES + 2 + 2  # the last loss counts as one of two attempts together, then alone
+
+
+def test_progress_adds_up_over_the_shares_of_a_node():
+    def script(names: list[str]) -> Said:
+        share = NodeShare(lanes=len(names), env_steps_per_second=10.0)
+        part = TrainingProgress(epoch=1, epochs=2, env_steps_per_second=10.0, fitness={}, nodes={names[0][0]: share})
+        yield from (pack(part), pack(part), *map(result, names), DONE)
+
+    found = train(Scripted(script), populations("nm", "nop", "x"), [Slot("0", 1), Slot("1", 1), Slot("2", 1)])
+    seen = [message.nodes for message in found if isinstance(message, TrainingProgress)]
+    assert seen[2] == {
+        "n": NodeShare(lanes=5, env_steps_per_second=20.0),
+        "x": NodeShare(lanes=1, env_steps_per_second=10.0),
+    }
 
 
 def test_where_no_generated_reward_trains_the_human_one_says_who_is_at_fault():

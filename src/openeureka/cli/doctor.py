@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
+from ..config import parse
 from ..errors import ConfigError
+from ..executors import ray
 from ..executors.devices import devices, usable_cores
 from ..llm import weights
 from ..report import video
 from ..report.text import columns
 from ..report.video import VideoUnavailable
 from ..sandbox import confine
+from .settings import DoctorConfig
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +30,35 @@ class Finding:
     needed: bool = True
 
 
-def doctor() -> int:
-    """Print every finding; returns 1 when something a run needs is missing."""
-    found = [finding for look in LOOKS for finding in look()]
+def doctor(words: Sequence[str] = ()) -> int:
+    """Print every finding; returns 1 when something a run needs is missing.
+
+    Raises:
+        ConfigError: for a setting that does not fit, or where there is no cluster at `address=`.
+    """
+    address = parse(DoctorConfig, words).address
+    found = nodes(address) if address else [finding for look in LOOKS for finding in look()]
     marks = {True: "ok", False: "MISSING"}
     print(columns([(f.name, marks[f.good] if f.needed or f.good else "absent", f.detail) for f in found]))
     return int(any(f.needed and not f.good for f in found))
+
+
+def nodes(address: str) -> list[Finding]:
+    """Of a cluster: whether each node may train for this machine, and what it has. It needs no sandbox."""
+    found: list[Finding] = []
+    for node in ray.survey(address):
+        numbers = ", ".join(f"{name} {number}" for name, number in node["versions"].items())
+        detail = (
+            f"{node['cores']} cores, {node['gpus']} GPUs, {node['memory'] / 2**30:.1f} GiB of memory free, "
+            f"clock {node['offset']:+.3f} s, {numbers}"
+        )
+        try:
+            ray.check(node, guarded=node["guarded"])
+        except ConfigError as error:
+            found.append(Finding(node["host"], False, f"{error} It has {detail}."))
+        else:
+            found.append(Finding(node["host"], True, detail))
+    return found
 
 
 def python() -> list[Finding]:

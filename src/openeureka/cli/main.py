@@ -18,7 +18,16 @@ from ..config import RunConfig, TrainConfig
 from ..errors import ConfigError, EurekaError, Interrupted, StoreError
 from ..text import plain
 from ..version import __version__
-from .settings import CheckConfig, ContextConfig, NewConfig, PageConfig, PlayConfig, ReportConfig, describe
+from .settings import (
+    CheckConfig,
+    ContextConfig,
+    DoctorConfig,
+    NewConfig,
+    PageConfig,
+    PlayConfig,
+    ReportConfig,
+    describe,
+)
 
 
 class _Commands(typer.core.TyperGroup):
@@ -218,15 +227,15 @@ def fetch() -> None:
     print(f"The embedded model's weights are complete: {weights.fetch()}")
 
 
-@app.command()
-def doctor() -> None:
-    """Say what this machine can do, and what to install where something is missing.
+@app.command(epilog=describe(DoctorConfig))
+def doctor(words: Settings = None) -> None:
+    """Say what this machine can do, or each node of a cluster, and what to install where something is missing.
 
     Example: eureka doctor
     """
     from .doctor import doctor
 
-    raise typer.Exit(doctor())
+    raise typer.Exit(doctor(words or []))
 
 
 def main(argv: Sequence[str] | None = None) -> None:

@@ -89,6 +89,14 @@ class NewConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DoctorConfig:
+    """What to look at."""
+
+    address: str = ""
+    """Of a Ray cluster whose nodes to look at, instead of this machine: `auto`, `HOST:PORT` or `local`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ContextConfig:
     """Which task's context to print."""
 

@@ -28,7 +28,7 @@ from ..types import (
     Usage,
     lane_id,
 )
-from .progress import ProgressLine
+from .progress import ProgressLine, by_node
 
 _PHASES: dict[Phase, str] = {
     "sample": "asking the model",
@@ -185,7 +185,7 @@ class TerminalView:
         """Slots that the model writes for, with the time at which it began."""
         self._fitness: dict[str, float | None] = {}
         self._played: dict[str, Evaluation] = {}
-        self._epochs = ""
+        self._epochs, self._nodes = "", ""
         self._done: list[str] = []
         self._live = Live(console=console, get_renderable=self.render, refresh_per_second=4)
 
@@ -204,7 +204,7 @@ class TerminalView:
             self._replied.clear()
             self._asked.clear()
             self._fitness.clear()
-        self._epochs = ""
+        self._epochs, self._nodes = "", ""
         self._tally.phase(generation, name)
         if name == "feedback":
             self._live.stop()  # the terminal is the person's
@@ -225,6 +225,7 @@ class TerminalView:
     def progress(self, progress: TrainingProgress) -> None:
         self._fitness |= progress.fitness
         self._epochs = f"epoch {progress.epoch} of {progress.epochs}, {progress.env_steps_per_second:,.0f} steps/s"
+        self._nodes = by_node(progress)
 
     def result(self, result: TrainingResult) -> None:
         self._fitness[result.lane] = result.fitness
@@ -238,7 +239,7 @@ class TerminalView:
     def outcome(self, outcome: Outcome) -> None: ...
 
     def render(self) -> Group:
-        lines = [Text(line) for line in (*self._done, self._tally.headline(), self._epochs) if line]
+        lines = [Text(line) for line in (*self._done, self._tally.headline(), self._epochs, self._nodes) if line]
         return Group(*lines, self._slots() if self._tally.index < self._tally.config.generations else self._lanes())
 
     def _slots(self) -> Table:

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.text import Text
 
 from ..report.text import duration, number
+from ..text import one_line
 from ..types import TrainingProgress
 
 SECONDS_BETWEEN_LINES = 10.0
@@ -75,8 +76,19 @@ class ProgressLine:
         left = elapsed / progress.epoch * (progress.epochs - progress.epoch) if progress.epoch else None
         scores = [(fitness, lane) for lane, fitness in progress.fitness.items() if fitness is not None]
         best = ", ".join(f"{lane} {number(fitness)}" for fitness, lane in sorted(scores, reverse=True)[:SHOWN])
+        nodes = by_node(progress)
         return (
             f"Training: epoch {progress.epoch} of {progress.epochs}, "
             f"{progress.env_steps_per_second:,.0f} steps/s, "
-            f"{duration(left) + ' left' if left is not None else 'starting'}" + (f"; best F: {best}" if best else "")
+            f"{duration(left) + ' left' if left is not None else 'starting'}"
+            + (f"; best F: {best}" if best else "")
+            + (f"; {nodes}" if nodes else "")
         )
+
+
+def by_node(progress: TrainingProgress) -> str:
+    """What each node of a cluster trains, and how fast; empty on one machine."""
+    return ", ".join(
+        f"{one_line(name, 40)} {share.lanes} lanes at {share.env_steps_per_second:,.0f} steps/s"
+        for name, share in sorted(progress.nodes.items())
+    )

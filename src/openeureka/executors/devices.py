@@ -4,23 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import torch
 
 from ..sim import check_device
+from .transport import Slot
 
 CPU = "cpu"
 CPU_WORKERS = 8
 """The most processes that share one CPU: each costs 0.4 GB of memory before its worlds."""
-
-
-class Slot(NamedTuple):
-    """Room for one worker."""
-
-    device: str
-    threads: int
-    """Of simulation and tensors; 0 for all cores."""
 
 
 def devices(setting: str) -> tuple[str, ...]:

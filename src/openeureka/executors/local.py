@@ -10,9 +10,9 @@ from ..codec import plain
 from ..tasks import registry
 from ..types import Dynamics, Evaluation, LaneSpec, TrainBudget
 from . import retry, scheduler, snapshots
-from .devices import Slot, devices, workers
+from .devices import devices, workers
 from .retry import Message, Population
-from .transport import SILENCE, Processes
+from .transport import SILENCE, Processes, Slot
 
 MAX_WORLDS = {"cpu": 16384, "cuda": 65536}
 """A world costs about 0.15 MB, of which the model hardly matters (measured on Cartpole and Humanoid, on the CPU)."""

@@ -13,14 +13,15 @@ from ..errors import WorkerError
 from ..training.wire import SNAPSHOT, pack_lanes, unpack
 from ..types import Evaluation, LaneSpec, TrainBudget, TrainingProgress, TrainingResult, TrainingState
 from ..worker import Frame
-from .devices import Slot
 from .snapshots import Snapshot
-from .transport import AnyCall, Call, Transport
+from .transport import AnyCall, Call, Slot, Transport, WorkerLost
 
 SNAPSHOT_SECONDS = 300.0
 """[s] between two snapshots of a training; one takes a fraction of a second."""
 TOGETHER = 2
 """Attempts of all lanes of a population that have no result; more of them may be one lane's fault."""
+LOSSES = 10
+"""Machines that may leave with one population or question before they count as its doing."""
 
 Message = TrainingProgress | TrainingResult
 
@@ -39,7 +40,7 @@ class Population:
     """Lanes that train in one simulation, until each has a result.
 
     They train together, together once more, then one by one: a lane that kills its process takes no other with it. Each
-    attempt goes on from where the one before it was, as far as a snapshot tells.
+    attempt goes on from where the one before it was, as far as a snapshot tells. One whose machine left does not count.
 
     Args:
         snapshots: folder of its state while it is under way; None for one that begins anew when its worker dies.
@@ -53,6 +54,7 @@ class Population:
         self._plan = self._attempts()
         self._attempt = next(self._plan, None)
         self._snapshot = Snapshot(None, {})
+        self._losses = 0
 
     def _attempts(self) -> Iterator[Attempt]:
         """What to try next, by what is left at that moment."""
@@ -98,6 +100,9 @@ class Population:
         try:
             frame = call.receive()
         except WorkerError as error:
+            self._losses += isinstance(error, WorkerLost)
+            if isinstance(error, WorkerLost) and self._losses <= LOSSES:
+                return None, True
             if self._attempt.control:
                 raise WorkerError(self._reasons[self.lanes[0].id]) from None
             self._snapshot.distrust()
@@ -108,11 +113,11 @@ class Population:
             self._end(self._attempt, "Training stopped: The worker process ended without a result.")
             return None, True
         self.keep(frame)
-        if SNAPSHOT in frame.blobs or self._attempt.control:
+        if not frame.header or self._attempt.control:
             return None, False
         message = unpack(frame)
-        if isinstance(message, TrainingResult):
-            del self._left[message.lane]
+        if isinstance(message, TrainingResult) and self._left.pop(message.lane, None) is None:
+            return None, False  # the machine before told it as well, before it left
         return message, False
 
     def keep(self, frame: Frame) -> None:
@@ -137,16 +142,15 @@ class Population:
 def evaluate(
     transport: Transport[AnyCall], slot: Slot, question: Mapping[str, object], policies: Mapping[str, bytes]
 ) -> Iterator[Evaluation]:
-    """Score of each policy; a worker that dies is replaced once, by one that scores what is left.
+    """Score of each policy; a worker that dies is replaced once, by one that scores what is left, and one whose machine
+    left more often.
 
     Raises:
         TaskError: when the task's own code fails.
         WorkerError: when it dies again.
     """
-    left = dict(policies)
-    for last in (False, True):
-        if not left:
-            return
+    left, deaths, losses = dict(policies), 0, 0
+    while left and deaths < 2:
         with closing(transport.call(Frame({"do": "evaluate", **question}, left), slot)) as call:
             try:
                 while not (frame := call.receive()).header.get("done"):
@@ -154,6 +158,13 @@ def evaluate(
                         score = shaped(Evaluation, frame.header["score"])
                         del left[score.lane]
                         yield score
-            except WorkerError:
-                if last and left:
+            except WorkerLost:
+                losses += 1
+                if losses > LOSSES:
                     raise
+            except WorkerError:
+                deaths += 1
+                if deaths > 1 and left:
+                    raise
+            else:
+                deaths += 1  # it was done, and left some out

@@ -6,10 +6,9 @@ from collections import deque
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ..types import LaneSpec, TrainingProgress
-from .devices import Slot
+from ..types import LaneSpec, NodeShare, TrainingProgress
 from .retry import Message, Population
-from .transport import AnyCall, Transport, farewell
+from .transport import AnyCall, Slot, Transport, farewell
 
 
 def deal(lanes: Sequence[LaneSpec], kept: Sequence[Sequence[str]], count: int) -> list[Sequence[LaneSpec]]:
@@ -88,7 +87,17 @@ class Tally:
             epochs=self.populations * progress.epochs,
             env_steps_per_second=sum(part.env_steps_per_second for part in self.running.values()),
             fitness=dict(self.fitness),
+            nodes=self._nodes(),
         )
+
+    def _nodes(self) -> dict[str, NodeShare]:
+        found: dict[str, NodeShare] = {}
+        for part in self.running.values():
+            for name, share in part.nodes.items():
+                before = found.get(name, NodeShare(lanes=0, env_steps_per_second=0.0))
+                rate = before.env_steps_per_second + share.env_steps_per_second
+                found[name] = NodeShare(lanes=before.lanes + share.lanes, env_steps_per_second=rate)
+        return found
 
     def close(self, population: Population) -> None:
         """The population has its results."""

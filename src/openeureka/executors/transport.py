@@ -10,16 +10,27 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from multiprocessing import connection
-from typing import Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 from ..errors import EurekaError, TaskError, WorkerError
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
-from .devices import Slot
 
 SILENCE = 600.0
 """[s] without a sign of life after which a worker counts as hung; it reports every second and compiles for seconds."""
 FAREWELL = 10.0
 """[s] that all workers together may take for a last snapshot when a training is stopped; they look every second."""
+
+
+class Slot(NamedTuple):
+    """Room for one worker."""
+
+    device: str
+    threads: int
+    """Of simulation and tensors; 0 for all cores."""
+
+
+class WorkerLost(WorkerError):
+    """The machine of a worker is gone: nothing that was asked of it is at fault."""
 
 
 class Call(Protocol):
@@ -29,7 +40,7 @@ class Call(Protocol):
         """The next frame; the last one's header says `done`.
 
         Raises:
-            WorkerError: when the worker died or hangs. It must then be closed.
+            WorkerError: when the worker died or hangs, WorkerLost when its machine did. It must then be closed.
             TaskError: when the task's own code fails there.
         """
         ...

@@ -19,6 +19,7 @@ class _Shared(TypedDict, total=False):
     device: str
     threads: int
     executor: str
+    address: str
     dir: str | Path
     unsafe_no_sandbox: bool
 

@@ -18,7 +18,12 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
     Raises:
         ConfigError: for an executor, a device or a curriculum that does not exist or does not fit.
     """
-    options = {"device": config.device, "threads": config.threads, "snapshots": directory / "snapshots"}
+    options: dict[str, object] = {
+        "device": config.device,
+        "threads": config.threads,
+        "snapshots": directory / "snapshots",
+    }
+    options |= {"address": config.address} if config.address else {}
     trainer: Trainer = EXECUTORS.make(config.executor, **options)
     if not config.curriculum:
         return trainer

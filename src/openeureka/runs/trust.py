@@ -28,6 +28,7 @@ _EFFECTS = {
     "env": "is run with your rights",
     "search": "is run with your rights",
     "executor": "is run with your rights",
+    "address": "is sent what is trained, and what answers there can run code with your rights",
     "curriculum": "is read, and the tasks that it names are run with your rights",
     "init": "is read, and sent to the model",
     "model": "is loaded, or asked for rewards, which may cost money",
@@ -38,13 +39,14 @@ _EFFECTS = {
 
 def claims(config: object) -> dict[str, str]:
     """The settings of a run or a training that reach outside it, by key; paths are whole."""
-    env, search, executor, curriculum, init, model, base_url, price = (
+    env, search, executor, address, curriculum, init, model, base_url, price = (
         str(getattr(config, key, "")) for key in _EFFECTS
     )
     found = {
         "env": "" if registry.installed(env) else absolute("env", env),
         "search": "" if SEARCHES.installed(search) else search,
         "executor": "" if EXECUTORS.installed(executor) else executor,
+        "address": "" if address in ("auto", "local") else address,
         "curriculum": absolute("curriculum", curriculum) if curriculum.endswith((".yaml", ".yml")) else "",
         "init": "" if init == "human" else _whole(init),
         "model": "" if model in ("local", "random", NO_MODEL) else _model(model),

@@ -128,6 +128,14 @@ class TrainingResult:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class NodeShare:
+    """What one machine of a cluster trains."""
+
+    lanes: int
+    env_steps_per_second: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingProgress:
     """Sent by a trainer between results, about once a second."""
 
@@ -136,6 +144,8 @@ class TrainingProgress:
     env_steps_per_second: float
     fitness: Mapping[str, Finite | None]
     """Best F so far per lane id."""
+    nodes: Mapping[str, NodeShare] = field(default_factory=dict[str, NodeShare])
+    """What each machine of a cluster does of it, by name; empty on one machine."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,337 @@
+"""Lanes on the machines of a Ray cluster: an actor a population, wherever Ray finds the cores or the GPU for it.
+
+Ray places, and says who died. What is tried again, and from which snapshot, is this machine's to say, as it holds the
+store. Frames travel as bytes.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import math
+import os
+import time
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..codec import plain
+from ..errors import ConfigError, TaskError, WorkerError
+from ..tasks import registry
+from ..types import Dynamics, Evaluation, LaneSpec, TrainBudget
+from ..worker import Frame, WorkerDied, framed, unframed
+from . import ray_node, retry, scheduler, snapshots
+from .local import MAX_WORLDS
+from .retry import Message, Population
+from .transport import SILENCE, Slot, WorkerLost
+
+WORKER, WORLD = 0.4e9, 0.15e6
+"""[bytes] of memory that a worker takes, and each of its worlds."""
+ROUNDS = 2
+"""Populations for each place of several machines: the quick take more of them, and one that joins finds some."""
+POLL = 1.0
+"""[s] between two looks at calls that say nothing, between which Ctrl-C is heard."""
+OBJECT_STORE = 200 << 20
+"""[bytes] of a cluster of this machine alone; frames stay there until they are read."""
+
+_SETTINGS = {
+    "RAY_USAGE_STATS_ENABLED": "0",
+    "RAY_DEDUP_LOGS_SKIP_REGEX": ".*",  # what the cluster logs is in its files, and not amid a table
+    "RAY_NUM_REDIS_GET_RETRIES": "1",  # an address where nobody answers is given up in less than a minute
+}
+
+
+class RayExecutor:
+    """A `types.Trainer` whose lanes are dealt by what the nodes of a cluster have.
+
+    Args:
+        device: `cpu` or `cuda`: a population takes cores, or one whole GPU.
+        threads: cores of each population; 0 for as many as all populations find at once.
+        snapshots: see `local.LocalExecutor`.
+        address: `auto` for the cluster that this machine is part of, `HOST:PORT`, or `local` for one of its own.
+        module: what a worker runs; tests replace it.
+        silence: [s] after which a worker that says nothing is ended and replaced. Ray notices a machine that hangs.
+
+    Raises:
+        ConfigError: when Ray is not installed, there is no such cluster, or it takes orders from anybody.
+    """
+
+    def __init__(
+        self,
+        device: str = "cpu",
+        threads: int = 0,
+        *,
+        snapshots: Path | None = None,
+        address: str = "auto",
+        module: str = "openeureka.executors.child",
+        silence: float = SILENCE,
+    ) -> None:
+        if device not in MAX_WORLDS:
+            raise ConfigError(f"On a cluster device= is {' or '.join(MAX_WORLDS)}, not `{device}`.")
+        self._device, self._threads, self._snapshots, self._address = device, threads, snapshots, address
+        self._ray = connect(address)
+        self._transport = Actors(self._ray, module, silence)
+
+    def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Generator[Message]:
+        """Train every lane, as `local.LocalExecutor.train` does.
+
+        Raises:
+            ConfigError: when no node has what `device=` asks for, or one runs other versions.
+            TaskError, WorkerError: as there.
+        """
+        worlds = budget.worlds or registry.get(env).recipe.worlds
+        places = [Place.of(node) for node in self._ray.nodes() if node["Alive"]]
+        count, threads = shares(places, len(lanes), worlds, self._device, self._threads)
+        if not count:
+            raise ConfigError(f"No node of the cluster at address={self._address} has room for device={self._device}.")
+        dealt = scheduler.deal(lanes, snapshots.groups(self._snapshots, env), count)
+        populations = [Population(env, share, budget, self._snapshots) for share in dealt]
+        # All are submitted at once: Ray knows best when there is room for the next.
+        return scheduler.train(self._transport, populations, [self._slot(threads)] * len(populations))
+
+    def evaluate(
+        self,
+        env: str,
+        policies: Mapping[str, bytes],
+        *,
+        seed: int,
+        episodes: int = 0,
+        dynamics: Mapping[str, Dynamics] | None = None,
+    ) -> Iterator[Evaluation]:
+        """Score of each policy, on one node: see `local.LocalExecutor.evaluate`.
+
+        It waits for one core of a node, and then takes what the others there leave: waiting for a whole node may take
+        for ever where several searches share a cluster, and it is brief.
+        """
+        question = {"env": env, "seed": seed, "episodes": episodes, "dynamics": plain(dynamics or {})}
+        return retry.evaluate(self._transport, self._slot(self._threads), question, policies)
+
+    def _slot(self, threads: int) -> Slot:
+        return Slot("cuda:0" if self._device == "cuda" else "cpu", threads)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """What a node offers."""
+
+    cores: int
+    gpus: int = 0
+    memory: float = math.inf
+    """[bytes]"""
+
+    @staticmethod
+    def of(node: Mapping[str, Any]) -> Place:
+        has = node["Resources"]
+        return Place(int(has.get("CPU", 0)), int(has.get("GPU", 0)), has.get("memory", math.inf))
+
+
+def shares(places: Sequence[Place], lanes: int, worlds: int, device: str, threads: int) -> tuple[int, int]:
+    """Into how many populations to deal lanes, and the cores of each; (0, 0) where no node has room for one.
+
+    A population takes as many cores as leave room for all of them at once, or for a population a core; and no more
+    worlds than the memory of its part of a node holds.
+    """
+    if device == "cuda":
+        room, memory, threads = sum(place.gpus for place in places), math.inf, max(1, threads)
+    else:
+        most = max((place.cores for place in places), default=0)
+        options = [threads] if threads else range(most, 0, -1)
+        fitting = {number: sum(place.cores // number for place in places) for number in options}
+        wanted = min(lanes, max(fitting.values(), default=0))
+        threads = next((number for number, room in fitting.items() if room >= wanted), 0)
+        room = fitting.get(threads, 0)
+        memory = min((p.memory / (p.cores // threads) for p in places if threads and p.cores >= threads), default=0.0)
+        room *= ROUNDS if sum(place.cores >= threads for place in places) > 1 else 1
+    if not room:
+        return 0, 0
+    most_worlds = min(MAX_WORLDS[device], max(0.0, memory - WORKER) // WORLD)
+    return max(min(room, lanes), math.ceil(lanes / max(1, most_worlds // worlds))), threads
+
+
+class Actors:
+    """A `Transport` that has each call served by an actor of its own."""
+
+    def __init__(self, ray: Any, module: str, silence: float) -> None:
+        self._ray, self._module, self._silence = ray, module, silence
+        self._actor: Any = ray.remote(ray_node.Share)
+        self._guarded = _guarded(ray)
+
+    def call(self, request: Frame, slot: Slot) -> ActorCall:
+        gpus = int(slot.device.startswith("cuda"))
+        actor = self._actor.options(
+            num_cpus=1 if gpus else max(1, slot.threads),
+            num_gpus=gpus,
+            max_restarts=0,
+            max_concurrency=2,  # `stop` is heard while `serve` is under way
+            scheduling_strategy="SPREAD",
+        ).remote(self._module)
+        data = framed(request.header, request.blobs)
+        serve = actor.serve.options(num_returns="streaming", max_task_retries=0)
+        return ActorCall(self._ray, actor, serve.remote(data, *slot), self._silence, guarded=self._guarded)
+
+    def wait(self, calls: Sequence[ActorCall], timeout: float | None = None) -> Sequence[ActorCall]:
+        end = math.inf if timeout is None else time.monotonic() + timeout
+        by_stream = {call.stream: call for call in calls}
+        streams = list(by_stream)
+        while calls:
+            left = min([end - time.monotonic(), *(call.patience for call in calls)])
+            ready, _ = self._ray.wait(streams, num_returns=1, timeout=max(0.0, min(left, POLL)))
+            if ready:
+                ready, _ = self._ray.wait(streams, num_returns=len(streams), timeout=0)
+            found = [call for call in calls if call.patience <= 0]
+            found += [call for stream in ready if (call := by_stream[stream]) not in found]
+            if found or left <= 0:
+                return found
+        return []
+
+
+class ActorCall:
+    """A `Call` that an actor serves, as soon as there is room for it."""
+
+    def __init__(self, ray: Any, actor: Any, stream: Any, silence: float, *, guarded: bool) -> None:
+        self._ray, self._actor, self.stream = ray, actor, stream
+        self._silence, self._guarded = silence, guarded
+        self._heard = math.inf  # an actor may wait for a place as long as it takes
+        self._node: Mapping[str, Any] = {}
+
+    @property
+    def patience(self) -> float:
+        """[s] that the actor may still be silent."""
+        return self._heard + self._silence - time.monotonic()
+
+    def receive(self) -> Frame:
+        try:
+            if self.patience <= 0:
+                raise WorkerError("Training stopped: The worker process did not answer in time.")
+            frame = unframed(self._ray.get(next(self.stream), timeout=self._silence))
+        except (self._ray.exceptions.RayError, StopIteration, WorkerDied) as error:
+            raise self._ending(error) from None
+        self._heard, header = time.monotonic(), frame.header
+        if "node" in header:
+            self._node = header["node"]
+            check(self._node, guarded=self._guarded)
+            return Frame({})
+        if "died" in header:
+            raise WorkerError(f"{header['died']} That was on {self._node['host']}.")
+        if "broken" in header:
+            raise TaskError(header["broken"])
+        if "progress" in header:
+            return Frame({"progress": self._placed(header["progress"])})
+        return frame
+
+    def _placed(self, progress: Mapping[str, Any]) -> dict[str, Any]:
+        share = {"lanes": len(progress["fitness"]), "env_steps_per_second": progress["env_steps_per_second"]}
+        return {**progress, "nodes": {self._node["host"]: share}}
+
+    def _ending(self, error: Exception) -> WorkerError | ConfigError:
+        """What to say of an actor that is gone."""
+        if getattr(error, "actor_init_failed", False) or isinstance(error, self._ray.exceptions.RayTaskError):
+            if "ModuleNotFoundError" in str(error):
+                return ConfigError(
+                    "A node of the cluster lacks openeureka or a package that it needs: run pip install "
+                    f"'openeureka[ray]=={ray_node.versions()['openeureka']}' there, or your task's own package."
+                )
+            return WorkerError(f"Training stopped: {str(error).splitlines()[-1]}")
+        alive = {node["NodeID"] for node in self._ray.nodes() if node["Alive"]}
+        if self._node.get("id") not in alive:  # also of one that never said where it is: it had begun nothing
+            return WorkerLost("Training stopped: the node that trained is gone.")
+        return WorkerError(
+            f"Training stopped: the Ray worker on {self._node['host']} ended before it answered; Ray ends one also "
+            "where memory runs out: use fewer worlds= or a smaller sample=."
+        )
+
+    def stop(self) -> None:
+        self._actor.stop.remote()
+
+    def close(self) -> None:
+        with suppress(self._ray.exceptions.RayError):
+            self._ray.kill(self._actor)
+
+
+def connect(address: str) -> Any:
+    """The module `ray`, part of the cluster from here on; a process is part of one cluster for as long as it lives.
+
+    Raises:
+        ConfigError: when there is no such cluster, Ray is missing or another one, or anybody could give it orders.
+    """
+    ray = _imported(address)
+    if not ray.is_initialized():
+        options: dict[str, Any] = {"include_dashboard": False, "object_store_memory": OBJECT_STORE}
+        options = options if address == "local" else {}
+        try:
+            ray.init(address=address or "auto", log_to_driver=False, logging_level="ERROR", **options)
+        except (ray.exceptions.RayError, ConnectionError, RuntimeError, ValueError) as error:
+            said = " ".join(str(error).split())[:300]
+            raise ConfigError(
+                f"There is no cluster to join at address={address} ({said}); start one with `ray start --head`, or "
+                "write address=local."
+            ) from None
+    if _guarded(ray) and os.environ.get("RAY_AUTH_MODE", "").lower() != "token":
+        raise _open(ray.get_runtime_context().gcs_address)
+    return ray
+
+
+def _imported(address: str) -> Any:
+    for name, value in _SETTINGS.items():
+        os.environ.setdefault(name, value)
+    if address == "local":
+        os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")  # Ray's word for: listen on loopback alone
+    try:
+        import ray
+    except ImportError:
+        raise ConfigError("executor=ray needs Ray, which is missing: pip install 'openeureka[ray]'") from None
+    return ray
+
+
+def _guarded(ray: Any) -> bool:
+    """Whether the cluster listens beyond this machine, so that it must ask for a token."""
+    host = ray.get_runtime_context().gcs_address.rpartition(":")[0].strip("[]")
+    try:
+        return not ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host != "localhost"
+
+
+def _open(where: str) -> ConfigError:
+    return ConfigError(
+        f"The cluster at {where} runs what anybody on its network sends: run `ray get-auth-token --generate` once, "
+        "copy ~/.ray/auth_token to every node, and start Ray and eureka with the environment variable "
+        "RAY_AUTH_MODE=token."
+    )
+
+
+def check(node: Mapping[str, Any], *, guarded: bool) -> None:
+    """Refuse a node whose numbers would differ from this machine's, or that takes orders from anybody.
+
+    Raises:
+        ConfigError: with what runs where.
+    """
+    if guarded and not node["token"]:
+        raise _open(node["host"])
+    here = ray_node.versions()
+    if odd := [name for name, number in here.items() if node["versions"].get(name) != number]:
+        there = ", ".join(f"{name} {node['versions'].get(name, 'none')}" for name in odd)
+        ours = ", ".join(f"{name} {here[name]}" for name in odd)
+        raise ConfigError(f"Node {node['host']} runs {there}, and this machine {ours}: install the same on both.")
+
+
+def survey(address: str) -> list[dict[str, Any]]:
+    """What each node of a cluster has: `ray_node.about`, and its `cores`, `gpus` and `offset` [s] of the clock."""
+    ray = connect(address)
+    from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
+    asked: Any = ray.remote(ray_node.about)
+    found: list[dict[str, Any]] = []
+    for node in ray.nodes():
+        if not node["Alive"]:
+            continue
+        place = NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)
+        said: dict[str, Any] = {}
+        for _ in range(2):  # the first starts a process there, which takes a second
+            asked_at = time.time()
+            said = ray.get(asked.options(num_cpus=0, scheduling_strategy=place).remote())
+            said["offset"] = said["time"] - (asked_at + time.time()) / 2
+        offered = Place.of(node)
+        found.append({**said, "cores": offered.cores, "gpus": offered.gpus, "guarded": _guarded(ray)})
+    return found

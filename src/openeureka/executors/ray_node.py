@@ -1,0 +1,84 @@
+"""What runs on the nodes of a Ray cluster: it passes frames on between the driver and a worker, and says where it is.
+
+Ray starts it from the package that is installed on the node. It imports neither torch nor a simulator: the worker does.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from ..errors import EurekaError, TaskError
+from ..version import __version__
+from ..worker import framed, unframed
+from .transport import ProcessCall, Processes, Slot
+
+DECIDING = ("torch", "mujoco")
+"""Packages whose versions numbers depend on, beside this one and Python."""
+
+FOREVER = 1e8
+"""[s] that the kernel still takes for a time to wait."""
+
+
+def versions() -> dict[str, str]:
+    """What decides on the numbers of a training, by name. Builds of one version for a CPU and for CUDA count as one."""
+    found = {"openeureka": __version__, "Python": ".".join(platform.python_version_tuple()[:2])}
+    for name in DECIDING:
+        try:
+            found[name] = version(name).partition("+")[0]
+        except PackageNotFoundError:
+            found[name] = "none"
+    return found
+
+
+def about() -> dict[str, Any]:
+    """This node, in plain data: `memory` in bytes that are free, `time` in seconds of its clock."""
+    import ray
+
+    return {
+        "id": ray.get_runtime_context().get_node_id(),
+        "host": platform.node(),
+        "token": os.environ.get("RAY_AUTH_MODE", "").lower() == "token",
+        "versions": versions(),
+        "memory": _free_memory(),
+        "time": time.time(),
+    }
+
+
+def _free_memory() -> int:
+    with suppress(OSError, ValueError), open("/proc/meminfo") as file:
+        return next(int(line.split()[1]) * 1024 for line in file if line.startswith("MemAvailable"))
+    return 0
+
+
+class Share:
+    """An actor that has one request served, by a process beside it: what the process does to itself, it survives."""
+
+    def __init__(self, module: str) -> None:
+        self._processes = Processes(module, silence=FOREVER)  # the driver listens for silence
+        self._call: ProcessCall | None = None
+
+    def serve(self, request: bytes, device: str, threads: int) -> Iterator[bytes]:
+        """Frames of the worker, the first of which says where this is; `died` is its end, in a sentence."""
+        yield framed({"node": about()})
+        self._call = self._processes.call(unframed(request), Slot(device, threads))
+        try:
+            while True:
+                frame = self._call.receive()
+                yield framed(frame.header, frame.blobs)
+                if frame.header.get("done"):
+                    return
+        except EurekaError as error:
+            yield framed({"broken" if isinstance(error, TaskError) else "died": str(error)})
+        finally:
+            self._call.close()
+
+    def stop(self) -> None:
+        """While `serve` is under way: ask the worker to end, with a snapshot."""
+        if self._call is not None:
+            self._call.stop()

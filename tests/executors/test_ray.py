@@ -1,0 +1,289 @@
+"""The Ray executor on real raylets: three nodes of one core each on this machine, which come and go."""
+
+import dataclasses
+import os
+import platform
+import secrets
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from openeureka.cli import doctor
+from openeureka.errors import ConfigError
+from openeureka.executors import EXECUTORS, ray_node, retry
+from openeureka.executors.local import LocalExecutor
+from openeureka.executors.ray import Place, RayExecutor, check, shares
+from openeureka.testing.conformance.trainer import TrainerConformance
+from openeureka.types import LaneSpec, TrainBudget, TrainingProgress, TrainingResult, TrainingState
+
+pytestmark = pytest.mark.timeout(240)  # starting a node takes seconds, several on a busy machine
+
+BRIEF = TrainBudget(env_steps=16 * 32 * 40, worlds=32)
+SIZE = {"num_cpus": 1, "object_store_memory": 100 << 20, "node_ip_address": "127.0.0.1", "include_dashboard": False}
+QUICK = {
+    "health_check_initial_delay_ms": 0,
+    "health_check_period_ms": 500,
+    "health_check_timeout_ms": 1000,
+    "health_check_failure_threshold": 4,
+    "worker_niceness": 0,
+}
+"""A node that hangs is noticed in seconds, and others on this machine do not starve it."""
+
+
+class Nodes:
+    """A cluster whose nodes can be hurt."""
+
+    def __init__(self) -> None:
+        from ray.cluster_utils import Cluster
+
+        self._cluster = Cluster(initialize_head=True, head_node_args={**SIZE, "_system_config": QUICK})
+        self.join()
+        self.join()
+
+    @property
+    def address(self) -> str:
+        return str(self._cluster.address)
+
+    def join(self) -> int:
+        """The pid of another node's raylet."""
+        return self._cluster.add_node(**SIZE).all_processes["raylet"][0].process.pid
+
+    def complete(self) -> None:
+        """Three nodes, whatever happened before."""
+        import ray
+
+        while sum(node["Alive"] for node in ray.nodes()) < 3:
+            self.join()
+
+    @property
+    def mortal(self) -> list[int]:
+        """Pids of the raylets that this process is no part of."""
+        return [node.all_processes["raylet"][0].process.pid for node in self._cluster.worker_nodes]
+
+    def close(self) -> None:
+        self._cluster.shutdown()
+
+
+def running(name: bytes) -> list[int]:
+    """Pids of processes with this in their command line."""
+    return [int(folder.name) for folder in Path("/proc").glob("[0-9]*") if name in read(folder / "cmdline")]
+
+
+def shares_at_work() -> dict[int, int]:
+    """Pids of actors that train, with that of their raylet."""
+    stats = {pid: read(Path(f"/proc/{pid}/stat")) for pid in running(b"ray::Share.serve")}
+    return {pid: int(stat.rpartition(b")")[2].split()[1]) for pid, stat in stats.items() if stat}
+
+
+def read(file: Path) -> bytes:
+    """Nothing of a process that has ended."""
+    try:
+        return file.read_bytes()
+    except OSError:
+        return b""
+
+
+@pytest.fixture(scope="class")
+def nodes() -> Iterator[Nodes]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+        patch.setenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")  # listens on loopback alone
+        patch.setenv("RAY_AUTH_MODE", "token")
+        patch.setenv("RAY_AUTH_TOKEN", secrets.token_hex(32))
+        patch.setenv("PYTHONPATH", f"{Path(__file__).parent}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+        import ray
+
+        cluster = Nodes()
+        yield cluster
+        ray.shutdown()
+        cluster.close()
+
+
+@pytest.fixture(scope="class")
+def undisturbed() -> list[TrainingResult]:
+    lanes = [LaneSpec(id=str(seed), program="human", seed=seed) for seed in range(5)]
+    trained = LocalExecutor(threads=5).train("cartpole", lanes, BRIEF)
+    return sorted((plain(m) for m in trained if isinstance(m, TrainingResult)), key=lambda result: result.lane)
+
+
+class TestRayExecutor(TrainerConformance):
+    env = "cartpole"
+    budget = TrainBudget(env_steps=4096, worlds=16)
+
+    @pytest.fixture(autouse=True)
+    def _at(self, nodes: Nodes) -> None:
+        type(self).nodes = nodes
+
+    nodes: Nodes
+
+    def make(self) -> RayExecutor:
+        return RayExecutor(threads=1, address=self.nodes.address)
+
+    def test_numbers_are_those_of_this_machine_for_the_same_shares(self) -> None:
+        # Four lanes, and six places in two rounds: each trains alone, as with four cores here.
+        here = LocalExecutor(threads=4).train(self.env, self.lanes(), self.budget)
+        expected = {message.lane: message for message in here if isinstance(message, TrainingResult)}
+        assert {result.lane: plain(result) for result in self._results()} == {
+            name: plain(result) for name, result in expected.items()
+        }
+
+    def test_the_doctor_looks_at_each_node(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert doctor.doctor([f"address={self.nodes.address}"]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert len(lines) == 3
+        assert all("  ok  1 cores, 0 GPUs, " in line and "openeureka" in line for line in lines)
+
+    def trained(
+        self, folder: Path, disturb: Callable[[], object] = lambda: None, count: int = 2
+    ) -> list[TrainingProgress | TrainingResult]:
+        """Messages of lanes that are disturbed once there is a snapshot of each that is at work."""
+        trainer = RayExecutor(threads=1, address=self.nodes.address, snapshots=folder / "s", module="eager_worker")
+        self.nodes.complete()
+        lanes = [LaneSpec(id=str(seed), program="human", seed=seed) for seed in range(count)]
+        messages: list[TrainingProgress | TrainingResult] = []
+        disturbed = False
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(retry, "SNAPSHOT_SECONDS", 1e-9)
+            for message in trainer.train("cartpole", lanes, BRIEF):
+                messages.append(message)
+                if not disturbed and len(list((folder / "s").glob("*.pt"))) >= min(count, 2):
+                    disturb()
+                    disturbed = True
+        assert disturbed
+        return messages
+
+    @pytest.mark.parametrize("fault", ["worker", "raylet", "hang"])
+    def test_what_a_fault_takes_is_trained_again_to_the_same_rows(
+        self, fault: str, tmp_path: Path, undisturbed: list[TrainingResult]
+    ) -> None:
+        hurt: list[int] = []
+
+        def disturb() -> None:
+            at_work = {pid: raylet for pid, raylet in shares_at_work().items() if raylet in self.nodes.mortal}
+            actor, raylet = next(iter(at_work.items()))
+            hurt.extend({"worker": [actor], "raylet": [raylet], "hang": [raylet, actor]}[fault])
+            for pid in hurt:
+                os.kill(pid, signal.SIGSTOP if fault == "hang" else signal.SIGKILL)
+
+        try:
+            messages = self.trained(tmp_path, disturb, 3)
+        finally:
+            for pid in hurt if fault == "hang" else ():
+                os.kill(pid, signal.SIGKILL)
+        results = [plain(message) for message in messages if isinstance(message, TrainingResult)]
+        assert sorted(results, key=lambda result: result.lane) == undisturbed[:3]
+        assert list(tmp_path.iterdir()) == []
+        ((name, share),) = next(m for m in messages if isinstance(m, TrainingProgress)).nodes.items()
+        assert name == platform.node() and share.lanes == 1 and share.env_steps_per_second > 0
+
+    def test_a_node_that_joins_takes_what_waits(self, tmp_path: Path, undisturbed: list[TrainingResult]) -> None:
+        joined: list[int] = []
+        used: set[int] = set()
+
+        def join() -> None:
+            joined.append(self.nodes.join())
+            while joined[0] not in shares_at_work().values():
+                time.sleep(0.05)
+            used.update(shares_at_work().values())
+
+        results = [plain(m) for m in self.trained(tmp_path, join, 5) if isinstance(m, TrainingResult)]
+        assert set(joined) <= used
+        assert sorted(results, key=lambda result: result.lane) == undisturbed
+
+    def test_a_worker_that_dies_by_itself_goes_on_from_its_snapshot(self, tmp_path: Path) -> None:
+        lanes = [LaneSpec(id="a", program="human")]
+        budget = TrainBudget(env_steps=16 * 32 * 3, worlds=32)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(retry, "SNAPSHOT_SECONDS", 1e-9)
+            trainer = RayExecutor(
+                threads=1, address=self.nodes.address, snapshots=tmp_path / "s", module="interrupted_worker"
+            )
+            (result,) = (m for m in trainer.train("cartpole", lanes, budget) if isinstance(m, TrainingResult))
+        here = LocalExecutor(threads=1).train("cartpole", lanes, budget)
+        assert plain(result) == plain(next(m for m in here if isinstance(m, TrainingResult)))
+
+    def test_whoever_stops_listening_leaves_a_state_and_no_worker_behind(self, tmp_path: Path) -> None:
+        trainer = RayExecutor(threads=1, address=self.nodes.address, snapshots=tmp_path / "s", module="eager_worker")
+        self.nodes.complete()
+        lanes = [LaneSpec(id="a", program="human")]
+        training = trainer.train("cartpole", lanes, dataclasses.replace(BRIEF, env_steps=10**9))
+        next(training)
+        training.close()
+        assert len(list((tmp_path / "s").glob("*.pt"))) == 1
+        end = time.monotonic() + 20
+        while (left := [*shares_at_work(), *running(b"eager_worker")]) and time.monotonic() < end:
+            time.sleep(0.1)
+        assert not left
+
+    def test_a_node_with_other_versions_is_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        here = ray_node.versions()
+        monkeypatch.setattr(ray_node, "versions", lambda: {**here, "mujoco": "9.9"})
+        said = rf"runs mujoco {here['mujoco']}, and this machine mujoco 9.9: install the same"
+        with pytest.raises(ConfigError, match=said):
+            list(self.make().train(self.env, self.lanes(), self.budget))
+
+
+def plain(result: TrainingResult) -> TrainingResult:
+    assert result.state is TrainingState.FINISHED, result.message
+    return dataclasses.replace(result, seconds=0.0)
+
+
+LAPTOP, BIG = Place(cores=4), Place(cores=64)
+
+
+@pytest.mark.parametrize(
+    ("places", "lanes", "threads", "expected"),
+    [
+        ([LAPTOP], 2, 0, (2, 2)),  # both at once, two cores each
+        ([LAPTOP], 18, 0, (4, 1)),  # one machine: as many shares as cores
+        ([LAPTOP, BIG], 18, 0, (18, 3)),  # 1 + 21 places of three cores; four would leave 17
+        ([LAPTOP, LAPTOP], 100, 0, (16, 1)),  # two rounds of eight
+        ([Place(cores=32)] * 8, 18, 0, (18, 10)),  # three a node
+        ([LAPTOP, BIG], 100, 8, (8, 8)),  # the laptop has no eight cores
+        ([LAPTOP], 5, 8, (0, 0)),
+        ([Place(cores=0)], 5, 0, (0, 0)),
+        ([Place(cores=1, memory=0.4e9 + 512 * 0.15e6)], 8, 0, (4, 1)),  # two lanes of 256 worlds fit
+    ],
+)
+def test_lanes_are_dealt_by_what_nodes_have(places, lanes, threads, expected):
+    assert shares(places, lanes, 256, "cpu", threads) == expected
+
+
+def test_a_gpu_takes_whole_populations():
+    places = [Place(cores=16, gpus=2), Place(cores=64)]
+    assert shares(places, 18, 4096, "cuda", 0) == (2, 1)
+    assert shares(places, 40, 4096, "cuda", 0) == (3, 1)  # 16 lanes fill the worlds of one
+    assert shares([LAPTOP], 18, 4096, "cuda", 0) == (0, 0)
+
+
+def test_a_cluster_that_takes_orders_from_anybody_is_refused():
+    node = {"host": "far", "token": False, "versions": ray_node.versions()}
+    check(node, guarded=False)
+    with pytest.raises(ConfigError, match=r"RAY_AUTH_MODE=token"):
+        check(node, guarded=True)
+    check({**node, "token": True}, guarded=True)
+
+
+def test_a_device_of_one_machine_is_refused():
+    with pytest.raises(ConfigError, match="On a cluster device= is cpu or cuda, not `cuda:1`"):
+        RayExecutor("cuda:1")
+
+
+def test_where_ray_is_missing_the_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(ConfigError, match=r"pip install 'openeureka\[ray\]'"):
+        RayExecutor(address="local")
+
+
+def test_it_is_found_by_its_name():
+    assert EXECUTORS.find("ray") is RayExecutor
+
+
+def test_what_runs_on_a_node_imports_neither_torch_nor_ray_by_itself():
+    code = "import sys, openeureka.executors.ray_node; print({'torch', 'ray', 'mujoco'} & sys.modules.keys())"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "set()\n"
