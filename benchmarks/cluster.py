@@ -171,7 +171,7 @@ def faults(tiny: bool) -> dict[str, object]:
             print(name, found[name], flush=True)
         for pid in actors():
             os.kill(pid, signal.SIGKILL)  # the one that hangs
-        found["kill -9 of the driver"] = driver(made.address, Path(folder), budget)
+        found["kill -9 of the driver"] = driver(made.address, Path(folder))
     return found
 
 
@@ -194,14 +194,14 @@ def actors() -> dict[int, int]:
     return found
 
 
-def driver(address: str, folder: Path, budget: TrainBudget) -> dict[str, object]:
+def driver(address: str, folder: Path) -> dict[str, object]:
     """`eureka train` killed in the middle, and typed again: what is stored is what an undisturbed one stores."""
 
     def words(name: str) -> list[str]:
-        settings = [f"env={ENV}", "reward=human", "seeds=2", f"steps={budget.env_steps}", f"worlds={budget.worlds}"]
+        settings = ["env=cartpole", "reward=human", "seeds=2", "steps=400000"]
         return [*settings, "threads=1", "executor=ray", f"address={address}", f"dir={folder / name}"]
 
-    code = f"from openeureka.executors import retry; retry.SNAPSHOT_SECONDS = {retry.SNAPSHOT_SECONDS}; "
+    code = "from openeureka.executors import retry; retry.SNAPSHOT_SECONDS = 1.0; "
     code += "from openeureka.cli.main import main; main()"
 
     def start(name: str) -> subprocess.Popen[bytes]:
@@ -211,7 +211,7 @@ def driver(address: str, folder: Path, budget: TrainBudget) -> dict[str, object]
     assert start("whole").wait() == 0
     undisturbed, begun = time.monotonic() - begun, time.monotonic()
     first = start("killed")
-    while len(list((folder / "killed" / "snapshots").glob("*.pt"))) < 2:
+    while not list((folder / "killed" / "snapshots").glob("*.pt")):
         assert first.poll() is None, "it was over before it was killed"
         time.sleep(0.05)
     first.kill()

@@ -11,6 +11,7 @@ from openeureka.cli.main import app
 from openeureka.cli.settings import (
     CheckConfig,
     ContextConfig,
+    DoctorConfig,
     NewConfig,
     PageConfig,
     PlayConfig,
@@ -30,6 +31,7 @@ KINDS = {
     "play": PlayConfig,
     "report": ReportConfig,
     "context": ContextConfig,
+    "doctor": DoctorConfig,
     "new": NewConfig,
     "ui": PageConfig,
 }
