@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .. import baselines
-from ..config import as_dict
+from ..config import RunConfig, as_dict
 from ..hacking import PEAKS, WORLDS, Kind
 from ..score import Baselines, Outcome, human_normalised, mean
 from ..types import Evaluation, Remark, RemarkKind
@@ -195,7 +195,7 @@ def _said(remark: Remark) -> str:
     return f"[{remark.kind}: {remark.candidate}]"
 
 
-def settings(config: object) -> Table:
+def settings(config: RunConfig) -> Table:
     """Every field of a config."""
     return Table(("setting", "value"), [(key, str(value)) for key, value in as_dict(config).items()])
 

@@ -156,9 +156,7 @@ class Store:
         if row is None:
             raise StoreError(f"{self.directory} holds a run that never began; {AGAIN}")
         try:
-            return self._database.decoded(
-                lambda text: restored(RunConfig, decode(dict[str, object], text)), row["config"]
-            )
+            return self._database.decoded(_restored, row["config"])
         except ConfigError:
             version = row["version"]
             raise StoreError(
