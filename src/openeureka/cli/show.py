@@ -12,7 +12,7 @@ from ..display.live import verdict_line
 from ..display.progress import working
 from ..report import tables
 from ..report.build import build
-from ..report.stats import by_generation
+from ..report.tables import by_generation
 from ..report.text import columns, number, scored, spread
 from ..report.verdict import meaning, verdict
 from ..report.view import CandidateView, GenerationView, RunView
