@@ -5,10 +5,11 @@ import pytest
 
 from openeureka.cli import desk as desks
 from openeureka.cli.desk import TerminalDesk
-from openeureka.cli.feedback import feedback, remark, typed
+from openeureka.cli.feedback import feedback
 from openeureka.config import RunConfig
 from openeureka.errors import FeedbackError
 from openeureka.store import Store
+from openeureka.store.remarks import remark, typed
 from openeureka.testing.conformance.search import entries
 from openeureka.types import Generation, Place, Remark, RemarkKind
 

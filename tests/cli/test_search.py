@@ -20,7 +20,7 @@ from openeureka.runs import compose, stopping
 from openeureka.sandbox import client, confine
 from openeureka.store import read_config, read_replies
 from openeureka.store.db import LOCK, LOG, STOP
-from openeureka.store.halt import ask_to_stop
+from openeureka.store.directory import ask_to_stop
 from openeureka.tasks import registry
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, program, reply
 from openeureka.types import Usage

@@ -14,9 +14,9 @@ from ..report.filming import Filming
 from ..report.text import columns, duration, number
 from ..report.view import VIDEO
 from ..store import artifacts, say
+from ..store.remarks import typed
 from ..text import plain
 from ..types import Generation, lane_id
-from .feedback import typed
 
 
 class TerminalDesk:

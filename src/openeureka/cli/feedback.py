@@ -7,8 +7,8 @@ from pathlib import Path
 
 from ..errors import FeedbackError
 from ..store import say
-from ..store.remarks import MARK, remark
-from ..types import Remark, RemarkKind
+from ..store.remarks import remark
+from ..types import RemarkKind
 
 
 def feedback(directory: Path, words: Sequence[str]) -> None:
@@ -19,10 +19,3 @@ def feedback(directory: Path, words: Sequence[str]) -> None:
     say(directory, *remarks)
     go = any(said.kind is RemarkKind.GO for said in remarks)
     print("The run goes on." if go else "Kept for the next generation; the run goes on when you say `go`.")
-
-
-def typed(line: str) -> list[Remark]:
-    """The remarks of one line: marks, words, or nothing more to say. Raises FeedbackError."""
-    line = line.strip()
-    words = line.split() if MARK.match(line) else [line or "go"]
-    return [remark(word) for word in words]

@@ -8,7 +8,7 @@ from pathlib import Path
 from ..config import NO_MODEL, RunConfig, changed, parse
 from ..report.view import RunView
 from ..runs import compose, trust
-from ..store.paths import output_directory
+from ..store.directory import output_directory
 from ..text import plain
 from . import training
 from .settings import only_path, split

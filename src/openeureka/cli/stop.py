@@ -8,7 +8,7 @@ from pathlib import Path
 from ..errors import StoreError
 from ..runs.stopping import stopped
 from ..store import is_held
-from ..store.halt import ask_to_stop
+from ..store.directory import ask_to_stop
 from .terminal import again
 
 PATIENCE = 60.0

@@ -17,7 +17,7 @@ from ..report.verdict import verdict
 from ..report.view import RunView
 from ..runs import compose, trust
 from ..runs.rewards import named
-from ..store.paths import output_directory
+from ..store.directory import output_directory
 from ..tasks.registry import get
 from ..text import plain
 from ..types import TrainingState

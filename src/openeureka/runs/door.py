@@ -17,8 +17,7 @@ from ..llm.client import LanguageModel
 from ..person import Desk
 from ..report.filming import Filming
 from ..store import Store, is_run
-from ..store.halt import is_asked_to_stop
-from ..store.paths import output_directory
+from ..store.directory import is_asked_to_stop, output_directory
 from ..tasks.registry import get
 from ..types import Generation, TrainingResult, Usage, Verdict
 from . import compose, rewards, trust

@@ -46,7 +46,7 @@ from .codec import (
 )
 from .db import AGAIN, FILENAME, LOCK, LOG, STOP, Database, changed_row, explained
 from .lane_log import LaneLog
-from .remark_log import RemarkLog
+from .remarks import RemarkLog
 
 T = TypeVar("T")
 LOOK_TIME = 0.5

@@ -21,7 +21,7 @@ from ..errors import EurekaError
 from ..report import html
 from ..report.view import RunView
 from ..store import artifacts, is_run, say
-from ..store.halt import ask_to_stop
+from ..store.directory import ask_to_stop
 from . import folder, guard, pages, remarks
 from .follow import Fingerprint, Fresh, Parts, Version
 from .launch import Launcher

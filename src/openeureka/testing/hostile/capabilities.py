@@ -1,4 +1,4 @@
-"""Ways out: from a value to the interpreter; from Python to files, processes, sockets and secrets, and to the parent."""
+"""Ways out: from a value to the interpreter; from Python to files, processes, sockets, secrets and the parent."""
 
 from __future__ import annotations
 
