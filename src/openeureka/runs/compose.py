@@ -12,6 +12,7 @@ from .. import baselines, given, loop, sampling, strategies
 from ..config import NO_MODEL, RunConfig
 from ..display.log import logged
 from ..errors import ConfigError, Interrupted
+from ..executors import EXECUTORS
 from ..given import Given
 from ..llm import open_model
 from ..llm.client import LanguageModel
@@ -21,14 +22,15 @@ from ..person import Desk
 from ..report.build import build
 from ..report.filming import Filming
 from ..sandbox.client import Sandbox
-from ..store import Store, is_run, read_config, read_replies
+from ..store import StageFiles, Store, is_run, read_config, read_replies
+from ..tasks import curriculum
 from ..tasks.context import context, informed
 from ..tasks.record import record_states
 from ..tasks.registry import get
+from ..training.curriculum import CurriculumTrainer
 from ..types import TaskContext, Trainer, Usage
 from . import trust
 from .stopping import continuable, stoppable, stopped
-from .trainer import trainer_of
 
 Parts = tuple[
     RunConfig, Store, LanguageModel, Sandbox, Trainer, TaskContext, strategies.SearchStrategy, Observers, Desk
@@ -183,3 +185,17 @@ def train(config: RunConfig, directory: Path, rewards: Given | None, host: Host)
         given.train(config, store, trainer, Observers(*log, view))
     with host.working("Writing the report"):
         return build(directory, config.video, config.env)
+
+
+def trainer_of(config: RunConfig, directory: Path) -> Trainer:
+    """Trains the task alone, or through the stages of a curriculum, kept in the directory.
+
+    Raises:
+        ConfigError: for an executor, a device or a curriculum that does not exist or does not fit.
+    """
+    options = {"device": config.device, "threads": config.threads, "snapshots": directory / "snapshots"}
+    trainer: Trainer = EXECUTORS.make(config.executor, **options)
+    if not config.curriculum:
+        return trainer
+    stages = curriculum.find(config.env, config.curriculum)
+    return CurriculumTrainer(trainer, stages, StageFiles(directory))
