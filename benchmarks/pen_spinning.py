@@ -24,7 +24,7 @@ from records import Record, machine, read, thinned, write
 
 from openeureka.config import TrainConfig
 from openeureka.lanes import HELD_OUT
-from openeureka.runs.trainer import trainer_of
+from openeureka.runs.compose import trainer_of
 from openeureka.score import mean
 from openeureka.store import StageFiles
 from openeureka.suite.dexterity.pen_in_hand import CYCLE

@@ -12,6 +12,7 @@ from .. import baselines, given, loop, sampling, strategies
 from ..config import NO_MODEL, RunConfig
 from ..display.log import logged
 from ..errors import ConfigError, Interrupted
+from ..executors import EXECUTORS
 from ..given import Given
 from ..lanes import Lanes
 from ..llm import open_model
@@ -22,14 +23,15 @@ from ..person import Desk
 from ..report.build import build
 from ..report.filming import Filming
 from ..sandbox.client import Sandbox
-from ..store import Store, is_run, read_config, read_replies
+from ..store import StageFiles, Store, is_run, read_config, read_replies
+from ..tasks import curriculum
 from ..tasks.context import context, informed
 from ..tasks.record import record_states
 from ..tasks.registry import get
+from ..training.curriculum import CurriculumTrainer
 from ..types import TaskContext, Trainer, Usage
 from . import trust
 from .stopping import continuable, stoppable, stopped
-from .trainer import trainer_of
 
 Parts = tuple[
     RunConfig, Store, LanguageModel, Sandbox, Trainer, TaskContext, strategies.SearchStrategy, Observers, Desk
@@ -191,3 +193,22 @@ def comparing(config: RunConfig, directory: Path, host: Host) -> Iterator[Lanes]
         host.view(config, directory, Usage()) as view,
     ):
         yield Lanes(config, store, trainer, Observers(*log, view))
+
+
+def trainer_of(config: RunConfig, directory: Path) -> Trainer:
+    """Trains the task alone, or through the stages of a curriculum, kept in the directory.
+
+    Raises:
+        ConfigError: for an executor, a device or a curriculum that does not exist or does not fit.
+    """
+    options: dict[str, object] = {
+        "device": config.device,
+        "threads": config.threads,
+        "snapshots": directory / "snapshots",
+    }
+    options |= {"address": config.address} if config.address else {}
+    trainer: Trainer = EXECUTORS.make(config.executor, **options)
+    if not config.curriculum:
+        return trainer
+    stages = curriculum.find(config.env, config.curriculum)
+    return CurriculumTrainer(trainer, stages, StageFiles(directory))
