@@ -81,7 +81,7 @@ def running(name: bytes) -> list[int]:
     return [int(folder.name) for folder in Path("/proc").glob("[0-9]*") if name in read(folder / "cmdline")]
 
 
-def training() -> list[int]:
+def workers() -> list[int]:
     """Pids of this cluster's workers: no other one has its token."""
     token = os.environ["RAY_AUTH_TOKEN"].encode()
     return [pid for pid in running(b"eager_worker") if token in read(Path(f"/proc/{pid}/environ"))]
@@ -223,7 +223,7 @@ class TestRayExecutor(TrainerConformance):
         training.close()
         assert len(list((tmp_path / "s").glob("*.pt"))) == 1
         end = time.monotonic() + 20
-        while (left := [*self.nodes.shares(), *training()]) and time.monotonic() < end:
+        while (left := [*self.nodes.shares(), *workers()]) and time.monotonic() < end:
             time.sleep(0.1)
         assert not left
 
