@@ -15,19 +15,19 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, get_args
 
+from ledger import Script
+from records import read, today
 from scipy.stats import spearmanr
 
 from openeureka.config import RunConfig
-from openeureka.executors.local import LocalExecutor
-from openeureka.lanes import Lanes, deal
-from openeureka.observer import NullObserver
+from openeureka.lanes import deal
 from openeureka.race import CONTENDERS
 from openeureka.report.text import number
 from openeureka.reward import extract
+from openeureka.runs.compose import comparing
 from openeureka.sandbox.client import Sandbox
 from openeureka.score import mean, rank
 from openeureka.store import Store
@@ -40,7 +40,6 @@ from openeureka.types import (
     Peak,
     Reply,
     RewardProgram,
-    TrainingProgress,
     TrainingResult,
     lane_id,
 )
@@ -86,22 +85,6 @@ Which policy should stand for a lane? Held-out F, the mean over all lanes and se
 Record = dict[str, Any]
 
 
-class Say(NullObserver):
-    """A line now and then."""
-
-    def __init__(self) -> None:
-        self._shown = -1
-
-    def progress(self, progress: TrainingProgress) -> None:
-        tenth = 10 * progress.epoch // progress.epochs
-        if tenth != self._shown:
-            self._shown = tenth
-            print(f"  {tenth}0 %, {progress.env_steps_per_second:,.0f} steps/s", flush=True)
-
-    def result(self, result: TrainingResult) -> None:
-        print(f"  {result.lane}: F {result.fitness} {result.message}", flush=True)
-
-
 def programs(env: str, store: Store) -> list[tuple[str, RewardProgram]]:
     """The accepted rewards of the task's replies, and the human one."""
     replies = json.loads((REPLIES / f"{env}.json").read_text())
@@ -118,29 +101,29 @@ def programs(env: str, store: Store) -> list[tuple[str, RewardProgram]]:
     return [*found.items(), ("human", "human")]
 
 
-def measure(env: str, seed: int, trainer: LocalExecutor) -> None:
+def measure(env: str, seed: int, threads: int) -> None:
     """Train what is missing of one task and seed, play it, and write it down."""
-    config = RunConfig(env=env, model="replay", steps=STEPS[env], seed=0)
-    with Store.open(OUTPUTS / env, config) as store:
+    config = RunConfig(env=env, model="replay", steps=STEPS[env], seed=0, threads=threads)
+    with comparing(config, OUTPUTS / env, Script()) as lanes:
+        store = lanes.store
         rewards = programs(env, store)
-        lanes = Lanes(config, store, trainer, Say())
         results = lanes.train(deal(rewards, [seed], "final" if seed else "candidate"))
         lanes.play(results, Best(samples=0, peaks=PEAKS))
-        known = _read().get(env, {"lanes": {}})["lanes"]
+        known = read(RESULTS).get(env, {"lanes": {}})["lanes"]
         records: Record = {}
         for lane in (lane for lane in results if lane not in known):
             policies = {peak: policy for peak in PEAKS if (policy := store.lanes.policy(lane, peak)) is not None}
-            judged = {score.lane: score for score in trainer.evaluate(env, policies, seed=JUDGED)}
+            judged = {score.lane: score for score in lanes.trainer.evaluate(env, policies, seed=JUDGED)}
             records[lane] = _record(results[lane], store.lanes.plays().get(lane, {}), judged)
         _write(env, records)
 
 
 def _write(env: str, records: Record) -> None:
     """Add lanes to the file as it is by now: another task may have been measured meanwhile."""
-    done = _read()
+    done = read(RESULTS)
     own: Record = done.setdefault(env, {"lanes": {}})
     own["lanes"] |= records
-    own |= {"steps": STEPS[env], "date": datetime.now(UTC).date().isoformat()}
+    own |= {"steps": STEPS[env], "date": today()}
     RESULTS.write_text(json.dumps(done, indent=1, sort_keys=True) + "\n")
 
 
@@ -232,10 +215,6 @@ def checkpoints(measured: Record) -> list[tuple[str, ...]]:
     return rows
 
 
-def _read() -> Record:
-    return json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-
-
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--env", choices=STEPS, nargs="+", default=list(STEPS))
@@ -245,4 +224,4 @@ if __name__ == "__main__":
     for seed in options.seeds:
         for env in options.env:
             print(f"{env}, seed {seed}", flush=True)
-            measure(env, seed, LocalExecutor(threads=options.threads, snapshots=OUTPUTS / env / "snapshots"))
+            measure(env, seed, options.threads)

@@ -11,20 +11,17 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
 import statistics
 import time
 from collections import defaultdict
 from collections.abc import Callable
-from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from mujoco.batch import Batch
+from records import conditions, write
 
 from openeureka.tasks import registry
 from openeureka.training.population import Population
@@ -124,14 +121,13 @@ def main() -> None:
     for env in options.env or TASKS:
         found[env] = measure(env, options.worlds, options.repeats)
         print(env, json.dumps(found[env]), flush=True)
-    record = {
-        "date": datetime.now(UTC).date().isoformat(),
-        "machine": {"cores": os.cpu_count(), "python": platform.python_version(), "load_at_end": os.getloadavg()[0]},
-        "versions": {name: version(name) for name in ("mujoco", "torch")},
-        "tasks": found,
-    }
-    options.out.parent.mkdir(exist_ok=True)
-    options.out.write_text(json.dumps(record, indent=1) + "\n")
+    write(
+        options.out,
+        {
+            **conditions("mujoco", "torch"),
+            "tasks": found,
+        },
+    )
 
 
 if __name__ == "__main__":

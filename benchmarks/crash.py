@@ -15,7 +15,6 @@ programs, a slot that is given up, a person's remarks, final trainings, trials. 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import platform
 import signal
@@ -24,14 +23,15 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import scipy.special  # noqa: F401 -- a verdict imports it late, and each fork would pay for that
+from records import today, write
 
 from openeureka import given, strategies
 from openeureka.config import NO_MODEL, RunConfig
+from openeureka.lanes import Lanes
 from openeureka.loop import run
 from openeureka.observer import NullObserver
 from openeureka.person import EmptyDesk
@@ -154,7 +154,7 @@ def whole_training(directory: Path) -> None:
     candidate = Candidate.of("def compute_reward():\n    return 3.0, {}\n")
     with Store.open(directory, GIVEN) as store:
         given.keep(store, {"human": None, "mine": (candidate, ToyChecker().check(candidate)), "sparse": None})
-        given.train(GIVEN, store, ToyTrainer(error=0.5))
+        given.train(Lanes(GIVEN, store, ToyTrainer(error=0.5), NullObserver()))
 
 
 WHOLE: Mapping[str, Callable[[Path], None]] = {"search": whole_run, "train": whole_training}
@@ -258,14 +258,13 @@ def main() -> None:
     with tempfile.TemporaryDirectory(dir=place) as folder:
         found = {kind: measure(Path(folder), kind, options.stride) for kind in WHOLE}
     report = {
-        "date": datetime.now(UTC).date().isoformat(),
+        "date": today(),
         "python": platform.python_version(),
         "sqlite": sqlite3.sqlite_version,
         "stride": options.stride,
         "runs": {kind: {mode: asdict(outcome) for mode, outcome in modes.items()} for kind, modes in found.items()},
     }
-    options.out.parent.mkdir(parents=True, exist_ok=True)
-    options.out.write_text(json.dumps(report, indent=1) + "\n")
+    write(options.out, report)
     for kind, modes in found.items():
         for mode, outcome in modes.items():
             print(f"{kind}, {mode}: {outcome}")

@@ -14,9 +14,10 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterable
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+
+from records import read, today, write
 
 from openeureka.report.text import number
 from openeureka.score import difference, mean
@@ -47,7 +48,7 @@ def measure() -> dict[str, Any]:
     lanes = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)["given"].values()
     return {
         "settings": " ".join(SETTINGS),
-        "date": datetime.now(UTC).date().isoformat(),
+        "date": today(),
         "held_out": {name: _seeds(lanes, name, "held_out_fitness") for name in AUTHORS},
         "in_training": {name: _seeds(lanes, name, "fitness") for name in AUTHORS},
     }
@@ -60,7 +61,7 @@ def _seeds(lanes: Iterable[dict[str, Any]], name: str, key: str) -> list[float]:
 
 def markdown() -> str:
     """A row for each reward, best first: held-out F over seeds, and the interval of its difference to the human one."""
-    held_out: dict[str, list[float]] = json.loads(RESULTS.read_text())["held_out"]
+    held_out: dict[str, list[float]] = read(RESULTS)["held_out"]
     lines = [
         "| the reward is by | F held out | each seed | more than the human one, 95 % interval |",
         "| --- " * 4 + "|",
@@ -77,5 +78,5 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--markdown", action="store_true")
     if not parser.parse_args().markdown:
-        RESULTS.write_text(json.dumps(measure(), indent=1) + "\n")
+        write(RESULTS, measure())
     print(markdown())

@@ -12,9 +12,10 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+
+from records import today
 
 import openeureka
 from openeureka.report.text import number
@@ -52,7 +53,7 @@ def record(run: openeureka.Run) -> Record:
         "generated": list(outcome.method.held_out),
         "human": list(outcome.human.held_out),
         "verdict": run.verdict,
-        "date": datetime.now(UTC).date().isoformat(),
+        "date": today(),
     }
 
 

@@ -15,7 +15,7 @@ The parts, in this order, each for every task:
 
 `--out` is written after each part and read at the start: a broken-off run loses one part, and the same command goes on.
 No part uses the device in this process, so that a fault there ends that part only; its error is recorded, and the next
-call tries again.
+call tries again. Trainings are timed whole, so none is gone on with, as those of a run are.
 """
 
 from __future__ import annotations
@@ -29,7 +29,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
 from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from multiprocessing import get_context
@@ -37,12 +36,13 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from baselines import read, scored, write
+from records import PEAKS, read, record, today, write
 from throughput import RAW_EPISODE, sleep_when_idle
 from throughput import raw as raw_on_cpu
 
 from openeureka import prompts
 from openeureka.executors.local import LocalExecutor
+from openeureka.lanes import HELD_OUT
 from openeureka.llm.random import RandomModel
 from openeureka.reward import extract
 from openeureka.sandbox.client import Sandbox
@@ -50,7 +50,17 @@ from openeureka.tasks import registry
 from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
 from openeureka.testing.conformance.parity import compare
-from openeureka.types import Candidate, LaneSpec, PromptPlan, RewardGraph, TrainBudget, TrainingResult, TrainingState
+from openeureka.types import (
+    Candidate,
+    Evaluation,
+    LaneSpec,
+    Peak,
+    PromptPlan,
+    RewardGraph,
+    TrainBudget,
+    TrainingResult,
+    TrainingState,
+)
 
 KINDS = ("parity", "raw", "env", "lanes", "processes", "human")
 RESULTS = Path(__file__).parent / "results" / "gpu.json"
@@ -264,11 +274,17 @@ def human(env: str, device: str, sizes: Sizes, rate: float) -> Found:
     seconds = time.perf_counter() - began
     if failed := [result.message for result in results if result.state is TrainingState.FAILED]:
         raise RuntimeError(failed[0])
+    scores: dict[str, dict[Peak, Evaluation]] = {result.lane: {} for result in results}
+    for peak in PEAKS:
+        policies = {result.lane: result.policies.get(f"best_{peak}", b"") for result in results}
+        held_out = trainer.evaluate(env, {lane: data for lane, data in policies.items() if data}, seed=HELD_OUT)
+        for score in held_out:
+            scores[score.lane][peak] = score
     return {
         "worlds": sizes.worlds * seeds,
         "seconds_of_training": round(results[0].seconds, 1),
         "seconds_with_start": round(seconds, 1),
-        "lanes": scored(env, results, trainer),
+        "lanes": {result.lane: record(result, scores[result.lane]) for result in results},
     }
 
 
@@ -377,7 +393,7 @@ def run(device: str, envs: Sequence[str], kinds: Sequence[str], sizes: Sizes, ou
     size = {"worlds_per_lane": sizes.worlds, "lanes": list(sizes.lanes)}
     if found["parts"] and found["size"] != size:
         raise SystemExit(f"{out} was measured with {found['size']}; name another file with --out.")
-    found |= {"date": datetime.now(UTC).date().isoformat(), "machine": attempt(machine, device), "size": size}
+    found |= {"date": today(), "machine": attempt(machine, device), "size": size}
     repeated: set[str] = set()
     for name, part, extra in plan(envs, kinds, sizes, found):
         if _done(found, name) and not (again and name not in repeated):

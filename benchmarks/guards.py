@@ -11,17 +11,13 @@ over pairs. Processor time is reported beside wall-clock time: it does not count
 from __future__ import annotations
 
 import argparse
-import json
-import os
-import platform
 import statistics
 import time
-from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
 import torch
+from records import conditions, write
 from torch import Tensor
 
 from openeureka.tasks import registry
@@ -97,16 +93,13 @@ def main() -> None:
     options = parser.parse_args()
     pairs, epochs = (1, 1) if options.tiny else (options.pairs, options.epochs)
     found = {
-        "date": datetime.now(UTC).date().isoformat(),
         "guarded_over_unguarded": {env: compare(env, pairs, epochs) for env in ENVS},
         "lanes": LANES,
         "epochs": epochs,
-        "machine": {"cores": os.cpu_count(), "python": platform.python_version(), "load_at_end": os.getloadavg()[0]},
-        "versions": {name: version(name) for name in ("mujoco", "torch")},
+        **conditions("mujoco", "torch"),
         "torch_threads": torch.get_num_threads(),
     }
-    options.out.parent.mkdir(exist_ok=True)
-    options.out.write_text(json.dumps(found, indent=1) + "\n")
+    write(options.out, found)
 
 
 if __name__ == "__main__":

@@ -3,107 +3,85 @@
     python benchmarks/local_model.py                                   # five tasks, model and control; hours on 2 cores
     python benchmarks/local_model.py --env ant --model local --no-train # one look, without training
 
-Every accepted program of every arm trains as one lane of one population, beside the human reward, with the same seed;
-`random` draws from the model's grammar without a model and is the control. Each task's result is written when done.
+An arm is the first generation of a search (`outputs/local_model/TASK/MODEL`): every accepted program trains as one lane
+of one population, beside the human and the sparse reward, with the same seed. `random` draws from the model's grammar
+without a model and is the control. The same command goes on where it was broken off, and asks for no reply twice.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
-import dataclasses
-import json
-import os
-import platform
+import re
 import statistics
-import time
-from collections.abc import Sequence
-from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from openeureka import prompts
-from openeureka.config import RunConfig
-from openeureka.executors.local import LocalExecutor
-from openeureka.llm import open_model
-from openeureka.reward import extract
-from openeureka.sandbox.client import Sandbox
+from ledger import OUTPUTS
+from records import machine, read, write
+
+import openeureka
+from openeureka.errors import EurekaError
+from openeureka.report.build import build
+from openeureka.report.view import RunView
+from openeureka.runs.events import Began, Event
 from openeureka.tasks import registry
-from openeureka.tasks.context import context
-from openeureka.tasks.record import record_states
-from openeureka.types import (
-    Candidate,
-    LaneSpec,
-    PromptPlan,
-    RewardProgram,
-    TrainBudget,
-    TrainingProgress,
-    TrainingResult,
-    Verdict,
-)
+from openeureka.types import Generation, TrainingProgress, lane_id
 
 RESULTS = Path(__file__).parent / "results"
 STEPS = {"cartpole": 3e5, "ballbalance": 4e5, "quadcopter": 6e5, "ant": 6e5, "humanoid": 5e5}  # of a lane
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class Drawn:
-    """The samples of one arm."""
-
-    count: int
-    """Samples that were asked for; those without a program have no verdict."""
-    seconds: float
-    """Loading included."""
-    tokens: int
-    sources: tuple[str, ...]
-    verdicts: tuple[Verdict, ...]
+class Enough(Exception):
+    """The search has come as far as it is measured."""
 
 
-def draw(config: RunConfig, count: int) -> Drawn:
-    """First-generation samples and what gate and sandbox say of them."""
-    known = context(config.env)
-    model = open_model(config)
-    prompt = prompts.render(known, PromptPlan(count=count), model.style)
-    began = time.monotonic()
+def first_generation(env: str, model: str, options: argparse.Namespace) -> RunView:
+    """The first samples of a search as published, trained where that is wanted."""
+
+    def tell(event: Event) -> None:
+        if isinstance(event, TrainingProgress):
+            print(f"\r{env}, {model}: epoch {event.epoch}/{event.epochs}\033[K", end="", flush=True)
+        before = isinstance(event, Began) and event.phase == "train"
+        if isinstance(event, Generation) or (before and not options.train):
+            raise Enough
+
+    directory = options.dir / env / re.sub(r"\W+", "_", model)
     try:
-        replies = list(model.sample(prompt, n=count, seed=config.seed))
-    finally:
-        model.close()
-    seconds = time.monotonic() - began
-    sources = tuple(source for reply in replies if (source := extract.program(reply.text)) is not None)
-    with Sandbox(known.state, record_states(config.env), unsafe=config.unsafe_no_sandbox) as sandbox:
-        verdicts = tuple(sandbox.check(Candidate.of(source)) for source in sources)
-    return Drawn(count, seconds, sum(reply.usage.completion_tokens for reply in replies), sources, verdicts)
+        openeureka.search(
+            env,
+            model=model,
+            search="eureka",
+            sample=options.sample,
+            iteration=1,
+            refill=0,
+            temperature=options.temperature,
+            seed=options.seed,
+            steps=options.steps or STEPS.get(env, 0),
+            video="none",
+            dir=directory,
+            on_event=tell,
+        )
+    except Enough:
+        build(directory, "none", env)
+        return RunView.read(directory)
+    except EurekaError as error:
+        raise SystemExit(str(error)) from None
+    raise SystemExit("The same command goes on.")
 
 
-def train(env: str, drawn: dict[str, Drawn], steps: int, seed: int) -> dict[str, TrainingResult]:
-    """Results by `human` and candidate id; equal programs train once for each text."""
-    wanted: dict[str, RewardProgram] = {"human": "human"}
-    for arm in drawn.values():
-        wanted |= {verdict.candidate: verdict.graph for verdict in arm.verdicts if verdict.graph is not None}
-    results: dict[str, TrainingResult] = {}
-    specs = [LaneSpec(id=name, program=program, seed=seed) for name, program in wanted.items()]
-    for message in LocalExecutor().train(env, specs, TrainBudget(env_steps=steps)):
-        if isinstance(message, TrainingProgress):
-            print(f"\r{env}: epoch {message.epoch}/{message.epochs}\033[K", end="", flush=True)
-        else:
-            results[message.lane] = message
-    print()
-    return results
-
-
-def report(arm: Drawn, results: dict[str, TrainingResult]) -> dict[str, Any]:
-    accepted = [verdict for verdict in arm.verdicts if verdict.accepted]
-    fitness = [results[verdict.candidate].fitness for verdict in accepted if verdict.candidate in results]
-    reached = sorted((value for value in fitness if value is not None), reverse=True)
+def report(arm: RunView) -> dict[str, Any]:
+    accepted = [slot for slot in arm.candidates if slot.verdict is not None and slot.verdict.accepted]
+    reached = sorted((slot.fitness for slot in accepted if slot.fitness is not None), reverse=True)
+    sources = {slot.candidate.source for slot in arm.candidates if slot.candidate is not None}
+    replies = [attempt.reply for slot in arm.candidates for attempt in slot.attempts]
     return {
-        "samples": arm.count,
+        "samples": len(replies),
         "accepted": len(accepted),
-        "texts": len(set(arm.sources)),
-        "programs_beyond_comments": len({_code(source) for source in arm.sources}),
-        "seconds_a_sample": round(arm.seconds / arm.count, 2),
-        "tokens_a_sample": round(arm.tokens / arm.count),
+        "texts": len(sources),
+        "programs_beyond_comments": len({_code(source) for source in sources}),
+        "seconds_a_sample": round(statistics.mean(reply.seconds for reply in replies), 2),
+        "tokens_a_sample": round(statistics.mean(reply.usage.completion_tokens for reply in replies)),
         "fitness": {
             "best": reached[0] if reached else None,
             "median": statistics.median(reached) if reached else None,
@@ -120,25 +98,22 @@ def _code(source: str) -> str:
         return source
 
 
-def measure(env: str, models: Sequence[str], options: argparse.Namespace) -> dict[str, Any]:
-    drawn: dict[str, Drawn] = {}
-    for model in models:
-        config = RunConfig(env=env, model=model, seed=options.seed, temperature=options.temperature)
-        drawn[model] = draw(config, options.sample)
-        for source, verdict in zip(drawn[model].sources, drawn[model].verdicts, strict=True):
-            reasons = "".join(f"\n# {finding.sentence()}" for finding in verdict.findings)
-            print(f"# {env}, {model}: {verdict.code}{reasons}\n{source}\n")
-    steps = int(options.steps or STEPS.get(env, 0))
-    results = train(env, drawn, steps, options.seed) if options.train else {}
+def measure(env: str, options: argparse.Namespace) -> dict[str, Any]:
+    arms = {model: first_generation(env, model, options) for model in options.model or ("local", "random")}
+    for model, arm in arms.items():
+        for slot in arm.candidates:
+            if slot.candidate is not None and slot.verdict is not None:
+                reasons = "".join(f"\n# {finding.sentence()}" for finding in slot.verdict.findings)
+                print(f"# {env}, {model}: {slot.verdict.code}{reasons}\n{slot.candidate.source}\n")
+    one = next(iter(arms.values()))
+    human = one.results.get(lane_id("human", options.seed))
     return {
-        "date": datetime.now(UTC).date().isoformat(),
-        "device": f"{os.cpu_count()} cores, {platform.machine()}",
-        "versions": {name: version(name) for name in ("torch", "mujoco")},
+        **machine("cpu"),
         "seed": options.seed,
         "temperature": options.temperature,
-        "env_steps_per_lane": steps or registry.get(env).recipe.env_steps,
-        "human": results["human"].fitness if results else None,
-        "arms": {model: report(arm, results) for model, arm in drawn.items()},
+        "env_steps_per_lane": one.config.steps or registry.get(env).recipe.env_steps,
+        "human": human.fitness if human is not None else None,
+        "arms": {model: report(arm) for model, arm in arms.items()},
     }
 
 
@@ -151,17 +126,16 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--steps", type=float, default=0, help="environment steps of a lane, 0 for a short budget")
     parser.add_argument("--train", action=argparse.BooleanOptionalAction, default=True)
+    parser.add_argument("--dir", type=Path, default=OUTPUTS / "local_model", help="where the runs are kept")
     parser.add_argument("--out", type=Path, default=RESULTS / "local_model.json")
     options = parser.parse_args()
-    found = json.loads(options.out.read_text()) if options.out.exists() else {}
     for env in options.env or STEPS:
-        found[env] = measure(env, options.model or ("local", "random"), options)
-        options.out.parent.mkdir(parents=True, exist_ok=True)
-        options.out.write_text(json.dumps(found, indent=1) + "\n")
-        for model, arm in found[env]["arms"].items():
+        found = measure(env, options)
+        write(options.out, {**read(options.out), env: found})
+        for model, arm in found["arms"].items():
             accepted, fitness = f"{arm['accepted']} of {arm['samples']} accepted", arm["fitness"]
             print(f"{env}, {model}: {accepted}, F best {fitness['best']}, median {fitness['median']}")
-        print(f"{env}, human: F {found[env]['human']}", flush=True)
+        print(f"{env}, human: F {found['human']}", flush=True)
 
 
 if __name__ == "__main__":

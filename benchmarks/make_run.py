@@ -11,15 +11,15 @@ The settings are those of the Makefile. Runs are kept under `outputs/make_run/`,
 from __future__ import annotations
 
 import argparse
-import json
 import re
 import subprocess
 import sys
 import time
 from collections import Counter
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+
+from records import read, today, write
 
 from openeureka.report.text import number, spread
 from openeureka.report.verdict import verdict
@@ -58,7 +58,7 @@ def outcome(directory: Path, minutes: float) -> dict[str, Any]:
     return {
         "settings": " ".join(settings()),
         "minutes": round(minutes, 1),
-        "date": datetime.now(UTC).date().isoformat(),
+        "date": today(),
         "best_played_up_to_generation": [winner.score if winner else None for winner in winners],
         "human_played": run.baseline_score("human"),
         "crowned": str(run.best.place),
@@ -77,7 +77,7 @@ def _arm(arm: Arm) -> list[float | None]:
 
 def markdown() -> str:
     """What is known, a column a seed."""
-    measured: dict[str, Any] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    measured: dict[str, Any] = read(RESULTS)
     rows = {
         "best of generation 0, F played": [
             number(one["best_played_up_to_generation"][0], 3) for one in measured.values()
@@ -96,7 +96,7 @@ def markdown() -> str:
 
 def summary() -> str:
     """How the runs ended, in a sentence."""
-    verdicts = [one["verdict"] for one in json.loads(RESULTS.read_text()).values()]
+    verdicts = [one["verdict"] for one in read(RESULTS).values()]
     ends = Counter(verdict.partition(":")[0] for verdict in verdicts)
     each = ", ".join(f"*{end[0].lower()}{end[1:]}* ({times})" for end, times in ends.items())
     return f"{len(verdicts)} runs of `make run` ended so: {each}."
@@ -108,8 +108,8 @@ if __name__ == "__main__":
     parser.add_argument("--markdown", action="store_true")
     options = parser.parse_args()
     for seed in () if options.markdown else options.seeds:
-        done = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+        done = read(RESULTS)
         if str(seed) not in done:
             done[str(seed)] = measure(seed)
-            RESULTS.write_text(json.dumps(dict(sorted(done.items())), indent=1) + "\n")
+            write(RESULTS, dict(sorted(done.items())))
     print(markdown())

@@ -5,7 +5,8 @@
 
 What differs on purpose: rsl_rl keeps actor and critic apart, shuffles minibatches, measures the divergence from the
 policy that collected the data, and values a time-out by the state before it. Both receive the human reward times the
-recipe's scale; F comes from the environment, which neither learner can change.
+recipe's scale; F comes from the environment, which neither learner can change. Our side is a run for each seed under
+`outputs/parity/`: what is trained there is not trained again.
 """
 
 from __future__ import annotations
@@ -13,23 +14,23 @@ from __future__ import annotations
 import argparse
 import contextlib
 import io
-import json
-import os
 import statistics
-import sys
 import time
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import torch
+from ledger import OUTPUTS, learn
+from records import write
 from rsl_rl.env import VecEnv
 from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
+from throughput import sleep_when_idle
 
+from openeureka.config import TrainConfig
 from openeureka.tasks import registry
-from openeureka.training.population import Population
-from openeureka.types import LaneSpec, TrainBudget, TrainingResult
 
 TAIL = 0.1  # the share of epochs at the end whose mean F is compared
 
@@ -54,7 +55,8 @@ class Adapter(VecEnv):
         value, weight = step.score
         self.scores.append((float((value * weight).sum()), float(weight.sum())))
         self.observation = step.observation
-        reward = self.task.human_reward(step.state) * self.task.recipe.reward_scale
+        with torch.inference_mode(False):  # in which rsl_rl collects, and a reward cannot be traced
+            reward = self.task.human_reward(step.state) * self.task.recipe.reward_scale
         return self.get_observations(), reward, step.done.long(), {"time_outs": step.timed_out.float()}
 
     def curve(self, horizon: int) -> list[float | None]:
@@ -97,19 +99,22 @@ def configuration(env: str) -> dict[str, Any]:
     }
 
 
-def theirs(env: str, worlds: int, epochs: int, seed: int) -> list[float | None]:
+def theirs(env: str, worlds: int, steps: int, seed: int) -> tuple[list[float | None], float]:
+    """F of every epoch, and seconds."""
+    started = time.perf_counter()
+    horizon = registry.get(env).recipe.horizon
     torch.manual_seed(seed)
     adapter = Adapter(env, worlds, seed)
     with contextlib.redirect_stdout(io.StringIO()):  # it prints a table every epoch
-        OnPolicyRunner(adapter, configuration(env), log_dir=None, device="cpu").learn(epochs)
-    return adapter.curve(registry.get(env).recipe.horizon)
+        OnPolicyRunner(adapter, configuration(env), log_dir=None, device="cpu").learn(steps // (worlds * horizon))
+    return adapter.curve(horizon), time.perf_counter() - started
 
 
-def ours(env: str, worlds: int, epochs: int, seed: int) -> list[float | None]:
-    budget = TrainBudget(worlds=worlds, env_steps=epochs * worlds * registry.get(env).recipe.horizon)
-    messages = Population(env, [LaneSpec(id="human", program="human", seed=seed)], budget).train()
-    (result,) = (message for message in messages if isinstance(message, TrainingResult))
-    return list(result.curves["fitness"])
+def ours(folder: Path, env: str, worlds: int, steps: int, seed: int) -> tuple[list[float | None], float]:
+    directory = folder / f"{env}_{steps}_{worlds}_s{seed}"
+    config = TrainConfig(env=env, reward="human", seed=seed, steps=steps, worlds=worlds, dir=str(directory))
+    ((result, _),) = learn(config, ()).values()
+    return list(result.curves["fitness"]), result.seconds
 
 
 def tail(curve: list[float | None]) -> float:
@@ -118,14 +123,14 @@ def tail(curve: list[float | None]) -> float:
     return statistics.fmean(known[-max(1, round(TAIL * len(known))) :])
 
 
-def compare(env: str, steps: int, worlds: int, seeds: int) -> dict[str, Any]:
-    epochs = max(1, steps // (worlds * registry.get(env).recipe.horizon))
+def compare(env: str, steps: int, worlds: int, seeds: int, folder: Path) -> dict[str, Any]:
+    epoch = worlds * registry.get(env).recipe.horizon
+    epochs = max(1, steps // epoch)
     found: dict[str, list[dict[str, Any]]] = {"ours": [], "rsl_rl": []}
     for seed in range(seeds):
-        for name, train in (("ours", ours), ("rsl_rl", theirs)):
-            started = time.perf_counter()
-            curve = train(env, worlds, epochs, seed)
-            found[name].append({"seed": seed, "final": tail(curve), "seconds": time.perf_counter() - started})
+        for name, train in (("ours", partial(ours, folder)), ("rsl_rl", theirs)):
+            curve, seconds = train(env, worlds, epochs * epoch, seed)
+            found[name].append({"seed": seed, "final": tail(curve), "seconds": seconds})
             found[name][-1]["curve"] = [None if v is None else round(v, 3) for v in curve[:: max(1, epochs // 50)]]
             print(f"{name:7s} seed {seed}: F {found[name][-1]['final']:.3f}", flush=True)
     finals = {name: [run["final"] for run in runs] for name, runs in found.items()}
@@ -133,7 +138,7 @@ def compare(env: str, steps: int, worlds: int, seeds: int) -> dict[str, Any]:
     spreads = {name: statistics.stdev(values) if seeds > 1 else None for name, values in finals.items()}
     return {
         "env": env,
-        "env_steps": epochs * worlds * registry.get(env).recipe.horizon,
+        "env_steps": epochs * epoch,
         "worlds": worlds,
         "final_fitness": finals,
         "mean": means,
@@ -144,26 +149,19 @@ def compare(env: str, steps: int, worlds: int, seeds: int) -> dict[str, Any]:
     }
 
 
-def sleep_when_idle() -> None:
-    """Start again with OpenMP threads that sleep instead of spinning, which would starve the simulator's threads; the
-    setting is only read when torch is loaded."""
-    if "GOMP_SPINCOUNT" not in os.environ:
-        os.execve(sys.executable, [sys.executable, *sys.argv], {**os.environ, "GOMP_SPINCOUNT": "0"})
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--env", default="ant")
     parser.add_argument("--steps", type=int, default=3_000_000, help="environment steps of each run")
     parser.add_argument("--worlds", type=int, default=512)
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--dir", type=Path, default=OUTPUTS / "parity", help="where the runs are kept")
     parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "parity.json")
     options = parser.parse_args()
     sleep_when_idle()
-    found = compare(options.env, options.steps, options.worlds, options.seeds)
+    found = compare(options.env, options.steps, options.worlds, options.seeds, options.dir)
     print(f"ours - rsl_rl: {found['difference']:+.3f}; spread over seeds {found['standard_deviation']}")
-    options.out.parent.mkdir(exist_ok=True)
-    options.out.write_text(json.dumps(found, indent=1) + "\n")
+    write(options.out, found)
 
 
 if __name__ == "__main__":

@@ -6,64 +6,43 @@
 
 *Pre-trained* is the policy after the curriculum's first stage (random goals), *fine-tuned* the one after its last,
 *scratch* one that spent the steps of all stages on the waypoints. All are scored in 256 held-out episodes on the
-waypoints, 12 of which are one cycle. `benchmarks/results/pen_spinning.json` is written after each of the two trainings;
-what it holds is not repeated, and a training that is broken off leaves its state: the same command goes on. Generated
-rewards get the original's bonus of 250 a goal, as in Eureka's experiment.
+waypoints, 12 of which are one cycle. Both trainings are runs such as `eureka train` makes, under
+`outputs/pen_spinning/`: the same command goes on where one was broken off, and `eureka ui` shows them.
+`benchmarks/results/pen_spinning.json` is written after each, and what it holds is not repeated. Generated rewards get
+the original's bonus of 250 a goal, as in Eureka's experiment.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-from baselines import machine, read, thinned, write
+from ledger import OUTPUTS, Learned, learn
+from records import Record, machine, read, thinned, write
 
-from openeureka.executors.local import LocalExecutor
-from openeureka.reward.files import read as read_reward
-from openeureka.runs.rewards import explain, judge
+from openeureka.config import TrainConfig
+from openeureka.lanes import HELD_OUT
+from openeureka.runs.compose import trainer_of
 from openeureka.score import mean
-from openeureka.store import StageFiles, artifacts
+from openeureka.store import StageFiles
 from openeureka.suite.dexterity.pen_in_hand import CYCLE
 from openeureka.tasks import curriculum
 from openeureka.tasks.registry import get
-from openeureka.training.curriculum import CurriculumTrainer
-from openeureka.types import LaneSpec, RewardProgram, TrainBudget, Trainer, TrainingProgress, TrainingResult
+from openeureka.types import Evaluation, TrainingResult
 
 ENV, CURRICULUM = "shadow_hand_spin", "pen_spinning"
 RESULTS = Path(__file__).parent / "results" / "pen_spinning.json"
 
-Record = dict[str, Any]
 
-
-def train(trainer: Trainer, specs: Sequence[LaneSpec], budget: TrainBudget) -> dict[str, TrainingResult]:
-    """Results by lane id."""
-    results = {}
-    for message in trainer.train(ENV, specs, budget):
-        if isinstance(message, TrainingProgress):
-            best = ", ".join(f"{lane} {value:.3g}" for lane, value in message.fitness.items() if value is not None)
-            print(f"\rEpoch {message.epoch}/{message.epochs}: {best}\033[K", end="", flush=True)
-        else:
-            results[message.lane] = message
-    print()
-    return results
-
-
-def arm(trainer: Trainer, results: Mapping[str, TrainingResult], folder: Path) -> Record:
-    """Cycles an episode, their mean, and every seed's steps and curves; leaves the policies.
-
-    Policies are those at the end of training, as a curriculum goes on from them.
-    """
-    policies = {lane: result.last for lane, result in results.items() if result.last is not None}
-    for lane, policy in policies.items():
-        artifacts.write(folder, f"{lane}.safetensors", policy)
-    scores = {score.lane: score for score in trainer.evaluate(ENV, policies, seed=0)}
+def arm(results: Mapping[str, TrainingResult], scores: Mapping[str, Evaluation]) -> Record:
+    """Cycles an episode, their mean, and every seed's steps and curves."""
     cycles = {lane: score.fitness / CYCLE for lane, score in scores.items() if score.fitness is not None}
     return {
         "cycles": mean(list(cycles.values())),
         "lanes": {
-            lane: {
+            f"s{lane.rpartition('-s')[2]}": {
                 "state": str(result.state),
                 "cycles": cycles.get(lane),
                 "episode_length": scores[lane].episode_length if lane in scores else None,
@@ -76,36 +55,34 @@ def arm(trainer: Trainer, results: Mapping[str, TrainingResult], folder: Path) -
     }
 
 
-def through_the_curriculum(
-    trainer: Trainer, specs: Sequence[LaneSpec], budget: TrainBudget, folder: Path
-) -> dict[str, Record]:
-    """The arms `pre_trained` and `fine_tuned`; the first stage is kept in the folder."""
-    kept = StageFiles(folder)
-    stages = curriculum.find(ENV, CURRICULUM)
-    fine_tuned = train(CurriculumTrainer(trainer, stages, kept), specs, budget)
-    pre_trained = {spec.id: result for spec in specs if (result := kept.read(1, spec.id)) is not None}
-    return {
-        "pre_trained": arm(trainer, pre_trained, folder / "pre_trained"),
-        "fine_tuned": arm(trainer, fine_tuned, folder / "fine_tuned"),
-    }
+def last(learned: Learned) -> Record:
+    """The arm of the policies at the end of training, as a curriculum goes on from them."""
+    scores = {lane: held_out["last"] for lane, (_, held_out) in learned.items() if "last" in held_out}
+    return arm({lane: result for lane, (result, _) in learned.items()}, scores)
 
 
-def from_scratch(trainer: Trainer, specs: Sequence[LaneSpec], budget: TrainBudget, folder: Path) -> dict[str, Record]:
+def first(config: TrainConfig, lanes: Sequence[str]) -> Record:
+    """The same of the curriculum's first stage, played in the task itself."""
+    kept = StageFiles(Path(config.dir))
+    results = {lane: result for lane in lanes if (result := kept.read(1, lane)) is not None}
+    policies = {lane: result.last for lane, result in results.items() if result.last is not None}
+    trainer = trainer_of(config.run(), Path(config.dir))
+    return arm(results, {score.lane: score for score in trainer.evaluate(ENV, policies, seed=config.seed + HELD_OUT)})
+
+
+def through_the_curriculum(config: TrainConfig) -> dict[str, Record]:
+    """The arms `pre_trained` and `fine_tuned`."""
+    config = replace(config, curriculum=CURRICULUM, dir=f"{config.dir}/curriculum")
+    learned = learn(config, ("last",))
+    return {"pre_trained": first(config, list(learned)), "fine_tuned": last(learned)}
+
+
+def from_scratch(config: TrainConfig) -> dict[str, Record]:
     """The arm `scratch`."""
-    return {"scratch": arm(trainer, train(trainer, specs, budget), folder / "scratch")}
+    return {"scratch": last(learn(replace(config, dir=f"{config.dir}/scratch"), ("last",)))}
 
 
 PARTS = {("pre_trained", "fine_tuned"): through_the_curriculum, ("scratch",): from_scratch}
-
-
-def program(reward: str) -> RewardProgram:
-    """`human`, or the checked program of a reward file."""
-    if reward == "human":
-        return "human"
-    (verdict,) = judge(ENV, [read_reward(Path(reward))], unsafe=False)
-    if verdict.graph is None:
-        raise SystemExit(f"{reward} was refused: {'; '.join(explain(verdict))}")
-    return verdict.graph
 
 
 def main(words: Sequence[str] | None = None) -> None:
@@ -116,7 +93,7 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--worlds", type=int, default=0, help="worlds of a lane, 0 for the recipe's")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--threads", type=int, default=0)
-    parser.add_argument("--policies", type=Path, default=Path("outputs/pen_spinning"), help="where policies are left")
+    parser.add_argument("--dir", type=Path, default=OUTPUTS / "pen_spinning", help="where the runs are kept")
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args(words)
 
@@ -127,16 +104,20 @@ def main(words: Sequence[str] | None = None) -> None:
     if any(found.get(key, value) != value for key, value in settings.items()):
         raise SystemExit(f"{options.out} holds another experiment; move it away or choose another --out.")
     found = {**settings, "arms": {}, **found}
-    budget = TrainBudget(env_steps=steps, worlds=worlds, bonus=True)
-    specs = [LaneSpec(id=f"s{seed}", program=program(options.reward), seed=seed) for seed in range(options.seeds)]
-    folder = options.policies / "_".join(map(str, settings.values()))
-    trainer = LocalExecutor(options.device, options.threads, snapshots=folder / "snapshots")
-    for names, learn in PARTS.items():
+    config = TrainConfig(
+        env=ENV,
+        reward=options.reward,
+        seeds=options.seeds,
+        steps=steps,
+        worlds=worlds,
+        bonus="original",
+        device=options.device,
+        threads=options.threads,
+        dir=str(options.dir / "_".join(map(str, settings.values()))),
+    )
+    for names, train in PARTS.items():
         if not found["arms"].keys() >= set(names):
-            found["arms"] |= {
-                name: {**learned, **machine(options.device)}
-                for name, learned in learn(trainer, specs, budget, folder).items()
-            }
+            found["arms"] |= {name: {**learned, **machine(options.device)} for name, learned in train(config).items()}
             write(options.out, found)
         for name in names:
             print(f"{name}: {found['arms'][name]['cycles']} cycles an episode")

@@ -12,21 +12,18 @@ processes is left out except where a line says otherwise.
 from __future__ import annotations
 
 import argparse
-import json
 import os
-import platform
 import statistics
 import sys
 import time
 from collections.abc import Callable
-from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
 import torch
 from mujoco.batch import Batch
+from records import conditions, write
 
 from openeureka.executors import devices
 from openeureka.executors.local import LocalExecutor
@@ -180,15 +177,13 @@ def measure(repeats: int, tiny: bool, only: str) -> dict[str, list[float]]:
 def report(measured: dict[str, list[float]], tiny: bool) -> dict[str, object]:
     median = {name: statistics.median(values) for name, values in measured.items()}
     return {
-        "date": datetime.now(UTC).date().isoformat(),
         "steps_per_second": measured,
         "ratio_of_medians": {
             name: round(median[ours] / median[theirs], 3)
             for name, (ours, theirs) in RATIOS.items()
             if ours in median and theirs in median
         },
-        "machine": {"cores": os.cpu_count(), "python": platform.python_version(), "load_at_end": os.getloadavg()[0]},
-        "versions": {name: version(name) for name in ("mujoco", "torch", "gymnasium", "stable-baselines3")},
+        **conditions("mujoco", "torch", "gymnasium", "stable-baselines3"),
         "torch_threads": torch.get_num_threads(),
         "tiny": tiny,
     }
@@ -212,8 +207,7 @@ def main() -> None:
     found = report(measure(options.repeats, options.tiny, options.only), options.tiny)
     for name, ratio in found["ratio_of_medians"].items():  # pyright: ignore[reportAttributeAccessIssue]
         print(f"{name:62s} {ratio:>8.2f}")
-    options.out.parent.mkdir(exist_ok=True)
-    options.out.write_text(json.dumps(found, indent=1) + "\n")
+    write(options.out, found)
 
 
 if __name__ == "__main__":

@@ -27,11 +27,11 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from pathlib import Path
 
 import imageio_ffmpeg
 from playwright.sync_api import CDPSession, Page, sync_playwright
+from records import today, write
 
 from openeureka import strategies
 from openeureka.config import RunConfig
@@ -193,14 +193,14 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         found = measure(Path(folder), options.pause, options.repeats)
     found |= {
-        "date": f"{datetime.now(UTC):%Y-%m-%d}",
+        "date": today(),
         "candidates": CANDIDATES,
         "cores": os.cpu_count(),
         "load_average": round(os.getloadavg()[0], 1),
         "python": platform.python_version(),
     }
     print(json.dumps(found, indent=1))
-    options.out.write_text(json.dumps(found, indent=1) + "\n")
+    write(options.out, found)
 
 
 if __name__ == "__main__":

@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     from .errors import EurekaError
     from .runs.door import check, open_run, search, searching, train
     from .runs.events import Asked, Began, Checked, Event, Played, Replied, Started
-    from .runs.policy import TrainedPolicy
-    from .runs.run import LaneView, Run
+    from .runs.run import LaneView, Run, TrainedPolicy
     from .score import Outcome
     from .types import Generation, TrainingProgress, TrainingResult, Verdict
 
@@ -48,8 +47,7 @@ _MODULES = {
     "errors": ("EurekaError",),
     "runs.door": ("check", "open_run", "search", "searching", "train"),
     "runs.events": ("Asked", "Began", "Checked", "Event", "Played", "Replied", "Started"),
-    "runs.policy": ("TrainedPolicy",),
-    "runs.run": ("LaneView", "Run"),
+    "runs.run": ("LaneView", "Run", "TrainedPolicy"),
     "score": ("Outcome",),
     "types": ("Generation", "TrainingProgress", "TrainingResult", "Verdict"),
 }

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
-from typing import Any, TypeVar
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar, cast
 
 import msgspec
 
@@ -71,9 +71,9 @@ def _numbers(data: Any, odd: Callable[[float], Any]) -> Any:
     if isinstance(data, float):
         return data if math.isfinite(data) else odd(data)
     if isinstance(data, dict):
-        return {key: _numbers(value, odd) for key, value in data.items()}
+        return {key: _numbers(value, odd) for key, value in cast(dict[str, Any], data).items()}
     if isinstance(data, list | tuple):
-        return [_numbers(value, odd) for value in data]
+        return [_numbers(value, odd) for value in cast(Sequence[Any], data)]
     return data
 
 

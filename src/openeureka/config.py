@@ -7,9 +7,12 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Any, TypeVar, cast, get_type_hints
 
 from .errors import ConfigError, nearest
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 NO_MODEL = "none"
 """`model` of a run that searches for nothing: given rewards train, and are compared."""
@@ -201,7 +204,7 @@ def _whole(value: str) -> int:
 
 _WANTED = {"int": "a whole number", "float": "a number", "bool": "true or false"}
 
-Config = TypeVar("Config")
+Config = TypeVar("Config", bound="DataclassInstance")
 
 
 def parse(kind: type[Config], words: Sequence[str]) -> Config:
@@ -215,7 +218,7 @@ def parse(kind: type[Config], words: Sequence[str]) -> Config:
 
 def changed(config: Config, words: Sequence[str]) -> Config:
     """The config with what `key=value` words say. Raises ConfigError as `parse` does."""
-    return dataclasses.replace(config, **_typed(type(config), words))  # pyright: ignore[reportArgumentType, reportCallIssue]
+    return dataclasses.replace(config, **_typed(type(config), words))
 
 
 def _typed(kind: type, words: Sequence[str]) -> dict[str, Any]:
@@ -288,16 +291,17 @@ def restored(kind: type[Config], stored: object) -> Config:
     hints = get_type_hints(kind)
     if not isinstance(stored, dict):
         raise TypeError("settings are a mapping")
-    for key, value in stored.items():
+    settings = cast(dict[str, object], stored)
+    for key, value in settings.items():
         if key not in hints:
             raise ConfigError(f"There is no setting `{key}`.")
         if type(value) is not hints[key] and (type(value), hints[key]) != (int, float):
             raise TypeError(f"`{key}` takes {hints[key].__name__}")
         if isinstance(value, str) and (len(value) > _LONGEST or "\0" in value):
             raise TypeError(f"`{key}` is no text of a setting")
-    return kind(**stored)
+    return kind(**settings)
 
 
-def as_dict(config: object) -> dict[str, object]:
+def as_dict(config: DataclassInstance) -> dict[str, object]:
     """Every field of a config dataclass, for storing and printing it back."""
-    return dataclasses.asdict(config)  # type: ignore[call-overload]
+    return dataclasses.asdict(config)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from .config import RunConfig
 from .errors import StoreError
-from .lanes import BASELINES, Lanes, deal
-from .observer import NullObserver, Observer
+from .lanes import BASELINES, Lanes, Wanted, deal
 from .score import mean, rank
 from .store import Store
 from .strategies import Best
-from .types import GIVEN, Candidate, Reply, RewardProgram, Trainer, Verdict
+from .types import GIVEN, Candidate, Reply, RewardProgram, Verdict
 
 Given = Mapping[str, tuple[Candidate, Verdict] | None]
 """Rewards by name, each with the verdict that accepted it; None for those that come with the task."""
@@ -36,31 +35,42 @@ def keep(store: Store, rewards: Given) -> None:
         store.save_given(wanted)
 
 
-def train(config: RunConfig, store: Store, trainer: Trainer, observer: Observer | None = None) -> None:
-    """Train the store's given rewards with every seed, play their policies and score them on held-out episodes.
+def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
+    """Train the store's given rewards, play their policies and score them on held-out episodes.
 
     `best/` gets the policy of highest held-out F, of the reward whose mean is the highest.
+
+    Args:
+        lanes: of the run.
+        more: what is wanted beside the lanes that were begun; None for every reward with every seed of the settings.
 
     Raises:
         EurekaError: what stopped it; all that was finished is stored, and calling again continues.
     """
-    if not store.given():  # killed between the two first rows of the run
+    store, strategy = lanes.store, Best(samples=0)
+    rewards = programs(store)
+    if not rewards:  # killed between the two first rows of the run
         raise StoreError(
             f"{store.directory} holds no rewards yet; start it again with the same `eureka train` command."
         )
-    observer = observer or NullObserver()
-    lanes, strategy = Lanes(config, store, trainer, observer), Best(samples=0)
-    observer.phase(0, "train")
-    results = lanes.train(deal(programs(store).items(), seeds(config), "given"))
-    observer.phase(0, "play")
+    known = store.lanes.all().values()
+    wanted: list[Wanted] = [(lane, rewards[lane.reward]) for lane in known if lane.reward in rewards]
+    wanted += deal(rewards.items(), seeds(lanes.config), "given") if more is None else more
+    lanes.observer.phase(0, "train")
+    results = lanes.train(wanted)
+    lanes.observer.phase(0, "play")
     lanes.play(results, strategy)
-    observer.phase(0, "evaluate")
+    lanes.observer.phase(0, "evaluate")
     standing = lanes.standing(results, strategy)
-    scores = {lane: score.fitness for lane, score in lanes.evaluate(standing).items()}
-    arms = {name: [lane.id for lane in store.lanes.all().values() if lane.reward == name] for name in store.given()}
-    best = max(arms, key=lambda name: rank(mean([scores.get(lane) for lane in arms[name]])))
-    lane = max(arms[best], key=lambda lane: rank(scores.get(lane)))
-    store.save_best(store.candidate(store.given()[best]), lane, standing[lane])
+    scores = lanes.evaluate(standing)
+    fitness = {lane: score.fitness for lane, score in scores.items()}
+    arms: dict[str, list[str]] = {}
+    for lane, record in store.lanes.all().items():
+        arms.setdefault(record.reward, []).append(lane)
+    best = max(arms, key=lambda name: rank(mean([fitness.get(lane) for lane in arms[name]])))
+    lane = max(arms[best], key=lambda lane: rank(fitness.get(lane)))
+    kept = scores[lane].peak if lane in scores else None  # beside later lanes it may have played once more
+    store.save_best(store.candidate(store.given()[best]), lane, kept or standing[lane])
 
 
 def programs(store: Store) -> dict[str, RewardProgram]:

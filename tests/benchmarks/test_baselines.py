@@ -1,15 +1,18 @@
 """Human and sparse F of every task: measured once, kept, summarised and shipped."""
 
 import json
+import os
+import signal
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
+import openeureka
 from openeureka import baselines as shipped
 from openeureka.testing.scripted import ToyTrainer
-from openeureka.types import TrainingState
+from openeureka.types import LaneSpec, TrainingResult, TrainingState
 
 ROOT = Path(__file__).parents[2]
 
@@ -26,12 +29,13 @@ def benchmark(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 def go(benchmark: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Runs the script with toy trainings: human F is 10, sparse 5, plus a hundredth of the seed, one less held out."""
     trainer = ToyTrainer()
-    monkeypatch.setattr(benchmark, "LocalExecutor", lambda *_, **__: trainer)
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: trainer)
 
     def go(*words: str) -> list[str]:
         """Lanes trained by this call."""
         trainer.trained.clear()
-        benchmark.main([*words, "--out", str(tmp_path / "all.json"), "--shipped", str(tmp_path / "shipped.json")])
+        files = {"--dir": "runs", "--out": "all.json", "--shipped": "shipped.json"}
+        benchmark.main([*words, *(word for key, name in files.items() for word in (key, str(tmp_path / name)))])
         return list(trainer.trained)
 
     return go
@@ -62,12 +66,55 @@ def test_what_is_known_is_not_repeated(go, tmp_path):
     }
 
 
-def test_a_lane_that_died_is_trained_again_and_one_that_diverged_is_not(go, monkeypatch):
+def test_a_lane_that_diverged_is_a_result_and_one_that_died_is_none(go, tmp_path, monkeypatch):
     states = {"human-s0": TrainingState.FAILED, "sparse-s0": TrainingState.DIVERGED}
     train = ToyTrainer._result
     monkeypatch.setattr(ToyTrainer, "_result", lambda self, lane: replace(train(self, lane), state=states[lane.id]))
     go("--env", "ant", "--seeds", "1")
-    assert go("--env", "ant", "--seeds", "1") == ["human-s0"]
+    assert list(json.loads((tmp_path / "all.json").read_text())["ant"]["lanes"]) == ["sparse-s0"]
+    assert go("--env", "ant", "--seeds", "1") == [], "the run remembers it"
+    assert go("--env", "ant", "--seeds", "1", "--again") == ["human-s0", "sparse-s0"]
+
+
+def test_what_no_lane_survives_is_said_in_a_sentence_and_tried_again(go, monkeypatch):
+    train = ToyTrainer._result
+    dead = {"state": TrainingState.FAILED, "message": "There is no memory."}
+    with monkeypatch.context() as patch:
+        patch.setattr(ToyTrainer, "_result", lambda self, lane: replace(train(self, lane), **dead))
+        with pytest.raises(SystemExit, match="There is no memory"):
+            go("--env", "ant", "--seeds", "1")
+    assert go("--env", "ant", "--seeds", "1") == ["human-s0", "sparse-s0"]
+
+
+def test_one_that_is_killed_goes_on_with_the_same_command(go, tmp_path, monkeypatch):
+    train = ToyTrainer._result
+
+    def die_in_the_third(self: ToyTrainer, lane: LaneSpec) -> TrainingResult:
+        if lane.id == "sparse-s0":
+            os.kill(os.getpid(), signal.SIGKILL)
+        return train(self, lane)
+
+    child = os.fork()  # Python and torch start once
+    if child == 0:
+        monkeypatch.setattr(ToyTrainer, "_result", die_in_the_third)
+        try:
+            go("--env", "ant", "--seeds", "2")
+        finally:
+            os._exit(1)
+    assert os.WTERMSIG(os.waitpid(child, 0)[1]) == signal.SIGKILL
+    assert not (tmp_path / "all.json").exists()
+    assert go("--env", "ant", "--seeds", "2") == ["sparse-s0", "sparse-s1"]
+    found = json.loads((tmp_path / "all.json").read_text())
+    assert list(found["ant"]["lanes"]) == ["human-s0", "human-s1", "sparse-s0", "sparse-s1"]
+
+
+def test_it_is_a_run_that_more_seeds_go_on_with(go, tmp_path):
+    go("--env", "ant", "--seeds", "2", "--reward", "sparse")
+    go("--env", "ant", "--seeds", "3")
+    run = openeureka.open_run(tmp_path / "runs" / "ant")
+    assert run.finished and run.report.is_file()
+    assert [lane.held_out.fitness for lane in run.lanes.values()] == pytest.approx([4, 4.01, 9, 9.01, 9.02, 4.02])
+    assert run._policy() == b"10.02"
 
 
 def test_numbers_of_another_budget_are_not_mixed_in(go):

@@ -1,6 +1,7 @@
 """Cycles per episode of the three arms, with toy trainings."""
 
 import json
+import shutil
 from pathlib import Path
 from types import ModuleType
 
@@ -23,20 +24,20 @@ def benchmark(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 def go(benchmark: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Runs the script; the human reward's policies reach 9 goals in held-out episodes, plus a hundredth of the seed."""
     trainer = ToyTrainer()
-    monkeypatch.setattr(benchmark, "LocalExecutor", lambda *_, **__: trainer)
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: trainer)
 
     def go(*words: str) -> list[str]:
         """Lanes trained by this call."""
         trainer.trained.clear()
-        folder = str(tmp_path / "policies")
-        benchmark.main(["--seeds", "2", *words, "--policies", folder, "--out", str(tmp_path / "pen.json")])
+        folder = str(tmp_path / "runs")
+        benchmark.main(["--seeds", "2", *words, "--dir", folder, "--out", str(tmp_path / "pen.json")])
         return list(trainer.trained)
 
     return go
 
 
 def test_both_stages_and_a_training_from_scratch_are_scored_in_cycles_of_twelve_goals(go, tmp_path: Path, capsys):
-    assert go() == ["s0", "s1"] * 3
+    assert go() == ["human-s0", "human-s1"] * 3
     found = json.loads((tmp_path / "pen.json").read_text())
     assert list(found["arms"]) == ["pre_trained", "fine_tuned", "scratch"]
     for arm in found["arms"].values():
@@ -45,20 +46,18 @@ def test_both_stages_and_a_training_from_scratch_are_scored_in_cycles_of_twelve_
         assert {"date", "device", "versions"} <= set(arm)
     assert found["env_steps"] == 60_000_000 and found["seeds"] == 2
     assert "fine_tuned: 0.75" in capsys.readouterr().out
-    assert len(list((tmp_path / "policies").rglob("fine_tuned/s*.safetensors"))) == 2
+    assert len(list((tmp_path / "runs").rglob("curriculum/lanes/*/last.safetensors"))) == 2
 
 
 def test_what_is_known_is_not_repeated(go, tmp_path: Path):
     go()
-    assert go() == []
     path = tmp_path / "pen.json"
     found = json.loads(path.read_text())
-    del found["arms"]["scratch"]
-    path.write_text(json.dumps(found))
-    assert go() == ["s0", "s1"]
-    del found["arms"]["fine_tuned"]
-    path.write_text(json.dumps(found))
-    assert go() == ["s0", "s1"] * 2, "the first stage of the curriculum is kept"
+    path.unlink()
+    assert go() == [], "the runs hold it"
+    assert json.loads(path.read_text()) == found
+    shutil.rmtree(tmp_path / "runs")
+    assert go() == [], "and so does the file"
 
 
 def test_another_experiment_is_not_mixed_in(go):

@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from openeureka.cli.check import check
+from openeureka.cli.tasks import check
 from openeureka.errors import RewardFileError
 
 GOOD = """

@@ -3,12 +3,13 @@ from pathlib import Path
 
 import pytest
 
-from openeureka.cli import desk as desks
-from openeureka.cli.desk import TerminalDesk
-from openeureka.cli.feedback import feedback, remark, typed
+from openeureka.cli import terminal
+from openeureka.cli.remote import feedback
+from openeureka.cli.terminal import TerminalDesk
 from openeureka.config import RunConfig
 from openeureka.errors import FeedbackError
 from openeureka.store import Store
+from openeureka.store.remarks import remark, typed
 from openeureka.testing.conformance.search import entries
 from openeureka.types import Generation, Place, Remark, RemarkKind
 
@@ -84,7 +85,7 @@ class Keyboard(io.StringIO):
 
 def test_the_terminal_shows_each_candidate_and_keeps_lines_typed(directory: Path, monkeypatch, capsys) -> None:
     monkeypatch.setattr("sys.stdin", Keyboard("too jerky\nveto=g9s9\n\n"))
-    monkeypatch.setattr(desks.select, "select", lambda *lists: (lists[0], [], []))
+    monkeypatch.setattr(terminal.select, "select", lambda *lists: (lists[0], [], []))
     desk = TerminalDesk(directory, CONFIG, [])
     desk.invite(Generation(0, tuple(entries(0, [1.0, 2.0]))))
     shown = capsys.readouterr().out

@@ -10,7 +10,7 @@ from filelock import FileLock
 from toys import ToySandbox
 
 from openeureka.cli import main as command
-from openeureka.cli import stop
+from openeureka.cli import remote
 from openeureka.config import RunConfig
 from openeureka.display import log
 from openeureka.errors import ModelError
@@ -20,7 +20,7 @@ from openeureka.runs import compose, stopping
 from openeureka.sandbox import client, confine
 from openeureka.store import read_config, read_replies
 from openeureka.store.db import LOCK, LOG, STOP
-from openeureka.store.halt import ask_to_stop
+from openeureka.store.directory import ask_to_stop
 from openeureka.tasks import registry
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, program, reply
 from openeureka.types import Usage
@@ -364,11 +364,11 @@ def test_stop_waits_until_nobody_works_on_the_run(parts, tmp_path, capsys, monke
     assert run("stop", f"{tmp_path}/elsewhere") == 5
     assert "is not a run" in capsys.readouterr().err
 
-    monkeypatch.setattr(stop, "PATIENCE", 0.2)
+    monkeypatch.setattr(remote, "PATIENCE", 0.2)
     with FileLock(tmp_path / "run" / LOCK, thread_local=False) as held:
         assert run("stop", f"{tmp_path}/run") == 5
         assert "was asked to stop and goes on" in capsys.readouterr().err
-        monkeypatch.setattr(stop, "PATIENCE", 60.0)
+        monkeypatch.setattr(remote, "PATIENCE", 60.0)
         threading.Timer(0.5, held.release).start()
         assert run("stop", f"{tmp_path}/run") == 0
     assert capsys.readouterr().out.startswith("Stopped, nothing is lost.")

@@ -5,9 +5,8 @@ import pytest
 
 from openeureka import baselines
 from openeureka.cli.main import main
-from openeureka.cli.search import resume
+from openeureka.cli.search import resume, train
 from openeureka.cli.show import facts, show
-from openeureka.cli.training import train
 from openeureka.config import RunConfig, TrainConfig
 from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError, WorkerError
 from openeureka.report.view import RunView

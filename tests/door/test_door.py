@@ -18,7 +18,7 @@ from openeureka.errors import ConfigError, ModelError, RewardFileError, StoreErr
 from openeureka.report import video
 from openeureka.runs import compose, rewards
 from openeureka.store import Store
-from openeureka.store.halt import ask_to_stop
+from openeureka.store.directory import ask_to_stop
 from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, program, reply
 from openeureka.training.policy import Policy
 from openeureka.types import TrainingState

@@ -10,7 +10,7 @@ import pytest
 
 import openeureka
 from openeureka.config import RunConfig, TrainConfig
-from openeureka.runs.settings import SearchSettings, TrainSettings
+from openeureka.runs.door import SearchSettings, TrainSettings
 
 LIGHT = """
 import sys, time

@@ -1,13 +1,13 @@
 import dataclasses
 
-from openeureka.report import diff
+from openeureka.report import html
 
 from .search import trained, view
 
 
 def changed(old: str, new: str) -> list[tuple[str, ...]]:
     child = view(trained(1, 0, 1.0, source=new))
-    return [tuple(line) for line in diff.to_parent(dataclasses.replace(child, parent=trained(0, 0, 1.0, old).sample))]
+    return [tuple(line) for line in html.changes(dataclasses.replace(child, parent=trained(0, 0, 1.0, old).sample))]
 
 
 def test_lines_say_what_became_of_them():
@@ -22,7 +22,7 @@ def test_lines_say_what_became_of_them():
 
 def test_an_equal_program_has_no_difference_and_a_first_one_no_parent():
     assert changed("a", "a") == []
-    assert diff.to_parent(view(trained(0, 0, 1.0))) == ()
+    assert html.changes(view(trained(0, 0, 1.0))) == ()
 
 
 def test_a_program_too_long_to_compare_is_left_alone():

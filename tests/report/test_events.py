@@ -1,14 +1,14 @@
 from tensorboard.backend.event_processing.event_file_loader import EventFileLoader
 
-from openeureka.report import events
+from openeureka.report import export
 from openeureka.types import TrainingResult, TrainingState
 
 CURVES = {"fitness": (None, 2.0, 3.5), "component/upright": (0.5,)}
 
 
 def test_tensorboard_reads_back_every_defined_value(tmp_path):
-    path = tmp_path / events.FILE_NAME
-    path.write_bytes(events.encode(CURVES))
+    path = tmp_path / export.EVENTS
+    path.write_bytes(export.to_events(CURVES))
     read = [
         (value.tag, event.step, value.tensor.float_val[0])
         for event in EventFileLoader(str(path)).Load()
@@ -18,15 +18,15 @@ def test_tensorboard_reads_back_every_defined_value(tmp_path):
 
 
 def test_equal_curves_give_equal_files():
-    assert events.encode(CURVES) == events.encode(CURVES)
+    assert export.to_events(CURVES) == export.to_events(CURVES)
 
 
 def test_the_axes_are_environment_steps_and_seconds(tmp_path):
     result = TrainingResult(
         lane="a", state=TrainingState.FINISHED, fitness=3.5, curves=CURVES, env_steps=3000, seconds=60.0
     )
-    path = tmp_path / events.FILE_NAME
-    path.write_bytes(events.of(result))
+    path = tmp_path / export.EVENTS
+    path.write_bytes(export.events_of(result))
     found = [(e.step, e.wall_time) for e in EventFileLoader(str(path)).Load() if e.summary.value]
     # three epochs of 1000 steps and 20 s each; F is not defined in the first, the component only there
     assert found == [(2000, 40.0), (3000, 60.0), (1000, 20.0)]
@@ -37,7 +37,7 @@ def test_an_epoch_has_the_time_at_which_it_was_done_and_ppo_a_place_of_its_own(t
     result = TrainingResult(
         lane="a", state=TrainingState.FINISHED, fitness=2.0, curves=curves, env_steps=20, seconds=10.0, clock=(8.0, 9.5)
     )
-    path = tmp_path / events.FILE_NAME
-    path.write_bytes(events.of(result))
+    path = tmp_path / export.EVENTS
+    path.write_bytes(export.events_of(result))
     found = [(v.tag, e.wall_time) for e in EventFileLoader(str(path)).Load() for v in e.summary.value]
     assert found == [("fitness", 9.5), ("ppo/kl", 8.0), ("ppo/kl", 9.5)]

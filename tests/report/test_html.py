@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from openeureka.report import html, inert
+from openeureka.report import html
 from openeureka.report.view import RunView
 from openeureka.testing.scripted import ToyTrainer, reply
 from openeureka.types import Generation, History
@@ -136,7 +136,7 @@ def test_the_best_video_is_in_the_page_and_others_are_beside_it(tmp_path):
     ("text", "shown"), [("abc", "abc"), ("abcd", "abc […] (1 more characters are in the files of the run)")]
 )
 def test_a_text_is_cut_at_its_limit(text, shown):
-    assert inert.cut(text, 3) == shown
+    assert html.cut(text, 3) == shown
 
 
 @pytest.mark.parametrize("name", ["{}", "{}+gain=2", "{}:Task"])

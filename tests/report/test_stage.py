@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from openeureka.report.ghosts import PREFIX
-from openeureka.report.stage import Stage
+from openeureka.report.stage import PREFIX, Stage
 from openeureka.suite.dexterity.re_orientation import ShadowHandReOrientation
 from openeureka.tasks import registry
 

@@ -1,6 +1,6 @@
 import pytest
 
-from openeureka.report.stats import best_so_far, by_generation, trained_share
+from openeureka.report.tables import best_so_far, by_generation, trained_share
 from openeureka.types import History, VerdictCode
 
 from .search import HISTORY

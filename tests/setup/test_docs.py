@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from openeureka.cli.check import check
 from openeureka.cli.main import app
 from openeureka.cli.settings import (
     CheckConfig,
@@ -18,6 +17,7 @@ from openeureka.cli.settings import (
     ReportConfig,
     split,
 )
+from openeureka.cli.tasks import check
 from openeureka.config import RunConfig, TrainConfig
 from openeureka.types import RemarkKind
 

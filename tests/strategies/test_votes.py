@@ -3,7 +3,7 @@ import math
 import pytest
 
 from openeureka.strategies import Ranking
-from openeureka.strategies.votes import PRIOR, strengths
+from openeureka.strategies.ranking import PRIOR, strengths
 from openeureka.testing.conformance.search import entries
 from openeureka.types import History, Place, Remark, RemarkKind
 

@@ -11,7 +11,7 @@ from openeureka.cli.main import main
 from openeureka.config import RunConfig, parse, short_name
 from openeureka.errors import TaskError
 from openeureka.executors.local import LocalExecutor
-from openeureka.store.paths import output_directory
+from openeureka.store.directory import output_directory
 from openeureka.tasks.context import context
 from openeureka.tasks.registry import get, make
 from openeureka.testing.conformance.task import TaskConformance

@@ -15,7 +15,7 @@ from report.scripted import search_in
 
 from openeureka.errors import ConfigError, EurekaError
 from openeureka.store.db import LOCK, LOG
-from openeureka.store.halt import is_asked_to_stop
+from openeureka.store.directory import is_asked_to_stop
 from openeureka.testing.scripted import reply
 from openeureka.ui import launch, server
 

@@ -99,7 +99,7 @@ def stop(directory: RunDirectory) -> None:
 
     Example: eureka stop outputs/2026-01-31_12-00-00_cartpole
     """
-    from .stop import stop
+    from .remote import stop
 
     stop(directory)
 
@@ -110,7 +110,7 @@ def feedback(directory: RunDirectory, words: Remarks = None) -> None:
 
     Example: eureka feedback outputs/2026-01-31_12-00-00_ant "too jerky" favourite=g0s3 vote=g0s3:g0s1 go
     """
-    from .feedback import feedback
+    from .remote import feedback
 
     feedback(directory, words or [])
 
@@ -143,7 +143,7 @@ def train(words: Settings = None, as_json: Json = False) -> None:
 
     Example: eureka train env=cartpole reward=human,sparse seeds=3
     """
-    from .training import train
+    from .search import train
 
     train(words or [], as_json=as_json)
 
@@ -154,7 +154,7 @@ def check(words: Words = None, as_json: Json = False) -> None:
 
     Example: eureka check env=cartpole my_reward.py
     """
-    from .check import check
+    from .tasks import check
 
     raise typer.Exit(check(words or [], as_json=as_json))
 
@@ -200,7 +200,7 @@ def new(words: Words = None) -> None:
 
     Example: eureka new hopper.py model=hopper.xml intent="to hop forward as fast as possible"
     """
-    from .new import new
+    from .tasks import new
 
     new(words or [])
 

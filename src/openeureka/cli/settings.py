@@ -144,3 +144,8 @@ def _attribute_docs(kind: type) -> dict[str, str]:
         ):
             notes[field.target.id] = str(text.value.value).split("\n")[0]
     return notes
+
+
+def again(directory: Path) -> str:
+    """The command that goes on with a run."""
+    return f"eureka resume {directory}"

@@ -12,7 +12,6 @@ from ..display.live import verdict_line
 from ..display.progress import working
 from ..report import tables
 from ..report.build import build
-from ..report.stats import by_generation
 from ..report.text import columns, number, scored, spread
 from ..report.verdict import meaning, verdict
 from ..report.view import CandidateView, GenerationView, RunView
@@ -66,7 +65,7 @@ def _slot(entry: Scored, strengths: Mapping[CandidateId, float]) -> tuple[str, .
 def summary(run: RunView) -> list[str]:
     """The result in a few lines."""
     lines = [f"Generation {g.index}: best F {number(g.best)}, {g.trained} of {g.slots} trained"
-             for g in by_generation(run.history)]  # fmt: skip
+             for g in tables.by_generation(run.history)]  # fmt: skip
     lines += [f"{name.capitalize()} reward: F {number(run.baseline_score(name))}" for name in run.baselines]
     if run.outcome is not None:
         lines += final(run.outcome)

@@ -1,26 +1,38 @@
-"""`eureka envs` and `eureka context`."""
+"""`eureka envs`, `context`, `check` and `new`: tasks, and rewards for them, before anything trains."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import shutil
 import textwrap
 from collections.abc import Sequence
+from pathlib import Path
+
+import torch
 
 from .. import baselines, prompts
 from ..config import RunConfig, parse
+from ..errors import ConfigError
 from ..report.text import columns, number
+from ..reward.extract import in_file
+from ..runs.rewards import MEANINGS, explain, judge
 from ..score import mean
+from ..store.artifacts import write
 from ..tasks import registry
 from ..tasks.context import context as context_of
 from ..tasks.context import informed
+from ..tasks.draft import Draft, draft
 from ..tasks.record import record_states
 from ..tasks.task import Task
 from ..text import plain
 from ..types import StateVar
-from .settings import ContextConfig
+from .settings import CheckConfig, ContextConfig, NewConfig, only_path, split
 
 INDENT = "    "
+TRIED, STEPS = 8, 25
+"""Worlds and steps of random play that a draft is tried with."""
+USAGE = "eureka new hopper.py model=hopper.xml"
 
 
 def envs(*, as_json: bool = False) -> None:
@@ -82,3 +94,89 @@ def _type(variable: StateVar) -> str:
         sizes = ("N", *variable.shape) if variable.kind == "world" else variable.shape
         return f"Tensor ({', '.join(map(str, sizes))})"
     return "int" if variable.kind == "num_envs" else variable.kind
+
+
+def check(words: Sequence[str], *, as_json: bool = False) -> int:
+    """Print the verdict on one reward file; returns 1 when it was refused."""
+    settings, paths = split(words)
+    config = parse(CheckConfig, settings)
+    path = only_path(paths, "eureka check env=cartpole my_reward.py")
+    candidate, note = in_file(path)
+    (verdict,) = judge(config.env, [candidate], unsafe=config.unsafe_no_sandbox)
+    if as_json:
+        findings = [dataclasses.asdict(finding) for finding in verdict.findings]
+        components = [name for name, _ in verdict.graph.components] if verdict.graph is not None else []
+        print(json.dumps({"verdict": verdict.code, "findings": findings, "components": components}, indent=2))
+        return 0 if verdict.accepted else 1
+    head = f"{path}: {verdict.code} ({MEANINGS[verdict.code]})"
+    print("\n".join((*([note] if note else []), head, *explain(verdict, candidate.source))))
+    return 0 if verdict.accepted else 1
+
+
+def new(words: Sequence[str]) -> None:
+    """Write a task file, see that it steps, and say what to do with it.
+
+    Raises:
+        ConfigError: where the file exists, is no Python file, or no model is named.
+        TaskError: when a model cannot be read, or nothing can move it.
+    """
+    settings, paths = split(words)
+    config, path = parse(NewConfig, settings), only_path(paths, USAGE)
+    if path.suffix != ".py":
+        raise ConfigError(f"A task is a Python file, not {path}; for example: {USAGE}")
+    if path.exists():
+        raise ConfigError(f"{path} exists already; choose another name, or delete it.")
+    if not path.parent.is_dir():
+        raise ConfigError(f"There is no folder {path.parent}; make it first, or choose another place.")
+    if not config.model:
+        raise ConfigError(f"Name the robot, a MuJoCo XML file; for example: {USAGE}")
+    drafted = draft(
+        path,
+        Path(config.model).expanduser(),
+        config.intent,
+        thing=config.object,
+        goal=config.goal,
+        floating=config.floating,
+    )
+    write(path.parent, path.name, drafted.text)
+    task, bad = _try(path, 1.0)
+    print(f"Wrote {path}: {task.num_observations} observations, {task.num_actions} actions, {task.description}.")
+    _say_what_counts(path, drafted)
+    if bad > 0:
+        _say_what_breaks(bad, at_rest=_try(path, 0.0)[1] > 0)
+    print("Read it, and say what you want of the robot. Then")
+    for command in ("play", "train", "run"):
+        print(f"  eureka {command} env={path}{' policy=random' if command == 'play' else ''}")
+
+
+def _try(path: Path, size: float) -> tuple[Task, int]:
+    """The task, and the worlds whose physics broke down in random play with actions up to this size."""
+    simulation = registry.make(str(path), worlds=TRIED)
+    simulation.scored = False
+    simulation.reset()
+    for _ in range(STEPS):
+        simulation.step((torch.rand(TRIED, simulation.task.num_actions) * 2.0 - 1.0) * size)
+    return simulation.task, simulation.bad_total
+
+
+def _say_what_breaks(bad: int, *, at_rest: bool) -> None:
+    print(f"But under random actions its physics broke down {bad} times in {TRIED} x {STEPS} steps.")
+    if at_rest:
+        print("It does so without actions too: look at the pose that it starts in, and try more substeps.")
+    else:
+        print("Without actions it holds: narrow CONTROLS, or give its joints damping and armature in `model()`.")
+
+
+def _say_what_counts(path: Path, drafted: Draft) -> None:
+    """What F measures and where that comes from, or what is missing: the ranking follows F, not the intent."""
+    aim, place = drafted.aim, f"`sparse_reward`, {path} line {drafted.line}"
+    if aim.missing:
+        print(f"F is not written: the draft does not guess, as {aim.missing}.")
+        print(f"Write what counts in {place}, or name it with object=NAME goal=NAME.")
+        print("Until then `eureka play` works, and nothing trains.")
+        return
+    source = "what you said" if drafted.said else "the model; intent= says what you want"
+    print(f"F is {aim.measure}: a guess from {source}.")
+    if aim.doubt:
+        print(aim.doubt)
+    print(f"F ranks the rewards, whatever the intent says: if it is not what you want, change {place}.")

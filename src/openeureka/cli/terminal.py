@@ -1,25 +1,28 @@
-"""The terminal as the host of a run: what it prints before, while and after it is at work."""
+"""The terminal as the host of a run: what it prints while that works, and what it hears while that waits."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import select
+import sys
+import time
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 
 from ..config import NO_MODEL, RunConfig, short_name
 from ..display.live import PlainView, TerminalView, view
 from ..display.progress import working
+from ..errors import FeedbackError
 from ..report.filming import Filming
-from ..text import one_line
-from ..types import Usage
-from .desk import TerminalDesk
+from ..report.text import columns, duration, number
+from ..report.view import VIDEO
+from ..store import artifacts, say
+from ..store.remarks import typed
+from ..text import one_line, plain
+from ..types import Generation, Usage, lane_id
+from .settings import again
 
 CONTROL = "model=random draws by chance and reads neither results nor words. It is the control for a real model."
-
-
-def again(directory: Path) -> str:
-    """The command that goes on with a run."""
-    return f"eureka resume {directory}"
 
 
 class Terminal:
@@ -45,3 +48,48 @@ class Terminal:
 
     def again(self, directory: Path) -> str:
         return again(directory)
+
+
+class TerminalDesk:
+    """Speaks on stdout, and listens on stdin where that is a terminal."""
+
+    def __init__(self, directory: Path, config: RunConfig, films: Sequence[Filming]) -> None:
+        self._directory, self._config, self._films = directory, config, films
+        self._listening = sys.stdin.isatty()
+
+    def invite(self, generation: Generation) -> None:
+        for films in self._films:
+            films.wait()
+        print("\n".join(self._invitation(generation)), flush=True)
+
+    def _invitation(self, generation: Generation) -> Iterator[str]:
+        yield f"\nGeneration {generation.index} is trained. Watch its policies:"
+        yield columns([("candidate", "F", "video"), *self._videos(generation)])
+        yield "Say what you see, in words for the model or by favourite=, veto= and vote=A:B, from any shell:"
+        yield f'  eureka feedback {self._directory} "too jerky" favourite=g{generation.index}s0 go'
+        if self._listening:
+            yield "or here, a line at a time; an empty line goes on."
+        if self._config.feedback_timeout:
+            yield f"Without a word it goes on after {duration(self._config.feedback_timeout)}."
+
+    def _videos(self, generation: Generation) -> Iterator[tuple[str, str, str]]:
+        for entry in generation.entries:
+            if entry.result is not None:
+                video = f"lanes/{lane_id(entry.sample.verdict.candidate, self._config.seed)}/{VIDEO}"
+                shown = str(self._directory / video) if artifacts.exists(self._directory, video) else "none"
+                yield str(entry.sample.place), number(entry.score), shown
+
+    def listen(self, seconds: float) -> None:
+        if not self._listening:
+            time.sleep(seconds)
+        elif select.select([sys.stdin], [], [], seconds)[0]:
+            self._hear(sys.stdin.readline())
+
+    def _hear(self, line: str) -> None:
+        if not line:  # Ctrl-D: the keyboard is silent from now on, other shells are not
+            self._listening = False
+            return
+        try:
+            say(self._directory, *typed(line))
+        except FeedbackError as error:
+            print(plain(str(error)))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from ..config import parse
 from ..errors import ConfigError
-from ..store.paths import OUTPUTS
+from ..store.directory import OUTPUTS
 from .settings import PageConfig, only_path, split
 
 

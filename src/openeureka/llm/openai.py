@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
+from email.utils import parsedate_to_datetime
 from typing import Any, Literal
 from urllib.parse import urlsplit
 
@@ -20,7 +22,6 @@ from . import completion
 from .client import share
 from .completion import Completion, Unreadable
 from .price import Price
-from .retry import delay
 
 ATTEMPTS = 7
 """Tries of one request; with the waits between them about a minute, or as long as the endpoint asks for."""
@@ -39,6 +40,7 @@ _PASSING = {408, 409, 425, 429}
 _SHORTEST_SECRET = 8
 """Characters of a key that is worth hiding; servers that need none are given words such as `none` or `ollama`."""
 _log = logging.getLogger(__name__)
+MAX_WAIT = 120.0  # [s]
 
 
 class EndpointModel:
@@ -286,3 +288,23 @@ def _without_secrets(url: str) -> str:
 
 def _headers(error: openai.APIError) -> Mapping[str, str]:
     return error.response.headers if isinstance(error, openai.APIStatusError) else {}
+
+
+def delay(headers: Mapping[str, str], attempt: int) -> float:
+    """Seconds to wait after the attempt: what the endpoint says, else 1, 2, 4, ..."""
+    stated = _stated(headers)
+    return min(2.0**attempt if stated is None else max(stated, 0.0), MAX_WAIT)
+
+
+def _stated(headers: Mapping[str, str]) -> float | None:
+    """Seconds of a `Retry-After` header, which is a number or a date (RFC 9110, 10.2.3)."""
+    value = headers.get("retry-after", "")
+    try:
+        seconds = float(value)
+    except ValueError:
+        try:
+            # By the endpoint's own clock: this machine's may be wrong.
+            seconds = (parsedate_to_datetime(value) - parsedate_to_datetime(headers["date"])).total_seconds()
+        except (KeyError, ValueError, TypeError):
+            return None
+    return None if math.isnan(seconds) else seconds

@@ -6,16 +6,19 @@ import difflib
 import importlib
 import os
 import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 from ..config import RunConfig
-from ..errors import ConfigError
+from ..errors import ConfigError, ModelError
+from ..types import Prompt, Reply
 from . import hub, price, weights
 from .client import LanguageModel
 from .local import LocalModel
 from .random import RandomModel
-from .replay import ReplayModel
 
 KINDS = ("local", "random", "replay")
 """Models that are at no endpoint."""
@@ -92,3 +95,39 @@ def _imported(config: RunConfig) -> LanguageModel:
             f"`model={config.model}` cannot be imported ({error}); it must be pkg.mod:factory."
         ) from error
     return factory(config)
+
+
+class ReplayModel:
+    """Re-runs a search offline. Replies were paid for once, so they cost nothing here.
+
+    Args:
+        replies: all of the other run's, in its order.
+        style: that of the model which gave them.
+        held: how many of them this run already has, when it is resumed.
+    """
+
+    name = "replay"
+
+    def __init__(self, replies: Sequence[Reply], style: Literal["free", "grammar"], *, held: int = 0) -> None:
+        self.style: Literal["free", "grammar"] = style
+        self._replies = replies
+        self._next = held
+
+    def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
+        """Yield the next n replies, whatever is asked.
+
+        Raises:
+            ModelError: when the recording ends earlier than this run.
+        """
+        for _ in range(n):
+            if self._next >= len(self._replies):
+                raise ModelError(
+                    f"The replayed run holds {len(self._replies)} replies and this one needs more; give it the same "
+                    "env, sample, iteration, search and seed."
+                )
+            reply = self._replies[self._next]
+            self._next += 1
+            yield replace(reply, usage=replace(reply.usage, cost_usd=0.0))
+
+    def close(self) -> None:
+        """Holds nothing."""

@@ -8,7 +8,7 @@ from ..errors import RewardFileError
 from ..store import artifacts
 from ..tasks import registry
 from ..training.policy import Policy
-from . import events, export, filming, html, video
+from . import export, filming, html, video
 from .view import VIDEO, RunView
 
 
@@ -32,7 +32,7 @@ def build(directory: Path, wanted: str = "", env: str = "") -> list[str]:
     problems = [best(directory, wanted, env), _candidates(directory, run, wanted, env)]
     run = RunView.read(directory)  # now with videos
     for lane, result in run.results.items():
-        artifacts.write(directory, f"lanes/{lane}/{events.FILE_NAME}", events.of(result))
+        artifacts.write(directory, f"lanes/{lane}/{export.EVENTS}", export.events_of(result))
     artifacts.write(directory, "report.html", html.report(run, directory))
     return list(dict.fromkeys(problem for problem in problems if problem))
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..types import TrainingResult
-from .stats import best_so_far
+from .tables import best_so_far
 from .text import number
 from .view import CandidateView, RunView
 

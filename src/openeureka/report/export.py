@@ -1,16 +1,27 @@
-"""A policy as an ONNX file, for robots and programs without PyTorch."""
+"""Files for other programs: a policy as ONNX, for those without PyTorch; learning curves for TensorBoard."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from io import BytesIO
 
 import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
+# The classes of these two modules are made at import time, where no type checker sees them.
+from tensorboard.compat.proto.event_pb2 import Event  # pyright: ignore[reportAttributeAccessIssue]
+from tensorboard.compat.proto.summary_pb2 import Summary  # pyright: ignore[reportAttributeAccessIssue]
+from tensorboard.summary.writer.record_writer import RecordWriter
+
 from ..training.normalize import EPSILON, LIMIT
 from ..training.policy import Policy
+from ..types import TrainingResult
 
 OPSET = 17
 """Old enough for runtimes since 2022."""
+EVENTS = "events.out.tfevents.0"
+"""TensorBoard recognises event files by `tfevents` in their name."""
 
 
 def to_onnx(policy: Policy) -> bytes:
@@ -61,3 +72,36 @@ def to_onnx(policy: Policy) -> bytes:
     helper.set_model_props(model, {"env": policy.env})
     onnx.checker.check_model(model)
     return model.SerializeToString()
+
+
+def to_events(
+    curves: Mapping[str, Sequence[float | None]],
+    *,
+    env_steps: int = 0,
+    seconds: float = 0.0,
+    clock: Sequence[float] = (),
+) -> bytes:
+    """One scalar per curve and epoch, over environment steps. Equal trainings give equal bytes: no host name goes in.
+
+    Args:
+        env_steps: of the whole training; 0 counts epochs instead.
+        seconds: that the training took, from time 0; without a clock, epochs are taken to last equally long.
+        clock: [s] at each epoch, waits between two processes left out.
+    """
+    epochs = max(map(len, curves.values()), default=0)
+    buffer = BytesIO()
+    writer = RecordWriter(buffer)
+    writer.write(Event(file_version="brain.Event:2").SerializeToString())
+    for tag, values in curves.items():
+        for epoch, value in enumerate(values):
+            if value is not None:
+                summary = Summary(value=[Summary.Value(tag=tag, simple_value=value)])
+                step = (epoch + 1) * env_steps // epochs if env_steps else epoch
+                time = clock[epoch] if epoch < len(clock) else (epoch + 1) * seconds / epochs
+                writer.write(Event(step=step, wall_time=time, summary=summary).SerializeToString())
+    return buffer.getvalue()
+
+
+def events_of(result: TrainingResult) -> bytes:
+    """The event file of a training."""
+    return to_events(result.curves, env_steps=result.env_steps, seconds=result.seconds, clock=result.clock)

@@ -1,4 +1,4 @@
-"""`report.html`: a whole run in one file that needs no network, for people who were not there.
+"""`report.html`, a whole run in one file that needs no network; and the templates that it shares with `eureka ui`.
 
 All text of models, programs and trainings is inert: a template engine escapes every value, terminal and direction
 controls are taken out on the way, long texts are cut, and the page forbids scripts and requests altogether.
@@ -7,29 +7,45 @@ controls are taken out on the way, long texts are cut, and the page forbids scri
 from __future__ import annotations
 
 import base64
+import difflib
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
+from typing import Literal, NamedTuple
 
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from ..config import short_name
 from ..errors import TaskError
 from ..store import artifacts
 from ..tasks import registry
-from . import inert
-from .view import RunView
+from ..text import plain
+from ..types import Sample
+from . import charts, tables, verdict
+from .text import duration, number, scored
+from .view import CandidateView, RunView
 
 MAX_EMBEDDED = 8 << 20
 """Bytes of a video that goes into the page itself; the page is meant to be mailed."""
+LIMITS = {"TEXT": 30_000, "CELL": 400, "NAME": 60}
+"""Characters shown of a text, of a cell and of a name."""
+CONTEXT = 3
+"""Unchanged lines shown around a change."""
+MAX_CHARACTERS = 40_000
+"""A longer program was refused for its size; comparing it would take minutes."""
+Kind = Literal["added", "removed", "kept", "place"]
+_KINDS: dict[str, Kind] = {"+": "added", "-": "removed", " ": "kept", "@": "place"}
 
 
 def report(run: RunView, directory: Path) -> str:
     """The page. The video of the best policy is part of it, those of single candidates are linked."""
     return (
-        inert.environment()
+        environment()
         .get_template("report.html")
         .render(
             run=run,
-            style=Markup(inert.text("report.css")),
+            style=Markup(text("report.css")),
             title=short_name(run.config.env),
             intent=intent(run.config.env),
             best_video=_embedded(directory, run.videos.get("best", "")),
@@ -53,3 +69,65 @@ def _embedded(directory: Path, path: str) -> str:
     if film is None or len(film) > MAX_EMBEDDED:
         return path
     return "data:video/mp4;base64," + base64.b64encode(film).decode()
+
+
+@cache
+def environment() -> Environment:
+    """Of the folder `templates`, with all that reports show at hand."""
+    environment = Environment(
+        loader=PackageLoader("openeureka"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_inert,
+    )
+    environment.filters |= {"cut": cut, "number": number, "scored": scored, "duration": duration}
+    environment.globals |= {
+        "tables": tables,
+        "verdict": verdict,
+        "charts": charts,
+        "changes": changes,
+        "anchor": anchor,
+        "name": tables.name,
+    }
+    environment.globals |= LIMITS | {key: getattr(charts, key) for key in ("WIDTH", "HEIGHT", "LEFT", "RIGHT")}
+    return environment
+
+
+def text(name: str) -> str:
+    """A file of the folder as it is."""
+    return (files("openeureka") / "templates" / name).read_text(encoding="utf-8")
+
+
+def _inert(value: object) -> object:
+    """Every value on its way into the page; the engine escapes it after this. Markup is what the template made."""
+    return value if isinstance(value, Markup) else plain(str(value))
+
+
+def cut(text: str, limit: int) -> str:
+    """At most `limit` characters of a text, and how many more there are."""
+    more = len(text) - limit
+    return text if more <= 0 else f"{text[:limit]} […] ({more:,} more characters are in the files of the run)"
+
+
+def anchor(place: CandidateView | Sample) -> str:
+    """What a candidate is called in addresses."""
+    return str(place.place)
+
+
+class Line(NamedTuple):
+    """One line of a unified diff, with its sign."""
+
+    kind: Kind
+    text: str
+
+
+def changes(candidate: CandidateView) -> tuple[Line, ...]:
+    """What a program changed of its parent, a unified diff; empty without a parent, without a change, or where either
+    program is too long."""
+    own, parent = candidate.candidate, candidate.parent.candidate if candidate.parent else None
+    if own is None or parent is None or max(len(own.source), len(parent.source)) > MAX_CHARACTERS:
+        return ()
+    lines = difflib.unified_diff(parent.source.splitlines(), own.source.splitlines(), n=CONTEXT, lineterm="")
+    return tuple(Line(_KINDS[line[0]], line) for line in lines)[2:]  # without the names of files

@@ -80,7 +80,9 @@ def _examine_memory(traced: Traced, spec: StateSpec, recorded: Recorded, worlds:
     and large between them: where a graph has one, powers of two are measured too.
     """
     recorded_worlds = world_count(recorded, spec)
-    counts = {_more(worlds, recorded_worlds), _MANY_WORLDS} | ({worlds} if worlds else set())
+    counts = {_more(worlds, recorded_worlds), _MANY_WORLDS}
+    if worlds:
+        counts.add(worlds)
     if any(node.op in _MAY_SHRINK and _counts(node) for node in traced.graph.nodes):
         counts |= {1 << power for power in range(_MANY_WORLDS.bit_length() - 1)}
     for count in sorted(counts):
@@ -100,7 +102,7 @@ def _examine_memory(traced: Traced, spec: StateSpec, recorded: Recorded, worlds:
 
 def _counts(node: Node) -> bool:
     """Whether an argument of a node is a multiple of the number of worlds."""
-    return any(isinstance(leaf, Mapping) and "n" in leaf for leaf in leaves((node.args, tuple(node.kwargs.values()))))
+    return any(isinstance(leaf, Mapping) and "n" in leaf for leaf in leaves(node))
 
 
 def _more(worlds: int, recorded_worlds: int) -> int:

@@ -9,6 +9,7 @@ import warnings
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from ..types import Candidate
@@ -101,16 +102,11 @@ def _statements(tree: ast.Module) -> Iterator[ast.AST]:
 
 def _choose(blocks: list[_Block]) -> _Block | None:
     """The last reward that parses, else the last function that does, else the last that looks like one."""
-    preferences = (
-        lambda block: block.rewards,
-        lambda block: block.defined,
-        lambda block: _FUNCTION.search(block.source),
-    )
-    for wanted in preferences:
-        for block in reversed(blocks):
-            if wanted(block):
-                return block
-    return None
+    last_first = blocks[::-1]
+    rewards = (block for block in last_first if block.rewards)
+    functions = (block for block in last_first if block.defined)
+    alike = (block for block in last_first if _FUNCTION.search(block.source))
+    return next(chain(rewards, functions, alike), None)
 
 
 def _helpers(chosen: _Block, blocks: list[_Block]) -> list[_Block]:
@@ -130,7 +126,8 @@ def _helpers(chosen: _Block, blocks: list[_Block]) -> list[_Block]:
 
 def _fenced(text: str, depth: int = 0) -> Iterator[str]:
     """The contents of code blocks. A block ends at a bare fence of its own kind at least as long, or with the text."""
-    mark, lines = "", []
+    mark = ""
+    lines: list[str] = []
     for line in text.split("\n"):
         fence = _FENCE.match(line)
         if not mark:

@@ -12,12 +12,22 @@ from . import surface
 from .syntax import dotted
 
 Number = int | float
-_BINARY: Mapping[type[ast.operator], Callable[[Any, Any], Number]] = {
+
+
+def _quotient(a: Number, b: Number) -> Number:
+    return a / b
+
+
+def _floor_quotient(a: Number, b: Number) -> Number:
+    return a // b
+
+
+_BINARY: Mapping[type[ast.operator], Callable[[Number, Number], Number]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.FloorDiv: operator.floordiv,
+    ast.Div: _quotient,
+    ast.FloorDiv: _floor_quotient,
     ast.Mod: operator.mod,
     ast.Pow: math.pow,  # in floats: a power of integers could fill the memory
 }

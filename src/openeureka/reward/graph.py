@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import torch
 from torch import Tensor, fx
 
 from ..codec import DecodeError, decode
-from ..types import Node, RewardGraph, StateSpec
+from ..types import Arg, Node, Part, RewardGraph, StateSpec
 from . import surface
 from .validate import TORCH_NAMES, GraphError, inputs, operation, references, refuse_truncation, validate
 
@@ -51,7 +51,8 @@ def simplify(graph: RewardGraph) -> tuple[RewardGraph, tuple[int, ...]]:
     origin: list[int] = []
     for index in sorted(needed):
         old = graph.nodes[index]
-        node = Node(old.op, _moved(old.args, place), {key: _moved(value, place) for key, value in old.kwargs.items()})
+        args = tuple(_moved(arg, place) for arg in old.args)
+        node = Node(old.op, args, {key: _moved(arg, place) for key, arg in old.kwargs.items()})
         key = repr((node.op, node.args, sorted(node.kwargs.items())))
         if key not in seen:
             seen[key] = len(nodes)
@@ -62,12 +63,12 @@ def simplify(graph: RewardGraph) -> tuple[RewardGraph, tuple[int, ...]]:
     return RewardGraph(nodes=tuple(nodes), reward=place[graph.reward], components=components), tuple(origin)
 
 
-def _moved(arg: Any, place: Mapping[int, int]) -> Any:
-    if isinstance(arg, tuple):
-        return tuple(_moved(value, place) for value in arg)
-    if isinstance(arg, Mapping) and "ref" in arg:
-        return {"ref": place[arg["ref"]]}
-    return arg
+def _moved(arg: Arg, place: Mapping[int, int]) -> Arg:
+    return tuple(_moved_part(part, place) for part in arg) if isinstance(arg, tuple) else _moved_part(arg, place)
+
+
+def _moved_part(part: Part, place: Mapping[int, int]) -> Part:
+    return {"ref": place[part["ref"]]} if isinstance(part, Mapping) and "ref" in part else part
 
 
 # --- execution -------------------------------------------------------------------------------------------------------
@@ -98,7 +99,8 @@ def _named(kwargs: dict[str, Any]) -> dict[str, Any]:
 
 def _constant(node: Node, device: torch.device | str) -> Tensor:
     values, shape, dtype = node.args
-    return torch.tensor(values, dtype=getattr(torch, str(dtype)), device=device).reshape(shape)  # type: ignore[arg-type]
+    numbers = torch.tensor(values, dtype=getattr(torch, str(dtype)), device=device)
+    return numbers.reshape(cast(tuple[int, ...], shape))
 
 
 def values(graph: RewardGraph, state: State, num_worlds: int, device: torch.device | str = "cpu") -> Iterator[Any]:
@@ -113,9 +115,9 @@ def values(graph: RewardGraph, state: State, num_worlds: int, device: torch.devi
     for source, index in last.items():
         over[index].append(source)
 
-    def fill(arg: Any) -> Any:
+    def fill(arg: Arg) -> Any:
         if isinstance(arg, tuple):
-            return [fill(value) for value in arg]
+            return [fill(part) for part in arg]
         if isinstance(arg, Mapping):
             return done[arg["ref"]] if "ref" in arg else arg["n"] * num_worlds
         return arg
@@ -181,7 +183,7 @@ class CompiledReward:
         if num_worlds is None:
             if self._world is None:
                 raise ValueError("this reward reads no per-world variable: give num_worlds")
-            num_worlds = state[self._world].shape[0]  # type: ignore[union-attr]
+            num_worlds = cast(Tensor, state[self._world]).shape[0]
         device = next((value.device for value in tensors if isinstance(value, Tensor)), self._device)
         if device != self._device:
             self._module.to(device)
@@ -212,9 +214,9 @@ def _module(graph: RewardGraph, names: Sequence[str]) -> fx.GraphModule:
     count, device = built.placeholder("num_worlds"), built.placeholder("device")
     done: list[fx.Node] = []
 
-    def fill(arg: Any) -> Any:
+    def fill(arg: Arg) -> Any:
         if isinstance(arg, tuple):
-            return [fill(value) for value in arg]
+            return [fill(part) for part in arg]
         if isinstance(arg, Mapping):
             if "ref" in arg:
                 return done[arg["ref"]]

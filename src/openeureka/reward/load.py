@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import builtins
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import torch
 from torch import Tensor
@@ -15,18 +15,19 @@ from . import math as helper_functions
 from . import surface
 from .fold import numpy_name
 from .gate import Program
+from .math import norm
 
 Runner = Callable[[Mapping[str, Any]], object]
 """Takes every state variable, `num_envs` and `device` by name; returns whatever the program returns."""
 
 
 def _cosine_similarity(x1: Tensor, x2: Tensor, dim: int = 1, eps: float = 1e-8) -> Tensor:
-    lengths = x1.norm(dim=dim).clamp(min=eps) * x2.norm(dim=dim).clamp(min=eps)
+    lengths = norm(x1, dim=dim).clamp(min=eps) * norm(x2, dim=dim).clamp(min=eps)
     return (x1 * x2).sum(dim=dim) / lengths
 
 
 def _cdist(x1: Tensor, x2: Tensor, p: float = 2.0) -> Tensor:
-    return (x1.unsqueeze(-2) - x2.unsqueeze(-3)).norm(p=p, dim=-1)
+    return norm(x1.unsqueeze(-2) - x2.unsqueeze(-3), p=p)
 
 
 def _isclose(input: Tensor, other: Tensor, rtol: float = 1e-5, atol: float = 1e-8) -> Tensor:
@@ -46,8 +47,10 @@ def _tensor(data: Any, **options: Any) -> Tensor:
     return torch.tensor(data, **options)
 
 
-def _holds_tensor(data: Any) -> bool:
-    return isinstance(data, Tensor) or (isinstance(data, list | tuple) and any(map(_holds_tensor, data)))
+def _holds_tensor(data: object) -> bool:
+    if isinstance(data, list | tuple):
+        return any(map(_holds_tensor, cast(Sequence[object], data)))
+    return isinstance(data, Tensor)
 
 
 # torch's own write in place below the level that tracing sees, read numbers out, or leave memory as it was.
@@ -77,15 +80,22 @@ def _offered(name: str, real: Any) -> Any:
     if name in _REPLACED:
         return _REPLACED[name]
     function = getattr(real, name)
-    if name in _TAKES_FLOATS:
-        return lambda *args, **kwargs: function(*map(_as_tensor, args), **kwargs)
-    if name in _FIRST_FLOAT:
-        return lambda *args, **kwargs: function(*map(_as_tensor, args[:1]), *args[1:], **kwargs)
-    return function
+    if name not in _TAKES_FLOATS and name not in _FIRST_FLOAT:
+        return function
+    floats = None if name in _TAKES_FLOATS else 1
+
+    def of_floats(*args: Any, **kwargs: Any) -> Any:
+        return function(*map(_as_tensor, args[:floats]), *(args[floats:] if floats else ()), **kwargs)
+
+    return of_floats
 
 
 def _as_tensor(value: Any) -> Any:
     return torch.tensor(value) if type(value) is float else value
+
+
+def _cpu(*_: object) -> torch.device:
+    return torch.device("cpu")
 
 
 def _modules() -> SimpleNamespace:
@@ -93,7 +103,7 @@ def _modules() -> SimpleNamespace:
     offered = _namespace("torch", torch)
     offered.nn = SimpleNamespace(functional=_namespace("torch.nn.functional", torch.nn.functional))
     offered.linalg = _namespace("torch.linalg", torch.linalg)
-    offered.device = lambda *_: torch.device("cpu")
+    offered.device = _cpu
     helpers = SimpleNamespace(**_helpers())
     return SimpleNamespace(
         torch=offered,

@@ -7,6 +7,7 @@ the conventions that published rewards rely on (`get_euler_xyz` wraps to [0, 2 p
 from __future__ import annotations
 
 import math
+from typing import cast
 
 import torch
 from torch import Tensor
@@ -19,11 +20,19 @@ def to_torch(x: object, dtype: torch.dtype = torch.float, device: object = None,
     return torch.as_tensor(x, dtype=dtype)
 
 
+def norm(x: Tensor, p: float = 2, dim: int = -1) -> Tensor:
+    return x.norm(p=p, dim=dim)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+
+
+def _broadcast(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
+    return torch.broadcast_tensors(a, b)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+
+
 # --- vectors and angles ----------------------------------------------------------------------------------------------
 
 
 def normalize(x: Tensor, eps: float = _TINY) -> Tensor:
-    return x / x.norm(p=2, dim=-1).clamp(min=eps).unsqueeze(-1)
+    return x / norm(x).clamp(min=eps).unsqueeze(-1)
 
 
 def normalize_angle(x: Tensor) -> Tensor:
@@ -96,7 +105,7 @@ def quat_conjugate(a: Tensor) -> Tensor:
 
 def quat_mul(a: Tensor, b: Tensor) -> Tensor:
     """Hamilton product a b: rotate by b, then by a."""
-    a, b = torch.broadcast_tensors(a, b)
+    a, b = _broadcast(a, b)
     a_vec, a_w, b_vec, b_w = a[..., :3], a[..., 3:], b[..., :3], b[..., 3:]
     vec = a_w * b_vec + b_w * a_vec + torch.cross(a_vec, b_vec, dim=-1)
     w = a_w * b_w - (a_vec * b_vec).sum(dim=-1, keepdim=True)
@@ -105,14 +114,14 @@ def quat_mul(a: Tensor, b: Tensor) -> Tensor:
 
 def quat_apply(a: Tensor, b: Tensor) -> Tensor:
     """Rotate vectors b by unit quaternions a."""
-    vec, b = torch.broadcast_tensors(a[..., :3], b)
+    vec, b = _broadcast(a[..., :3], b)
     twice = 2.0 * torch.cross(vec, b, dim=-1)
     return b + a[..., 3:] * twice + torch.cross(vec, twice, dim=-1)
 
 
 def quat_rotate(q: Tensor, v: Tensor) -> Tensor:
     """Rotate vectors v by q. As `quat_apply` for unit quaternions; of others, the form that the environments use."""
-    vec, v = torch.broadcast_tensors(q[..., :3], v)
+    vec, v = _broadcast(q[..., :3], v)
     w = q[..., 3:]
     along = (vec * v).sum(dim=-1, keepdim=True)
     return (2.0 * w * w - 1.0) * v + 2.0 * w * torch.cross(vec, v, dim=-1) + 2.0 * along * vec
@@ -139,7 +148,7 @@ def quat_from_angle_axis(angle: Tensor, axis: Tensor) -> Tensor:
 def quat_diff_rad(a: Tensor, b: Tensor) -> Tensor:
     """Angle [rad] of the rotation between two orientations."""
     difference = quat_mul(a, quat_conjugate(b))
-    return 2.0 * torch.asin(torch.clamp(difference[..., :3].norm(p=2, dim=-1), max=1.0))
+    return 2.0 * torch.asin(torch.clamp(norm(difference[..., :3]), max=1.0))
 
 
 def quat_axis(q: Tensor, axis: int = 0) -> Tensor:
@@ -232,7 +241,7 @@ def quat_to_exp_map(q: Tensor) -> Tensor:
 
 
 def exp_map_to_angle_axis(exp_map: Tensor) -> tuple[Tensor, Tensor]:
-    length = exp_map.norm(p=2, dim=-1)
+    length = norm(exp_map)
     turned = length > 1e-5
     angle = torch.where(turned, normalize_angle(length), torch.zeros_like(length))
     up = torch.eye(3, dtype=exp_map.dtype, device=exp_map.device)[2].expand(exp_map.shape)
@@ -262,9 +271,10 @@ def matrix_to_quaternion(matrix: Tensor) -> Tensor:
     squares = torch.stack((1.0 + xx + yy + zz, 1.0 + xx - yy - zz, 1.0 - xx + yy - zz, 1.0 - xx - yy + zz), dim=-1)
     wx, wy, wz = m[7] - m[5], m[2] - m[6], m[3] - m[1]
     xy, xz, yz = m[1] + m[3], m[2] + m[6], m[5] + m[7]
-    entries = (squares[..., 0], wx, wy, wz, wx, squares[..., 1], xy, xz)
+    entries: tuple[Tensor, ...] = (squares[..., 0], wx, wy, wz, wx, squares[..., 1], xy, xz)
     entries += (wy, xy, squares[..., 2], yz, wz, xz, yz, squares[..., 3])
-    candidates = torch.stack(entries, dim=-1).unflatten(-1, (4, 4))  # row i: the quaternion times 4 q_i
+    rows = torch.stack(entries, dim=-1).unflatten(-1, (4, 4))  # pyright: ignore[reportUnknownVariableType]
+    candidates = cast(Tensor, rows)  # row i: the quaternion times 4 q_i
     largest = squares.argmax(dim=-1)[..., None, None].expand((*squares.shape[:-1], 1, 4))
     return normalize(candidates.gather(-2, largest).squeeze(-2))
 

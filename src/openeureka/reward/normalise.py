@@ -10,7 +10,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import TypeVar, cast
 
 from ..types import Finding
 from . import surface
@@ -231,7 +231,7 @@ class Normaliser(ast.NodeTransformer):
         body: list[ast.stmt] = []
         for statement in node.body:
             kept = self.visit(statement)
-            body.extend(kept if isinstance(kept, list) else [kept])
+            body.extend(cast(list[ast.stmt], kept) if isinstance(kept, list) else [kept])
         return body
 
     def visit_Subscript(self, node: ast.Subscript) -> ast.Subscript:

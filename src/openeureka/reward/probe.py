@@ -6,7 +6,7 @@ import re
 import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import torch
 from torch import Tensor
@@ -67,12 +67,13 @@ def outputs(result: object, num_worlds: int) -> Outputs:
     Raises:
         Refused: when it is not `(reward, components)` with one number per world.
     """
-    if not isinstance(result, tuple) or len(result) != 2 or not isinstance(result[1], dict):
-        kind = f"a tuple of {len(result)}" if isinstance(result, tuple) else type(result).__name__
+    parts = cast(tuple[object, ...], result) if isinstance(result, tuple) else ()
+    if len(parts) != 2 or not isinstance(parts[1], dict):
+        kind = f"a tuple of {len(parts)}" if isinstance(result, tuple) else type(result).__name__
         raise Refused(
             "returns", f"the program returns {kind:.40}", "return `(reward, components)`, a tensor and a dict"
         )
-    reward, components = result
+    reward, components = parts[0], cast(dict[object, object], parts[1])
     if not isinstance(reward, Tensor):
         raise Refused("shape", "the reward is not a tensor", "return one number per world, shape (N,)")
     _check_tensor("the reward", reward)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import sys
+import inspect
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import torch
 from torch import Tensor
 from torch.func import functionalize
-from torch.utils._python_dispatch import TorchDispatchMode, _disable_current_modes
+from torch.utils._python_dispatch import TorchDispatchMode, _disable_current_modes  # pyright: ignore[reportPrivateUsage]
 
-from ..types import Finding, Node, RewardGraph
+from ..types import Arg, Finding, Node, Part, RewardGraph
 from . import surface
 from .gate import FILENAME
 from .validate import MAX_CONSTANT, IntegerDivision, references, refuse_truncation
@@ -49,7 +49,7 @@ def branch(line: int | None) -> Refused:
 
 def current_line() -> int | None:
     """Line of the program that is running."""
-    frame = sys._getframe(1)
+    frame = inspect.currentframe()
     while frame is not None:
         if frame.f_code.co_filename == FILENAME:
             return frame.f_lineno
@@ -59,6 +59,9 @@ def current_line() -> int | None:
 
 class _Mode(TorchDispatchMode):
     """A dispatch mode that does without `torch.compile`: its import costs every child 70 MB to inherit."""
+
+    def __init__(self) -> None:
+        super().__init__()  # pyright: ignore[reportUnknownMemberType]
 
     @classmethod
     def _should_skip_dynamo(cls) -> bool:
@@ -90,7 +93,7 @@ class Guard(_Mode):
             if argument.alias_info is None or not argument.alias_info.is_write:
                 continue
             value = args[index] if index < len(args) else kwargs.get(argument.name)
-            tensors = value if isinstance(value, list | tuple) else (value,)
+            tensors = cast(Sequence[object], value) if isinstance(value, list | tuple) else (value,)
             for tensor in tensors:
                 name = self._input_of(tensor)
                 if name is not None:
@@ -128,7 +131,7 @@ class Tracer(_Mode):
         self._index: dict[int, int] = {}
         self._alive: list[Tensor] = []  # an id is only unique while its object lives
 
-    def add(self, op: str, args: tuple[Any, ...], kwargs: Mapping[str, Any] | None = None) -> int:
+    def add(self, op: str, args: tuple[Arg, ...], kwargs: Mapping[str, Arg] | None = None) -> int:
         if len(self.nodes) >= MAX_OPERATIONS:
             raise Refused("memory", "the program runs too many operations", "use fewer, larger tensors", current_line())
         node, index = Node(op, args, kwargs or {}), len(self.nodes)
@@ -154,7 +157,8 @@ class Tracer(_Mode):
             raise Refused("memory", "a literal tensor is too large", "build it with torch operations", current_line())
         # The mode is not active inside its own handler, but `index` is also called from outside of it.
         with _disable_current_modes():
-            numbers = tuple(tensor.detach().reshape(-1).tolist())
+            flat = tensor.detach().reshape(-1)
+            numbers = cast(tuple[float, ...], tuple(flat.tolist()))  # pyright: ignore[reportUnknownMemberType, reportUnknownArgumentType]
         index = self.add("constant", (numbers, tuple(tensor.shape), str(tensor.dtype).removeprefix("torch.")))
         self.name(tensor, index)
         return index
@@ -189,11 +193,14 @@ class Tracer(_Mode):
                 self.name(part, self.add("getitem", ({"ref": index}, position)))
         return result
 
-    def _encode(self, value: Any) -> Any:
+    def _encode(self, value: object) -> Arg:
+        if isinstance(value, list | tuple):
+            return tuple(self._encode_part(part) for part in cast(Sequence[object], value))
+        return self._encode_part(value)
+
+    def _encode_part(self, value: object) -> Part:
         if isinstance(value, Tensor):
             return {"ref": self.index(value)}
-        if isinstance(value, list | tuple):
-            return tuple(self._encode(part) for part in value)
         if isinstance(value, torch.dtype | torch.memory_format):
             return str(value).removeprefix("torch.")
         if value is None or isinstance(value, bool | int | float | str):
@@ -205,9 +212,13 @@ class Tracer(_Mode):
 
 def _squeeze(args: Sequence[Any]) -> tuple[str, tuple[Any, ...]]:
     """Name the dimensions that are dropped, so that a single world keeps its world axis."""
-    tensor = args[0]
-    asked = range(tensor.dim()) if len(args) == 1 else args[1] if isinstance(args[1], list | tuple) else [args[1]]
-    return "squeeze.dims", (tensor, tuple(dim for dim in asked if tensor.dim() and tensor.shape[dim] == 1))
+    tensor: Tensor = args[0]
+    given: Sequence[Any] = args[1:]
+    if not given:
+        given = range(tensor.dim())
+    elif isinstance(given[0], list | tuple):
+        given = cast(Sequence[int], given[0])
+    return "squeeze.dims", (tensor, tuple(dim for dim in given if tensor.dim() and tensor.shape[dim] == 1))
 
 
 Outputs = tuple[Tensor, Mapping[str, Tensor | float]]
@@ -247,9 +258,9 @@ def unify(first: RewardGraph, second: RewardGraph, sizes: tuple[int, int], lines
     """
     nodes: list[Node] = []
     for left, right, line in zip(first.nodes, second.nodes, lines, strict=False):
-        if left.op != right.op or left.kwargs.keys() != right.kwargs.keys():
+        if left.op != right.op or left.kwargs.keys() != right.kwargs.keys() or len(left.args) != len(right.args):
             raise _differs(line)
-        args = _unified(left.args, right.args, sizes, line)
+        args = tuple(_unified(a, b, sizes, line) for a, b in zip(left.args, right.args, strict=True))
         kwargs = {key: _unified(value, right.kwargs[key], sizes, line) for key, value in left.kwargs.items()}
         nodes.append(Node(left.op, args, kwargs))
     if len(first.nodes) != len(second.nodes) or (first.reward, first.components) != (second.reward, second.components):
@@ -266,9 +277,15 @@ def _differs(line: int | None) -> Refused:
     )
 
 
-def _unified(left: Any, right: Any, sizes: tuple[int, int], line: int | None) -> Any:
+def _unified(left: Arg, right: Arg, sizes: tuple[int, int], line: int | None) -> Arg:
     if isinstance(left, tuple) and isinstance(right, tuple) and len(left) == len(right):
-        return tuple(_unified(a, b, sizes, line) for a, b in zip(left, right, strict=True))
+        return tuple(_unified_part(a, b, sizes, line) for a, b in zip(left, right, strict=True))
+    if isinstance(left, tuple) or isinstance(right, tuple):
+        raise _differs(line)
+    return _unified_part(left, right, sizes, line)
+
+
+def _unified_part(left: Part, right: Part, sizes: tuple[int, int], line: int | None) -> Part:
     if type(left) is type(right) and (left == right or (left != left and right != right)):
         return left
     if type(left) is int and type(right) is int:

@@ -11,11 +11,11 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Set
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import torch
 
-from ..types import Node, RewardGraph
+from ..types import Arg, Node, Part, RewardGraph
 from . import surface
 
 MAX_NODES = 2_000
@@ -64,13 +64,15 @@ def refuse_truncation(dividend: Any, divisor: Any, rounding_mode: str | None) ->
         raise IntegerDivision("an integer division that truncates")
 
 
-def leaves(arg: Any) -> Iterator[Any]:
-    """The parts of an argument that hold no others."""
-    if isinstance(arg, tuple):
-        for value in arg:
-            yield from leaves(value)
-    else:
-        yield arg
+def parts(arg: Arg) -> tuple[Part, ...]:
+    """An argument as the values that it holds."""
+    return arg if isinstance(arg, tuple) else (arg,)
+
+
+def leaves(node: Node) -> Iterator[Part]:
+    """The parts of a node's arguments."""
+    for arg in (*node.args, *node.kwargs.values()):
+        yield from parts(arg)
 
 
 def inputs(graph: RewardGraph) -> tuple[str, ...]:
@@ -80,8 +82,7 @@ def inputs(graph: RewardGraph) -> tuple[str, ...]:
 
 def references(node: Node) -> tuple[int, ...]:
     """Indices of the nodes whose values a node uses."""
-    found = leaves((node.args, tuple(node.kwargs.values())))
-    return tuple(leaf["ref"] for leaf in found if isinstance(leaf, Mapping) and "ref" in leaf)
+    return tuple(leaf["ref"] for leaf in leaves(node) if isinstance(leaf, Mapping) and "ref" in leaf)
 
 
 def validate(graph: RewardGraph) -> None:
@@ -129,7 +130,8 @@ def _validate_constant(node: Node) -> None:
         raise GraphError(f"a constant holds at most {MAX_CONSTANT} numbers")
     if not all(_is_number(value) for value in values):
         raise GraphError("a constant holds numbers")
-    if not all(type(size) is int and size >= 0 for size in shape) or math.prod(shape) != len(values):  # type: ignore[arg-type]
+    sizes = [size for size in shape if type(size) is int and size >= 0]
+    if len(sizes) < len(shape) or math.prod(sizes) != len(values):
         raise GraphError("a constant's shape does not fit its values")
 
 
@@ -138,7 +140,7 @@ def _validate_constant(node: Node) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Parameter:
-    accepts: Callable[[Any], bool]
+    accepts: Callable[[Arg], bool]
     positional: bool
     required: bool
 
@@ -164,7 +166,7 @@ def _validate_call(node: Node) -> None:
 @functools.cache
 def _parameters(op: str) -> dict[str, _Parameter]:
     """What an operation takes, in order, from the schema that torch itself goes by."""
-    schema: Any = operation(op)._schema  # type: ignore[attr-defined]
+    schema: Any = operation(op)._schema  # pyright: ignore[reportFunctionMemberAccess]
     return {
         argument.name: _Parameter(
             accepts=_acceptor(argument.name, str(argument.real_type)),
@@ -175,7 +177,7 @@ def _parameters(op: str) -> dict[str, _Parameter]:
     }
 
 
-def _acceptor(name: str, kind: str) -> Callable[[Any], bool]:
+def _acceptor(name: str, kind: str) -> Callable[[Arg], bool]:
     """Whether a value has the type that a schema writes as `kind`."""
     if kind.startswith("Optional["):
         inner = _acceptor(name, kind[len("Optional[") : -1])
@@ -186,27 +188,27 @@ def _acceptor(name: str, kind: str) -> Callable[[Any], bool]:
     return _KINDS[kind.replace("SymInt", "int")]
 
 
-def _is_reference(value: Any) -> bool:
-    return isinstance(value, Mapping) and value.keys() == {"ref"} and type(value["ref"]) is int and value["ref"] >= 0
+def _is_reference(value: Arg) -> bool:
+    return isinstance(value, Mapping) and set(value) == {"ref"} and type(value["ref"]) is int and value["ref"] >= 0
 
 
-def _is_worlds(value: Any) -> bool:
-    return isinstance(value, Mapping) and value.keys() == {"n"} and _is_size(value["n"])
+def _is_worlds(value: Arg) -> bool:
+    return isinstance(value, Mapping) and set(value) == {"n"} and _is_size(value["n"])
 
 
-def _is_size(value: Any) -> bool:
+def _is_size(value: Arg) -> bool:
     return type(value) is int and 0 <= value <= MAX_SIZE_PER_WORLD
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: Arg) -> bool:
     return isinstance(value, float) or (isinstance(value, int) and abs(value) <= _MAX_INT)
 
 
-def _is_name(value: Any, allowed: Set[str]) -> bool:
+def _is_name(value: Arg, allowed: Set[str]) -> bool:
     return isinstance(value, str) and value in allowed
 
 
-_KINDS: Mapping[str, Callable[[Any], bool]] = {
+_KINDS: Mapping[str, Callable[[Arg], bool]] = {
     "Tensor": lambda value: _is_reference(value) or _is_worlds(value) or _is_number(value),  # torch wraps numbers
     "number": lambda value: _is_worlds(value) or _is_number(value),
     "float": lambda value: _is_worlds(value) or _is_number(value),
@@ -220,13 +222,15 @@ _KINDS: Mapping[str, Callable[[Any], bool]] = {
 }
 
 
-def _within_bounds(name: str, value: Any) -> bool:
+def _within_bounds(name: str, value: Arg) -> bool:
     """Dimensions exist, and sizes written as numbers stay small; `examine` has the sizes that follow from others."""
-    parts = value if isinstance(value, tuple) else (value,)
     if name in _DIMENSIONS:
-        return all(part is None or (type(part) is int and -MAX_DIMENSIONS <= part < MAX_DIMENSIONS) for part in parts)
+        return all(
+            part is None or (type(part) is int and -MAX_DIMENSIONS <= part < MAX_DIMENSIONS) for part in parts(value)
+        )
     if name in _SIZES:
-        sizes = [part["n"] if isinstance(part, Mapping) else part for part in parts]
+        # Its type was judged before: a whole number, or a multiple of the number of worlds.
+        sizes = [part["n"] if isinstance(part, Mapping) else cast(int, part) for part in parts(value)]
         total = math.prod(max(1, size) for size in sizes)
         return len(sizes) <= MAX_CONSTANT and min(sizes, default=0) >= -1 and total <= MAX_TOTAL_PER_WORLD
     return True

@@ -12,7 +12,9 @@ from .. import baselines, given, loop, sampling, strategies
 from ..config import NO_MODEL, RunConfig
 from ..display.log import logged
 from ..errors import ConfigError, Interrupted
+from ..executors import EXECUTORS
 from ..given import Given
+from ..lanes import Lanes
 from ..llm import open_model
 from ..llm.client import LanguageModel
 from ..llm.registry import KINDS
@@ -21,14 +23,15 @@ from ..person import Desk
 from ..report.build import build
 from ..report.filming import Filming
 from ..sandbox.client import Sandbox
-from ..store import Store, is_run, read_config, read_replies
+from ..store import StageFiles, Store, is_run, read_config, read_replies
+from ..tasks import curriculum
 from ..tasks.context import context, informed
 from ..tasks.record import record_states
 from ..tasks.registry import get
+from ..training.curriculum import CurriculumTrainer
 from ..types import TaskContext, Trainer, Usage
 from . import trust
 from .stopping import continuable, stoppable, stopped
-from .trainer import trainer_of
 
 Parts = tuple[
     RunConfig, Store, LanguageModel, Sandbox, Trainer, TaskContext, strategies.SearchStrategy, Observers, Desk
@@ -169,6 +172,17 @@ def train(config: RunConfig, directory: Path, rewards: Given | None, host: Host)
     Returns, Raises:
         As `search` does.
     """
+    with comparing(config, directory, host) as lanes:
+        if rewards is not None:
+            given.keep(lanes.store, rewards)
+        given.train(lanes)
+    with host.working("Writing the report"):
+        return build(directory, config.video, config.env)
+
+
+@contextmanager
+def comparing(config: RunConfig, directory: Path, host: Host) -> Iterator[Lanes]:
+    """The lanes of a run of given rewards, begun or gone on with, as long as it is at work."""
     trainer = trainer_of(config, directory)
     host.begins(config, directory)
     with (
@@ -178,8 +192,23 @@ def train(config: RunConfig, directory: Path, rewards: Given | None, host: Host)
         logged(directory, config, Usage()) as log,
         host.view(config, directory, Usage()) as view,
     ):
-        if rewards is not None:
-            given.keep(store, rewards)
-        given.train(config, store, trainer, Observers(*log, view))
-    with host.working("Writing the report"):
-        return build(directory, config.video, config.env)
+        yield Lanes(config, store, trainer, Observers(*log, view))
+
+
+def trainer_of(config: RunConfig, directory: Path) -> Trainer:
+    """Trains the task alone, or through the stages of a curriculum, kept in the directory.
+
+    Raises:
+        ConfigError: for an executor, a device or a curriculum that does not exist or does not fit.
+    """
+    options: dict[str, object] = {
+        "device": config.device,
+        "threads": config.threads,
+        "snapshots": directory / "snapshots",
+    }
+    options |= {"address": config.address} if config.address else {}
+    trainer: Trainer = EXECUTORS.make(config.executor, **options)
+    if not config.curriculum:
+        return trainer
+    stages = curriculum.find(config.env, config.curriculum)
+    return CurriculumTrainer(trainer, stages, StageFiles(directory))

@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Unpack
+from typing import TypedDict, Unpack
 
 from ..config import NO_MODEL, RunConfig, TrainConfig, absolute, taken
 from ..errors import ConfigError, Interrupted
@@ -17,14 +17,57 @@ from ..llm.client import LanguageModel
 from ..person import Desk
 from ..report.filming import Filming
 from ..store import Store, is_run
-from ..store.halt import is_asked_to_stop
-from ..store.paths import output_directory
+from ..store.directory import is_asked_to_stop, output_directory
 from ..tasks.registry import get
 from ..types import Generation, TrainingResult, Usage, Verdict
 from . import compose, rewards, trust
 from .events import Event, Started, Teller
 from .run import Run
-from .settings import SearchSettings, TrainSettings
+
+# --- settings: what they mean, the fields of `config.RunConfig` and `config.TrainConfig` say ------------------------
+
+
+class _Shared(TypedDict, total=False):
+    curriculum: str | Path
+    seed: int
+    seeds: int
+    steps: int | float
+    worlds: int
+    bonus: str
+    device: str
+    threads: int
+    executor: str
+    address: str
+    dir: str | Path
+    unsafe_no_sandbox: bool
+
+
+class TrainSettings(_Shared, total=False):
+    """All fields of `TrainConfig` but `env` and `reward`."""
+
+
+class SearchSettings(_Shared, total=False):
+    """All fields of `RunConfig` but `env` and `model`."""
+
+    base_url: str
+    sample: int
+    iteration: int
+    search: str
+    init: str | Path
+    feedback: str
+    feedback_timeout: float
+    judge: str
+    repair: int
+    refill: int
+    temperature: float
+    max_cost: float
+    price: str
+    baselines: str
+    video: str
+
+
+# --- calls -----------------------------------------------------------------------------------------------------------
+
 
 Tell = Callable[[Event], object]
 Work = Callable[[compose.Host], object]

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike
 
 from ..config import RunConfig
 from ..errors import ConfigError, StoreError
@@ -13,6 +17,7 @@ from ..report import verdict
 from ..report.view import CandidateView, RunView
 from ..score import Outcome
 from ..store import Store, artifacts, is_run
+from ..training.policy import Player, Policy
 from ..types import Evaluation, Glance, History, Lane, TrainingResult
 
 if TYPE_CHECKING:
@@ -20,7 +25,7 @@ if TYPE_CHECKING:
 
     from ..llm.client import LanguageModel
     from .events import Event
-    from .policy import TrainedPolicy
+    from .run import TrainedPolicy
 
 Row = dict[str, str | int | float | None]
 
@@ -159,7 +164,7 @@ class Run:
     @property
     def policy(self) -> TrainedPolicy:
         """The best policy, a function of numpy observations (O,) or (N, O). Raises StoreError before there is one."""
-        from .policy import TrainedPolicy  # loads torch
+        from .run import TrainedPolicy  # loads torch
 
         return TrainedPolicy.of(self._policy())
 
@@ -219,3 +224,30 @@ class Run:
         from .door import resume
 
         return resume(self, model=model, trust=trust, on_event=on_event, settings=settings)
+
+
+@dataclass(frozen=True, slots=True)
+class TrainedPolicy:
+    """Called with observations (O,) or (N, O) it returns float32 actions (A,) or (N, A) in [-1, 1], without noise."""
+
+    env: str
+    """The task it was trained on."""
+    observations: int
+    """O."""
+    actions: int
+    """A."""
+    _player: Player = field(repr=False, compare=False)
+
+    @classmethod
+    def of(cls, data: bytes) -> TrainedPolicy:
+        """From a safetensors file. Raises RewardFileError for anything else."""
+        policy = Policy.from_bytes(data)
+        policy.expect()
+        return cls(policy.env, policy.observations, policy.actions, Player([policy]))
+
+    def __call__(self, observations: ArrayLike) -> np.ndarray:
+        seen = np.asarray(observations, dtype=np.float32)
+        if seen.ndim not in (1, 2) or seen.shape[-1] != self.observations:
+            raise ValueError(f"observations are ({self.observations},) or (N, {self.observations}), not {seen.shape}")
+        actions = self._player(torch.from_numpy(np.atleast_2d(seen).copy())).numpy()
+        return actions[0] if seen.ndim == 1 else actions

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import FrameType
 
 from ..errors import EurekaError, Interrupted
-from ..store.halt import is_asked_to_stop, withdraw
+from ..store.directory import is_asked_to_stop, withdraw
 
 POLL = 0.5
 """[s] between two looks at whether the run is to stop."""

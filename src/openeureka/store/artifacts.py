@@ -8,7 +8,7 @@ from __future__ import annotations
 import errno
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
@@ -127,7 +127,7 @@ def expect_regular(directory: Path, *names: str) -> None:
 
 
 @contextmanager
-def _folder_of(directory: Path, name: str, *, make: bool = False) -> Iterator[tuple[int, str]]:
+def _folder_of(directory: Path, name: str, *, make: bool = False) -> Generator[tuple[int, str]]:
     """A descriptor of the folder that a file lies in, and the file's own name there.
 
     Raises:

@@ -69,7 +69,7 @@ def encode_result(result: TrainingResult) -> str:
     """Everything but the policies, which are files of their own."""
     data = defined(replace(result.holding({}), message=safe_text(result.message)))
     for name, policy in result.policies.items():
-        peak = data[name] or {}
+        peak: dict[str, Any] = data[name] or {}
         peak.pop("policy", None)
         data[name] = peak | {"sha256": digest(policy)}
     return encode(data)

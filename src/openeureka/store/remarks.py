@@ -1,50 +1,71 @@
-"""What a person says of a run; any process may say something while the run goes on."""
+"""What a person says of a run: how it is written in words, and which generation has heard it."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
-from pathlib import Path
 
+from ..codec import DecodeError
 from ..errors import FeedbackError, nearest
 from ..types import Place, Remark, RemarkKind
-from .store import Store
+from .codec import decode_remark, encode_remark
+from .db import Database, changed_row
 
-MARK = re.compile(r"(favou?rite|veto|vote)=(.*)")
+_MARK = re.compile(r"(favou?rite|veto|vote)=(.*)")
 _MARKS = ("favourite", "favorite", "veto", "vote")
 _SETTING = re.compile(r"(\w+)=(\S*)")
 _PLACE = re.compile(r"g(\d{1,6})s(\d{1,6})")
 
 
-def say(directory: Path | str, *remarks: Remark) -> None:
-    """Commit remarks, all or none, for the next generation that the run asks for.
+class RemarkLog:
+    """Remarks in the order in which they were made; each enters the history of one generation, for good."""
 
-    Raises:
-        FeedbackError: when the run does not wait for a person, is over, or has no such trained candidate.
-        StoreError: when there is no run.
-    """
-    with Store.view(directory) as store:  # an old run must not be migrated while its own process has it
-        check(store, remarks)
-    with Store.visit(directory) as store:
-        store.remarks.say(*remarks)
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def say(self, *remarks: Remark) -> None:
+        """Commit what a person said, all or none; it counts for the generation that is asked for next."""
+        self._database.put("remarks", *map(encode_remark, remarks))
+
+    def unheard(self) -> tuple[Remark, ...]:
+        """What was said and entered no history yet."""
+        return self._between(self._last_heard())
+
+    def hear(self, generation: int) -> tuple[Remark, ...]:
+        """Close the remarks on a generation: what is unheard is part of its history from now on, later ones are not."""
+        rows = self._database.rows("remarks", order=("id",))
+        self._database.put("heard", {"generation": generation, "remarks": rows[-1]["id"] if rows else 0})
+        remarks = self.heard(generation)
+        assert remarks is not None
+        return remarks
+
+    def heard(self, generation: int) -> tuple[Remark, ...] | None:
+        """What a person said after a generation; None when it may still be added to."""
+        row = self._database.row("heard", generation=generation)
+        return self._between(self._last_heard(before=generation), row["remarks"]) if row is not None else None
+
+    def _last_heard(self, before: int | None = None) -> int:
+        """Id of the last remark that a generation (earlier than `before`) has heard; ids begin with 1."""
+        closed = self._database.rows("heard")
+        return max((r["remarks"] for r in closed if before is None or r["generation"] < before), default=0)
+
+    def _between(self, after: int, last: int | None = None) -> tuple[Remark, ...]:
+        rows = self._database.rows("remarks", order=("id",))
+        try:
+            return tuple(
+                decode_remark(dict(row)) for row in rows if row["id"] > after and (last is None or row["id"] <= last)
+            )
+        except DecodeError as error:
+            raise changed_row(self._database.directory, error) from None
 
 
-def check(store: Store, remarks: Iterable[Remark]) -> None:
-    """Refuse what the run would not hear or could not follow. Raises FeedbackError."""
-    config = store.config
-    if config.feedback != "human":
-        raise FeedbackError(f"The run in {store.directory} does not wait for a person; start one with feedback=human.")
-    if store.remarks.heard(config.hearings - 1) is not None:
-        raise FeedbackError(f"The run in {store.directory} has asked for its last generation; nothing more is heard.")
-    trained = {e.sample.place for g in store.history().generations for e in g.entries if e.result is not None}
-    for remark in remarks:
-        for place in (remark.candidate, remark.over):
-            if place is not None and place not in trained:
-                raise FeedbackError(f"{place} is no trained candidate of a finished generation; {_known(trained)}.")
+# --- words and marks -------------------------------------------------------------------------------------------------
 
 
-def _known(trained: set[Place]) -> str:
-    return f"there are {', '.join(map(str, sorted(trained)))}" if trained else "there is none yet"
+def typed(line: str) -> list[Remark]:
+    """The remarks of one line: marks, words, or nothing more to say. Raises FeedbackError."""
+    line = line.strip()
+    words = line.split() if _MARK.match(line) else [line or "go"]
+    return [remark(word) for word in words]
 
 
 def remark(word: str) -> Remark:
@@ -55,7 +76,7 @@ def remark(word: str) -> Remark:
     """
     if word == "go":
         return Remark(kind=RemarkKind.GO)
-    mark = MARK.fullmatch(word)
+    mark = _MARK.fullmatch(word)
     if mark is None:
         _refuse_unknown_mark(word)
         return Remark(kind=RemarkKind.WORDS, text=word)

@@ -46,7 +46,7 @@ from .codec import (
 )
 from .db import AGAIN, FILENAME, LOCK, LOG, STOP, Database, changed_row, explained
 from .lane_log import LaneLog
-from .remark_log import RemarkLog
+from .remarks import RemarkLog
 
 T = TypeVar("T")
 LOOK_TIME = 0.5
@@ -156,9 +156,7 @@ class Store:
         if row is None:
             raise StoreError(f"{self.directory} holds a run that never began; {AGAIN}")
         try:
-            return self._database.decoded(
-                lambda text: restored(RunConfig, decode(dict[str, object], text)), row["config"]
-            )
+            return self._database.decoded(_restored, row["config"])
         except ConfigError:
             version = row["version"]
             raise StoreError(

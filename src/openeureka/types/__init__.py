@@ -5,7 +5,7 @@ World axis N, lane axis L and worlds per lane n are used throughout; N = L * n.
 
 from .remarks import Place, Remark, RemarkKind
 from .replies import GIVEN, Attempt, Message, Prompt, Reply, Usage
-from .rewards import Arg, Candidate, CandidateId, Finding, Node, RewardGraph, Verdict, VerdictCode
+from .rewards import Arg, Candidate, CandidateId, Finding, Node, Part, RewardGraph, Verdict, VerdictCode
 from .search import Generation, Glance, History, Opinion, PromptPlan, Sample, Scored
 from .tasks import StateKind, StateSpec, StateUse, StateVar, TaskContext
 from .training import (
@@ -47,6 +47,7 @@ __all__ = [
     "Node",
     "NodeShare",
     "Opinion",
+    "Part",
     "Peak",
     "Place",
     "Prompt",

@@ -12,9 +12,10 @@ from .bounds import Count, FileName, Finite
 
 CandidateId = FileName
 
-_Part = None | bool | int | float | str | Mapping[str, int]
-Arg = _Part | tuple[_Part, ...]
-"""A graph argument: JSON, where `{"ref": i}` is the value of node i and `{"n": k}` is k times the number of worlds."""
+Part = None | bool | int | float | str | Mapping[str, int]
+"""JSON, where `{"ref": i}` is the value of node i and `{"n": k}` is k times the number of worlds."""
+Arg = Part | tuple[Part, ...]
+"""An argument of a node."""
 
 
 @dataclass(frozen=True, slots=True)

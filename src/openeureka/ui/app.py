@@ -18,10 +18,10 @@ from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Redire
 from starlette.routing import Route
 
 from ..errors import EurekaError
-from ..report import inert
+from ..report import html
 from ..report.view import RunView
 from ..store import artifacts, is_run, say
-from ..store.halt import ask_to_stop
+from ..store.directory import ask_to_stop
 from . import folder, guard, pages, remarks
 from .follow import Fingerprint, Fresh, Parts, Version
 from .launch import Launcher
@@ -190,7 +190,7 @@ async def _form(request: Request) -> dict[str, str]:
 
 def _constant(media_type: str, *names: str) -> Callable[[Request], Response]:
     """Answers with files of the folder `templates`, one after the other."""
-    text = "".join(map(inert.text, names))
+    text = "".join(map(html.text, names))
 
     def serve(_: Request) -> Response:
         return Response(text, media_type=media_type)

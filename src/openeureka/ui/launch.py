@@ -13,7 +13,7 @@ from ..executors.devices import devices
 from ..llm import open_model
 from ..store import artifacts, is_held, is_run
 from ..store.db import LOG, explained
-from ..store.paths import output_directory
+from ..store.directory import output_directory
 from ..tasks import registry
 from ..worker import environment, interpreter
 

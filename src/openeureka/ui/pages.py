@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..config import FEEDBACKS, VIDEOS, RunConfig
-from ..report import html, inert
+from ..report import html
 from ..report.view import CandidateView, PromptView, RunView
 from ..store import is_run
 from ..tasks import registry
@@ -18,7 +18,7 @@ from .follow import Parts, Version
 
 def layout(template: str, version: Version, **values: object) -> str:
     """A whole page around its parts."""
-    page = inert.environment().get_template(f"ui/{template}")
+    page = html.environment().get_template(f"ui/{template}")
     return page.render(version=version, **values)
 
 
@@ -45,18 +45,18 @@ def overview(directory: Path, run: RunView) -> Parts:
     }
     for generation in reversed(run.generations):
         parts[f"g{generation.index}"] = piece.generation(generation)
-        parts |= {inert.anchor(candidate): piece.card(candidate) for candidate in generation.candidates}
+        parts |= {html.anchor(candidate): piece.card(candidate) for candidate in generation.candidates}
     return parts
 
 
 def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
     """Everything about some candidates, `g0s1` and the like; unknown ones are left out."""
-    known = {inert.anchor(candidate): candidate for candidate in run.candidates}
+    known = {html.anchor(candidate): candidate for candidate in run.candidates}
     shown = [known[name] for name in dict.fromkeys(names) if name in known]
     piece = _pieces(run=run)
     listens = remarks.ear(directory).listens
     return {
-        inert.anchor(c): piece.whole(c, _prompt(run, c), [other for other in shown if other is not c], listens)
+        html.anchor(c): piece.whole(c, _prompt(run, c), [other for other in shown if other is not c], listens)
         for c in shown
     }
 
@@ -77,4 +77,4 @@ def _prompt(run: RunView, candidate: CandidateView) -> PromptView | None:
 
 def _pieces(**values: object) -> Any:
     """The macros of the page, which see the values."""
-    return inert.environment().get_template("ui/pieces.html").make_module(values)
+    return html.environment().get_template("ui/pieces.html").make_module(values)

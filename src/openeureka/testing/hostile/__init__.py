@@ -4,11 +4,9 @@
 the gate refuses are also run without it, where any verdict is fine and no harm is allowed.
 """
 
-from .capabilities import CAPABILITIES
+from .capabilities import CAPABILITIES, INTROSPECTION
 from .case import STATE, Hostile, Layer
-from .contract import CONTRACT
-from .introspection import INTROSPECTION
-from .purity import PURITY
+from .contract import CONTRACT, PURITY
 from .resources import RESOURCES
 
 CORPUS: tuple[Hostile, ...] = (*INTROSPECTION, *CAPABILITIES, *RESOURCES, *PURITY, *CONTRACT)

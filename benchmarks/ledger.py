@@ -1,0 +1,68 @@
+"""How scripts of this folder train given rewards: in a run such as `eureka train` makes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from openeureka import given, hacking
+from openeureka.cli.terminal import Terminal
+from openeureka.config import RunConfig, TrainConfig
+from openeureka.errors import EurekaError
+from openeureka.lanes import Lanes, Wanted
+from openeureka.report.build import build
+from openeureka.runs.compose import comparing
+from openeureka.runs.rewards import named
+from openeureka.types import Evaluation, Peak, TrainingResult
+
+OUTPUTS = Path(__file__).parents[1] / "outputs"
+Learned = dict[str, tuple[TrainingResult, Mapping[Peak, Evaluation]]]
+"""Results without policies, and held-out scores of policies, by lane id."""
+
+
+class Script(Terminal):
+    """The host of a run that a script trains in."""
+
+    def begins(self, config: RunConfig, directory: Path) -> None:
+        print(f"{config.env}, in {directory}")
+
+    def again(self, directory: Path) -> str:
+        return "the same command"
+
+
+def learn(config: TrainConfig, peaks: Sequence[Peak], more: Iterable[Wanted] | None = None) -> Learned:
+    """Train what the run in `config.dir` lacks, score these policies of every lane, and leave a report.
+
+    Args:
+        config: of the run; `eureka train` with the same settings goes on with it.
+        peaks: policies that are scored, in the same held-out episodes as the one that stands for its lane.
+        more: see `given.train`.
+
+    Raises:
+        SystemExit: with a sentence, where a person can do something about it.
+    """
+    directory = Path(config.dir)
+    try:
+        with comparing(config.run(), directory, Script()) as lanes:
+            given.keep(lanes.store, named(config))
+            given.train(lanes, more)
+            scores, results = _held_out(lanes, peaks), lanes.store.lanes.results()
+        build(directory, "none", config.env)
+    except EurekaError as error:
+        raise SystemExit("\n".join([str(error), *getattr(error, "__notes__", ())])) from None
+    return {lane: (result, scores.get(lane, {})) for lane, result in results.items()}
+
+
+def _held_out(lanes: Lanes, peaks: Sequence[Peak]) -> dict[str, dict[Peak, Evaluation]]:
+    """Scores by lane id and policy, as far as a lane has it."""
+    log = lanes.store.lanes
+    known = {(lane, score.peak): score for lane, score in log.evaluations().items()}
+    others = [(lane, peak) for lane, _ in known for peak in peaks if (lane, peak) not in known]
+    lanes.try_out(hacking.Trial(lane=lane, name=hacking.PEAKS[peak], peak=peak) for lane, peak in others)
+    tried = log.trials()
+    found: dict[str, dict[Peak, Evaluation]] = {}
+    for lane, peak in [*known, *others]:
+        score = known.get((lane, peak)) or tried.get(lane, {}).get(hacking.PEAKS[peak])
+        if peak is not None and score is not None:
+            found.setdefault(lane, {})[peak] = score
+    return found

@@ -1,0 +1,92 @@
+"""What scripts of this folder write down: JSON of trainings and measurements, with where and when they were."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from openeureka.types import Evaluation, Peak, TrainingResult
+
+PEAKS: tuple[Peak, ...] = ("fitness", "reward")
+"""The policies whose held-out F stands in a record of a lane."""
+POINTS = 40  # of each curve in a file
+
+Record = dict[str, Any]
+
+
+def record(result: TrainingResult, held_out: Mapping[Peak, Evaluation]) -> Record:
+    """A lane as JSON, with the held-out scores of the policies at both peaks.
+
+    F at first is that of the first episodes that end: of a policy that has hardly trained, exploring.
+    """
+    return {
+        "state": str(result.state),
+        "message": result.message,
+        "env_steps": result.env_steps,
+        "fitness_at_first": next((f for f in result.curves.get("fitness", ()) if f is not None), None),
+        "fitness_max_over_epochs": result.fitness,
+        "held_out_at_peak_of_fitness": _score(held_out.get("fitness")),
+        "held_out_at_peak_of_reward": _score(held_out.get("reward")),
+        "correlation_with_human": result.correlation,
+        "curves": thinned(result.curves),
+    }
+
+
+def _score(held_out: Evaluation | None) -> Record:
+    return {
+        "fitness": held_out.fitness if held_out else None,
+        "episode_length": held_out.episode_length if held_out else None,
+    }
+
+
+def thinned(curves: Mapping[str, Sequence[float | None]]) -> dict[str, list[float | None]]:
+    """Evenly spaced points of the curves that tell the story."""
+    shown = {name: curves[name] for name in ("fitness", "episode_length", "reward") if name in curves}
+    return {
+        name: [None if value is None else round(value, 4) for value in curve[:: max(1, -(-len(curve) // POINTS))]]
+        for name, curve in shown.items()
+    }
+
+
+def machine(device: str) -> Record:
+    """Where and when a training was, for the record."""
+    import torch  # which who makes tables of records can do without
+
+    cores = f"{len(os.sched_getaffinity(0))} cores, {platform.machine()}"
+    return {
+        "device": torch.cuda.get_device_name(device.split(",")[0]) if device.startswith("cuda") else cores,
+        "date": today(),
+        "versions": {name: version(name) for name in ("torch", "mujoco")},
+    }
+
+
+def conditions(*packages: str) -> Record:
+    """Where, when and with what speed was measured; the load is that of now."""
+    return {
+        "date": today(),
+        "machine": {"cores": os.cpu_count(), "python": platform.python_version(), "load_at_end": os.getloadavg()[0]},
+        "versions": {name: version(name) for name in packages},
+    }
+
+
+def today() -> str:
+    return datetime.now(UTC).date().isoformat()
+
+
+def read(path: Path) -> Record:
+    """What is known; nothing where there is no file."""
+    return json.loads(path.read_text()) if path.exists() else {}
+
+
+def write(path: Path, content: Record) -> None:
+    """Replace the file whole, so that a broken-off run leaves the old or the new one."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_suffix(".tmp")
+    temporary.write_text(json.dumps(content, indent=1) + "\n")
+    temporary.replace(path)

@@ -1,0 +1,39 @@
+"""`eureka feedback` and `eureka stop`: a word to a run that another shell has at work. Neither loads PyTorch."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..errors import FeedbackError, StoreError
+from ..runs.stopping import stopped
+from ..store import is_held, say
+from ..store.directory import ask_to_stop
+from ..store.remarks import remark
+from ..types import RemarkKind
+from .settings import again
+
+PATIENCE = 60.0
+"""[s] in which a run that was asked must have stopped."""
+
+
+def feedback(directory: Path, words: Sequence[str]) -> None:
+    """Commit the remarks and say what follows."""
+    remarks = [remark(word) for word in words]
+    if not remarks:
+        raise FeedbackError('Say something, for example: eureka feedback DIR "too jerky" favourite=g0s3 go')
+    say(directory, *remarks)
+    go = any(said.kind is RemarkKind.GO for said in remarks)
+    print("The run goes on." if go else "Kept for the next generation; the run goes on when you say `go`.")
+
+
+def stop(directory: Path) -> None:
+    """Stop the run and wait until it has. Raises StoreError when it is not running, or goes on."""
+    ask_to_stop(directory)
+    end = time.monotonic() + PATIENCE
+    while is_held(directory):
+        if time.monotonic() > end:
+            raise StoreError(f"The run in {directory} was asked to stop and goes on; end its process where it runs.")
+        time.sleep(0.1)
+    print(stopped(again(directory)))

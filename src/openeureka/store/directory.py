@@ -1,0 +1,137 @@
+"""Run directories from outside: a name for a new one, what one holds, whether it is at work, a word to it, its end."""
+
+from __future__ import annotations
+
+import fcntl
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+from ..config import RunConfig, short_name
+from ..errors import FeedbackError, StoreError
+from ..types import Place, Remark, Reply
+from . import artifacts
+from .db import FILENAME, LOCK, STOP, explained
+from .store import Store
+
+OUTPUTS = Path("outputs")
+"""Where they go."""
+
+
+def output_directory(chosen: str, env: str, kind: str = "", root: Path = OUTPUTS) -> Path:
+    """The chosen directory, or a new name `<root>/<time>_<kind><env>`; nothing is made yet."""
+    if chosen:
+        return Path(chosen)
+    path = root / f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{kind}{short_name(env)}"
+    number = 2
+    while path.exists():
+        path = path.with_name(f"{path.name.split('~')[0]}~{number}")
+        number += 1
+    return path
+
+
+# --- what one holds --------------------------------------------------------------------------------------------------
+
+
+def read_config(directory: Path | str) -> RunConfig:
+    """The settings a run began with, for `eureka resume`. Raises StoreError when there is no run."""
+    with Store.view(directory) as store:
+        return store.config
+
+
+def read_replies(directory: Path | str) -> tuple[Reply, ...]:
+    """Every reply of a run in the order in which the same search asks for them, for `model=replay:DIR`.
+
+    A replaying run that is itself resumed skips as many as its own store already holds.
+    """
+    with Store.view(directory) as store:
+        return store.replies()
+
+
+def read_remarks(directory: Path | str) -> dict[int, tuple[Remark, ...]]:
+    """What a person said of a run, by the generation after which it was heard, for `model=replay:DIR`."""
+    with Store.view(directory) as store:
+        return {generation.index: generation.remarks for generation in store.history().generations}
+
+
+def is_run(directory: Path | str) -> bool:
+    """Whether a run began in the directory."""
+    return (Path(directory) / FILENAME).is_file()
+
+
+def is_held(directory: Path | str) -> bool:
+    """Whether a process is working on the run."""
+    try:
+        file = artifacts.opened(Path(directory), LOCK)
+    except OSError:
+        return False
+    if file is None:
+        return False
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
+
+
+# --- a word to one that is at work -----------------------------------------------------------------------------------
+
+
+def say(directory: Path | str, *remarks: Remark) -> None:
+    """Commit remarks, all or none, for the next generation that the run asks for.
+
+    Raises:
+        FeedbackError: when the run does not wait for a person, is over, or has no such trained candidate.
+        StoreError: when there is no run.
+    """
+    with Store.view(directory) as store:  # an old run must not be migrated while its own process has it
+        check(store, remarks)
+    with Store.visit(directory) as store:
+        store.remarks.say(*remarks)
+
+
+def check(store: Store, remarks: Iterable[Remark]) -> None:
+    """Refuse what the run would not hear or could not follow. Raises FeedbackError."""
+    config = store.config
+    if config.feedback != "human":
+        raise FeedbackError(f"The run in {store.directory} does not wait for a person; start one with feedback=human.")
+    if store.remarks.heard(config.hearings - 1) is not None:
+        raise FeedbackError(f"The run in {store.directory} has asked for its last generation; nothing more is heard.")
+    trained = {e.sample.place for g in store.history().generations for e in g.entries if e.result is not None}
+    for remark in remarks:
+        for place in (remark.candidate, remark.over):
+            if place is not None and place not in trained:
+                raise FeedbackError(f"{place} is no trained candidate of a finished generation; {_known(trained)}.")
+
+
+def _known(trained: set[Place]) -> str:
+    return f"there are {', '.join(map(str, sorted(trained)))}" if trained else "there is none yet"
+
+
+# --- its end: asked for by a file, which also reaches a process on another machine -----------------------------------
+
+
+def ask_to_stop(directory: Path | str) -> None:
+    """Ask the process that works on a run to stop as by Ctrl-C; it does within a second.
+
+    Raises:
+        StoreError: when there is no run, or nobody works on it.
+    """
+    directory = Path(directory)
+    if not is_run(directory):
+        raise StoreError(f"{directory} is not a run; name the directory that `eureka run` printed.")
+    if not is_held(directory):
+        raise StoreError(f"Nobody works on {directory}, so there is nothing to stop.")
+    with explained(directory):
+        artifacts.appended(directory, STOP).close()
+
+
+def is_asked_to_stop(directory: Path) -> bool:
+    return artifacts.exists(directory, STOP)
+
+
+def withdraw(directory: Path) -> None:
+    """Forget a request: it was followed, or came when nobody worked on the run any more."""
+    with explained(directory):
+        (directory / STOP).unlink(missing_ok=True)
