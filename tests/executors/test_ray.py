@@ -65,6 +65,13 @@ class Nodes:
         """Pids of the raylets that this process is no part of."""
         return [node.all_processes["raylet"][0].process.pid for node in self._cluster.worker_nodes]
 
+    def shares(self) -> dict[int, int]:
+        """Pids of actors that train, with that of their raylet."""
+        own = [*self.mortal, self._cluster.head_node.all_processes["raylet"][0].process.pid]
+        stats = {pid: read(Path(f"/proc/{pid}/stat")) for pid in running(b"ray::Share.serve")}
+        parents = {pid: int(stat.rpartition(b")")[2].split()[1]) for pid, stat in stats.items() if stat}
+        return {pid: parent for pid, parent in parents.items() if parent in own}
+
     def close(self) -> None:
         self._cluster.shutdown()
 
@@ -74,10 +81,10 @@ def running(name: bytes) -> list[int]:
     return [int(folder.name) for folder in Path("/proc").glob("[0-9]*") if name in read(folder / "cmdline")]
 
 
-def shares_at_work() -> dict[int, int]:
-    """Pids of actors that train, with that of their raylet."""
-    stats = {pid: read(Path(f"/proc/{pid}/stat")) for pid in running(b"ray::Share.serve")}
-    return {pid: int(stat.rpartition(b")")[2].split()[1]) for pid, stat in stats.items() if stat}
+def workers() -> list[int]:
+    """Pids of this cluster's workers: no other one has its token."""
+    token = os.environ["RAY_AUTH_TOKEN"].encode()
+    return [pid for pid in running(b"eager_worker") if token in read(Path(f"/proc/{pid}/environ"))]
 
 
 def read(file: Path) -> bytes:
@@ -164,7 +171,7 @@ class TestRayExecutor(TrainerConformance):
         hurt: list[int] = []
 
         def disturb() -> None:
-            at_work = {pid: raylet for pid, raylet in shares_at_work().items() if raylet in self.nodes.mortal}
+            at_work = {pid: raylet for pid, raylet in self.nodes.shares().items() if raylet in self.nodes.mortal}
             actor, raylet = next(iter(at_work.items()))
             hurt.extend({"worker": [actor], "raylet": [raylet], "hang": [raylet, actor]}[fault])
             for pid in hurt:
@@ -187,9 +194,9 @@ class TestRayExecutor(TrainerConformance):
 
         def join() -> None:
             joined.append(self.nodes.join())
-            while joined[0] not in shares_at_work().values():
+            while joined[0] not in self.nodes.shares().values():
                 time.sleep(0.05)
-            used.update(shares_at_work().values())
+            used.update(self.nodes.shares().values())
 
         results = [plain(m) for m in self.trained(tmp_path, join, 5) if isinstance(m, TrainingResult)]
         assert set(joined) <= used
@@ -216,7 +223,7 @@ class TestRayExecutor(TrainerConformance):
         training.close()
         assert len(list((tmp_path / "s").glob("*.pt"))) == 1
         end = time.monotonic() + 20
-        while (left := [*shares_at_work(), *running(b"eager_worker")]) and time.monotonic() < end:
+        while (left := [*self.nodes.shares(), *workers()]) and time.monotonic() < end:
             time.sleep(0.1)
         assert not left
 
