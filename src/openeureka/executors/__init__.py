@@ -1,4 +1,4 @@
-"""Where lanes run: the cores and GPUs of this machine, or what `executor=` names."""
+"""Where lanes run: this machine, a Ray cluster, or what `executor=` names."""
 
 from ..plugins import Door
 
