@@ -1,8 +1,9 @@
 """Human and sparse F of every task: measured once, kept, summarised and shipped."""
 
 import json
-import os
 import signal
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -12,7 +13,7 @@ import pytest
 import openeureka
 from openeureka import baselines as shipped
 from openeureka.testing.scripted import ToyTrainer
-from openeureka.types import LaneSpec, TrainingResult, TrainingState
+from openeureka.types import TrainingState
 
 ROOT = Path(__file__).parents[2]
 
@@ -86,22 +87,29 @@ def test_what_no_lane_survives_is_said_in_a_sentence_and_tried_again(go, monkeyp
     assert go("--env", "ant", "--seeds", "1") == ["human-s0", "sparse-s0"]
 
 
-def test_one_that_is_killed_goes_on_with_the_same_command(go, tmp_path, monkeypatch):
-    train = ToyTrainer._result
+DIES_IN_THE_THIRD = """
+import os, signal, sys
+import openeureka.executors.local as local
+from openeureka.testing.scripted import ToyTrainer
 
-    def die_in_the_third(self: ToyTrainer, lane: LaneSpec) -> TrainingResult:
-        if lane.id == "sparse-s0":
-            os.kill(os.getpid(), signal.SIGKILL)
-        return train(self, lane)
+train = ToyTrainer._result
 
-    child = os.fork()  # Python and torch start once
-    if child == 0:
-        monkeypatch.setattr(ToyTrainer, "_result", die_in_the_third)
-        try:
-            go("--env", "ant", "--seeds", "2")
-        finally:
-            os._exit(1)
-    assert os.WTERMSIG(os.waitpid(child, 0)[1]) == signal.SIGKILL
+def result(self, lane):
+    if lane.id == "sparse-s0":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return train(self, lane)
+
+ToyTrainer._result, local.LocalExecutor = result, lambda **_: ToyTrainer()
+import baselines
+baselines.main(sys.argv[1:])
+"""
+
+
+def test_one_that_is_killed_goes_on_with_the_same_command(go, tmp_path):
+    files = {"--dir": "runs", "--out": "all.json", "--shipped": "shipped.json"}
+    words = ["--env", "ant", "--seeds", "2", *(w for key, name in files.items() for w in (key, str(tmp_path / name)))]
+    killed = subprocess.run([sys.executable, "-c", DIES_IN_THE_THIRD, *words], cwd=ROOT / "benchmarks")
+    assert killed.returncode == -signal.SIGKILL
     assert not (tmp_path / "all.json").exists()
     assert go("--env", "ant", "--seeds", "2") == ["sparse-s0", "sparse-s1"]
     found = json.loads((tmp_path / "all.json").read_text())
