@@ -105,8 +105,8 @@ def overhead(tiny: bool) -> dict[str, object]:
 
 
 def scaling(tiny: bool) -> dict[str, object]:
-    """The same lanes on a node of one core, then on two: half as long as the task's own trainings, as starts count."""
-    budget = TrainBudget(env_steps=20_000 if tiny else 3_000_000, worlds=256)
+    """The same lanes on a node of one core, then on two: minutes long, as starts count."""
+    budget = TrainBudget(env_steps=20_000 if tiny else 1_500_000, worlds=256)
     with cluster(1) as made:
         far = RayExecutor(threads=1, address=made.address)
         one, _ = timed(far, 4, budget)

@@ -275,3 +275,38 @@ def test_fitness_looks_back_over_the_window_and_weighs_episodes_alike():
     # (10 + 20) / 2; (10 + 20 + 30) / 3; (30 + 50 + 70) / 3
     assert found == [15.0, 20.0, 50.0]
     assert curves.curves[0]["episode_length"] == [7.0, 7.0, 7.0]
+
+
+def paused(specs: list[LaneSpec], until: int) -> dict[str, TrainingResult]:
+    budget = dataclasses.replace(SMALL, until=until * 16 * 32)
+    found = {x.lane: x for x in Population("cartpole", specs, budget, threads=1).train() if isinstance(x, TrainingResult)}
+    assert {result.state for result in found.values()} == {TrainingState.PAUSED}
+    return found
+
+
+def test_lanes_that_paused_go_on_as_if_nothing_had_happened():
+    specs = [LaneSpec(id="human", program="human"), LaneSpec(id="own", program=upright(), seed=1)]
+    first = paused(specs, until=1)
+    assert {(result.env_steps, len(result.curves["fitness"])) for result in first.values()} == {(16 * 32, 1)}
+    again = [dataclasses.replace(spec, paused=first[spec.id].paused) for spec in specs]
+    second = paused(again, until=3)
+    last = results([dataclasses.replace(spec, paused=second[spec.id].paused) for spec in specs])
+    whole = results(specs)
+    for lane, result in last.items():
+        # Parts count the last tenth of what ran last: here, as in a whole training, the last epoch.
+        assert dataclasses.replace(result, seconds=0.0) == dataclasses.replace(whole[lane], seconds=0.0)
+
+
+def test_a_lane_that_paused_goes_on_alone_and_in_other_company():
+    specs = [LaneSpec(id=name, program=upright(scale), seed=seed) for name, scale, seed in (("a", -1, 1), ("b", -2, 2))]
+    others = [LaneSpec(id="c", program="human", seed=2), LaneSpec(id="d", program=upright(-3), seed=1)]
+    first, elsewhere, whole = paused(specs, until=2), paused(others, until=2), results(specs)
+    (alone,) = results([dataclasses.replace(specs[1], paused=first["b"].paused)]).values()
+    assert alone.curves["reward"] == pytest.approx(whole["b"].curves["reward"], rel=1e-3)
+    mixed = [
+        dataclasses.replace(others[0], paused=elsewhere["c"].paused),
+        dataclasses.replace(specs[1], paused=first["b"].paused),
+        dataclasses.replace(others[1], paused=elsewhere["d"].paused),
+    ]
+    assert results(mixed)["b"].curves["reward"] == pytest.approx(whole["b"].curves["reward"], rel=1e-3)
+    assert alone.env_steps == whole["b"].env_steps and len(alone.clock) == 4

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -12,6 +11,7 @@ import torch
 from ..codec import defined, shaped
 from ..errors import CapacityError, TaskError
 from ..tasks.faults import fault
+from ..training import pausing
 from ..training.evaluate import evaluate
 from ..training.population import Population
 from ..training.wire import SNAPSHOT, pack, unpack_lanes
@@ -55,7 +55,7 @@ def _evaluate(channel: Channel, request: Frame, options: Mapping[str, Any]) -> N
 def _train(channel: Channel, request: Frame, population: Population) -> None:
     """Stream messages and, now and then, a snapshot to go on from; end with one when the parent asks to stop."""
     if SNAPSHOT in request.blobs:
-        population.load_state_dict(_load(request.blobs[SNAPSHOT], population.device))
+        population.load_state_dict(pausing.load(request.blobs[SNAPSHOT], population.device))
     saved = time.monotonic()
     for message in population.train():
         frame = pack(message)
@@ -64,21 +64,11 @@ def _train(channel: Channel, request: Frame, population: Population) -> None:
             continue
         every, stopping = request.header["snapshot_seconds"], channel.ready()
         if stopping or (every and time.monotonic() - saved > every):
-            channel.send({}, {SNAPSHOT: _save(population.state_dict())})
+            channel.send({}, {SNAPSHOT: pausing.save(population.state_dict())})
             saved = time.monotonic()
         if stopping:
             channel.receive()
             return
-
-
-def _save(state: dict[str, Any]) -> bytes:
-    file = io.BytesIO()
-    torch.save(state, file)
-    return file.getvalue()
-
-
-def _load(data: bytes, device: torch.device) -> dict[str, Any]:
-    return torch.load(io.BytesIO(data), map_location=device, weights_only=True)
 
 
 def _signs_of_life(channel: Channel) -> Callable[[], None]:

@@ -21,6 +21,7 @@ from ..types import (
     TrainingState,
 )
 from .curves import Curves
+from . import pausing
 from .policy import Policy
 from .ppo import PPO, Rollout
 from .rewards import LaneRewards
@@ -39,6 +40,7 @@ class Population:
 
     Attributes:
         epoch: epochs that are done.
+        until: epochs at which the lanes pause, or end.
         clock: [s] of training, over all processes, at the end of the rollout of each epoch.
     """
 
@@ -50,6 +52,8 @@ class Population:
         self.lanes, self.worlds = len(specs), budget.worlds or task.recipe.worlds
         self.horizon = task.recipe.horizon
         self.epochs = max(1, (budget.env_steps or task.recipe.env_steps) // (self.worlds * self.horizon))
+        share = budget.until / (budget.env_steps or task.recipe.env_steps) if budget.until else 1.0
+        self.until = min(self.epochs, max(1, round(share * self.epochs)))
         seeds = [spec.seed for spec in specs]
         self.env = registry.make(env, worlds=self.worlds, lane_seeds=seeds, device=device, threads=threads)
         self.device = self.env.sim.device
@@ -77,14 +81,16 @@ class Population:
         self.trained = [self.epochs] * self.lanes  # epochs until the lane ended
         self.epoch, self.observation = 0, self._split(self.env.reset(stagger=True))
         self.clock: list[float] = []
-        self._before = 0.0  # [s] that training took in processes before this one
+        self._before, self._started = 0.0, time.monotonic()  # [s] in processes before this one; the start of this
+        if paused := [pausing.load(spec.paused, self.device) for spec in specs if spec.paused is not None]:
+            pausing.put(self, paused)
 
     def train(self) -> Iterator[TrainingProgress | TrainingResult]:
         """Yields progress about once a second, when its state may be saved, then one result per lane."""
         began, self._started = self.epoch, time.monotonic()
         reported = self._started
         observation = self.observation
-        for epoch in range(self.epoch, self.epochs):
+        for epoch in range(self.epoch, self.until):
             for t in range(self.horizon):
                 action = self.ppo.act(observation)
                 step = self.env.step(action.action.flatten(0, 1))
@@ -188,7 +194,7 @@ class Population:
 
     def _checkpoint(self, epoch: int) -> None:
         """Keep the policy that produced this epoch wherever F or the own reward peaks."""
-        fitness, own = self.curves.close_epoch(parts=epoch >= 9 * self.epochs // 10)
+        fitness, own = self.curves.close_epoch(parts=epoch >= 9 * self.until // 10)
         for lane, active in enumerate(self.ppo.active.tolist()):
             if not active:
                 continue
@@ -203,15 +209,18 @@ class Population:
     def _progress(self, epochs_per_second: float) -> TrainingProgress:
         best = {spec.id: peak.value if peak else None for spec, peak in zip(self.specs, self.best_fitness, strict=True)}
         rate = epochs_per_second * self.horizon * self.worlds * self.lanes
-        return TrainingProgress(epoch=self.epoch, epochs=self.epochs, env_steps_per_second=rate, fitness=best)
+        return TrainingProgress(epoch=self.epoch, epochs=self.until, env_steps_per_second=rate, fitness=best)
 
     def _result(self, lane: int, seconds: float) -> TrainingResult:
         peak, peak_reward = self.best_fitness[lane], self.best_reward[lane]
-        message, trained = self.messages[lane], self.trained[lane]
+        message = self.messages[lane]
+        trained = self.trained[lane] if message else self.until
+        paused = not message and self.until < self.epochs
+        ended = TrainingState.PAUSED if paused else TrainingState.FINISHED
         curves = {name: tuple(curve[:trained]) for name, curve in self.curves.curves[lane].items()}
         return TrainingResult(
             lane=self.specs[lane].id,
-            state=TrainingState.DIVERGED if message else TrainingState.FINISHED,
+            state=TrainingState.DIVERGED if message else ended,
             fitness=peak.value if peak else None,
             curves=curves if message else curves | self.curves.early_and_late(lane),
             env_steps=trained * self.horizon * self.worlds,
@@ -221,6 +230,7 @@ class Population:
             best_fitness=peak.checkpoint() if peak else None,
             best_reward=peak_reward.checkpoint() if peak_reward else None,
             last=None if message else Policy.of(self.env_name, self.ppo, lane).to_bytes(),
+            paused=pausing.save(pausing.cut(self, lane)) if paused else None,
             message=message,
         )
 

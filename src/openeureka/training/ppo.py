@@ -102,6 +102,11 @@ class PPO:
         self._row = torch.tensor([distinct.index(seed) for seed in seeds], device=device)
         self._generators = [torch.Generator(device).manual_seed(seed + 1) for seed in distinct]
 
+    @property
+    def streams(self) -> list[int]:
+        """Which of the sources of noise each lane draws from."""
+        return self._row.tolist()
+
     @torch.no_grad()
     def act(self, observation: Tensor) -> Action:
         """Sample actions for observations (L, n, O)."""

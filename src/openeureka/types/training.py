@@ -50,6 +50,8 @@ class LaneSpec:
     seed: int = 0
     start: bytes | None = field(default=None, repr=False)
     """Policy that training goes on from (safetensors, see `training.policy`); None begins anew."""
+    paused: bytes | None = field(default=None, repr=False)
+    """State of this very training where it paused (`TrainingResult.paused`), to go on from; None begins anew."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +60,8 @@ class TrainBudget:
 
     env_steps: int = 0
     worlds: int = 0
+    until: int = 0
+    """Steps of each lane at which it pauses: about, as epochs are whole. Zero, or all of its steps, is the end."""
     bonus: bool = False
     """Add the task's `success_bonus` to generated rewards, as the original does."""
 
@@ -66,6 +70,8 @@ class TrainingState(StrEnum):
     """How the training of a lane ended."""
 
     FINISHED = "finished"
+    PAUSED = "paused"  # at `TrainBudget.until`; it may go on
+    CUT = "cut"  # it paused, and others went on
     DIVERGED = "diverged"  # non-finite or absurd reward, policy or physics: the lane was masked
     FAILED = "failed"  # the worker died with it, more often than it may
 
@@ -107,6 +113,8 @@ class TrainingResult:
     last: bytes | None = field(default=None, repr=False)
     """Policy at the end of training, which a curriculum goes on from; None for a lane that ended early, and where the
     store left it in its file."""
+    paused: bytes | None = field(default=None, compare=False, repr=False)
+    """All that a PAUSED lane goes on from; None for others, and where it was stored."""
     message: str = ""
     """Why the lane ended early, for people; empty otherwise."""
 
@@ -118,13 +126,13 @@ class TrainingResult:
         return found | ({"last": self.last} if self.last is not None else {})
 
     def holding(self, policies: Mapping[str, bytes]) -> TrainingResult:
-        """The same with these policies alone; a peak that has none among them has an empty one."""
+        """The same with these policies alone, and no state; a peak that has none among them has an empty one."""
         peaks = {
             name: replace(peak, policy=policies.get(name, b""))
             for name, peak in (("best_fitness", self.best_fitness), ("best_reward", self.best_reward))
             if peak is not None
         }
-        return replace(self, **peaks, last=policies.get("last"))
+        return replace(self, **peaks, last=policies.get("last"), paused=None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,7 +192,11 @@ class Trainer(Protocol):
     def train(
         self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget
     ) -> Iterator[TrainingProgress | TrainingResult]:
-        """Train every lane; exactly one result per lane, in any order, progress in between."""
+        """Train every lane; exactly one result per lane, in any order, progress in between.
+
+        With `budget.until` the result of a lane that came so far is PAUSED. Lanes that go on from there come with that
+        state, all of the same epoch, in any company.
+        """
         ...
 
     def evaluate(

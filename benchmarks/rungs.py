@@ -1,0 +1,171 @@
+"""How far is a training after a share of its steps, and does that tell where it ends? F of its policy, played on the way.
+
+    python benchmarks/rungs.py --env ant --rewards human                         # with the task's recipe
+    python benchmarks/rungs.py --env ant --rewards human --worlds 64 --horizon 32
+    python benchmarks/rungs.py --env ant --worlds 64 --horizon 32                # a strong model's rewards as well
+    make docs                                                                    # tables in docs/concepts/schedule.md
+
+Each lane is one training. At each rung its policy of that moment plays, with mean actions, on start states of its own.
+What is done is in `benchmarks/results/rungs.json` and is not repeated; lanes are trained in parts, each written when it
+is done.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import torch
+from records import read, today, write
+
+from openeureka.errors import EurekaError
+from openeureka.reward import extract
+from openeureka.sandbox.client import Sandbox
+from openeureka.tasks import registry
+from openeureka.tasks.context import context
+from openeureka.tasks.record import record_states
+from openeureka.training.evaluate import evaluate
+from openeureka.training.policy import Policy
+from openeureka.training.population import Population
+from openeureka.types import Candidate, LaneSpec, RewardProgram, TrainBudget, TrainingResult, lane_id
+
+FOLDER = Path(__file__).parent
+RESULTS = FOLDER / "results" / "rungs.json"
+RUNGS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 1.0)
+STEPS = {
+    "cartpole": 600_000,
+    "ballbalance": 600_000,
+    "quadcopter": 1_500_000,
+    "ant": 1_500_000,
+    "franka_cabinet": 1_500_000,
+    "shadow_hand_over": 1_000_000,
+    "shadow_hand_door_open_outward": 600_000,
+    "shadow_hand_push_block": 600_000,
+}
+"""Of each lane, as in `choosing.py`."""
+EPISODES = 32
+"""Of each policy and rung."""
+SEED = 7_000_000
+"""Of the start states; no search and no final score uses it."""
+TOGETHER = 4
+"""Lanes of a simulation."""
+
+Record = dict[str, Any]
+
+
+class Watched(Population):
+    """A population that keeps its policies at the rungs."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.ends = [max(1, round(share * self.epochs)) for share in RUNGS]
+        self.kept: dict[tuple[int, int], bytes] = {}
+
+    def _checkpoint(self, epoch: int) -> None:
+        super()._checkpoint(epoch)
+        for rung in (rung for rung, end in enumerate(self.ends) if end == epoch + 1):
+            for lane, active in enumerate(self.ppo.active.tolist()):
+                if active:
+                    self.kept[lane, rung] = Policy.of(self.env_name, self.ppo, lane).to_bytes()
+
+
+def programs(env: str) -> dict[str, RewardProgram]:
+    """The accepted rewards among a strong model's replies to the first prompt of a search, and the human one."""
+    found: dict[str, RewardProgram] = {"human": "human"}
+    path = FOLDER / "choosing" / f"{env}.json"
+    if not path.exists():
+        return found
+    with Sandbox(context(env).state, record_states(env)) as checker:
+        for text in json.loads(path.read_text())["replies"]:
+            candidate = Candidate.of(extract.program(text) or "")
+            graph = checker.check(candidate).graph
+            if graph is not None:
+                found[candidate.id] = graph
+    return found
+
+
+def train(env: str, lanes: Sequence[LaneSpec], steps: int, recipe: Mapping[str, int]) -> Record:
+    """Records of these lanes."""
+    torch.set_num_threads(1)
+    task = registry.get(env)
+    with patch.object(task, "recipe", dataclasses.replace(task.recipe, **recipe)):
+        begun = time.process_time()
+        population = Watched(env, lanes, TrainBudget(env_steps=steps), threads=1)
+        results = [message for message in population.train() if isinstance(message, TrainingResult)]
+        seconds = (time.process_time() - begun) / len(lanes)
+    places = {f"{lane} {rung}": (lane, rung) for lane, rung in population.kept}
+    policies = {key: population.kept[place] for key, place in places.items()}
+    scores = {places[s.lane]: s for s in evaluate(env, policies, seed=SEED, episodes=EPISODES, threads=1)}
+    return {
+        spec.id: {
+            "cpu_s": round(seconds, 1),
+            "message": result.message,
+            "window": [_window(result.curves["fitness"], end) for end in population.ends],
+            "played": [_rounded(scores[lane, r].fitness) if (lane, r) in scores else None for r in range(len(RUNGS))],
+            "error": [_rounded(scores[lane, r].error) if (lane, r) in scores else None for r in range(len(RUNGS))],
+        }
+        for lane, (spec, result) in enumerate(zip(lanes, results, strict=True))
+    }
+
+
+def _window(curve: Sequence[float | None], end: int) -> float | None:
+    """The newest value before this epoch."""
+    return _rounded(next((value for value in reversed(curve[:end]) if value is not None), None))
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else float(f"{value:.5g}")
+
+
+def parts(lanes: Sequence[LaneSpec]) -> Iterator[Sequence[LaneSpec]]:
+    """A few lanes at a time."""
+    yield from (lanes[start : start + TOGETHER] for start in range(0, len(lanes), TOGETHER))
+
+
+def measure(env: str, rewards: Mapping[str, RewardProgram], seeds: Sequence[int], recipe: Mapping[str, int]) -> None:
+    """Train what is missing, two parts at a time, and write each down."""
+    task = registry.get(env)
+    whole = dataclasses.replace(task.recipe, **recipe)
+    name, steps = f"{whole.worlds} x {whole.horizon}", STEPS[env]
+    known = read(RESULTS).get(env, {}).get(name, {}).get("lanes", {})
+    specs = [LaneSpec(id=lane_id(key, seed), program=rewards[key], seed=seed) for seed in seeds for key in rewards]
+    missing = [spec for spec in specs if spec.id not in known]
+    with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=get_context("spawn")) as pool:
+        for done in as_completed([pool.submit(train, env, part, steps, recipe) for part in parts(missing)]):
+            found = read(RESULTS)
+            own = found.setdefault(env, {}).setdefault(name, {"lanes": {}})
+            own |= {"steps": steps, "date": today()}
+            own["lanes"] |= done.result()
+            write(RESULTS, found)
+            for lane, record in done.result().items():
+                print(env, name, lane, record["played"], record["window"], record["cpu_s"], flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--env", choices=STEPS, nargs="+", default=list(STEPS))
+    parser.add_argument("--rewards", choices=("human", "all"), default="all")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
+    for name in ("worlds", "horizon", "epochs", "minibatches"):
+        parser.add_argument(f"--{name}", type=int, default=0, help="instead of the recipe's")
+    options = parser.parse_args()
+    recipe = {name: value for name in ("worlds", "horizon", "epochs", "minibatches") if (value := getattr(options, name))}
+    for env in options.env:
+        try:
+            rewards = programs(env) if options.rewards == "all" else {"human": "human"}
+        except EurekaError as error:
+            raise SystemExit(str(error)) from None
+        measure(env, rewards, options.seeds, recipe)
+
+
+if __name__ == "__main__":
+    main()
