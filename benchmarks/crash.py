@@ -138,12 +138,20 @@ def between(countdown: Countdown) -> None:
 MODES: Mapping[str, Callable[[Countdown], None]] = {"around": around, "within": within, "between": between}
 
 
-def whole_run(directory: Path) -> None:
+def whole_run(directory: Path, config: RunConfig = CONFIG) -> None:
     """The search from wherever the directory has it to its end."""
-    with Store.open(directory, CONFIG) as store:
+    with Store.open(directory, config) as store:
         model = MeteredModel(SCRIPT, store=store)
-        trainer, strategy = ToyTrainer(error=0.5), strategies.make(CONFIG)
-        run(CONFIG, store, model, ToyChecker(), trainer, TOY, strategy, None, Person(store))
+        trainer, strategy = ToyTrainer(error=0.5), strategies.make(config)
+        run(config, store, model, ToyChecker(), trainer, TOY, strategy, None, Person(store))
+
+
+HALVING = replace(CONFIG, iteration=1, schedule="halving")
+
+
+def whole_halving(directory: Path) -> None:
+    """One generation of a search that cuts lanes."""
+    whole_run(directory, HALVING)
 
 
 GIVEN = replace(CONFIG, model=NO_MODEL, sample=0, iteration=0, feedback="none")
@@ -157,7 +165,7 @@ def whole_training(directory: Path) -> None:
         given.train(Lanes(GIVEN, store, ToyTrainer(error=0.5), NullObserver()))
 
 
-WHOLE: Mapping[str, Callable[[Path], None]] = {"search": whole_run, "train": whole_training}
+WHOLE: Mapping[str, Callable[[Path], None]] = {"search": whole_run, "train": whole_training, "halving": whole_halving}
 
 
 def in_child(work: Callable[[], None]) -> int:

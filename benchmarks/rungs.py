@@ -131,11 +131,13 @@ def parts(lanes: Sequence[LaneSpec]) -> Iterator[Sequence[LaneSpec]]:
     yield from (lanes[start : start + TOGETHER] for start in range(0, len(lanes), TOGETHER))
 
 
-def measure(env: str, rewards: Mapping[str, RewardProgram], seeds: Sequence[int], recipe: Mapping[str, int]) -> None:
+def measure(
+    env: str, rewards: Mapping[str, RewardProgram], seeds: Sequence[int], recipe: Mapping[str, int], steps: int
+) -> None:
     """Train what is missing, two parts at a time, and write each down."""
     task = registry.get(env)
     whole = dataclasses.replace(task.recipe, **recipe)
-    name, steps = f"{whole.worlds} x {whole.horizon}", STEPS[env]
+    name = f"{whole.worlds} x {whole.horizon}, {steps:,} steps"
     known = read(RESULTS).get(env, {}).get(name, {}).get("lanes", {})
     specs = [LaneSpec(id=lane_id(key, seed), program=rewards[key], seed=seed) for seed in seeds for key in rewards]
     missing = [spec for spec in specs if spec.id not in known]
@@ -155,16 +157,19 @@ def main() -> None:
     parser.add_argument("--env", choices=STEPS, nargs="+", default=list(STEPS))
     parser.add_argument("--rewards", choices=("human", "all"), default="all")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
+    parser.add_argument("--steps", type=int, default=0, help="of each lane, instead of those above")
     for name in ("worlds", "horizon", "epochs", "minibatches"):
         parser.add_argument(f"--{name}", type=int, default=0, help="instead of the recipe's")
     options = parser.parse_args()
-    recipe = {name: value for name in ("worlds", "horizon", "epochs", "minibatches") if (value := getattr(options, name))}
+    recipe = {
+        name: value for name in ("worlds", "horizon", "epochs", "minibatches") if (value := getattr(options, name))
+    }
     for env in options.env:
         try:
             rewards = programs(env) if options.rewards == "all" else {"human": "human"}
         except EurekaError as error:
             raise SystemExit(str(error)) from None
-        measure(env, rewards, options.seeds, recipe)
+        measure(env, rewards, options.seeds, recipe, options.steps or STEPS[env])
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 NO_MODEL = "none"
 """`model` of a run that searches for nothing: given rewards train, and are compared."""
 BONUSES = ("none", "original")
+SCHEDULES = ("full", "halving")
 VIDEOS = ("all", "best", "none")
 FEEDBACKS = ("none", "human")
 _LONGEST = 4096
@@ -66,6 +67,8 @@ class RunConfig:
     """Environment steps per candidate, over all stages of a curriculum."""
     worlds: int = 0
     """Worlds per candidate."""
+    schedule: str = "full"
+    """How long candidates train: all of them in `full`, or by `halving` those alone that lead at each rung."""
     bonus: str = "none"
     """`none`, or `original`: hand tasks add 250 on success to generated rewards, as the original does."""
     device: str = "cpu"
@@ -107,12 +110,15 @@ class RunConfig:
             "feedback": FEEDBACKS,
             "judge": ("fitness", "votes"),
             "bonus": BONUSES,
+            "schedule": SCHEDULES,
             "baselines": ("train", "known"),
             "video": VIDEOS,
         }
         for key, allowed in choices.items():
             if getattr(self, key) not in allowed:
                 raise ConfigError(f"`{key}` must be one of {', '.join(allowed)}, not `{getattr(self, key)}`.")
+        if self.curriculum and self.schedule != "full":
+            raise ConfigError(f"`schedule={self.schedule}` goes with no `curriculum=`; leave one of them out.")
         if self.judge == "votes" and self.feedback != "human":
             raise ConfigError("`judge=votes` needs someone who votes; add feedback=human.")
 

@@ -10,6 +10,7 @@ from .config import RunConfig
 from .errors import WorkerError
 from .hacking import Trial
 from .observer import Observer
+from .schedule import RUNGS, Rung, leaders, why
 from .score import level, played, standing
 from .store import Store
 from .strategies import SearchStrategy
@@ -23,6 +24,7 @@ from .types import (
     Role,
     Sample,
     Scored,
+    Standing,
     TrainBudget,
     Trainer,
     TrainingProgress,
@@ -43,6 +45,8 @@ BASELINES: tuple[tuple[str, RewardProgram], ...] = (("human", "human"), ("sparse
 
 Wanted = tuple[Lane, RewardProgram]
 """A lane, and what it trains under."""
+Sharing = Mapping[str, Sequence[LaneSpec]]
+"""By the id of the lane that trains: all lanes that its result is for."""
 
 
 def deal(rewards: Iterable[tuple[str, RewardProgram]], seeds: Iterable[int], role: Role) -> list[Wanted]:
@@ -116,18 +120,69 @@ class Lanes:
         # Programs that differ only in comments or local names have equal graphs: they train once and share the result.
         twins: dict[str, list[LaneSpec]] = {}
         for lane, program in lanes.items():
-            if lane.id not in known:
+            if lane.id in known:
+                self.store.lanes.forget(lane.id)  # killed just before it could
+            else:
                 spec = LaneSpec(id=lane.id, program=program, seed=lane.seed)
                 twins.setdefault(f"{lane.seed} {program}", []).append(spec)
-        missing = [group[0] for group in twins.values()]
         sharing = {group[0].id: group for group in twins.values()}
+        going = {group[0].id: group[0] for group in twins.values()}
+        rivals = [lane.id for lane in lanes if lane.role == "candidate"]
+        for number, rung in enumerate(RUNGS[self.config.schedule], start=1):
+            going = self._climb(number, rung, going, rivals, sharing)
+        self._run(going.values(), sharing)
+        results = self.store.lanes.results()
+        return {lane.id: results[lane.id] for lane in lanes}
+
+    def _climb(
+        self, number: int, rung: Rung, going: Mapping[str, LaneSpec], rivals: Container[str], sharing: Sharing
+    ) -> dict[str, LaneSpec]:
+        """Train to a rung and let policies play there; the lanes that go on. Of rivals, those that trail are cut."""
+        log = self.store.lanes
+        stood = {lane: at[number] for lane, at in log.rungs().items() if lane in going and number in at}
+        if not stood:
+            if sum(lane in rivals for lane in going) < 2:
+                return dict(going)
+            self._run([spec for lane, spec in going.items() if log.paused(number, lane) is None], sharing, number, rung)
+            paused = {lane: result for lane in going if (result := log.paused(number, lane)) is not None}
+            stood = self._stand(rung, paused, rivals)
+            log.save_rung(number, stood.values())
+        racing = {lane: standing.played for lane, standing in stood.items() if lane in rivals}
+        on: dict[str, LaneSpec] = {}
+        for lane in stood:
+            result = log.paused(number, lane)
+            if result is None or stood[lane].went_on:  # whose file is lost begins anew
+                on[lane] = dataclasses.replace(going[lane], paused=result.paused if result is not None else None)
+            else:
+                cut = dataclasses.replace(result, state=TrainingState.CUT, message=why(rung, lane, racing))
+                self._keep(cut, sharing[lane])
+        return on
+
+    def _stand(self, rung: Rung, paused: Mapping[str, TrainingResult], rivals: Container[str]) -> dict[str, Standing]:
+        """What the lanes' policies of this moment score, on start states for choosing, and who goes on."""
+        policies = {lane: result.last for lane, result in paused.items() if result.last is not None}
+        seed, episodes = self.config.seed + CHOOSING, affordable(paused.values(), 1)
+        scores = {s.lane: s for s in self.trainer.evaluate(self.config.env, policies, seed=seed, episodes=episodes)}
+        cut = {lane for lane in scores if lane in rivals}
+        cut -= leaders({lane: scores[lane] for lane in paused if lane in cut}, rung)
+        return {lane: Standing(dataclasses.replace(scores[lane], peak="last"), lane not in cut) for lane in scores}
+
+    def _run(
+        self, specs: Iterable[LaneSpec], sharing: Sharing, number: int = 0, rung: Rung = Rung(share=1.0, kept=1.0)
+    ) -> None:
+        """Train these lanes to a rung, or to their end, and keep what comes of them."""
+        missing, failed = list(specs), list[TrainingResult]()
         budget = TrainBudget(
-            env_steps=self.config.steps, worlds=self.config.worlds, bonus=self.config.bonus == "original"
+            env_steps=self.config.steps,
+            worlds=self.config.worlds,
+            until=rung.share,
+            bonus=self.config.bonus == "original",
         )
-        failed: list[TrainingResult] = []
         for event in self.trainer.train(self.config.env, missing, budget) if missing else ():
             if isinstance(event, TrainingProgress):
                 self.observer.progress(event)
+            elif event.state is TrainingState.PAUSED:
+                self.store.lanes.pause(number, event)
             elif event.state is TrainingState.FAILED:
                 failed.append(event)
             else:
@@ -136,13 +191,12 @@ class Lanes:
             raise WorkerError(failed[0].message)
         for result in failed:
             self._keep(result, sharing[result.lane])
-        results = self.store.lanes.results()
-        return {lane.id: results[lane.id] for lane in lanes}
 
     def _keep(self, result: TrainingResult, specs: Iterable[LaneSpec]) -> None:
         own = [dataclasses.replace(result, lane=spec.id) for spec in specs]
         for each in own:
             self.store.lanes.save_result(each)
+        self.store.lanes.forget(result.lane)
         for each in own:
             self.observer.result(each)
 

@@ -80,6 +80,8 @@ def _ending(result: TrainingResult) -> list[str]:
     """A sentence for a training that was stopped."""
     if result.state is TrainingState.FINISHED:
         return []
+    if result.state is TrainingState.CUT:
+        return [f"The training was cut {result.message} rewards; others went on."]
     reason = f" ({result.message})" if result.message else ""
     return [f"The training was stopped early{reason}: keep every part of the reward finite and of moderate size."]
 

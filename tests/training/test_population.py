@@ -278,8 +278,10 @@ def test_fitness_looks_back_over_the_window_and_weighs_episodes_alike():
 
 
 def paused(specs: list[LaneSpec], until: int) -> dict[str, TrainingResult]:
-    budget = dataclasses.replace(SMALL, until=until * 16 * 32)
-    found = {x.lane: x for x in Population("cartpole", specs, budget, threads=1).train() if isinstance(x, TrainingResult)}
+    budget = dataclasses.replace(SMALL, until=until / 4)
+    found = {
+        x.lane: x for x in Population("cartpole", specs, budget, threads=1).train() if isinstance(x, TrainingResult)
+    }
     assert {result.state for result in found.values()} == {TrainingState.PAUSED}
     return found
 

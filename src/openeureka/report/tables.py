@@ -138,12 +138,13 @@ def generations(run: RunView) -> Table:
             ", ".join(f"{count} {code}" for code, count in g.verdicts.items()),
             str(g.replies),
             str(g.trained),
+            f"{g.env_steps:,}",
             number(g.best),
             number(g.mean),
         )
         for g in by_generation(run.history)
     ]
-    titles = ("generation", "slots", "verdicts", "replies", "trained", "best F", "mean F")
+    titles = ("generation", "slots", "verdicts", "replies", "trained", "environment steps", "best F", "mean F")
     share = trained_share(run.history)
     return Table(titles, rows, f"Of all slots, {share:.0%} trained." if share is not None else "")
 
@@ -221,7 +222,9 @@ class GenerationStats:
     replies: int
     """Replies spent, repairs and refills included."""
     trained: int
-    """Slots whose training finished with a score."""
+    """Slots whose training came to its end, or was cut, with a score."""
+    env_steps: int
+    """Of all trainings of the slots; of one that slots share, once."""
     best: float | None
     mean: float | None
     """Over the trained slots."""
@@ -233,14 +236,16 @@ def by_generation(history: History) -> tuple[GenerationStats, ...]:
 
 
 def _of(generation: Generation) -> GenerationStats:
-    finished = [e for e in generation.entries if e.result is not None and e.result.state is TrainingState.FINISHED]
-    scores = [entry.score for entry in finished if entry.score is not None]
+    scores = [entry.score for entry in generation.entries if entry.trained and entry.score is not None]
     return GenerationStats(
         index=generation.index,
         slots=len(generation.entries),
         verdicts=Counter(entry.sample.verdict.code for entry in generation.entries),
         replies=sum(entry.sample.attempts for entry in generation.entries),
         trained=len(scores),
+        env_steps=sum(
+            {entry.result.lane: entry.result.env_steps for entry in generation.entries if entry.result}.values()
+        ),
         best=generation.best.score if generation.best else None,
         mean=mean(scores),
     )

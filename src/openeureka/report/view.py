@@ -45,12 +45,14 @@ class CandidateState(StrEnum):
     REFUSED = "refused"
     ACCEPTED = "accepted"  # not trained yet
     TRAINED = "trained"
+    CUT = "cut"  # others played better, and trained on
     DIVERGED = "diverged"
     FAILED = "failed"
 
 
 _TRAINED = {
     TrainingState.FINISHED: CandidateState.TRAINED,
+    TrainingState.CUT: CandidateState.CUT,
     TrainingState.DIVERGED: CandidateState.DIVERGED,
     TrainingState.FAILED: CandidateState.FAILED,
 }

@@ -53,6 +53,7 @@ class SearchSettings(_Shared, total=False):
     sample: int
     iteration: int
     search: str
+    schedule: str
     init: str | Path
     feedback: str
     feedback_timeout: float

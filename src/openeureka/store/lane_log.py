@@ -8,9 +8,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from ..codec import DecodeError
-from ..errors import StoreError
-from ..types import Evaluation, Lane, Peak, TrainingResult
+from ..codec import DecodeError, defined, shaped
+from ..errors import StoreError, WorkerError
+from ..types import Evaluation, Lane, Peak, Standing, TrainingResult
+from ..worker import framed, unframed
 from . import artifacts
 from .codec import (
     decode_digest,
@@ -109,6 +110,43 @@ class LaneLog:
             own[row["peak"]] = (*own.get(row["peak"], ()), Evaluation(**score))
         return found
 
+    def save_rung(self, rung: int, standings: Iterable[Standing]) -> None:
+        """Keep how lanes stood where they paused, all of them at once: who goes on is decided among them."""
+        rows = ({"rung": rung, "went_on": s.went_on} | encode_evaluation(s.played) for s in standings)
+        self._database.put("rungs", *rows)
+
+    def rungs(self) -> dict[str, dict[int, Standing]]:
+        """How each lane stood, by lane id and rung."""
+        found: dict[str, dict[int, Standing]] = {}
+        for row in self._database.rows("rungs", order=("rung", "rowid")):
+            score = dict(row)
+            rung, went_on = score.pop("rung"), bool(score.pop("went_on"))
+            found.setdefault(row["lane"], {})[rung] = Standing(Evaluation(**score), went_on)
+        return found
+
+    def pause(self, rung: int, result: TrainingResult) -> None:
+        """Keep a lane that paused, with all that it goes on from, in place of what it left at an earlier rung."""
+        blobs = result.policies | ({"paused": result.paused} if result.paused is not None else {})
+        data = framed({"rung": rung, "result": defined(result.holding({}))}, blobs)
+        artifacts.write(self._directory, _paused(result.lane), data)
+
+    def paused(self, rung: int, lane: str) -> TrainingResult | None:
+        """What `pause` kept; None where the lane is not at this rung, or its file is damaged: then it begins anew."""
+        data = artifacts.read(self._directory, _paused(lane))
+        try:
+            frame = unframed(data or b"")
+            result = shaped(TrainingResult, frame.header["result"])
+        except (WorkerError, DecodeError, KeyError):
+            return None
+        if frame.header.get("rung") != rung or result.lane != lane:
+            return None
+        return dataclasses.replace(result.holding(frame.blobs), paused=frame.blobs.get("paused"))
+
+    def forget(self, lane: str) -> None:
+        """The lane has its result: nobody goes on from where it paused."""
+        if artifacts.exists(self._directory, _paused(lane)):
+            artifacts.remove(self._directory, _paused(lane))
+
     def save_trial(self, name: str, evaluation: Evaluation) -> None:
         """Keep what a lane's policy scored in the trial `name` (see `hacking.trials`)."""
         self._database.put("trials", {"name": name} | encode_evaluation(evaluation))
@@ -121,6 +159,10 @@ class LaneLog:
             name = score.pop("name")
             found.setdefault(row["lane"], {})[name] = Evaluation(**score)
         return found
+
+
+def _paused(lane: str) -> str:
+    return f"lanes/{lane}/paused.frame"
 
 
 class StageFiles:

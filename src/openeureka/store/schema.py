@@ -165,6 +165,21 @@ _LANES = "".join(
     for table in ("lanes", "results", "entries", "evaluations", "plays", "trials")
 )
 
+_RUNGS = """
+CREATE TABLE rungs (                 -- lanes that paused at a share of their steps
+    lane TEXT NOT NULL REFERENCES lanes (lane),
+    rung INTEGER NOT NULL,           -- 1 is the first
+    went_on INTEGER NOT NULL,        -- whether it trained on; else others did
+    fitness REAL,                    -- played there
+    error REAL,
+    concentration REAL,
+    episode_length REAL,
+    episodes INTEGER NOT NULL,
+    peak TEXT,
+    PRIMARY KEY (lane, rung)
+);
+"""
+
 MIGRATIONS: list[str] = [
     _TABLES + _immutable("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations"),
     _REMARKS + _immutable("remarks", "heard"),
@@ -173,6 +188,7 @@ MIGRATIONS: list[str] = [
     _LEDGER + _immutable("lanes", "given", "slots", "attempts"),
     _UNUSED,
     _LANES,
+    _RUNGS + _immutable("rungs"),
 ]
 """Script n brings a file from schema n to n + 1. Published scripts are never edited, only followed by new ones."""
 

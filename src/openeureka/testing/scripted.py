@@ -5,6 +5,7 @@ A whole search with them takes milliseconds and needs no torch, no physics and n
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -106,7 +107,15 @@ class ToyTrainer:
         yield TrainingProgress(epoch=1, epochs=2, env_steps_per_second=1.0, fitness={lane.id: None for lane in lanes})
         for lane in lanes:
             self.trained.append(lane.id)
-            yield self._result(lane)
+            yield self._paused(lane, budget.until) if budget.until < 1.0 else self._result(lane)
+
+    def _paused(self, lane: LaneSpec, until: float) -> TrainingResult:
+        """One that is worth as much as the whole; it goes on only with the state that it left."""
+        begun = float(lane.paused or 0.0)
+        if begun >= until:
+            raise ValueError(f"{lane.id} was there already")
+        whole = self._result(lane)
+        return dataclasses.replace(whole, state=TrainingState.PAUSED, paused=str(until).encode())
 
     def _result(self, lane: LaneSpec) -> TrainingResult:
         worth = _worth(lane)

@@ -52,8 +52,7 @@ class Population:
         self.lanes, self.worlds = len(specs), budget.worlds or task.recipe.worlds
         self.horizon = task.recipe.horizon
         self.epochs = max(1, (budget.env_steps or task.recipe.env_steps) // (self.worlds * self.horizon))
-        share = budget.until / (budget.env_steps or task.recipe.env_steps) if budget.until else 1.0
-        self.until = min(self.epochs, max(1, round(share * self.epochs)))
+        self.until = max(1, round(budget.until * self.epochs))
         seeds = [spec.seed for spec in specs]
         self.env = registry.make(env, worlds=self.worlds, lane_seeds=seeds, device=device, threads=threads)
         self.device = self.env.sim.device

@@ -53,6 +53,4 @@ def unpack(frame: Frame) -> TrainingProgress | TrainingResult:
     """Inverse of `pack`."""
     if "progress" in frame.header:
         return shaped(TrainingProgress, frame.header["progress"])
-    return replace(
-        shaped(TrainingResult, frame.header["result"]).holding(frame.blobs), paused=frame.blobs.get(PAUSED)
-    )
+    return replace(shaped(TrainingResult, frame.header["result"]).holding(frame.blobs), paused=frame.blobs.get(PAUSED))

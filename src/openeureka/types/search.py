@@ -50,8 +50,8 @@ class Scored:
 
     @property
     def trained(self) -> bool:
-        """Whether its training came to the end, with or without a defined F."""
-        return self.result is not None and self.result.state is TrainingState.FINISHED
+        """Whether its training came to the end, or so far that others went on; with or without a defined F."""
+        return self.result is not None and self.result.state in (TrainingState.FINISHED, TrainingState.CUT)
 
 
 @dataclass(frozen=True, slots=True)

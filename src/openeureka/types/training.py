@@ -60,8 +60,8 @@ class TrainBudget:
 
     env_steps: int = 0
     worlds: int = 0
-    until: int = 0
-    """Steps of each lane at which it pauses: about, as epochs are whole. Zero, or all of its steps, is the end."""
+    until: float = 1.0
+    """Share of a lane's steps after which it pauses; 1 is the end."""
     bonus: bool = False
     """Add the task's `success_bonus` to generated rewards, as the original does."""
 
@@ -184,6 +184,16 @@ class Evaluation:
     """Share of the positive contributions to F that the highest twentieth of them makes; None without any."""
     peak: Peak | None = None
     """Which of the lane's policies it is; None where an older version did not say."""
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """How a lane stood when it paused."""
+
+    played: Evaluation
+    """Score of its policy of that moment."""
+    went_on: bool
+    """Whether it trained on; else others of its generation did."""
 
 
 class Trainer(Protocol):

@@ -1,0 +1,39 @@
+"""How long candidates train: all to the end, or fewer and fewer, by how their policies play on the way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from .score import rank
+from .types import Evaluation
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """Where the candidates of a generation pause, and some of them go on."""
+
+    share: float
+    """Of the steps of a training."""
+    kept: float
+    """Of the candidates that came so far; one at least."""
+
+
+RUNGS: Mapping[str, tuple[Rung, ...]] = {
+    "full": (),
+    "halving": (Rung(1 / 8, 1 / 2), Rung(1 / 4, 1 / 2), Rung(1 / 2, 1 / 2)),
+}
+"""By the setting `schedule`."""
+
+
+def leaders(scores: Mapping[str, Evaluation], rung: Rung) -> frozenset[str]:
+    """The lanes that go on: those that play best, of equals the earlier one."""
+    ordered = sorted(scores, key=lambda lane: -rank(scores[lane].fitness))
+    return frozenset(ordered[: max(1, math.ceil(rung.kept * len(ordered)))])
+
+
+def why(rung: Rung, lane: str, scores: Mapping[str, Evaluation]) -> str:
+    """Why a lane was cut, for people."""
+    place = sum(rank(score.fitness) > rank(scores[lane].fitness) for score in scores.values()) + 1
+    return f"after {rung.share:.3g} of its steps: played {place} of {len(scores)}"

@@ -1,0 +1,140 @@
+"""Candidates that trail are cut, and the run knows when and why."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from openeureka.config import RunConfig
+from openeureka.errors import ConfigError
+from openeureka.lanes import Lanes, deal
+from openeureka.observer import NullObserver
+from openeureka.report.view import CandidateState, RunView
+from openeureka.schedule import Rung, leaders, why
+from openeureka.store import Store
+from openeureka.strategies import make
+from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
+from openeureka.loop import run
+from openeureka.types import Candidate, Evaluation, TrainingState, lane_id
+
+WORTHS = (3, 8, 1, 6, 5, 2, 7, 4)
+CONFIG = RunConfig(sample=8, iteration=1, seeds=2, schedule="halving", refill=0)
+
+
+def lane(worth: float) -> str:
+    return lane_id(Candidate.of(program(worth)).id, 0)
+
+
+def search(directory: Path, trainer: ToyTrainer, config: RunConfig = CONFIG) -> None:
+    with Store.open(directory, config) as store:
+        model = ScriptedModel([reply(worth) for worth in WORTHS], said=len(store.replies()))
+        run(config, store, model, ToyChecker(), trainer, TOY, make(config))
+
+
+def score(fitness: float | None) -> Evaluation:
+    return Evaluation(lane="-", fitness=fitness, episode_length=1.0, episodes=1)
+
+
+def test_those_that_play_best_go_on():
+    scores = {"a": score(1.0), "b": score(None), "c": score(3.0), "d": score(2.0), "e": score(3.0)}
+    assert leaders(scores, Rung(1 / 4, 1 / 2)) == {"c", "d", "e"}
+    assert leaders(scores, Rung(1 / 4, 0.2)) == {"c"}  # of equals the earlier one
+    assert leaders({"b": score(None)}, Rung(1 / 4, 0.1)) == {"b"}
+    assert why(Rung(1 / 8, 1 / 2), "d", scores) == "after 0.125 of its steps: played 3 of 5"
+
+
+def test_half_of_the_candidates_go_on_at_each_rung_and_baselines_always(tmp_path: Path):
+    trainer = ToyTrainer()
+    search(tmp_path / "run", trainer)
+    count = [trainer.trained.count(lane(worth)) for worth in WORTHS]
+    assert dict(zip(WORTHS, count, strict=True)) == {1: 1, 2: 1, 3: 1, 4: 1, 5: 2, 6: 2, 7: 3, 8: 4}
+    assert trainer.trained.count("human-s0") == trainer.trained.count("sparse-s0") == 4
+    view = RunView.read(tmp_path / "run")
+    ends = {c.result.lane: (c.state, c.result.message) for c in view.candidates if c.result is not None}
+    assert ends[lane(8)] == (CandidateState.TRAINED, "")
+    assert ends[lane(7)] == (CandidateState.CUT, "after 0.5 of its steps: played 2 of 2")
+    assert ends[lane(1)] == (CandidateState.CUT, "after 0.125 of its steps: played 8 of 8")
+    best = view.best
+    assert best is not None and best.result is not None and best.result.lane == lane(8)
+    assert "cut after 0.5 of its steps" in next(c.feedback for c in view.candidates if c.result.lane == lane(7))
+    assert not list((tmp_path / "run").rglob("paused.frame"))
+
+
+def test_final_trainings_are_whole(tmp_path: Path):
+    trainer = ToyTrainer()
+    search(tmp_path / "run", trainer)
+    with Store.view(tmp_path / "run") as store:
+        assert all(
+            result.state is TrainingState.FINISHED
+            for name, result in store.lanes.results().items()
+            if store.lanes.all()[name].role == "final"
+        )
+
+
+class Killed(BaseException):
+    pass
+
+
+class Dies(ToyTrainer):
+    """Ends the process, as it were, after so many lanes."""
+
+    left: int = 0
+
+    def _paused(self, lane, until):
+        self._count()
+        return super()._paused(lane, until)
+
+    def _result(self, lane):
+        self._count()
+        return super()._result(lane)
+
+    def _count(self):
+        if not self.left:
+            raise Killed
+        self.left -= 1
+
+
+@pytest.mark.parametrize("lanes", [3, 10, 12, 17, 20, 25])
+def test_a_run_that_is_killed_in_a_rung_goes_on_there(tmp_path: Path, lanes: int):
+    whole, first, second = ToyTrainer(), Dies(), ToyTrainer()
+    search(tmp_path / "whole", whole)
+    first.left = lanes
+    with pytest.raises(Killed):
+        search(tmp_path / "run", first)
+    search(tmp_path / "run", second)
+    trained = first.trained[:-1] + second.trained  # all but the one it died in
+    assert sorted(trained) == sorted(whole.trained)
+    with Store.view(tmp_path / "whole") as one, Store.view(tmp_path / "run") as other:
+        assert one.lanes.rungs() == other.lanes.rungs()
+        assert one.lanes.results() == other.lanes.results()
+
+
+def test_a_lane_whose_state_was_lost_begins_anew(tmp_path: Path):
+    first, second = Dies(), ToyTrainer()
+    first.left = 10 + 3  # the first rung is decided, and three lanes are at the second
+    with pytest.raises(Killed):
+        search(tmp_path / "run", first)
+    kept = sorted((tmp_path / "run").rglob("paused.frame"))
+    for path in kept:
+        path.write_bytes(b"torn")
+    search(tmp_path / "run", second)
+    with Store.view(tmp_path / "run") as store:
+        assert store.lanes.results()[lane(8)].state is TrainingState.FINISHED
+
+
+def test_a_single_candidate_is_not_stopped_on_the_way(tmp_path: Path):
+    config = replace(CONFIG, iteration=0)
+    with Store.open(tmp_path / "run", config) as store:
+        trainer = ToyTrainer()
+        lanes = Lanes(config, store, trainer, NullObserver())
+        graph = ToyChecker().check(Candidate.of(program(3))).graph
+        assert graph is not None
+        lanes.train(deal([("one", graph)], [0], "candidate"))
+        assert trainer.trained == ["one-s0"]
+
+
+def test_a_curriculum_is_no_place_for_rungs():
+    with pytest.raises(ConfigError, match="leave one of them out"):
+        RunConfig(schedule="halving", curriculum="spin")
+    with pytest.raises(ConfigError, match="full, halving"):
+        RunConfig(schedule="fast")
