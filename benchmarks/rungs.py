@@ -1,4 +1,4 @@
-"""How far is a training after a share of its steps, and does that tell where it ends? F of its policy, played on the way.
+"""How far is a training after a share of its steps, and does that tell where it ends? Its policy plays on the way.
 
     python benchmarks/rungs.py --env ant --rewards human                         # with the task's recipe
     python benchmarks/rungs.py --env ant --rewards human --worlds 64 --horizon 32

@@ -10,7 +10,7 @@ from .config import RunConfig
 from .errors import WorkerError
 from .hacking import Trial
 from .observer import Observer
-from .schedule import RUNGS, Rung, leaders, why
+from .schedule import RUNGS, WHOLE, Rung, leaders, why
 from .score import level, played, standing
 from .store import Store
 from .strategies import SearchStrategy
@@ -167,9 +167,7 @@ class Lanes:
         cut -= leaders({lane: scores[lane] for lane in paused if lane in cut}, rung)
         return {lane: Standing(dataclasses.replace(scores[lane], peak="last"), lane not in cut) for lane in scores}
 
-    def _run(
-        self, specs: Iterable[LaneSpec], sharing: Sharing, number: int = 0, rung: Rung = Rung(share=1.0, kept=1.0)
-    ) -> None:
+    def _run(self, specs: Iterable[LaneSpec], sharing: Sharing, number: int = 0, rung: Rung = WHOLE) -> None:
         """Train these lanes to a rung, or to their end, and keep what comes of them."""
         missing, failed = list(specs), list[TrainingResult]()
         budget = TrainBudget(

@@ -20,6 +20,8 @@ class Rung:
     """Of the candidates that came so far; one at least."""
 
 
+WHOLE = Rung(share=1.0, kept=1.0)
+"""The end of a training."""
 RUNGS: Mapping[str, tuple[Rung, ...]] = {
     "full": (),
     "halving": (Rung(1 / 8, 1 / 2), Rung(1 / 4, 1 / 2), Rung(1 / 2, 1 / 2)),

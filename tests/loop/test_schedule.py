@@ -8,13 +8,13 @@ import pytest
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 from openeureka.lanes import Lanes, deal
+from openeureka.loop import run
 from openeureka.observer import NullObserver
 from openeureka.report.view import CandidateState, RunView
 from openeureka.schedule import Rung, leaders, why
 from openeureka.store import Store
 from openeureka.strategies import make
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
-from openeureka.loop import run
 from openeureka.types import Candidate, Evaluation, TrainingState, lane_id
 
 WORTHS = (3, 8, 1, 6, 5, 2, 7, 4)

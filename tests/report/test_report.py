@@ -45,7 +45,7 @@ def test_an_unfinished_run_says_what_is_missing():
 
 def test_the_report_has_a_row_per_generation_and_the_best_source():
     text = report(run(HISTORY, BASELINES))
-    assert "| 0 | 3 | 2 accepted, 1 refused | 6 | 2 | 30 | 20 |" in text
+    assert "| 0 | 3 | 2 accepted, 1 refused | 6 | 2 | 200 | 30 | 20 |" in text
     assert "def compute_reward(x):\n    return x, {}\n" in text
     assert "Of all slots, 67% trained." in text  # 4 of 6
     assert "1200 prompt tokens and 340 completion tokens, US$ 0.0125" in text

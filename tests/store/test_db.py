@@ -10,7 +10,7 @@ from openeureka.store.db import MIGRATIONS, Database
 
 TABLES = (
     "run", "prompts", "replies", "verdicts", "results", "entries", "evaluations", "remarks", "heard", "trials",
-    "plays", "crown", "lanes", "given", "slots", "attempts",
+    "plays", "crown", "lanes", "given", "slots", "attempts", "rungs",
 )  # fmt: skip
 REPLY = {
     "generation": 0,
@@ -106,8 +106,11 @@ def test_a_finished_row_never_changes(tmp_path: Path, database: Database, table:
         "given": {"name": "human"},
         "slots": {"generation": 0, "slot": 0},
         "attempts": {"generation": 0, "attempt": 0, "slot": 0},
+        "rungs": {"lane": "a-s0", "rung": 1, "went_on": 1, "episodes": 1},
     }
     database.put("results", rows["results"])
+    if table == "rungs":
+        database.put("lanes", rows["lanes"])
     if table != "results":
         database.put(table, rows[table])
     with (

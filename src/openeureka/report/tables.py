@@ -10,7 +10,7 @@ from .. import baselines
 from ..config import RunConfig, as_dict
 from ..hacking import PEAKS, WORLDS, Kind
 from ..score import Baselines, Outcome, human_normalised, mean
-from ..types import Evaluation, Generation, History, Remark, RemarkKind, TrainingState, VerdictCode
+from ..types import Evaluation, Generation, History, Remark, RemarkKind, VerdictCode
 from .text import duration, number, scored, spread
 from .view import CandidateView, RunView
 

@@ -1,4 +1,4 @@
-"""A lane that pauses leaves its population, and goes on in another: its share of the state, cut out and put together."""
+"""A lane that pauses leaves its population, and goes on in another: its part of the state, cut out and put back."""
 
 from __future__ import annotations
 

@@ -20,8 +20,8 @@ from ..types import (
     TrainingResult,
     TrainingState,
 )
-from .curves import Curves
 from . import pausing
+from .curves import Curves
 from .policy import Policy
 from .ppo import PPO, Rollout
 from .rewards import LaneRewards

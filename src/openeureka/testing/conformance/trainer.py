@@ -11,6 +11,7 @@ class TestMyTrainer(TrainerConformance):
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import ClassVar
 
 from openeureka.types import (
@@ -88,6 +89,20 @@ class TrainerConformance:
             assert first.state == second[first.lane].state
             assert first.fitness == second[first.lane].fitness
             assert first.curves == second[first.lane].curves
+
+    def test_lanes_that_paused_go_on_to_the_same_end(self) -> None:
+        lanes, half = self.lanes()[:2], replace(self.budget, until=0.5)
+        trained = self.make().train(self.env, lanes, half)
+        paused = {event.lane: event for event in trained if isinstance(event, TrainingResult)}
+        assert {result.state for result in paused.values()} == {TrainingState.PAUSED}
+        going = [replace(lane, paused=paused[lane.id].paused) for lane in lanes]
+        trained = self.make().train(self.env, going, self.budget)
+        ended = {event.lane: event for event in trained if isinstance(event, TrainingResult)}
+        for whole in (result for result in self._finished() if result.lane in ended):
+            assert ended[whole.lane].state is TrainingState.FINISHED
+            assert ended[whole.lane].env_steps == whole.env_steps
+            for mine, theirs in zip(ended[whole.lane].curves["reward"], whole.curves["reward"], strict=True):
+                assert mine is not None and theirs is not None and math.isclose(mine, theirs, rel_tol=1e-2)
 
     def test_policies_are_scored_one_by_one(self) -> None:
         trainer = self.make()
