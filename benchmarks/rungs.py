@@ -15,21 +15,28 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import math
 import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
+from statistics import stdev
 from typing import Any
 from unittest.mock import patch
 
 import torch
 from records import read, today, write
+from scipy.stats import spearmanr
 
 from openeureka.errors import EurekaError
+from openeureka.report.text import number
 from openeureka.reward import extract
 from openeureka.sandbox.client import Sandbox
+from openeureka.schedule import RUNGS as RUNGS_OF
+from openeureka.schedule import Rung
+from openeureka.score import mean, rank
 from openeureka.tasks import registry
 from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
@@ -150,6 +157,111 @@ def measure(
             write(RESULTS, found)
             for lane, record in done.result().items():
                 print(env, name, lane, record["played"], record["window"], record["cpu_s"], flush=True)
+
+
+# --- what it says ----------------------------------------------------------------------------------------------------
+
+SCHEDULES: Mapping[str, Sequence[Rung]] = {
+    "all to the end": (),
+    "halving at 1/8, 1/4, 1/2": RUNGS_OF["halving"],
+    "halving at 1/4, 1/2": (Rung(1 / 4, 1 / 2), Rung(1 / 2, 1 / 2)),
+    "a quarter goes on at 1/4": (Rung(1 / 4, 1 / 4),),
+    "a quarter goes on at 1/8": (Rung(1 / 8, 1 / 4),),
+    "all end at 1/2": (Rung(1 / 2, 0.0),),
+    "all end at 1/4": (Rung(1 / 4, 0.0),),
+    "all end at 1/8": (Rung(1 / 8, 0.0),),
+}
+"""Where candidates pause, and how many of them go on; where none does, the first by its play is chosen there."""
+SOON = ("task", "worlds x horizon, steps", "seeds", "after 1/16", "1/8", "1/4", "1/2", "3/4", "at the end")
+TELLING = ("task", "worlds x horizon, steps", "ends as", "after 1/16", "1/8", "1/4", "1/2", "3/4", "at the end")
+CHOICES = ("schedule", "steps, of all", "the chosen reward: 0 a random one, 1 the best")
+
+
+def soon(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
+    """A row a task and recipe: what the human reward's policy plays at the rungs, mean over seeds."""
+    rows = []
+    for env, recipes in study.items():
+        for name, found in sorted(recipes.items(), key=lambda item: item[0].partition(", ")[2]):
+            own = [lane["played"] for key, lane in found["lanes"].items() if key.startswith("human-s")]
+            rows.append((env, name, str(len(own)), *(number(mean(at), 3) for at in zip(*own, strict=True))))
+    return rows
+
+
+def telling(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
+    """Two rows a task: rank correlation of what lanes play at a rung with what they play at the end, and with what
+    other seeds of the same rewards play at the end; mean over seeds."""
+    rows = []
+    for env, name, scores in _rewards(study):
+        for title, fresh in (("same lane", False), ("fresh seeds", True)):
+            cells = [mean([_tells(scores, seed, rung, fresh) for seed in _seeds(scores)]) for rung in range(len(RUNGS))]
+            rows.append((env, name, title, *(number(cell, 2) for cell in cells)))
+    return rows
+
+
+def choices(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
+    """A row a schedule: the share of the steps that it takes, and how good the reward that it chooses is when it trains
+    with the other seeds, mean over tasks and seeds."""
+    rows = []
+    for title, rungs in SCHEDULES.items():
+        cells = [_chosen(scores, seed, rungs) for _, _, scores in _rewards(study) for seed in _seeds(scores)]
+        worth, spent = ([cell[part] for cell in cells] for part in (0, 1))
+        error = stdev(worth) / len(worth) ** 0.5 if len(worth) > 1 else 0.0
+        rows.append((title, number(mean(spent), 2), f"{number(mean(worth), 2)} ± {number(error, 2)}"))
+    return rows
+
+
+Played = dict[str, dict[int, Sequence[float | None]]]
+"""What policies play at the rungs, by reward and seed."""
+
+
+def _rewards(study: Mapping[str, Record]) -> Iterator[tuple[str, str, Played]]:
+    """Task, recipe and scores of those that trained more than the human reward."""
+    for env, recipes in study.items():
+        for name, found in recipes.items():
+            scores: Played = {}
+            for key, lane in found["lanes"].items():
+                reward, _, seed = key.rpartition("-s")
+                if reward != "human":
+                    scores.setdefault(reward, {})[int(seed)] = lane["played"]
+            if len(scores) > 1:
+                yield env, name, scores
+
+
+def _seeds(scores: Played) -> list[int]:
+    """Those that every reward trained with."""
+    return sorted(set.intersection(*(set(of) for of in scores.values())))
+
+
+def _worth(scores: Played, reward: str, but: int) -> float:
+    """What the best of its policies plays, with the other seeds."""
+    return mean([_best(scores[reward][seed]) for seed in _seeds(scores) if seed != but]) or -math.inf
+
+
+def _best(played: Sequence[float | None]) -> float | None:
+    return max((score for score in played if score is not None), default=None)
+
+
+def _tells(scores: Played, seed: int, rung: int, fresh: bool) -> float | None:
+    now = [rank(of[seed][rung]) for of in scores.values()]
+    end = [_worth(scores, reward, seed) if fresh else rank(of[seed][-1]) for reward, of in scores.items()]
+    found = float(spearmanr(now, end).statistic) if len(set(now)) > 1 and len(set(end)) > 1 else math.nan
+    return found if math.isfinite(found) else None
+
+
+def _chosen(scores: Played, seed: int, rungs: Sequence[Rung]) -> tuple[float, float]:
+    """How good the reward is that a schedule chooses by the lanes of one seed, and the share of the steps it took."""
+    alive, spent, before = list(scores), 0.0, 0.0
+    for rung in rungs:
+        spent, before = spent + len(alive) * (rung.share - before), rung.share
+        place = RUNGS.index(rung.share)
+        alive.sort(key=lambda reward: -rank(scores[reward][seed][place]))
+        alive = alive[: max(1, math.ceil(rung.kept * len(alive)))]
+    if not rungs or rungs[-1].kept:
+        spent += len(alive) * (1.0 - before)
+        alive.sort(key=lambda reward: -rank(_best(scores[reward][seed])))
+    worth = {reward: _worth(scores, reward, seed) for reward in scores}
+    usual, best = mean(list(worth.values())) or 0.0, max(worth.values())
+    return (worth[alive[0]] - usual) / (best - usual), spent / len(scores)
 
 
 def main() -> None:

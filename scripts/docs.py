@@ -50,6 +50,10 @@ CHOSEN = "<!-- choosing -->\n", "<!-- /choosing -->\n"
 LATER = "<!-- generations -->\n", "<!-- /generations -->\n"
 SCHEDULE = ROOT / "docs" / "concepts" / "schedule.md"
 EARLY = "<!-- predictors -->\n", "<!-- /predictors -->\n"
+RUNGS = ROOT / "benchmarks" / "results" / "rungs.json"
+SOON = "<!-- soon -->\n", "<!-- /soon -->\n"
+TELLING = "<!-- telling -->\n", "<!-- /telling -->\n"
+CHOICES = "<!-- choices -->\n", "<!-- /choices -->\n"
 
 
 def commands() -> str:
@@ -145,6 +149,12 @@ def early() -> str:
     return _table(study.titles(study.known()), study.table(study.known()))
 
 
+def rungs(table: str) -> str:
+    """A table of what `benchmarks/rungs.py` has measured."""
+    study = _benchmark("rungs")
+    return _table(getattr(study, table.upper()), getattr(study, table)(json.loads(RUNGS.read_text())))
+
+
 def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in (titles, ["---"] * len(titles), *rows))
 
@@ -183,7 +193,7 @@ def generated() -> Mapping[Path, str]:
         README: _between(README.read_text(), FOUND, found()),
         CONTRIBUTING: _between(CONTRIBUTING.read_text(), TREE, tree()),
         SCORES: _scores(),
-        SCHEDULE: _between(SCHEDULE.read_text(), EARLY, early()),
+        SCHEDULE: _schedule(),
     }
 
 
@@ -191,6 +201,13 @@ def _scores() -> str:
     text = SCORES.read_text()
     for marks, part in ((CHOSEN, choosing()), (FIRST_RUNS, first_runs()), (LATER, later())):
         text = _between(text, marks, part)
+    return text
+
+
+def _schedule() -> str:
+    text = _between(SCHEDULE.read_text(), EARLY, early())
+    for marks, table in ((SOON, "soon"), (TELLING, "telling"), (CHOICES, "choices")):
+        text = _between(text, marks, rungs(table))
     return text
 
 

@@ -160,7 +160,7 @@ class PlainView:
         self._line.show(progress)
 
     def result(self, result: TrainingResult) -> None:
-        state = "" if result.state is TrainingState.FINISHED else f" {result.state}: {one_line(result.message, 80)}"
+        state = "" if result.state is TrainingState.FINISHED else f", {result.state}: {one_line(result.message, 80)}"
         self._say(f"  {result.lane}: F {number(result.fitness)} in training{state}")
 
     def played(self, scores: Mapping[str, Evaluation]) -> None:
