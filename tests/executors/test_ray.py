@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
@@ -103,6 +104,7 @@ def nodes() -> Iterator[Nodes]:
         patch.setenv("RAY_AUTH_MODE", "token")
         patch.setenv("RAY_AUTH_TOKEN", secrets.token_hex(32))
         patch.setenv("PYTHONPATH", f"{Path(__file__).parent}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+        patch.setattr("openeureka.executors.ray.FULL", 1)  # a few lanes make two rounds
         import ray
 
         cluster = Nodes()
@@ -226,6 +228,25 @@ class TestRayExecutor(TrainerConformance):
         while (left := [*self.nodes.shares(), *workers()]) and time.monotonic() < end:
             time.sleep(0.1)
         assert not left
+
+    def test_a_second_search_need_not_wait_for_the_end_of_the_first(self) -> None:
+        told: list[tuple[str, object]] = []
+
+        def train(name: str, count: int) -> None:
+            lanes = [LaneSpec(id=f"{name}-s{seed}", program="human", seed=seed) for seed in range(count)]
+            told.extend((name, message) for message in self.make().train("cartpole", lanes, BRIEF))
+
+        first = Thread(target=train, args=("first", 6))  # two rounds of three nodes
+        second = Thread(target=train, args=("second", 3))
+        first.start()
+        while first.is_alive() and not self.nodes.shares():
+            time.sleep(0.1)
+        second.start()
+        first.join()
+        second.join()
+        ended = [name for name, message in told if isinstance(message, TrainingResult)]
+        assert sorted(ended) == ["first"] * 6 + ["second"] * 3
+        assert ended.index("second") < 8 - ended[::-1].index("first")
 
     def test_a_node_with_other_versions_is_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
         here = ray_node.versions()
