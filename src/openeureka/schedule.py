@@ -38,4 +38,4 @@ def leaders(scores: Mapping[str, Evaluation], rung: Rung) -> frozenset[str]:
 def why(rung: Rung, lane: str, scores: Mapping[str, Evaluation]) -> str:
     """Why a lane was cut, for people."""
     place = sum(rank(score.fitness) > rank(scores[lane].fitness) for score in scores.values()) + 1
-    return f"after {rung.share:.3g} of its steps: played {place} of {len(scores)}"
+    return f"after {rung.share:.3g} of its steps, at place {place} of {len(scores)}"

@@ -40,7 +40,7 @@ def test_those_that_play_best_go_on():
     assert leaders(scores, Rung(1 / 4, 1 / 2)) == {"c", "d", "e"}
     assert leaders(scores, Rung(1 / 4, 0.2)) == {"c"}  # of equals the earlier one
     assert leaders({"b": score(None)}, Rung(1 / 4, 0.1)) == {"b"}
-    assert why(Rung(1 / 8, 1 / 2), "d", scores) == "after 0.125 of its steps: played 3 of 5"
+    assert why(Rung(1 / 8, 1 / 2), "d", scores) == "after 0.125 of its steps, at place 3 of 5"
 
 
 def test_half_of_the_candidates_go_on_at_each_rung_and_baselines_always(tmp_path: Path):
@@ -52,8 +52,8 @@ def test_half_of_the_candidates_go_on_at_each_rung_and_baselines_always(tmp_path
     view = RunView.read(tmp_path / "run")
     ends = {c.result.lane: (c.state, c.result.message) for c in view.candidates if c.result is not None}
     assert ends[lane(8)] == (CandidateState.TRAINED, "")
-    assert ends[lane(7)] == (CandidateState.CUT, "after 0.5 of its steps: played 2 of 2")
-    assert ends[lane(1)] == (CandidateState.CUT, "after 0.125 of its steps: played 8 of 8")
+    assert ends[lane(7)] == (CandidateState.CUT, "after 0.5 of its steps, at place 2 of 2")
+    assert ends[lane(1)] == (CandidateState.CUT, "after 0.125 of its steps, at place 8 of 8")
     best = view.best
     assert best is not None and best.result is not None and best.result.lane == lane(8)
     assert "cut after 0.5 of its steps" in next(c.feedback for c in view.candidates if c.result.lane == lane(7))
