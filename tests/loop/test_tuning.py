@@ -11,14 +11,17 @@ from random import Random
 import pytest
 
 from openeureka import strategies, tuned, tuning
+from openeureka.cli.show import summary
 from openeureka.config import NO_MODEL, RunConfig
 from openeureka.errors import StoreError
 from openeureka.lanes import Lanes
 from openeureka.loop import run
 from openeureka.observer import NullObserver
+from openeureka.report import html
 from openeureka.report.verdict import of_tuning
 from openeureka.report.view import RunView
 from openeureka.reward.weights import weighed, weights
+from openeureka.runs.run import Run
 from openeureka.score import Difference
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program
@@ -209,6 +212,10 @@ def test_a_search_fits_the_numbers_of_its_winner(tmp_path: Path) -> None:
     own = outcome.best.sample.verdict.candidate
     assert trainer.trained.count(f"{own}-s0") == trainer.trained.count(f"{own}-s1") == 1
     assert (tmp_path / "best" / "reward.py").read_text() == found_text(found)
+    view = RunView.read(tmp_path)
+    for text in ("\n".join(summary(view)), html.report(view, tmp_path)):
+        assert "The best reward with fitted numbers" in text and of_tuning(found) in text
+    assert Run(tmp_path).finished
     again = ToyTrainer()
     assert search(again) == outcome and again.trained == []
     assert (tmp_path / "best" / "reward.py").read_text() == found_text(found)

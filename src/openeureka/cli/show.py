@@ -82,6 +82,7 @@ def summary(run: RunView) -> list[str]:
         lines += [f"Suspected reward hacking: {sign.kind}. {sign.sentence}" for sign in run.signs]
     elif len(run.history.generations) < run.config.generations:
         lines.append(f"{len(run.history.generations)} of {run.config.generations} generations are done.")
+    lines += ["", "The best reward with fitted numbers:", "", *_fitted(found), ""] if (found := run.tuned) else []
     tokens = run.usage.prompt_tokens + run.usage.completion_tokens
     return [*lines, f"Spent: {tokens:,} tokens, US$ {run.usage.cost_usd:.4f}"]
 
@@ -89,11 +90,13 @@ def summary(run: RunView) -> list[str]:
 def tuned(run: RunView) -> list[str]:
     """What the fitting of a reward's numbers has found, as aligned text."""
     found = run.tuned
-    if found is None:
-        return ["No reward has been trained yet."]
+    return [*_fitted(found), meaning(run)] if found is not None else ["No reward has been trained yet."]
+
+
+def _fitted(found: Tuned) -> list[str]:
     shown = [tables.numbers(found), *([tables.tuned(found), tables.components(found)] if found.arms else [])]
     lines = [line for table in shown if table.rows for line in _lines(table)]
-    return [*lines, plain(of_tuning(found)), meaning(run)]
+    return [*lines, plain(of_tuning(found))]
 
 
 def _lines(table: tables.Table) -> list[str]:
