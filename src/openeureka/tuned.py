@@ -90,6 +90,14 @@ class Tuned:
     """Mean of each component at the end of the final trainings, before and after."""
 
     @property
+    def better(self) -> str:
+        """Which of both has the higher mean of held-out F, and stands in `best/`; of equals the text as it came."""
+        return max(
+            (ORIGINAL, self.after) if self.after else (ORIGINAL,),
+            key=lambda name: rank(mean(self.arms[name].scores)) if name in self.arms else 0.0,
+        )
+
+    @property
     def difference(self) -> Difference | None:
         """Held-out F after less that before. It allows for the best having been picked among several."""
         if not self.after:

@@ -11,14 +11,14 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
-from cmaes import CMA
+from cmaes import CMA  # pyright: ignore[reportMissingTypeStubs]
 
 from . import race, tuned
 from .errors import StoreError
 from .lanes import Lanes, deal, final_seeds
 from .reward.weights import Weight, values, weighed, weights
 from .sampling import Checker
-from .score import mean, played, rank
+from .score import played, rank
 from .store import Store
 from .strategies import Best
 from .tuned import ORIGINAL
@@ -223,18 +223,15 @@ def _leading(store: Store, texts: tuned.Texts, seed: int) -> list[str]:
 
 def _conclude(lanes: Lanes, texts: tuned.Texts, strategy: Best) -> None:
     """Score the final trainings on held-out episodes, and leave the better reward in `best/`."""
-    store = lanes.store
-    own = tuned.final_lanes(lanes.config, texts, store.lanes.results())
+    config, store = lanes.config, lanes.store
+    results = store.lanes.results()
+    own = tuned.final_lanes(config, texts, results)
     standing = lanes.standing([lane for ids in own.values() for lane in ids], strategy)
     scores = lanes.evaluate(standing)
-    plays = store.lanes.plays()
-    pooled = {lane: played(found) for lane, found in plays.items()}
-    after = tuned.winner({name: [pooled.get(x) for x in ids] for name, ids in own.items() if name != ORIGINAL})
-    fitness = {lane: score.fitness for lane, score in scores.items()}
-    arms = [name for name in (ORIGINAL, after) if own.get(name)]
-    if not arms:
+    plays = {lane: played(looks) for lane, looks in store.lanes.plays().items()}
+    found = tuned.read(config, texts, results, plays, scores)
+    if found is None or not own[found.better]:
         return
-    best = max(arms, key=lambda name: rank(mean([fitness.get(lane) for lane in own[name]])))
-    lane = max(own[best], key=lambda lane: rank(fitness.get(lane)))
+    lane = max(own[found.better], key=lambda lane: rank(scores[lane].fitness if lane in scores else None))
     kept = scores[lane].peak if lane in scores else None
-    store.save_best(texts[best], lane, kept or standing[lane])
+    store.save_best(texts[found.better], lane, kept or standing[lane])

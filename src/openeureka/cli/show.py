@@ -154,6 +154,7 @@ def _tuned(found: Tuned) -> dict[str, object]:
             for effect in found.effects
         ],
         "after": found.after,
+        "better": found.better,
         "final": {name: fields(arm) for name, arm in found.arms.items()},
         "difference": fields(found.difference),
         "components": {

@@ -85,9 +85,10 @@ def tuned(found: Tuned) -> Table:
         (names.get(name, name), spread(arm.training), spread(arm.held_out), str(len(arm.training)))
         for name, arm in found.arms.items()
     ]
-    return Table(
-        ("numbers", "F in training", "F held out", "seeds"), rows, "Mean ± standard deviation over fresh seeds."
-    )
+    note = "Mean ± standard deviation over fresh seeds."
+    if any(arm.held_out for arm in found.arms.values()):
+        note += f" `best/` holds the reward {'before' if found.better == ORIGINAL else 'after'}."
+    return Table(("numbers", "F in training", "F held out", "seeds"), rows, note)
 
 
 def numbers(found: Tuned) -> Table:

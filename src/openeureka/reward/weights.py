@@ -138,11 +138,9 @@ class _Finder:
     def _statement(self, node: ast.stmt, owner: str) -> Iterator[Weight]:
         """`owner` names what the statement is for, where it assigns to nothing."""
         match node:
-            case ast.Assign(targets=[ast.Tuple(elts=targets)], value=ast.Tuple(elts=values)) if len(targets) == len(
-                values
-            ):
-                for target, value in zip(targets, values, strict=True):
-                    yield from self._assigned(_called(target) or owner, value)
+            case ast.Assign(targets=[ast.Tuple(elts=names)], value=ast.Tuple(elts=own)) if len(names) == len(own):
+                for name, value in zip(names, own, strict=True):
+                    yield from self._assigned(_called(name) or owner, value)
             case ast.Assign(value=value) | ast.AnnAssign(value=ast.expr() as value):
                 yield from self._assigned(_target(node) or owner, value)
             case ast.AugAssign(target=target, op=op, value=value):
