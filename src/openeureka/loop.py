@@ -1,4 +1,4 @@
-"""The method on one screen: ask, sample, check, train, play, reflect, tell; in the end, confirm the best.
+"""The method on one screen: ask, sample, check, train, play, reflect, tell; in the end, confirm the best reward.
 
 Every step goes through the store: what is there is read, what is missing is done. To resume is to run again.
 """
