@@ -4,8 +4,8 @@
     python benchmarks/crash.py --stride 5         # every fifth point of each mode
 
 The search is scripted, so that all of its steps are the same each time: three generations, repairs, refills, equal
-programs, a slot that is given up, a person's remarks, final trainings, trials. So is a training of given rewards, as of
-`eureka train`. Steps are, by mode:
+programs, a slot that is given up, a person's remarks, final trainings, trials. So are a training of given rewards, as
+of `eureka train`, and the fitting of a reward's numbers, as of `eureka tune`. Steps are, by mode:
 
     around   just before and just after each write to the store or to a file
     within   before each SQL statement and each rename, so also between a reply's arrival and its commit
@@ -29,7 +29,7 @@ from typing import Any
 import scipy.special  # noqa: F401 -- a verdict imports it late, and each fork would pay for that
 from records import today, write
 
-from openeureka import given, strategies
+from openeureka import given, strategies, tuning
 from openeureka.config import NO_MODEL, RunConfig
 from openeureka.lanes import Lanes
 from openeureka.loop import run
@@ -165,7 +165,24 @@ def whole_training(directory: Path) -> None:
         given.train(Lanes(GIVEN, store, ToyTrainer(error=0.5), NullObserver()))
 
 
-WHOLE: Mapping[str, Callable[[Path], None]] = {"search": whole_run, "train": whole_training, "halving": whole_halving}
+TUNED = replace(GIVEN, tune=10, sample=4, seeds=3)
+"""Three rounds, the last of two weightings."""
+
+
+def whole_tuning(directory: Path) -> None:
+    """The two numbers of a reward, of which one decides F and the other nothing, as far as the directory lacks it."""
+    candidate = Candidate.of("def compute_reward(x):\n    y = 2.0 * x\n    return 3.0 * y\n")
+    with Store.open(directory, TUNED) as store:
+        tuning.keep(store, candidate, ToyChecker().check(candidate))
+        tuning.tune(Lanes(TUNED, store, ToyTrainer(error=0.5), NullObserver()), ToyChecker())
+
+
+WHOLE: Mapping[str, Callable[[Path], None]] = {
+    "search": whole_run,
+    "halving": whole_halving,
+    "train": whole_training,
+    "tune": whole_tuning,
+}
 
 
 def in_child(work: Callable[[], None]) -> int:

@@ -12,7 +12,7 @@ from .version import __version__
 
 if TYPE_CHECKING:
     from .errors import EurekaError
-    from .runs.door import check, open_run, search, searching, train
+    from .runs.door import check, open_run, search, searching, train, tune
     from .runs.events import Asked, Began, Checked, Event, Played, Replied, Started
     from .runs.run import LaneView, Run, TrainedPolicy
     from .score import Outcome
@@ -41,11 +41,12 @@ __all__ = [
     "search",
     "searching",
     "train",
+    "tune",
 ]
 
 _MODULES = {
     "errors": ("EurekaError",),
-    "runs.door": ("check", "open_run", "search", "searching", "train"),
+    "runs.door": ("check", "open_run", "search", "searching", "train", "tune"),
     "runs.events": ("Asked", "Began", "Checked", "Event", "Played", "Replied", "Started"),
     "runs.run": ("LaneView", "Run", "TrainedPolicy"),
     "score": ("Outcome",),

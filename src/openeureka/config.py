@@ -24,7 +24,12 @@ _LONGEST = 4096
 """Characters of a setting: those of the longest path."""
 _MANY = 100_000
 """More than anybody asks for, and few enough to be counted through by who shows a run of somebody else."""
-_COUNTS = ("sample", "iteration", "feedback_timeout", "repair", "refill", "steps", "worlds", "threads", "max_cost")
+_COUNTS = (
+    *("sample", "iteration", "feedback_timeout", "repair", "refill", "tune"),
+    *("steps", "worlds", "threads", "max_cost"),
+)
+FEWEST_TUNED = 4
+"""Trainings of a tuning, and of a round of one: with fewer, nothing says which way is up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,6 +64,8 @@ class RunConfig:
     """Of the model's samples: higher ones differ more."""
     curriculum: str = ""
     """Stages to train each candidate through: one of the task's own, or a YAML file; empty means the task alone."""
+    tune: int = 0
+    """Trainings that fit the numbers of the best reward after the search, its structure kept; 0 means none."""
     seed: int = 0
     """Of start states, noise and samples."""
     seeds: int = 3
@@ -96,7 +103,7 @@ class RunConfig:
         for key in _COUNTS:
             if getattr(self, key) < 0:
                 raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
-        for key in ("sample", "iteration", "repair", "refill", "seeds"):
+        for key in ("sample", "iteration", "repair", "refill", "tune", "seeds"):
             if getattr(self, key) > _MANY:
                 raise ConfigError(f"`{key}` must be at most {_MANY}.")
         if "@" in self.base_url.partition("://")[2].partition("/")[0]:
@@ -106,6 +113,8 @@ class RunConfig:
             )
         if self.seeds < 1:
             raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")
+        if 0 < self.tune < FEWEST_TUNED:
+            raise ConfigError(f"`tune` must be 0 or at least {FEWEST_TUNED}, not {self.tune}.")
         choices = {
             "feedback": FEEDBACKS,
             "judge": ("fitness", "votes"),
@@ -178,8 +187,34 @@ class TrainConfig:
 
     def run(self) -> RunConfig:
         """The settings of the run: one that searches for nothing."""
-        shared = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "reward"}
+        known = {field.name for field in dataclasses.fields(RunConfig)}
+        shared = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name in known}
         return RunConfig(model=NO_MODEL, video="none", **shared)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TuneConfig(TrainConfig):
+    """Fitting the numbers of one reward, its structure kept. Zero means the default of the task."""
+
+    reward: str = "human"
+    """`human`, the path of a reward file, or the directory of a run, whose best reward it is."""
+    trials: int = 32
+    """Trainings that the numbers are fitted by, the reward as it came among them."""
+    sample: int = 8
+    """Trainings side by side, after which the next ones are proposed."""
+    seeds: int = 3
+    """Fresh seeds that the best train with at the end, at most, beside the reward as it came."""
+    dir: str = ""
+    """Run directory; empty means `outputs/<time>_tune_<env>`. One that holds such a run is continued."""
+
+    def __post_init__(self) -> None:
+        TrainConfig.__post_init__(self)  # `super()` does not know a class with slots
+        for key in ("trials", "sample"):
+            if not FEWEST_TUNED <= getattr(self, key) <= _MANY:
+                raise ConfigError(f"`{key}` must be from {FEWEST_TUNED} to {_MANY}, not {getattr(self, key)}.")
+
+    def run(self) -> RunConfig:
+        return dataclasses.replace(TrainConfig.run(self), tune=self.trials)
 
 
 def short_name(env: str) -> str:

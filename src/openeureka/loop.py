@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from random import Random
 
-from . import baselines, hacking, race
+from . import baselines, hacking, race, tuning
 from .config import RunConfig
 from .lanes import Lanes, beside, deal, programs
 from .llm.client import LanguageModel
@@ -32,7 +32,8 @@ def run(
     observer: Observer | None = None,
     desk: Desk | None = None,
 ) -> Outcome:
-    """Search for `config.generations` generations, less those in the store, then confirm the best reward.
+    """Search for `config.generations` generations, less those in the store, then confirm the best reward, and fit its
+    numbers where the settings say so.
 
     Raises:
         EurekaError: what stopped the run; all that was finished is stored, and running again continues.
@@ -74,7 +75,10 @@ def run(
         observer.generation(history.generations[-1])
 
     history = hearing.hear(history)  # where votes decide, the last generation needs some too
-    conclude(config, store, lanes, strategy, history, observer)
+    if not tuning.begun(store):
+        conclude(config, store, lanes, strategy, history, observer)
+    if config.tune:
+        tuning.tune_winner(lanes, checker, race.crowned(history, store.crown()))
     outcome = summarise(config, store, history)
     observer.outcome(outcome)
     return outcome

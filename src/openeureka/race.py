@@ -72,7 +72,7 @@ def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | 
         if known is not None:
             scores["human"] = list(known.human.scores)
         names = running(scores, names)
-        if len(names) == 1 and _sure(scores, names[0], "human"):
+        if len(names) == 1 and sure(scores, names[0], "human"):
             break
     return arms[names[0]]
 
@@ -110,10 +110,10 @@ def rounds(seeds: Sequence[int], *, raced: bool) -> Iterator[Sequence[int]]:
 def running(scores: Scores, names: Sequence[str]) -> list[str]:
     """Those that are not yet shown to be worse than the leader, which comes first."""
     ordered = sorted(names, key=lambda name: -rank(mean(scores[name])))
-    return [name for name in ordered if name == ordered[0] or not _sure(scores, ordered[0], name, len(names) - 1)]
+    return [name for name in ordered if name == ordered[0] or not sure(scores, ordered[0], name, len(names) - 1)]
 
 
-def _sure(scores: Scores, own: str, other: str, claims: int = 1) -> bool:
+def sure(scores: Scores, own: str, other: str, claims: int = 1) -> bool:
     """Whether the difference of two rewards is beyond doubt."""
     arms = [values for name, values in scores.items() if name != "sparse"]
     found = difference(scores[own], scores.get(other, ()), arms, claims=claims)

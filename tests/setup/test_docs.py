@@ -18,7 +18,7 @@ from openeureka.cli.settings import (
     split,
 )
 from openeureka.cli.tasks import check
-from openeureka.config import RunConfig, TrainConfig
+from openeureka.config import RunConfig, TrainConfig, TuneConfig
 from openeureka.types import RemarkKind
 
 ROOT = Path(__file__).parents[2]
@@ -27,6 +27,7 @@ KINDS = {
     "run": RunConfig,
     "resume": RunConfig,
     "train": TrainConfig,
+    "tune": TuneConfig,
     "check": CheckConfig,
     "play": PlayConfig,
     "report": ReportConfig,

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
-from ..config import RunConfig, TrainConfig
+from ..config import RunConfig, TrainConfig, TuneConfig
 from ..errors import ConfigError, EurekaError, Interrupted, StoreError
 from ..text import plain
 from ..version import __version__
@@ -146,6 +146,17 @@ def train(words: Settings = None, as_json: Json = False) -> None:
     from .search import train
 
     train(words or [], as_json=as_json)
+
+
+@app.command(epilog=describe(TuneConfig))
+def tune(words: Settings = None, as_json: Json = False) -> None:
+    """Fit the numbers of one reward, its structure kept: which matter, and what F gains.
+
+    Example: eureka tune env=ant reward=human trials=32
+    """
+    from .tune import tune
+
+    tune(words or [], as_json=as_json)
 
 
 @app.command(epilog=describe(CheckConfig))

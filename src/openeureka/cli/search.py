@@ -21,6 +21,7 @@ from ..store.directory import output_directory
 from ..tasks.registry import get
 from ..text import plain
 from ..types import TrainingState
+from . import tune
 from .settings import only_path, split
 from .show import facts, summary
 from .terminal import Terminal
@@ -44,7 +45,9 @@ def resume(words: Sequence[str]) -> None:
     settings = [word for word in settings if not word.startswith("trust=")]
     config = changed(compose.stored(directory), settings)
     trust.agree(config, directory, typed=_keys(settings), trusted=Path(trusted[-1]) if trusted else None)
-    if config.model == NO_MODEL:
+    if config.model == NO_MODEL and config.tune:
+        tune.go_on(config, directory, None)
+    elif config.model == NO_MODEL:
         _say_what_failed(compare(config, directory, None))
     else:
         _tell(directory, compose.search(config, directory, Terminal()))

@@ -132,9 +132,9 @@ def describe(kind: type) -> str:
 
 def _attribute_docs(kind: type) -> dict[str, str]:
     """Python drops the strings written below fields, so they are read from the source."""
+    notes = _attribute_docs(kind.__base__) if dataclasses.is_dataclass(kind.__base__) else {}
     body = ast.parse(inspect.getsource(kind)).body[0]
     assert isinstance(body, ast.ClassDef)
-    notes: dict[str, str] = {}
     for field, text in zip(body.body, body.body[1:], strict=False):
         if (
             isinstance(field, ast.AnnAssign)

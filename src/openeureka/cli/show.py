@@ -6,6 +6,7 @@ import dataclasses
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..config import as_dict, parse
 from ..display.live import verdict_line
@@ -13,15 +14,19 @@ from ..display.progress import working
 from ..report import tables
 from ..report.build import build
 from ..report.text import columns, number, scored, spread
-from ..report.verdict import meaning, verdict
+from ..report.verdict import meaning, of_tuning, verdict
 from ..report.view import CandidateView, GenerationView, RunView
 from ..runs import trust
 from ..runs.run import lanes
 from ..score import Arm, Outcome
 from ..store import read_config
 from ..text import plain
+from ..tuned import Tuned
 from ..types import CandidateId, Evaluation, Generation, Remark, Scored, TrainingResult
 from .settings import ReportConfig, only_path, split
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 MAX_SAID = 4_000
 """Characters shown of what a person said after a generation."""
@@ -32,6 +37,9 @@ def show(directory: Path, *, as_json: bool = False) -> None:
     run = RunView.read(directory)
     if as_json:
         print(json.dumps(facts(run), indent=2))
+        return
+    if run.tunes:
+        print("\n".join(tuned(run)))
         return
     if not run.searched:
         scores = tables.given(run)
@@ -74,8 +82,25 @@ def summary(run: RunView) -> list[str]:
         lines += [f"Suspected reward hacking: {sign.kind}. {sign.sentence}" for sign in run.signs]
     elif len(run.history.generations) < run.config.generations:
         lines.append(f"{len(run.history.generations)} of {run.config.generations} generations are done.")
+    lines += ["", "The best reward with fitted numbers:", "", *_fitted(found), ""] if (found := run.tuned) else []
     tokens = run.usage.prompt_tokens + run.usage.completion_tokens
     return [*lines, f"Spent: {tokens:,} tokens, US$ {run.usage.cost_usd:.4f}"]
+
+
+def tuned(run: RunView) -> list[str]:
+    """What the fitting of a reward's numbers has found, as aligned text."""
+    found = run.tuned
+    return [*_fitted(found), meaning(run)] if found is not None else ["No reward has been trained yet."]
+
+
+def _fitted(found: Tuned) -> list[str]:
+    shown = [tables.numbers(found), *([tables.tuned(found), tables.components(found)] if found.arms else [])]
+    lines = [line for table in shown if table.rows for line in _lines(table)]
+    return [*lines, plain(of_tuning(found))]
+
+
+def _lines(table: tables.Table) -> list[str]:
+    return [*plain(columns([table.titles, *table.rows])).splitlines(), *([table.note] if table.note else []), ""]
 
 
 def final(outcome: Outcome) -> list[str]:
@@ -102,12 +127,43 @@ def facts(run: RunView) -> dict[str, object]:
             for name, lane in lanes(run).items()
             if lane.lane.role == "given"
         },
+        "tuned": _tuned(run.tuned) if run.tuned is not None else None,
         "best": {"name": str(best.place), "source": best.candidate.source} if best and best.candidate else None,
         "final": _final(outcome) if outcome is not None else None,
         "verdict": verdict(run),
         "score": outcome.normalised if outcome is not None else None,
         "suspected": [{"kind": sign.kind, "sentence": sign.sentence} for sign in run.signs],
         "usage": dataclasses.asdict(run.usage),
+    }
+
+
+def _tuned(found: Tuned) -> dict[str, object]:
+    def fields(noun: DataclassInstance | None) -> dict[str, object] | None:
+        return dataclasses.asdict(noun) if noun is not None else None
+
+    return {
+        "numbers": [
+            {
+                "name": effect.weight.name,
+                "before": effect.weight.value,
+                "after": effect.after,
+                "trend": fields(effect.trend),
+                "distance": fields(effect.distance),
+                "matters": effect.matters,
+            }
+            for effect in found.effects
+        ],
+        "after": found.after,
+        "better": found.better,
+        "final": {name: fields(arm) for name, arm in found.arms.items()},
+        "difference": fields(found.difference),
+        "components": {
+            name: dict(zip(("before", "after"), pair, strict=True)) for name, pair in found.components.items()
+        },
+        "trials": [
+            {"name": t.name, "candidate": t.candidate.id, "numbers": list(t.values), "played_fitness": t.played}
+            for t in found.trials
+        ],
     }
 
 

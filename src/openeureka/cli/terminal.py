@@ -29,6 +29,9 @@ class Terminal:
     """See `runs.compose.Host`."""
 
     def begins(self, config: RunConfig, directory: Path) -> None:
+        if config.model == NO_MODEL and config.tune:
+            print(f"{short_name(config.env)}: {config.tune} trainings fit the numbers of a reward, in {directory}")
+            return
         if config.model == NO_MODEL:
             print(f"{short_name(config.env)}: given rewards, in {directory}")
             return

@@ -17,6 +17,7 @@ from ..observer import Phase
 from ..report.text import duration, number, scored
 from ..score import Outcome
 from ..text import one_line
+from ..tuned import rounds
 from ..types import (
     Evaluation,
     Generation,
@@ -103,7 +104,7 @@ class Tally:
         left = self.remaining()
         spent = self.usage.prompt_tokens + self.usage.completion_tokens
         last = self.config.generations - 1
-        final = "final" if self.config.generations else ""
+        final = "final" if self.config.generations else self._round()
         parts = (
             short_name(self.config.env),
             f"generation {self.index} (0 to {last})" if self.index <= last else final,
@@ -114,6 +115,11 @@ class Tally:
             f"US$ {self.usage.cost_usd:.4f}" if self.usage.cost_usd else "",
         )
         return " · ".join(part for part in parts if part)
+
+    def _round(self) -> str:
+        """Of a tuning, as far as one is under way."""
+        every = len(rounds(self.config))
+        return "" if not every else f"round {self.index} (0 to {every - 1})" if self.index < every else "final"
 
 
 def verdict_line(sample: Sample) -> str:

@@ -10,13 +10,35 @@ from ..prompts import scale
 from ..score import Arm, Difference, difference, mean, rank
 from ..tasks import registry
 from ..tasks.context import context
+from ..tuned import ORIGINAL, Tuned
 from .text import number
 from .view import RunView
 
 
 def verdict(run: RunView) -> str:
-    """Which reward is better: the generated or the human one, or of given ones the first or the second."""
-    return _of_search(run) if run.searched else _of_given(run.given)
+    """Which reward is better: the generated or the human one, of given ones the first or the second, or a tuned one
+    before or after."""
+    if run.searched:
+        return _of_search(run)
+    return of_tuning(run.tuned) if run.tunes else _of_given(run.given)
+
+
+def of_tuning(found: Tuned | None) -> str:
+    """Whether the fitted numbers are better than those that came."""
+    if found is None or not any(arm.held_out for arm in found.arms.values()):
+        return "Not decided yet: the final trainings are not done."
+    before, after = found.arms[ORIGINAL], found.arms[found.after]
+    if not before.scores or not after.scores:
+        which = "before" if not before.scores else "after"
+        return f"Not decided: with the numbers {which}, no final training left a policy that could be scored."
+    between = f"F {_arm(after)} against {_arm(before)}, held out"
+    difference = found.difference
+    if difference is None:
+        return f"Not decided: {between}. One seed says nothing of the next; seeds=3 would say more."
+    if difference.sure:
+        word = "better" if difference.value > 0 else "worse"
+        return f"The tuned numbers are {word} than those before: {between}; {_interval(difference)}."
+    return f"Not decided: {between}; {_interval(difference)}. {_needed(difference, len(after.scores))}"
 
 
 def _of_given(arms: Mapping[str, Arm]) -> str:
@@ -84,6 +106,8 @@ def why(run: RunView) -> str:
 
 def nexts(run: RunView) -> list[str]:
     """What to type next: the command, and what it does."""
+    if run.tunes and verdict(run).startswith("Not decided yet"):
+        return ["eureka resume DIR: go on where it was"]
     if not run.searched:
         return ["eureka play DIR: watch the policy"]
     if run.outcome is None:

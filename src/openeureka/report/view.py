@@ -8,13 +8,14 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Literal
 
-from .. import baselines, hacking, race, score, strategies
+from .. import baselines, hacking, race, score, strategies, tuned
 from ..config import NO_MODEL, RunConfig
 from ..hacking import Sign, Tried
 from ..lanes import BASELINES, beside, final_lanes, final_seeds
 from ..sampling import NO_PROGRAM
 from ..score import Arm, Baselines, Outcome
 from ..store import Store, artifacts
+from ..tuned import Tuned
 from ..types import (
     Attempt,
     Candidate,
@@ -168,6 +169,8 @@ class RunView:
     """The candidate that the final trainings confirmed."""
     unheard: tuple[Remark, ...] = ()
     """What a person said that no prompt has taken up yet."""
+    texts: Mapping[str, Candidate] = field(default_factory=dict)
+    """Given rewards and weightings by name; not those that come with the task."""
 
     @staticmethod
     def read(directory: Path, earlier: RunView | None = None) -> RunView:
@@ -205,6 +208,7 @@ class RunView:
                 ranks="training" if config.search == "eureka" else store.ranks,
                 crown=store.crown(),
                 unheard=store.remarks.unheard(),
+                texts=store.texts(),
                 videos=videos,
             )
 
@@ -212,6 +216,18 @@ class RunView:
     def searched(self) -> bool:
         """Whether it is a search; else it compares given rewards."""
         return self.config.model != NO_MODEL
+
+    @property
+    def tunes(self) -> bool:
+        """Whether it fits the numbers of one reward, and does nothing else."""
+        return self.config.tune > 0 and not self.searched
+
+    @property
+    def tuned(self) -> Tuned | None:
+        """What the fitting of a reward's numbers has found so far; None where there is none."""
+        if not self.config.tune:
+            return None
+        return tuned.read(self.config, self.texts, self.results, self.played, self.evaluations)
 
     @property
     def given(self) -> dict[str, Arm]:

@@ -69,7 +69,7 @@ def _check(source: str, state: StateSpec) -> Program | tuple[Finding, ...]:
     findings = list(_text_findings(source))
     if findings:
         return tuple(findings)
-    tree = _parse(source)
+    tree = parse(source)
     if isinstance(tree, Finding):
         return (tree,)
     normaliser = Normaliser()
@@ -113,7 +113,8 @@ def twins(program: Program, line: int | None) -> dict[str, str]:
     return found
 
 
-def _parse(source: str) -> ast.Module | Finding:
+def parse(source: str) -> ast.Module | Finding:
+    """Its tree, small enough to be walked by recursion; or why there is none."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
-from .. import baselines, given, loop, sampling, strategies
+from .. import baselines, given, loop, sampling, strategies, tuning
 from ..config import NO_MODEL, RunConfig
 from ..display.log import logged
 from ..errors import ConfigError, Interrupted
@@ -29,7 +29,7 @@ from ..tasks.context import context, informed
 from ..tasks.record import record_states
 from ..tasks.registry import get
 from ..training.curriculum import CurriculumTrainer
-from ..types import TaskContext, Trainer, Usage
+from ..types import Candidate, TaskContext, Trainer, Usage, Verdict
 from . import trust
 from .stopping import continuable, stoppable, stopped
 
@@ -176,6 +176,30 @@ def train(config: RunConfig, directory: Path, rewards: Given | None, host: Host)
         if rewards is not None:
             given.keep(lanes.store, rewards)
         given.train(lanes)
+    with host.working("Writing the report"):
+        return build(directory, config.video, config.env)
+
+
+def tune(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] | None, host: Host) -> list[str]:
+    """Do what is missing of a tuning, then report.
+
+    Args:
+        reward: the one whose numbers are fitted; None for that of the run.
+
+    Returns, Raises:
+        As `search` does.
+    """
+    with host.working("Trying the task out"):
+        states = record_states(config.env)
+    task = get(config.env)
+    worlds = config.worlds or task.recipe.worlds
+    with (
+        Sandbox(task.spec, states, worlds=worlds, unsafe=config.unsafe_no_sandbox) as checker,
+        comparing(config, directory, host) as lanes,
+    ):
+        if reward is not None:
+            tuning.keep(lanes.store, *reward)
+        tuning.tune(lanes, checker)
     with host.working("Writing the report"):
         return build(directory, config.video, config.env)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import TypedDict, Unpack
 
-from ..config import NO_MODEL, RunConfig, TrainConfig, absolute, taken
+from ..config import NO_MODEL, RunConfig, TrainConfig, TuneConfig, absolute, taken
 from ..errors import ConfigError, Interrupted
 from ..llm.client import LanguageModel
 from ..person import Desk
@@ -46,6 +46,13 @@ class TrainSettings(_Shared, total=False):
     """All fields of `TrainConfig` but `env` and `reward`."""
 
 
+class TuneSettings(_Shared, total=False):
+    """All fields of `TuneConfig` but `env` and `reward`."""
+
+    trials: int
+    sample: int
+
+
 class SearchSettings(_Shared, total=False):
     """All fields of `RunConfig` but `env` and `model`."""
 
@@ -65,6 +72,7 @@ class SearchSettings(_Shared, total=False):
     price: str
     baselines: str
     video: str
+    tune: int
 
 
 # --- calls -----------------------------------------------------------------------------------------------------------
@@ -166,6 +174,40 @@ def _listed(reward: str | Path | Sequence[str | Path]) -> list[str | Path]:
     return [reward] if isinstance(reward, (str, Path)) else list(reward)
 
 
+def tune(
+    env: str | Path = "cartpole",
+    reward: str | Path = "human",
+    *,
+    on_event: Tell | None = None,
+    **settings: Unpack[TuneSettings],
+) -> Run:
+    """Fit the numbers of one reward, as `eureka tune` does, its structure kept; return the run when it is finished.
+
+        run = openeureka.tune("ant", "my_reward.py", trials=32)
+        print(run.verdict, run.best_reward)
+
+    Ctrl-C stops it as it stops `search`. `run.tuned` holds the numbers before and after, and what each does to F.
+
+    Args:
+        env: as in `search`.
+        reward: `human`, a path, the directory of a run, whose best reward it is, or the program as a text of several
+            lines.
+        on_event: as in `search`.
+        settings: those of `eureka tune`, by the same names.
+
+    Raises:
+        ConfigError: for an unknown setting, one that does not fit, or a reward without numbers to fit.
+        RewardFileError: for a reward that cannot be read or was refused.
+        EurekaError: what else a person can do something about; what was finished is kept.
+    """
+    config = TuneConfig(**taken(TuneConfig, {"env": env, **settings}))
+    get(config.env)
+    trust.remember(config)
+    program = rewards.to_tune(config, reward)
+    directory = output_directory(config.dir, config.env, "tune_")
+    return _done(directory, on_event, lambda host: compose.tune(config.run(), directory, program, host))
+
+
 def check(env: str | Path, program: str | Path, *, unsafe_no_sandbox: bool = False) -> Verdict:
     """The verdict on one reward, as `eureka check` gives it: whether it can train, and if not, why.
 
@@ -201,7 +243,8 @@ def resume(
     config = replace(compose.stored(directory), **taken(RunConfig, settings))
     _agree(config, directory, typed=[*settings, *(["model"] if model is not None else [])], trusted=trust)
     if config.model == NO_MODEL:
-        return _done(directory, on_event, lambda host: compose.train(config, directory, None, host))
+        work = compose.tune if config.tune else compose.train
+        return _done(directory, on_event, lambda host: work(config, directory, None, host))
     return _done(directory, on_event, lambda host: compose.search(config, directory, host, model))
 
 

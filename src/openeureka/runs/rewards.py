@@ -6,11 +6,14 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..config import TrainConfig
+from ..config import TrainConfig, TuneConfig, short_name
 from ..errors import ConfigError, RewardFileError
 from ..given import Given
 from ..reward import extract
+from ..reward.weights import weights
 from ..sandbox.client import Sandbox
+from ..store import artifacts, is_run, read_config
+from ..tasks import human
 from ..tasks.record import record_states
 from ..tasks.registry import get
 from ..text import one_line, plain
@@ -58,6 +61,46 @@ def named(config: TrainConfig, rewards: Sequence[str | Path] | None = None) -> G
             reasons = "; ".join(explain(judged[name][1]))
             raise RewardFileError(f"{name if _is_text(word) else word} was refused: {reasons}")
     return {name: judged.get(name) for name in names}
+
+
+def to_tune(config: TuneConfig, reward: str | Path | None = None) -> tuple[Candidate, Verdict]:
+    """The reward whose numbers are fitted, checked before anything of a run is made.
+
+    Args:
+        reward: in place of the one that the settings name; also a text of several lines.
+
+    Raises:
+        ConfigError: where there is nothing to fit, or a run's reward is one of another task.
+        RewardFileError: for one that cannot be read or was refused.
+        TaskError: where the task's own reward is no program.
+    """
+    word = config.reward if reward is None else reward
+    name = "the reward" if _is_text(word) else f"`{word}`"
+    candidate = _only(config, word)
+    (verdict,) = judge(config.env, [candidate], worlds=config.worlds, unsafe=config.unsafe_no_sandbox)
+    if not verdict.accepted:
+        raise RewardFileError(f"{name} was refused: {'; '.join(explain(verdict))}")
+    if not weights(candidate.source):
+        raise ConfigError(f"There is nothing to tune: {name} holds no number that weighs or scales.")
+    return candidate, verdict
+
+
+def _only(config: TuneConfig, word: str | Path) -> Candidate:
+    if word == "human":
+        return Candidate.of(human.program(get(config.env)))
+    if word == "sparse":
+        raise ConfigError(
+            "The sparse reward of a task is no program; tune `human`, a file, or the best reward of a run."
+        )
+    directory = Path(word) if not _is_text(word) else None
+    if directory is None or not directory.is_dir():
+        return read(word)
+    if is_run(directory) and (env := read_config(directory).env) != config.env:
+        raise ConfigError(f"{directory} is a run of {short_name(env)}; add env={env}.")
+    program = artifacts.read(directory, "best/reward.py")
+    if program is None:
+        raise RewardFileError(f"{directory} holds no generated or given reward; name a file, or reward=human.")
+    return extract.in_text(program.decode(errors="replace"))
 
 
 def _name(reward: str | Path, number: int) -> str:

@@ -18,6 +18,7 @@ from ..report.view import CandidateView, RunView
 from ..score import Outcome
 from ..store import Store, artifacts, is_run
 from ..training.policy import Player, Policy
+from ..tuned import Tuned
 from ..types import Evaluation, Glance, History, Lane, TrainingResult
 
 if TYPE_CHECKING:
@@ -97,7 +98,8 @@ def finished(config: RunConfig, glance: Glance) -> bool:
     if not config.generations:
         return glance.evaluations > 0
     searched = glance.generations >= config.generations
-    return searched and (glance.evaluations > 0 or glance.fitness is None)  # without a reward nothing is scored
+    last = glance.tuned if config.tune else glance.evaluations
+    return searched and (last > 0 or glance.fitness is None)  # without a reward nothing is scored
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,6 +156,11 @@ class Run:
         """The final comparison of a search in numbers; None before it is done, and for given rewards."""
         view = self.view
         return view.outcome if view.searched else None
+
+    @property
+    def tuned(self) -> Tuned | None:
+        """What the fitting of a reward's numbers has found so far; None where none were fitted."""
+        return self.view.tuned
 
     @property
     def best_reward(self) -> str | None:

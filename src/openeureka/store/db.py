@@ -41,7 +41,7 @@ _COUNTS = {"generation", "slot", "attempt", "attempts", "over_generation", "over
 _TYPES: Mapping[str, tuple[type, ...]] = {"TEXT": (str,), "INTEGER": (int,), "REAL": (float, int)}
 
 _GLANCE = """
-WITH finished AS (SELECT lane FROM entries UNION SELECT lane FROM lanes WHERE role = 'given')
+WITH finished AS (SELECT lane FROM entries UNION SELECT lane FROM lanes WHERE role IN ('given', 'tuned'))
 SELECT
     (SELECT COUNT(DISTINCT generation) FROM entries) AS generations,
     COALESCE(
@@ -52,6 +52,8 @@ SELECT
         (SELECT MAX(fitness) FROM results WHERE lane IN finished)
     ) AS fitness,
     (SELECT COUNT(*) FROM evaluations) AS evaluations,
+    (SELECT COUNT(*) FROM evaluations JOIN lanes USING (lane) JOIN given ON given.candidate = lanes.reward
+        WHERE given.name <> 'original') AS tuned,
     TOTAL(cost_usd) AS cost_usd,
     CAST(TOTAL(prompt_tokens) AS INTEGER) AS prompt_tokens,
     CAST(TOTAL(completion_tokens) AS INTEGER) AS completion_tokens

@@ -271,8 +271,14 @@ class Store:
         self._database.put("given", *({"name": name, "candidate": own} for name, own in rewards.items()))
 
     def given(self) -> dict[str, CandidateId | None]:
-        """The rewards of a run that searches for none, by name, in the order in which they were given."""
+        """Rewards that no model wrote, by name, in the order in which they came: those that a person gave, and other
+        weightings of one."""
         return {row["name"]: row["candidate"] for row in self._database.rows("given")}
+
+    def texts(self) -> dict[str, Candidate]:
+        """Their programs, of those that have one."""
+        found = {name: self.candidate(own) for name, own in self.given().items()}
+        return {name: candidate for name, candidate in found.items() if candidate is not None}
 
     # --- generations -------------------------------------------------------------------------------------------------
 
@@ -330,6 +336,7 @@ class Store:
             generations=row["generations"],
             fitness=row["fitness"],
             evaluations=row["evaluations"],
+            tuned=row["tuned"],
             usage=_usage(row),
         )
 

@@ -153,4 +153,6 @@ class Glance:
     """The best F among them: played, or in training where nothing was played."""
     evaluations: int
     """Held-out scores: they come last."""
+    tuned: int
+    """Those of them that rewards with fitted numbers have."""
     usage: Usage

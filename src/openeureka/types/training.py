@@ -16,9 +16,9 @@ Peak = Literal["fitness", "reward", "last"]
 """Which of a lane's policies: where F was highest in training, where its own reward was, or the one at the end."""
 
 
-Role = Literal["candidate", "baseline", "final", "given"]
-"""Why a lane is trained: for a slot of a generation; to compare those with; with a fresh seed at the end; or because
-somebody gave the reward and wants no search."""
+Role = Literal["candidate", "baseline", "final", "given", "tuned"]
+"""Why a lane is trained: for a slot of a generation; to compare those with; with a fresh seed at the end; because
+somebody gave the reward and wants no search; or to fit the numbers of one."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,146 @@
+"""What `eureka tune` makes of the rewards that people wrote, and of the same rewards with spoiled numbers.
+
+    python benchmarks/tune.py                                   # Ant and Over; writes benchmarks/results/tune.json
+    python benchmarks/tune.py --tasks ant --seed 1              # another seed of trainings and of spoiling
+    python benchmarks/tune.py --markdown                        # the table
+
+Spoiled numbers are the human ones times e**U(-2, 2); what is compared with by no more than a tenth of that, as it is
+tuned. The tuning of the human numbers trains those with the same fresh seeds, so how much of the way back was found
+is (after - spoiled) / (human - spoiled). Each tuning is a run under `outputs/tune/`: killed, it goes on with the same
+words.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from records import conditions, read, write
+
+import openeureka
+from openeureka.report.text import number
+from openeureka.reward.weights import weighed, weights
+from openeureka.score import mean
+from openeureka.tasks import human
+from openeureka.tasks.registry import get
+from openeureka.tuned import ORIGINAL
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "benchmarks" / "results" / "tune.json"
+OUTPUTS = ROOT / "outputs" / "tune"
+TASKS = ("ant", "shadow_hand_over")
+KINDS = ("human", "spoiled")
+SPOILED = 2.0
+"""The largest logarithm of a factor on a number."""
+
+Record = dict[str, Any]
+
+
+def spoiled(text: str, seed: int) -> str:
+    """The text with each number multiplied by e**U(-2, 2)."""
+    rng = Random(seed)
+    return weighed(
+        text,
+        [
+            float(f"{weight.value * math.exp(weight.step * rng.uniform(-SPOILED, SPOILED)):.4g}")
+            for weight in weights(text)
+        ],
+    )
+
+
+def measure(task: str, kind: str, options: argparse.Namespace) -> Record:
+    """One tuning, as far as it is not there yet, and what it found."""
+    text = human.program(get(task))
+    names = ("trials", "sample", "seeds", "seed", "steps", "worlds", "device")
+    settings = {name: getattr(options, name) for name in names}
+    run = openeureka.tune(
+        task,
+        text if kind == "human" else spoiled(text, options.seed),
+        dir=options.outputs / f"{task}_{kind}_{options.seed}",
+        **settings,
+    )
+    found = run.tuned
+    assert found is not None
+    difference = found.difference
+    return {
+        "settings": settings,
+        "verdict": run.verdict,
+        "held_out": {
+            name: list(found.arms[key].held_out)
+            for name, key in (("before", ORIGINAL), ("after", found.after))
+            if key in found.arms
+        },
+        "in_training": {name: list(arm.training) for name, arm in found.arms.items()},
+        "difference": [difference.value, difference.low, difference.high] if difference is not None else None,
+        "numbers": [
+            {
+                "name": effect.weight.name,
+                "before": effect.weight.value,
+                "after": effect.after,
+                "trend": effect.trend.value if effect.trend is not None else None,
+                "distance": effect.distance.value if effect.distance is not None else None,
+                "matters": effect.matters,
+            }
+            for effect in found.effects
+        ],
+        "played": [trial.played for trial in found.trials],
+        "components": {name: list(pair) for name, pair in found.components.items()},
+        **conditions("torch", "mujoco", "cmaes"),
+    }
+
+
+def way_back(own: Record, reference: Record) -> float | None:
+    """Share of the way from the spoiled numbers to the human ones, by mean held-out F, with the same seeds."""
+    before, after = (mean(own["held_out"].get(name, [])) for name in ("before", "after"))
+    goal = mean(reference["held_out"].get("before", []))
+    if before is None or after is None or goal is None or goal <= before:
+        return None
+    return (after - before) / (goal - before)
+
+
+def markdown(results: Record) -> str:
+    """A row for each tuning."""
+    lines = [
+        "| task | numbers | seed | F before, held out | after | difference, 95 % interval | of the way back | matter |",
+        "| --- " * 8 + "|",
+    ]
+    for name, own in sorted(results.items()):
+        task, kind, seed = name.split("/")
+        between = own["difference"]
+        share = way_back(own, results.get(f"{task}/human/{seed}", {"held_out": {}})) if kind == "spoiled" else None
+        cells = (
+            *(task, kind, seed),
+            number(mean(own["held_out"].get("before", [])), 3),
+            number(mean(own["held_out"].get("after", [])), 3),
+            f"{between[0]:+.3g} ({between[1]:+.3g} to {between[2]:+.3g})" if between else "-",
+            f"{share:.0%}" if share is not None else "-",
+            f"{sum(n['matters'] for n in own['numbers'])} of {len(own['numbers'])}",
+        )
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--tasks", default=",".join(TASKS), help="separated by commas")
+    parser.add_argument("--kinds", default=",".join(KINDS), help="separated by commas")
+    for name, default in (("trials", 32), ("sample", 8), ("seeds", 3), ("seed", 0), ("steps", 0), ("worlds", 0)):
+        parser.add_argument(f"--{name}", type=lambda text: int(float(text)), default=default)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--outputs", type=Path, default=OUTPUTS)
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    parser.add_argument("--markdown", action="store_true", help="print what was measured, and measure nothing")
+    options = parser.parse_args()
+    for task in () if options.markdown else options.tasks.split(","):
+        for kind in options.kinds.split(","):
+            record = measure(task, kind, options)
+            write(options.out, read(options.out) | {f"{task}/{kind}/{options.seed}": record})
+            print(f"{task}, {kind}: {record['verdict']}", flush=True)
+    print(markdown(read(options.out)))
+
+
+if __name__ == "__main__":
+    main()

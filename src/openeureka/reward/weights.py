@@ -1,0 +1,275 @@
+"""The numbers of a reward text that weigh or scale, and the same text with others in their place.
+
+Text goes in and comes out: what is between the numbers stays to the byte, and whoever trains the result has it judged
+like any other reward.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import accumulate
+from typing import Literal, cast
+
+from . import gate, surface
+from .normalise import ENTRY_NAMES
+
+Use = Literal["factor", "added", "threshold", "data"]
+"""How an expression takes part: multiplied or divided by, added or handed on, compared with, or none of these."""
+THRESHOLD = 0.1
+"""Step of what is compared with: twice a height at which a robot has fallen is always, half of it never."""
+GUARD, LARGEST = 1e-5, 1e15
+"""What is added and not above the first keeps a division from zero; what reaches the second stands for infinity."""
+_UNREAD = surface.words("""
+    arange chunk empty expand eye full_like gather linspace narrow new_full new_ones new_zeros one_hot ones permute
+    range repeat reshape roll select split tile unflatten view zeros
+""")
+"""Functions whose arguments are sizes, places and counts."""
+_UNTOUCHED = surface.words("""
+    clamp clamp_max clamp_min clip dist float_power full isclose norm nan_to_num pow quantile round vector_norm
+""")
+"""Functions that take plain numbers as bounds, exponents and kinds; what is computed in their arguments counts."""
+_DIGITS = rb"\d(?:_?\d)*"
+_NUMBER = re.compile(rb"(?:%b\.?(?:%b)?|\.%b)(?:[eE][+-]?%b)?" % ((_DIGITS,) * 4))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weight:
+    """One number of a text."""
+
+    name: str
+    """The name that it is assigned to, else what its line assigns to and the number as written: `effort 0.005`."""
+    value: float
+    """With its sign."""
+    step: float
+    """By how much its logarithm moves while that of a factor moves by 1."""
+    span: tuple[int, int]
+    """Where its digits stand in the text as UTF-8 [bytes]."""
+
+
+def weights(text: str) -> tuple[Weight, ...]:
+    """What may be tuned, in the order of the text, each with a name of its own; empty for what is no reward program.
+
+    Factors, divisors, offsets and thresholds of the reward function, of the functions that it calls and of the
+    constants that they read. Whole numbers count as factors and divisors only. No exponent, index, size, bound of a
+    clamp, keyword argument or element of a list does, and neither does zero.
+    """
+    tree = gate.parse(text) if len(text) <= gate.MAX_BYTES else None
+    if not isinstance(tree, ast.Module):
+        return ()
+    found = sorted(_Finder(text, tree).found(), key=lambda weight: weight.span)
+    names = [weight.name for weight in found]
+    counts = [names[:place].count(name) + 1 for place, name in enumerate(names)]
+    return tuple(
+        replace(weight, name=f"{weight.name} ({count})") if count > 1 else weight
+        for weight, count in zip(found, counts, strict=True)
+    )
+
+
+def weighed(text: str, numbers: Sequence[float]) -> str:
+    """The text with these in place of its `weights`. Signs stay those of the text; a number that is the same stays as
+    it is written.
+
+    Raises:
+        ValueError: where there are more or fewer of them than weights.
+    """
+    data = text.encode()
+    for weight, value in reversed(list(zip(weights(text), numbers, strict=True))):
+        if value != weight.value:
+            start, end = weight.span
+            data = data[:start] + repr(abs(float(value))).encode() + data[end:]
+    return data.decode()
+
+
+def values(text: str, origin: str) -> tuple[float, ...] | None:
+    """What a text that was made by `weighed` of another says in place of its `weights`; None where it was not."""
+    data, source, place, before = text.encode(errors="replace"), origin.encode(errors="replace"), 0, 0
+    found: list[float] = []
+    for weight in weights(origin):
+        start, end = weight.span
+        number = _NUMBER.match(data, place + start - before)
+        if number is None or data[place : number.start()] != source[before:start]:
+            return None
+        found.append(float(number[0]) * (-1.0 if weight.value < 0 else 1.0))
+        place, before = number.end(), end
+    return tuple(found) if data[place:] == source[before:] and all(map(math.isfinite, found)) else None
+
+
+class _Finder:
+    """Walks the functions that a reward reaches."""
+
+    def __init__(self, text: str, tree: ast.Module) -> None:
+        self._data = text.encode()
+        self._starts = list(accumulate(map(len, self._data.splitlines(keepends=True)), initial=0))
+        self._tree = tree
+        self._functions = list(_reached(tree))
+        self._uses: dict[str, Use] = dict.fromkeys(self._operands("threshold"), "threshold")
+        self._uses |= dict.fromkeys(self._operands("factor"), "factor")
+
+    def found(self) -> Iterator[Weight]:
+        read = {name for function in self._functions for name in _names(function)}
+        for statement in self._tree.body:
+            if isinstance(statement, ast.Assign | ast.AnnAssign) and _target(statement) in read:
+                yield from self._statement(statement, "")
+        for function in self._functions:
+            arguments = function.args
+            named = [*zip(reversed(arguments.args), reversed(arguments.defaults), strict=False)]
+            for argument, default in (*named, *zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)):
+                if default is not None:
+                    yield from self._assigned(argument.arg, default)
+            owner = "reward" if function is self._functions[0] else function.name
+            for statement in function.body:
+                yield from self._statement(statement, owner)
+
+    def _operands(self, use: Use) -> Iterator[str]:
+        """Names that stand for themselves in such a place."""
+        for function in self._functions:
+            for node in ast.walk(function):
+                parts: list[ast.expr] = []
+                if use == "threshold" and isinstance(node, ast.Compare):
+                    parts = [node.left, *node.comparators]
+                elif use == "factor" and isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div):
+                    parts = [node.left, node.right]
+                yield from (part.id for part in map(_plain, parts) if isinstance(part, ast.Name))
+
+    def _statement(self, node: ast.stmt, owner: str) -> Iterator[Weight]:
+        """`owner` names what the statement is for, where it assigns to nothing."""
+        match node:
+            case ast.Assign(targets=[ast.Tuple(elts=names)], value=ast.Tuple(elts=own)) if len(names) == len(own):
+                for name, value in zip(names, own, strict=True):
+                    yield from self._assigned(_called(name) or owner, value)
+            case ast.Assign(value=value) | ast.AnnAssign(value=ast.expr() as value):
+                yield from self._assigned(_target(node) or owner, value)
+            case ast.AugAssign(target=target, op=op, value=value):
+                yield from self._expression(value, _use(op), _called(target) or owner)
+            case ast.FunctionDef():
+                for inner in node.body:
+                    yield from self._statement(inner, node.name)
+            case _:
+                for child in ast.iter_child_nodes(node):
+                    if isinstance(child, ast.stmt):
+                        yield from self._statement(child, owner)
+                    elif isinstance(child, ast.expr):
+                        yield from self._expression(child, "data", owner)
+
+    def _assigned(self, name: str, value: ast.expr) -> Iterator[Weight]:
+        """A number that is assigned as it is has the name to itself, and counts as that is used."""
+        if isinstance(_plain(value), ast.Constant):
+            use = self._uses.get(name, "added")
+            found = self._expression(value, use, name, step=THRESHOLD if use == "threshold" else 1.0)
+            yield from (replace(weight, name=name) for weight in found)
+        else:
+            yield from self._expression(value, "added", name)
+
+    def _expression(self, node: ast.AST, use: Use, owner: str, sign: str = "", step: float = 1.0) -> Iterator[Weight]:
+        parts: Iterable[tuple[ast.AST, Use]]
+        match node:
+            case ast.Constant():
+                weight = self._weight(node, owner, sign, step) if _counts(node.value, use) else None
+                if weight is not None:
+                    yield weight
+                return
+            case ast.UnaryOp(op=ast.USub() | ast.UAdd() as op):
+                yield from self._expression(node.operand, use, owner, "-" if isinstance(op, ast.USub) else "", step)
+                return
+            case ast.BinOp(op=ast.Pow()):
+                parts = [(node.left, "data")]
+            case ast.BinOp(op=op):
+                parts = [(node.left, _use(op)), (node.right, _use(op))]
+            case ast.Compare():
+                step = THRESHOLD
+                parts = [(part, "threshold") for part in (node.left, *node.comparators)]
+            case ast.IfExp():
+                parts = [(node.test, "data"), (node.body, use), (node.orelse, use)]
+            case ast.Dict():
+                for key, value in zip(node.keys, node.values, strict=True):
+                    yield from self._assigned(_called(key) or owner, value)
+                return
+            case ast.Subscript():
+                parts = [(node.value, "data")]
+            case ast.Call():
+                parts = _parts(node)
+            case _:
+                parts = [(child, "data") for child in ast.iter_child_nodes(node)]
+        for part, own in parts:
+            yield from self._expression(part, own, owner, step=step)
+
+    def _weight(self, node: ast.Constant, owner: str, sign: str, step: float) -> Weight | None:
+        assert node.end_lineno is not None and node.end_col_offset is not None  # as ast.parse leaves it
+        start = self._starts[node.lineno - 1] + node.col_offset
+        end = self._starts[node.end_lineno - 1] + node.end_col_offset
+        assert isinstance(node.value, int | float)
+        if _NUMBER.fullmatch(self._data, start, end) is None:  # 0x10 is a mask
+            return None
+        return Weight(
+            name=f"{owner} {sign}{self._data[start:end].decode()}",
+            value=float(node.value) * (-1.0 if sign else 1.0),
+            step=step,
+            span=(start, end),
+        )
+
+
+def _reached(tree: ast.Module) -> Iterator[ast.FunctionDef]:
+    """The reward function, then those that it calls, directly or through each other."""
+    known = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
+    entry = next((name for name in ENTRY_NAMES if name in known), None) or next(reversed(known), None)
+    waiting = [entry] if entry is not None else []
+    while waiting:
+        function = known.pop(waiting.pop(0), None)
+        if function is not None:
+            yield function
+            waiting += _names(function)
+
+
+def _names(function: ast.FunctionDef) -> list[str]:
+    return [node.id for node in ast.walk(function) if isinstance(node, ast.Name)]
+
+
+def _parts(call: ast.Call) -> Iterator[tuple[ast.AST, Use]]:
+    """What of a call may hold numbers. A keyword's plain number is an option, as a size's is."""
+    function = call.func
+    name = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
+    yield function, "data"
+    if name in _UNREAD:
+        return
+    use: Use = "data" if name in _UNTOUCHED else "added"
+    for argument in call.args:
+        yield argument, use
+    for keyword in call.keywords:
+        yield keyword.value, "data"
+
+
+def _use(op: ast.operator) -> Use:
+    if isinstance(op, ast.Mult | ast.Div):
+        return "factor"
+    return "added" if isinstance(op, ast.Add | ast.Sub) else "data"
+
+
+def _counts(value: object, use: Use) -> bool:
+    """Whether a number in such a place weighs or scales."""
+    if use == "factor":
+        return type(value) in (int, float) and 0 < cast(float, value) < LARGEST
+    return use != "data" and type(value) is float and GUARD < value < LARGEST
+
+
+def _plain(node: ast.expr) -> ast.expr:
+    """Without its sign."""
+    return node.operand if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd) else node
+
+
+def _target(node: ast.Assign | ast.AnnAssign) -> str:
+    return _called(node.targets[0] if isinstance(node, ast.Assign) else node.target)
+
+
+def _called(node: ast.expr | None) -> str:
+    """What a person would call the target of an assignment; empty for several."""
+    match node:
+        case ast.Name(id=name) | ast.Attribute(attr=name) | ast.Constant(value=str(name)):
+            return name
+        case ast.Subscript(slice=ast.Constant(value=str(name))):
+            return name
+        case _:
+            return ""

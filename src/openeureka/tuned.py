@@ -1,0 +1,253 @@
+"""What the tuning of a reward found: numbers before and after, which of them matter, and what F makes of it."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from statistics import NormalDist
+
+from .config import FEWEST_TUNED, RunConfig
+from .lanes import final_seeds
+from .reward.weights import Weight, values, weights
+from .score import CONFIDENCE, Arm, Difference, difference, mean, pearson, rank
+from .types import Candidate, Evaluation, TrainingResult, lane_id
+
+ORIGINAL = "original"
+"""What the text as it came is called; the others are `trial_1` and so on."""
+FEWEST = 5
+"""Trainings, for a correlation to have an interval."""
+COMPONENT = "component/"
+LAST = 0.1
+"""Share of the epochs that the mean of a component is taken over."""
+
+Texts = Mapping[str, Candidate]
+"""Every weighting by name, the text as it came first."""
+Scores = Mapping[str, Evaluation]
+"""By lane id."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Correlation:
+    """Spearman's rank correlation with its interval."""
+
+    value: float
+    low: float
+    high: float
+
+    @property
+    def sure(self) -> bool:
+        """Whether the interval leaves no doubt of its sign."""
+        return self.low > 0 or self.high < 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effect:
+    """What one number did to played F, over all trainings of the rounds."""
+
+    weight: Weight
+    """As it came."""
+    after: float | None
+    """In the best other weighting; None before there is one."""
+    trend: Correlation | None
+    """Of F and the number; None where there are too few trainings."""
+    distance: Correlation | None
+    """Of F and how far the number is from the one that came, up or down."""
+
+    @property
+    def matters(self) -> bool:
+        """Whether either is beyond doubt."""
+        return any(found is not None and found.sure for found in (self.trend, self.distance))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """One weighting, as far as it has come."""
+
+    name: str
+    candidate: Candidate
+    values: tuple[float, ...]
+    played: float | None
+    """F of its policy, trained with the run's seed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tuned:
+    """A tuning, as far as it has come."""
+
+    trials: tuple[Trial, ...]
+    trained: int
+    """How many of them trained by now."""
+    effects: tuple[Effect, ...]
+    after: str
+    """Name of the weighting that the final trainings prefer among the others; empty before there are any."""
+    arms: Mapping[str, Arm] = field(default_factory=dict[str, Arm])
+    """Final trainings by name, a value a seed: fresh seeds, for the text as it came and those that raced it."""
+    components: Mapping[str, tuple[float | None, float | None]] = field(
+        default_factory=dict[str, tuple[float | None, float | None]]
+    )
+    """Mean of each component at the end of the final trainings, before and after."""
+
+    @property
+    def better(self) -> str:
+        """Which of both has the higher mean of held-out F, and stands in `best/`; of equals the text as it came."""
+        return max(
+            (ORIGINAL, self.after) if self.after else (ORIGINAL,),
+            key=lambda name: rank(mean(self.arms[name].scores)) if name in self.arms else 0.0,
+        )
+
+    @property
+    def difference(self) -> Difference | None:
+        """Held-out F after less that before. It allows for the best having been picked among several."""
+        if not self.after:
+            return None
+        own, other = self.arms[self.after].scores, self.arms[ORIGINAL].scores
+        return difference(own, other, [arm.scores for arm in self.arms.values()], claims=len(self.arms) - 1)
+
+
+def read(
+    config: RunConfig,
+    texts: Texts,
+    results: Mapping[str, TrainingResult],
+    played: Scores,
+    evaluations: Scores,
+) -> Tuned | None:
+    """What the store of a run says of its tuning; None before that began.
+
+    Args:
+        played: what lanes scored when they were played to choose by.
+        evaluations: what they scored in held-out episodes.
+    """
+    if ORIGINAL not in texts:
+        return None
+    origin = texts[ORIGINAL].source
+    trials = [
+        Trial(
+            name=name,
+            candidate=candidate,
+            values=own,
+            played=_fitness(played.get(lane_id(candidate.id, config.seed))),
+        )
+        for name, candidate in texts.items()
+        if (own := values(candidate.source, origin)) is not None
+    ]
+    trained = [trial for trial in trials if lane_id(trial.candidate.id, config.seed) in results]
+    lanes = final_lanes(config, texts, results)
+    after = winner({name: [played.get(lane) for lane in own] for name, own in lanes.items() if name != ORIGINAL})
+    fitted = next((trial.values for trial in trials if trial.name == after), None)
+    found = Tuned(
+        trials=tuple(trials),
+        trained=len(trained),
+        effects=tuple(
+            Effect(
+                weight=weight,
+                after=fitted[place] if fitted is not None else None,
+                trend=_trend([abs(trial.values[place]) for trial in trained], trained),
+                distance=_trend([abs(log_factor(trial.values[place], weight)) for trial in trained], trained),
+            )
+            for place, weight in enumerate(weights(origin))
+        ),
+        after=after,
+    )
+    if not after:
+        return found
+    before_after = ([results[lane] for lane in lanes[name]] for name in (ORIGINAL, after))
+    arms = {name: _arm(own, results, evaluations) for name, own in lanes.items()}
+    return replace(found, arms=arms, components=_components(*before_after))
+
+
+def size(config: RunConfig) -> int:
+    """Weightings of a round."""
+    return max(config.sample, FEWEST_TUNED)
+
+
+def rounds(config: RunConfig) -> list[range]:
+    """The numbers of the weightings of each round; 0 is the text as it came."""
+    step = size(config)
+    return [range(first, min(first + step, config.tune)) for first in range(0, config.tune, step)]
+
+
+def final_lanes(
+    config: RunConfig, texts: Texts, results: Mapping[str, TrainingResult], seeds: Sequence[int] | None = None
+) -> dict[str, list[str]]:
+    """Ids of the lanes that trained with fresh seeds, by name; the text as it came first, others that have some.
+
+    Args:
+        seeds: those to look for; None for all that a run may take.
+    """
+    wanted = final_seeds(config) if seeds is None else seeds
+    found = {
+        name: [lane for seed in wanted if (lane := lane_id(candidate.id, seed)) in results]
+        for name, candidate in texts.items()
+    }
+    return {name: lanes for name, lanes in found.items() if lanes or name == ORIGINAL}
+
+
+def winner(scores: Mapping[str, Sequence[Evaluation | None]]) -> str:
+    """Who raced longest, and of those who played best on average; empty where nobody raced."""
+
+    def standing(name: str) -> tuple[int, float]:
+        return len(scores[name]), rank(mean([_fitness(score) for score in scores[name]]))
+
+    return max(scores, key=standing, default="")
+
+
+def log_factor(value: float, weight: Weight) -> float:
+    """By how many steps of the weight a value is above its own; 0 where it cannot be told."""
+    ratio = value / weight.value if weight.value else 0.0
+    return math.log(ratio) / weight.step if ratio > 0 else 0.0
+
+
+def _fitness(score: Evaluation | None) -> float | None:
+    return score.fitness if score is not None else None
+
+
+def _arm(lanes: Sequence[str], results: Mapping[str, TrainingResult], scores: Scores) -> Arm:
+    return Arm(
+        training=tuple(results[lane].fitness for lane in lanes),
+        held_out=tuple(_fitness(scores.get(lane)) for lane in lanes),
+    )
+
+
+# --- which numbers matter --------------------------------------------------------------------------------------------
+
+
+def _trend(xs: Sequence[float], trials: Sequence[Trial]) -> Correlation | None:
+    """An undefined F has a rank, the lowest."""
+    return spearman(xs, [rank(trial.played) for trial in trials])
+
+
+def spearman(xs: Sequence[float], ys: Sequence[float], *, claims: int = 2) -> Correlation | None:
+    """Spearman's rank correlation; None below five pairs or where either is constant.
+
+    The interval is that of Fisher's z with the variance 1.06 / (n - 3) (Fieller, Hartley and Pearson 1957).
+
+    Args:
+        claims: how many such intervals are to hold together (Bonferroni).
+    """
+    value = pearson(_ranks(xs), _ranks(ys)) if len(xs) >= FEWEST else None
+    if value is None:
+        return None
+    quantile = NormalDist().inv_cdf(1 - (1 - CONFIDENCE) / (2 * claims))
+    middle, half = math.atanh(min(max(value, -0.9999), 0.9999)), quantile * math.sqrt(1.06 / (len(xs) - 3))
+    return Correlation(value=value, low=math.tanh(middle - half), high=math.tanh(middle + half))
+
+
+def _ranks(values: Sequence[float]) -> list[float]:
+    """From 1; equal values share the mean of theirs."""
+    ordered = sorted(values)
+    return [(bisect_left(ordered, value) + bisect_right(ordered, value) + 1) / 2 for value in values]
+
+
+def _components(
+    before: Sequence[TrainingResult], after: Sequence[TrainingResult]
+) -> dict[str, tuple[float | None, float | None]]:
+    names = dict.fromkeys(name for result in before for name in result.curves if name.startswith(COMPONENT))
+    return {name.removeprefix(COMPONENT): (_late(before, name), _late(after, name)) for name in names}
+
+
+def _late(results: Sequence[TrainingResult], name: str) -> float | None:
+    """Mean of the last tenth of the epochs, over seeds."""
+    curves = [result.curves.get(name, ()) for result in results]
+    return mean([mean(curve[-max(1, round(LAST * len(curve))) :]) for curve in curves if curve])

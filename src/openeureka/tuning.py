@@ -1,0 +1,237 @@
+"""Keeps the structure of a reward and fits its numbers: rounds of weightings train side by side, then the best race.
+
+A weighting is a reward text with other numbers. Each is judged, kept and trained like any other, so that a run which
+goes on proposes the same again and trains nothing twice.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+import numpy as np
+from cmaes import CMA  # pyright: ignore[reportMissingTypeStubs]
+
+from . import race, tuned
+from .errors import StoreError
+from .lanes import Lanes, deal, final_seeds
+from .reward.weights import Weight, values, weighed, weights
+from .sampling import Checker
+from .score import played, rank
+from .store import Store
+from .strategies import Best
+from .tuned import ORIGINAL
+from .types import GIVEN, Candidate, Reply, RewardGraph, Scored, Verdict, lane_id
+
+SPREAD = 0.7
+"""Standard deviation of the first proposals, as logarithms of factors: two thirds are within a factor of two."""
+RIVALS = 2
+"""Weightings that race the text as it came."""
+DIGITS, FARTHEST = 4, 10.0
+"""Of a proposed number; and the most steps that it goes from the one that came."""
+
+
+class Optimiser:
+    """CMA-ES over the logarithms of factors on the numbers of a text.
+
+    Each round draws anew from the seed, and is told what the texts of the round say: what it proposes next follows from
+    the texts and their scores alone.
+    """
+
+    def __init__(self, origin: Sequence[Weight], size: int, seed: int) -> None:
+        self._origin, self._size, self._seed = origin, size, seed
+        self._method = CMA(mean=np.zeros(len(origin)), sigma=SPREAD, population_size=size)
+
+    def ask(self, index: int) -> list[tuple[float, ...]]:
+        """Numbers for the weightings of a round; the first of the first round are those that came."""
+        digest = hashlib.blake2b(f"{self._seed}/{index}".encode(), digest_size=4).digest()
+        self._method.reseed_rng(int.from_bytes(digest))
+        points = [self._method.ask() for _ in range(self._size)]
+        found = [tuple(map(_moved, self._origin, point)) for point in points]
+        return found if index else [tuple(weight.value for weight in self._origin), *found[1:]]
+
+    def tell(self, numbers: Sequence[Sequence[float]], fitness: Sequence[float | None]) -> None:
+        """What the weightings of a round score; undefined F is worst, and only the order counts."""
+        keys = [rank(score) for score in fitness]
+        points = [
+            np.array([tuned.log_factor(value, weight) for value, weight in zip(own, self._origin, strict=True)])
+            for own in numbers
+        ]
+        self._method.tell([(x, float(sum(other > key for other in keys))) for x, key in zip(points, keys, strict=True)])
+
+
+def _moved(weight: Weight, steps: float) -> float:
+    factor = math.exp(weight.step * min(max(steps, -FARTHEST), FARTHEST))
+    return float(f"{weight.value * factor:.{DIGITS}g}")
+
+
+def keep(store: Store, origin: Candidate, verdict: Verdict) -> None:
+    """Have the store hold the text that is tuned, so that a run that goes on needs no file.
+
+    Raises:
+        StoreError: when it holds another.
+    """
+    known = store.given()
+    if known.get(ORIGINAL, origin.id) != origin.id:
+        raise StoreError(f"{store.directory} tunes another reward; name that, as it was, or choose another dir=.")
+    if store.verdict(origin.id) is None:
+        store.save_verdict(origin, verdict, Reply(text=origin.source, model=GIVEN))
+    if ORIGINAL not in known:
+        store.save_given({ORIGINAL: origin.id})
+
+
+def tune(lanes: Lanes, checker: Checker) -> None:
+    """Train rounds of weightings, race the best of them against the text as it came, and score the racers held out.
+
+    `best/` gets the better one of the text as it came and the winner among the others, by mean held-out F.
+
+    Raises:
+        EurekaError: what stopped it; all that was finished is stored, and calling again continues.
+    """
+    config, store = lanes.config, lanes.store
+    origin = store.candidate(store.given().get(ORIGINAL))
+    if origin is None:  # killed between the first rows of the run
+        raise StoreError(f"{store.directory} holds no reward yet; start it again with the same `eureka tune` command.")
+    optimiser = Optimiser(weights(origin.source), tuned.size(config), config.seed)
+    every = tuned.rounds(config)
+    for index, own in enumerate(every):
+        names = [_name(number) for number in own]
+        asked = optimiser.ask(index)[: len(own)]
+        proposed = {name: weighed(origin.source, numbers) for name, numbers in zip(names, asked, strict=True)}
+        _propose(lanes, checker, index, proposed)
+        kept = store.texts()
+        candidates = [kept[name] for name in names]
+        last = own is every[-1]
+        _train(lanes, index, candidates, over=bool(_raced(store, kept)) if last else _name(own.stop) in kept)
+        if not last:
+            optimiser.tell(*_scores(store, candidates, origin, config.seed))
+    _race(lanes, len(every))
+
+
+def tune_winner(lanes: Lanes, checker: Checker, winner: Scored | None) -> None:
+    """Fit the numbers of what a search found, where it found a reward that has some.
+
+    Raises:
+        EurekaError: as `tune` does.
+    """
+    found = winner.sample if winner is not None else None
+    if found is not None and found.candidate is not None and weights(found.candidate.source):
+        keep(lanes.store, found.candidate, found.verdict)
+        tune(lanes, checker)
+
+
+def begun(store: Store) -> bool:
+    """Whether the fitting has begun: what it trains must not decide which reward it is of."""
+    return ORIGINAL in store.given()
+
+
+def _name(number: int) -> str:
+    return f"trial_{number}" if number else ORIGINAL
+
+
+def _propose(lanes: Lanes, checker: Checker, index: int, texts: Mapping[str, str]) -> None:
+    """Judge and keep the weightings of a round, unless the store has them."""
+    store, known = lanes.store, lanes.store.given()
+    fresh = {name: Candidate.of(text) for name, text in texts.items() if name not in known}
+    if fresh:
+        lanes.observer.phase(index, "check")
+    for candidate in fresh.values():
+        if store.verdict(candidate.id) is None:
+            store.save_verdict(candidate, checker.check(candidate), Reply(text=candidate.source, model=GIVEN))
+    store.save_given({name: candidate.id for name, candidate in fresh.items()})
+
+
+def _graphs(store: Store, candidates: Iterable[Candidate]) -> Iterator[tuple[str, RewardGraph]]:
+    """What the accepted ones train under, by id."""
+    for candidate in candidates:
+        verdict = store.verdict(candidate.id)
+        if verdict is not None and verdict.graph is not None:
+            yield candidate.id, verdict.graph
+
+
+def _train(lanes: Lanes, index: int, candidates: Iterable[Candidate], *, over: bool) -> None:
+    """Train and play the weightings of a round.
+
+    Args:
+        over: the next round is proposed already: what this one scored is what that follows from.
+    """
+    lanes.observer.phase(index, "train")
+    results = lanes.train(deal(_graphs(lanes.store, candidates), [lanes.config.seed], "tuned"))
+    if not over:
+        lanes.observer.phase(index, "play")
+        lanes.play(results, Best(samples=0))
+
+
+def _scores(
+    store: Store, candidates: Sequence[Candidate], origin: Candidate, seed: int
+) -> tuple[list[tuple[float, ...]], list[float | None]]:
+    """The numbers of weightings, and what each scored."""
+    lanes = [lane_id(candidate.id, seed) for candidate in candidates]
+    looks = _first_looks(store, lanes)
+    numbers = [values(candidate.source, origin.source) for candidate in candidates]
+    assert all(own is not None for own in numbers)  # all come from `weighed`
+    return [own for own in numbers if own is not None], [looks.get(lane) for lane in lanes]
+
+
+def _first_looks(store: Store, ids: Iterable[str]) -> dict[str, float | None]:
+    """Played F by lane id, of the first look alone: whether there is another depends on when the run was stopped."""
+    plays = store.lanes.plays()
+    return {
+        lane: played({peak: looks[:1] for peak, looks in plays[lane].items()}).fitness for lane in ids if lane in plays
+    }
+
+
+def _race(lanes: Lanes, last: int) -> None:
+    """Train those that lead and the text as it came with fresh seeds, more of them only while it is undecided."""
+    config, store, strategy = lanes.config, lanes.store, Best(samples=0)
+    texts = store.texts()
+    racing, seeds = _raced(store, texts) or _leading(store, texts, config.seed), list[int]()
+    arms = {name: texts[name] for name in (ORIGINAL, *racing)}
+    lanes.observer.phase(last, "final")
+    for more in race.rounds(final_seeds(config), raced=True):
+        seeds += more
+        lanes.train(deal(_graphs(store, [arms[name] for name in (ORIGINAL, *racing)]), more, "final"))
+        own = tuned.final_lanes(config, arms, store.lanes.results(), seeds)
+        lanes.play([lane for ids in own.values() for lane in ids], strategy)
+        scores = {name: _defined(_first_looks(store, ids).values()) for name, ids in own.items()}
+        racing = race.running(scores, [name for name in racing if name in scores])
+        if len(racing) < 2 and (not racing or race.sure(scores, racing[0], ORIGINAL)):
+            break
+    lanes.observer.phase(last, "evaluate")
+    _conclude(lanes, texts, strategy)
+
+
+def _defined(scores: Iterable[float | None]) -> list[float]:
+    return [score for score in scores if score is not None]
+
+
+def _raced(store: Store, texts: tuned.Texts) -> list[str]:
+    """Names of the weightings that were chosen to race; none before that."""
+    final = {lane.reward for lane in store.lanes.all().values() if lane.role == "final"}
+    return [name for name, candidate in texts.items() if candidate.id in final - {texts[ORIGINAL].id}]
+
+
+def _leading(store: Store, texts: tuned.Texts, seed: int) -> list[str]:
+    """Names of the best weightings by played F, without the text as it came."""
+    plays = store.lanes.plays()
+    ids = {name: lane_id(texts[name].id, seed) for name in texts if texts[name].id != texts[ORIGINAL].id}
+    known = {name: played(plays[lane]).fitness for name, lane in ids.items() if lane in plays}
+    best = sorted(known, key=lambda name: -rank(known[name]))[:RIVALS]
+    return [name for name in texts if name in best]  # as `_raced` finds them again
+
+
+def _conclude(lanes: Lanes, texts: tuned.Texts, strategy: Best) -> None:
+    """Score the final trainings on held-out episodes, and leave the better reward in `best/`."""
+    config, store = lanes.config, lanes.store
+    results = store.lanes.results()
+    own = tuned.final_lanes(config, texts, results)
+    standing = lanes.standing([lane for ids in own.values() for lane in ids], strategy)
+    scores = lanes.evaluate(standing)
+    plays = {lane: played(looks) for lane, looks in store.lanes.plays().items()}
+    found = tuned.read(config, texts, results, plays, scores)
+    if found is None or not own[found.better]:
+        return
+    lane = max(own[found.better], key=lambda lane: rank(scores[lane].fitness if lane in scores else None))
+    kept = scores[lane].peak if lane in scores else None
+    store.save_best(texts[found.better], lane, kept or standing[lane])

@@ -1,0 +1,57 @@
+"""The table of tunings: what is spoiled, what is measured, how much of the way back was found."""
+
+import argparse
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from openeureka.reward.weights import weights
+from openeureka.testing.scripted import ToyTrainer
+from openeureka.types import LaneSpec, Node, RewardGraph
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+import tune
+
+TEXT = "def compute_reward(x):\n    return 2.0 * x - 0.01 * x.abs() + (x > 0.5)\n"
+
+
+class Sum(ToyTrainer):
+    """F is the sum of all numbers in the graph."""
+
+    def _result(self, lane: LaneSpec):
+        assert isinstance(lane.program, RewardGraph)
+        worth = sum(arg for node in lane.program.nodes for arg in node.args if isinstance(arg, float))
+        graph = RewardGraph(nodes=(Node("full", (float(worth),)),), reward=0, components=())
+        return super()._result(replace(lane, program=graph))
+
+
+def test_numbers_are_spoiled_by_factors_and_thresholds_by_a_tenth():
+    before, after = weights(TEXT), weights(tune.spoiled(TEXT, seed=3))
+    logs = [math.log(own.value / first.value) for own, first in zip(after, before, strict=True)]
+    assert tune.spoiled(TEXT, seed=3) == tune.spoiled(TEXT, seed=3) != tune.spoiled(TEXT, seed=4)
+    assert all(0 < abs(log) <= tune.SPOILED for log in logs[:2]) and abs(logs[2]) <= tune.SPOILED / 10 + 1e-3
+
+
+def held_out(before: float, after: float) -> tune.Record:
+    return {"held_out": {"before": [before], "after": [after]}}
+
+
+def test_the_way_back_is_counted_from_the_spoiled_numbers_to_the_human_ones():
+    assert tune.way_back(held_out(10.0, 40.0), held_out(50.0, 55.0)) == pytest.approx(0.75)
+    assert tune.way_back(held_out(50.0, 60.0), held_out(40.0, 41.0)) is None  # spoiling did no harm
+    assert tune.way_back(held_out(10.0, 40.0), {"held_out": {}}) is None
+
+
+def test_a_tuning_is_measured_on_cartpole(monkeypatch, tmp_path):
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: Sum())
+    options = argparse.Namespace(
+        trials=5, sample=4, seeds=2, seed=0, steps=0, worlds=32, device="cpu", outputs=tmp_path / "outputs"
+    )
+    record = tune.measure("cartpole", "human", options)
+    assert len(record["held_out"]["before"]) == len(record["held_out"]["after"]) == 2
+    assert len(record["played"]) == 5 and len(record["numbers"]) == 6
+    row = tune.markdown({"cartpole/human/0": record}).splitlines()[2]
+    assert row.startswith("| cartpole | human | 0 | ") and row.endswith(" of 6 |")

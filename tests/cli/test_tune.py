@@ -1,0 +1,188 @@
+"""`eureka tune` from the words to the page, with a trainer that knows which numbers are best."""
+
+import json
+import math
+
+import pytest
+
+import openeureka
+from openeureka.cli.main import main
+from openeureka.cli.search import resume
+from openeureka.cli.show import facts, show
+from openeureka.cli.tune import tune
+from openeureka.config import TuneConfig
+from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError
+from openeureka.report.view import RunView
+from openeureka.runs.rewards import to_tune
+from openeureka.store import Store
+from openeureka.tasks import human
+from openeureka.tasks.registry import get
+from openeureka.testing.scripted import ToyTrainer
+from openeureka.types import Node, RewardGraph
+from openeureka.ui import folder, pages
+
+MINE = """import torch
+
+WIDTH = 8.0
+
+
+def compute_reward(pole_angle, cart_position):
+    upright = torch.exp(-WIDTH * pole_angle**2)
+    centred = 0.25 * torch.exp(-cart_position.abs())
+    return upright + centred, {"upright": upright, "centred": centred}
+"""
+
+
+class Knowing(ToyTrainer):
+    """F is 50, less the squared logarithms of all numbers in the graph: all should be 1."""
+
+    def _result(self, lane):
+        assert isinstance(lane.program, RewardGraph)
+        numbers = [arg for node in lane.program.nodes for arg in node.args if isinstance(arg, float) and arg]
+        worth = 50.0 - sum(math.log(abs(number)) ** 2 for number in numbers)
+        graph = RewardGraph(nodes=(Node("full", (worth,)),), reward=0, components=())
+        return super()._result(openeureka.types.LaneSpec(id=lane.id, program=graph, seed=lane.seed))
+
+
+@pytest.fixture
+def toy(monkeypatch: pytest.MonkeyPatch) -> Knowing:
+    trainer = Knowing()
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: trainer)
+    return trainer
+
+
+@pytest.fixture
+def mine(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(MINE)
+    return path
+
+
+def words(mine, tmp_path, *more):
+    return ["env=cartpole", f"reward={mine}", "trials=12", "sample=6", "seeds=2", f"dir={tmp_path}/out", *more]
+
+
+def test_it_prints_numbers_before_and_after_and_leaves_a_run(toy, mine, tmp_path, capsys):
+    tune(words(mine, tmp_path))
+    said = capsys.readouterr().out
+    assert "cartpole: 12 trainings fit the numbers of a reward" in said
+    assert "WIDTH" in said and "centred 0.25" in said
+    assert "over 12 trainings" in said
+    assert "The tuned numbers are better than those before: F " in said
+    run = RunView.read(tmp_path / "out")
+    assert run.tunes and not run.searched
+    found = run.tuned
+    width, centred = found.effects
+    assert (width.weight.value, centred.weight.value) == (8.0, 0.25)
+    assert 0.0 < width.after < 8.0
+    best = (tmp_path / "out" / "best" / "reward.py").read_text()
+    assert best == MINE.replace("8.0", repr(width.after)).replace("0.25", repr(centred.after))
+    assert {lane.role for lane in run.lanes.values()} == {"tuned", "final"}
+    assert folder.entry("", tmp_path / "out").standing is folder.Standing.FINISHED
+
+
+def test_the_report_the_page_and_show_say_the_same(toy, mine, tmp_path, capsys):
+    tune(words(mine, tmp_path))
+    capsys.readouterr()
+    sentence = "The tuned numbers are better than those before"
+    show(tmp_path / "out")
+    said = capsys.readouterr().out
+    assert sentence in said and "centred 0.25" in said
+    report = (tmp_path / "out" / "report.html").read_text()
+    page = str(pages.overview(tmp_path / "out", RunView.read(tmp_path / "out")))
+    for text in (report, page):
+        assert sentence in text and "centred 0.25" in text and "farther from before" in text
+    assert "trial_11" in report and "The reward after" in report
+    assert "The numbers of a reward are fitted to" in page
+
+
+def test_it_is_json_for_programs(toy, mine, tmp_path, capsys):
+    tune(words(mine, tmp_path), as_json=True)
+    printed = json.loads(capsys.readouterr().out)
+    assert printed.pop("directory") == f"{tmp_path}/out"
+    assert printed == json.loads(json.dumps(facts(RunView.read(tmp_path / "out"))))
+    assert [number["name"] for number in printed["tuned"]["numbers"]] == ["WIDTH", "centred 0.25"]
+    assert len(printed["tuned"]["trials"]) == 12
+    assert set(printed["tuned"]["final"]) >= {"original", printed["tuned"]["after"]}
+
+
+@pytest.mark.parametrize("again", [tune, resume])
+def test_a_stopped_tuning_goes_on_with_the_same_words_or_with_resume(toy, mine, tmp_path, monkeypatch, again):
+    whole = toy._result
+
+    def result(lane):
+        if len(toy.trained) > 8:
+            raise KeyboardInterrupt
+        return whole(lane)
+
+    with monkeypatch.context() as once, pytest.raises(Interrupted, match=f"eureka resume {tmp_path}/out"):
+        once.setattr(toy, "_result", result)
+        tune(words(mine, tmp_path))
+    assert folder.entry("", tmp_path / "out").standing is folder.Standing.STOPPED
+    trained = toy.trained[:-1]
+    toy.trained.clear()
+    again(words(mine, tmp_path) if again is tune else [f"{tmp_path}/out"])
+    assert not set(trained) & set(toy.trained)
+    assert len([lane for lane in (*trained, *toy.trained) if lane.endswith("-s0")]) == 12
+    assert folder.entry("", tmp_path / "out").standing is folder.Standing.FINISHED
+
+
+def test_the_human_reward_is_tuned_as_the_text_that_it_is():
+    candidate, verdict = to_tune(TuneConfig(env="cartpole"))
+    assert candidate.source == human.program(get("cartpole")) and verdict.accepted
+
+
+def test_the_best_reward_of_a_run_is_tuned(toy, mine, tmp_path):
+    tune(words(mine, tmp_path))
+    candidate, _ = to_tune(TuneConfig(env="cartpole", reward=f"{tmp_path}/out"))
+    assert candidate.source == (tmp_path / "out" / "best" / "reward.py").read_text()
+    with pytest.raises(ConfigError, match="is a run of cartpole; add env=cartpole"):
+        to_tune(TuneConfig(env="ant", reward=f"{tmp_path}/out"))
+
+
+def test_a_reward_without_numbers_is_refused(toy, tmp_path, capsys):
+    plain = tmp_path / "plain.py"
+    plain.write_text("def compute_reward(pole_angle):\n    return -pole_angle.abs(), {}\n")
+    with pytest.raises(SystemExit):
+        main(["tune", f"reward={plain}", f"dir={tmp_path}/out"])
+    error = capsys.readouterr().err
+    assert "There is nothing to tune: `" in error and error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_cannot_be_tuned_is_one_sentence(toy, tmp_path):
+    bad = tmp_path / "bad.py"
+    bad.write_text("import os\n" + MINE)
+    with pytest.raises(RewardFileError, match="was refused: line 1: `os` cannot be imported"):
+        to_tune(TuneConfig(reward=str(bad)))
+    with pytest.raises(ConfigError, match="sparse reward of a task is no program"):
+        to_tune(TuneConfig(reward="sparse"))
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(RewardFileError, match="holds no generated or given reward"):
+        to_tune(TuneConfig(reward=str(tmp_path / "empty")))
+
+
+def test_a_run_of_another_reward_is_refused(toy, mine, tmp_path):
+    tune(words(mine, tmp_path))
+    mine.write_text(MINE.replace("8.0", "9.0"))
+    with pytest.raises(StoreError, match="tunes another reward"):
+        tune(words(mine, tmp_path))
+
+
+@pytest.mark.parametrize("setting", ["trials=3", "sample=1", "seeds=0", "trials=1000000"])
+def test_a_tuning_that_makes_no_sense_is_refused(setting):
+    with pytest.raises(ConfigError, match=setting.partition("=")[0]):
+        tune([setting])
+
+
+def test_python_programs_tune_too(toy, tmp_path):
+    events = []
+    run = openeureka.tune("cartpole", MINE, trials=8, sample=4, seeds=2, dir=tmp_path / "out", on_event=events.append)
+    assert run.finished and run.verdict.startswith("The tuned numbers are")
+    assert run.tuned.trained == 8 and len(run.rows()) == len(run.view.lanes)
+    assert {event.phase for event in events if isinstance(event, openeureka.Began)} == {
+        *("check", "train", "play", "final", "evaluate")
+    }
+    assert openeureka.open_run(tmp_path / "out").resume().tuned == run.tuned
+    with Store.view(tmp_path / "out") as store:
+        assert store.given()["original"] is not None

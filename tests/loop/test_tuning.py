@@ -1,0 +1,252 @@
+"""The numbers of a reward are fitted: found back where they were spoiled, raced, kept, and gone on with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from openeureka import strategies, tuned, tuning
+from openeureka.cli.show import summary
+from openeureka.config import NO_MODEL, RunConfig
+from openeureka.errors import StoreError
+from openeureka.lanes import Lanes
+from openeureka.loop import run
+from openeureka.observer import NullObserver
+from openeureka.report import html, tables
+from openeureka.report.verdict import of_tuning
+from openeureka.report.view import RunView
+from openeureka.reward.weights import weighed, weights
+from openeureka.runs.run import Run
+from openeureka.score import Difference
+from openeureka.store import Store
+from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program
+from openeureka.tuned import ORIGINAL, Tuned
+from openeureka.types import Candidate, LaneSpec, Node, RewardGraph, TrainingResult, TrainingState, Verdict, VerdictCode
+
+HUMAN = """def compute_reward(speed, effort, posture, noise):
+    reward = 2.0 * speed - 0.01 * effort + 0.5 * posture + 0.3 * noise
+    return reward, {}
+"""
+BEST = (2.0, 0.01, 0.5)
+"""What F wants of the first three numbers; of the last it wants nothing."""
+
+
+class Reader:
+    """Accepts every text; its graph is its numbers. Refuses what holds more than 1000."""
+
+    def check(self, candidate: Candidate) -> Verdict:
+        numbers = [weight.value for weight in weights(candidate.source)]
+        if max(numbers) > 1000.0:
+            return Verdict(candidate=candidate.id, code=VerdictCode.CONTRACT)
+        nodes = tuple(Node("full", (number,)) for number in numbers)
+        graph = RewardGraph(nodes=nodes, reward=0, components=())
+        return Verdict(candidate=candidate.id, code=VerdictCode.ACCEPTED, graph=graph)
+
+
+@dataclass
+class Hill(ToyTrainer):
+    """F is 100 where the numbers are the best, and falls by 4 for each squared logarithm that one is off."""
+
+    noise: float = 0.0
+    failing: Sequence[str] = field(default_factory=list)
+
+    def _result(self, lane: LaneSpec) -> TrainingResult:
+        if lane.id in self.failing:
+            return TrainingResult(
+                lane=lane.id, state=TrainingState.DIVERGED, fitness=None, curves={}, env_steps=1, seconds=0.0
+            )
+        assert isinstance(lane.program, RewardGraph)
+        numbers = [node.args[0] for node in lane.program.nodes]
+        off = sum(math.log(own / best) ** 2 for own, best in zip(numbers, BEST, strict=False))  # pyright: ignore
+        worth = 100.0 - 4.0 * off + self.noise * Random(lane.id).gauss(0, 1)
+        graph = RewardGraph(nodes=(Node("full", (worth,)),), reward=0, components=())
+        return super()._result(replace(lane, program=graph))
+
+
+def spoiled(seed: int) -> str:
+    """The human reward with each number multiplied by e**U(-2, 2)."""
+    rng = Random(seed)
+    return weighed(HUMAN, [weight.value * math.exp(rng.uniform(-2, 2)) for weight in weights(HUMAN)])
+
+
+def config(**settings) -> RunConfig:
+    return RunConfig(**{"model": NO_MODEL, "tune": 32, "sample": 8, "seeds": 3, "video": "none"} | settings)
+
+
+def go(directory: Path, trainer: ToyTrainer, text: str, **settings) -> Tuned:
+    wanted = config(**settings)
+    with Store.open(directory, wanted) as store:
+        candidate = Candidate.of(text)
+        tuning.keep(store, candidate, Reader().check(candidate))
+        tuning.tune(Lanes(wanted, store, trainer, NullObserver()), Reader())
+    found = RunView.read(directory).tuned
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_spoiled_numbers_find_the_way_back(tmp_path: Path, seed: int) -> None:
+    trainer = Hill(noise=1.0, error=1.0)
+    found = go(tmp_path, trainer, spoiled(seed), tune=48)
+    before, after = (sum(found.arms[name].scores) / len(found.arms[name].scores) for name in (ORIGINAL, found.after))
+    # Played and held out are one less than in training: 99 is the top. Three quarters of the way at least.
+    assert after - before > 0.75 * (99.0 - before) - 1.0
+    assert len([lane for lane in trainer.trained if lane.endswith("-s0")]) == 48
+    assert (tmp_path / "best" / "reward.py").read_text() == found_text(found)
+
+
+def found_text(found: Tuned) -> str:
+    return next(trial.candidate.source for trial in found.trials if trial.name == found.after)
+
+
+def test_what_decides_f_is_told_from_what_does_not(tmp_path: Path) -> None:
+    off = weighed(HUMAN, [2.0, 0.1, 0.5, 0.3])  # effort ten times too high
+    effects = {effect.weight.name: effect for effect in go(tmp_path, Hill(), off, tune=64, sample=16).effects}
+    effort, noise = effects["reward 0.1"], effects["reward 0.3"]
+    assert effort.matters and effort.trend is not None and effort.trend.high < 0  # less is better
+    assert not noise.matters
+    assert effort.after is not None and effort.after < 0.06
+
+
+def test_the_text_as_it_came_is_the_first_of_the_first_round(tmp_path: Path) -> None:
+    found = go(tmp_path, Hill(), HUMAN, tune=10, sample=4)
+    assert [trial.name for trial in found.trials] == [ORIGINAL, *(f"trial_{number}" for number in range(1, 10))]
+    assert found.trials[0].candidate.source == HUMAN
+    assert found.trials[0].played == 99.0
+    assert len({trial.values for trial in found.trials}) == 10
+
+
+def test_numbers_that_nothing_beats_stay_in_best(tmp_path: Path) -> None:
+    found = go(tmp_path, Hill(), HUMAN)  # human numbers are the best there are
+    assert (tmp_path / "best" / "reward.py").read_text() == HUMAN
+    assert found.better == ORIGINAL and len(found.arms) == 3
+    assert tables.tuned(found).note.endswith("`best/` holds the reward before.")
+    assert "The tuned numbers are worse than those before" in of_tuning(found)
+
+
+def test_one_that_is_refused_or_diverges_is_the_worst_of_its_round(tmp_path: Path) -> None:
+    wild = HUMAN.replace("0.3 * noise", "900.0 * noise")
+    found = go(tmp_path / "a", Hill(), wild, tune=16)
+    refused = [trial for trial in found.trials if max(trial.values) > 1000.0]
+    assert refused and all(trial.played is None for trial in refused)
+    assert found.trained == 16 - len(refused)
+    lanes = [f"{trial.candidate.id}-s0" for trial in found.trials[1:4]]
+    lame = go(tmp_path / "b", Hill(failing=lanes), wild, tune=16)
+    assert [trial.played for trial in lame.trials[1:4]] == [None] * 3
+    assert lame.after not in ("trial_1", "trial_2", "trial_3", "")
+
+
+def test_where_no_weighting_trains_the_text_as_it_came_stays(tmp_path: Path) -> None:
+    class Lame(Hill):
+        def _result(self, lane: LaneSpec) -> TrainingResult:
+            own = f"{Candidate.of(HUMAN).id}-"
+            return super()._result(lane) if lane.id.startswith(own) else replace(
+                super()._result(lane), state=TrainingState.DIVERGED, fitness=None, best_fitness=None, best_reward=None
+            )  # fmt: skip
+
+    found = go(tmp_path, Lame(), HUMAN, tune=4, sample=4)
+    assert found.after == "" and of_tuning(found) == "Not decided yet: the final trainings are not done."
+    assert (tmp_path / "best" / "reward.py").read_text() == HUMAN
+
+
+@pytest.mark.parametrize("after", [0, 5, 9, 14, 17, 22])
+def test_a_stopped_tuning_goes_on_and_trains_nothing_twice(tmp_path: Path, after: int) -> None:
+    @dataclass
+    class Stopping(Hill):
+        def _result(self, lane: LaneSpec) -> TrainingResult:
+            if len(self.trained) > after:
+                raise KeyboardInterrupt
+            return super()._result(lane)
+
+    whole = Hill(noise=2.0)
+    expected = go(tmp_path / "whole", whole, spoiled(7), tune=16)
+    first, second = Stopping(noise=2.0), Hill(noise=2.0)
+    with pytest.raises(KeyboardInterrupt):
+        go(tmp_path / "run", first, spoiled(7), tune=16)
+    assert go(tmp_path / "run", second, spoiled(7), tune=16) == expected
+    assert [*first.trained[:-1], *second.trained] == whole.trained
+
+
+def test_a_tuning_of_another_reward_is_refused(tmp_path: Path) -> None:
+    go(tmp_path, Hill(), HUMAN, tune=4, sample=4)
+    with pytest.raises(StoreError, match="tunes another reward"):
+        go(tmp_path, Hill(), spoiled(1), tune=4, sample=4)
+
+
+def test_one_that_was_killed_before_it_had_its_reward_says_what_to_type(tmp_path: Path) -> None:
+    with Store.open(tmp_path, config()) as store, pytest.raises(StoreError, match="the same `eureka tune` command"):
+        tuning.tune(Lanes(config(), store, Hill(), NullObserver()), Reader())
+
+
+def test_a_single_number_is_fitted_too(tmp_path: Path) -> None:
+    text = "def compute_reward(speed):\n    return 20.0 * speed\n"
+    found = go(tmp_path, Hill(), text, tune=24)
+    (effect,) = found.effects
+    assert effect.after is not None and 1.0 < effect.after < 5.0  # 2 is the best
+
+
+# --- at the end of a search ------------------------------------------------------------------------------------------
+
+
+def test_a_search_fits_the_numbers_of_its_winner(tmp_path: Path) -> None:
+    def reply(worth: float) -> str:
+        return f"```python\n{program(worth).replace(str(worth), f'{worth} * x')}```\n"
+
+    wanted = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2, tune=8)
+
+    def search(trainer: ToyTrainer):
+        with Store.open(tmp_path, wanted) as store:
+            model = ScriptedModel([reply(7.0), reply(8.0)])
+            model.said = len(store.replies())
+            return run(wanted, store, model, ToyChecker(), trainer, TOY, strategies.make(wanted))
+
+    trainer = ToyTrainer()
+    outcome = search(trainer)
+    assert outcome.best is not None and outcome.best.fitness == 8.0  # the search's own result stays what it is
+    found = RunView.read(tmp_path).tuned
+    assert found is not None and found.difference is not None and found.difference.sure
+    own = outcome.best.sample.verdict.candidate
+    assert trainer.trained.count(f"{own}-s0") == trainer.trained.count(f"{own}-s1") == 1
+    assert (tmp_path / "best" / "reward.py").read_text() == found_text(found)
+    view = RunView.read(tmp_path)
+    for text in ("\n".join(summary(view)), html.report(view, tmp_path)):
+        assert "The best reward with fitted numbers" in text and of_tuning(found) in text
+    assert Run(tmp_path).finished
+    again = ToyTrainer()
+    assert search(again) == outcome and again.trained == []
+    assert (tmp_path / "best" / "reward.py").read_text() == found_text(found)
+
+
+# --- arithmetic ------------------------------------------------------------------------------------------------------
+
+
+def test_the_rank_correlation_and_its_interval() -> None:
+    # Ranks 1 2 3 4 5 and 2 1 4 3 5: squared differences sum to 4, so 1 - 6 * 4 / (5 * 24) = 0.8.
+    found = tuned.spearman([1.0, 2.0, 3.0, 4.0, 50.0], [20.0, 10.0, 40.0, 30.0, 1000.0], claims=1)
+    assert found is not None and found.value == pytest.approx(0.8)
+    # atanh(0.8) = 1.0986, half = 1.96 * sqrt(1.06 / 2) = 1.4269
+    assert (found.low, found.high) == pytest.approx((math.tanh(-0.3283), math.tanh(2.5255)), abs=1e-3)
+    assert not found.sure
+
+
+def test_ties_share_a_rank_and_an_undefined_f_has_the_lowest() -> None:
+    falling = tuned.spearman([1.0, 2.0, 3.0, 4.0, 5.0], [3.0, 3.0, 2.0, -math.inf, -math.inf])
+    # Ranks 1 2 3 4 5 and 4.5 4.5 3 1.5 1.5: covariance -9, variances 10 and 9, -9 / sqrt(90) = -0.9487
+    assert falling is not None and falling.value == pytest.approx(-0.9487, abs=1e-4)
+    assert tuned.spearman([1.0, 2.0], [1.0, 2.0]) is None
+    assert tuned.spearman([1.0] * 6, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]) is None
+
+
+def test_the_difference_allows_for_the_best_having_been_picked(tmp_path: Path) -> None:
+    found = go(tmp_path, Hill(noise=3.0, error=3.0), spoiled(3), tune=16)
+    arms = [arm.scores for arm in found.arms.values()]
+    assert len(arms) == 3
+    assert found.difference == tuned.difference(
+        found.arms[found.after].scores, found.arms[ORIGINAL].scores, arms, claims=2
+    )
+    assert isinstance(found.difference, Difference)
