@@ -8,6 +8,7 @@ import pytest
 
 from openeureka.cli.main import app
 from openeureka.cli.settings import (
+    BenchConfig,
     CheckConfig,
     ContextConfig,
     DoctorConfig,
@@ -27,6 +28,7 @@ KINDS = {
     "run": RunConfig,
     "resume": RunConfig,
     "train": TrainConfig,
+    "bench": BenchConfig,
     "check": CheckConfig,
     "play": PlayConfig,
     "report": ReportConfig,

@@ -15,6 +15,7 @@ from ..errors import ConfigError, EurekaError, Interrupted
 from ..report import html
 from ..report.build import build
 from ..runs import compose, door
+from ..runs.stopping import stopped
 from ..store import artifacts
 from ..store.directory import OUTPUTS
 from ..tasks.registry import get
@@ -100,8 +101,10 @@ def bench(
     found: list[Bench] = []
     try:
         run(read, directory, door.host(on_event), tell=found.append)
-    except Interrupted as stop:
-        print(stop)
+    except Interrupted:
+        if not found:
+            raise KeyboardInterrupt from None
+        print(stopped(f"openeureka.bench(..., dir={str(directory)!r})"))
     return found[-1]
 
 
@@ -136,6 +139,20 @@ def run(
         get(task)
     configs = {cell: compose.admitted(plan.config(cell), plan.typed(cell)) for cell in plan.cells()}
     _keep(plan, directory)
+    try:
+        _cells(plan, directory, configs, host, tell, say)
+    except KeyboardInterrupt:  # between two searches
+        raise Interrupted(stopped(host.again(directory))) from None
+
+
+def _cells(
+    plan: Plan,
+    directory: Path,
+    configs: Mapping[Cell, RunConfig],
+    host: compose.Host,
+    tell: Callable[[Bench], object],
+    say: Callable[[str], object],
+) -> None:
     failures: dict[str, EurekaError] = {}
     results = {cell: figures.read(cell, directory / cell.name) for cell in configs}
     _renew(plan, directory, results, failures, tell)
