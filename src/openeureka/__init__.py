@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 from .version import __version__
 
 if TYPE_CHECKING:
+    from .benchmark.bench import Bench, bench
+    from .benchmark.plan import Plan
     from .errors import EurekaError
     from .runs.door import check, open_run, search, searching, train, tune
     from .runs.events import Asked, Began, Checked, Event, Played, Replied, Started
@@ -21,12 +23,14 @@ if TYPE_CHECKING:
 __all__ = [
     "Asked",
     "Began",
+    "Bench",
     "Checked",
     "EurekaError",
     "Event",
     "Generation",
     "LaneView",
     "Outcome",
+    "Plan",
     "Played",
     "Replied",
     "Run",
@@ -36,6 +40,7 @@ __all__ = [
     "TrainingResult",
     "Verdict",
     "__version__",
+    "bench",
     "check",
     "open_run",
     "search",
@@ -45,6 +50,8 @@ __all__ = [
 ]
 
 _MODULES = {
+    "benchmark.bench": ("Bench", "bench"),
+    "benchmark.plan": ("Plan",),
     "errors": ("EurekaError",),
     "runs.door": ("check", "open_run", "search", "searching", "train", "tune"),
     "runs.events": ("Asked", "Began", "Checked", "Event", "Played", "Replied", "Started"),

@@ -139,6 +139,39 @@ def difference(
     return Difference(value=value, low=value - half, high=value + half, seeds=next(enough, None))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """A mean over independent values, such as those of several searches."""
+
+    value: float
+    low: float | None
+    high: float | None
+    """Ends of the 95 % interval; None where one value has no spread."""
+    count: int
+
+    @property
+    def sure(self) -> bool:
+        """Whether the interval leaves no doubt on which side of zero it is."""
+        return self.low is not None and self.high is not None and (self.low > 0 or self.high < 0)
+
+
+def estimate(values: Sequence[float | None], *, claims: int = 1) -> Estimate | None:
+    """Student's interval of the mean of the defined values; None where there is none.
+
+    Args:
+        claims: how many such intervals are to hold together, as in `difference`.
+    """
+    defined = [value for value in values if value is not None and math.isfinite(value)]
+    centre, count = mean(defined), len(defined)
+    if centre is None:
+        return None
+    if count < 2:
+        return Estimate(value=centre, low=None, high=None, count=count)
+    spread = math.sqrt(math.fsum((value - centre) ** 2 for value in defined) / (count - 1))
+    half = _quantile(count - 1, claims) * spread / math.sqrt(count)
+    return Estimate(value=centre, low=centre - half, high=centre + half, count=count)
+
+
 def _quantile(freedom: int, claims: int) -> float:
     from scipy.special import stdtrit  # pyright: ignore[reportMissingTypeStubs] # a third of a second that only the end of a search needs
 

@@ -45,7 +45,7 @@ def go(benchmark: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 def test_every_reward_and_seed_is_a_lane_of_one_training(go, tmp_path):
     assert go("--env", "ant", "--seeds", "2") == ["human-s0", "human-s1", "sparse-s0", "sparse-s1"]
     ant = json.loads((tmp_path / "all.json").read_text())["ant"]
-    assert (ant["env_steps"], ant["worlds"]) == (3_000_000, 128)
+    assert (ant["env_steps"], ant["worlds"]) == (6_000_000, 512)
     lane = ant["lanes"]["human-s1"]
     assert lane["fitness_at_first"] == pytest.approx(10.01 / 2)
     assert lane["fitness_max_over_epochs"] == 10.01
@@ -139,7 +139,7 @@ def test_the_package_reads_the_summary(go, tmp_path, monkeypatch):
     assert known is not None
     assert known.human.training == (10.0, 10.01)
     assert known.sparse.held_out == pytest.approx((4.0, 4.01))
-    assert (known.env_steps, known.worlds) == (3_000_000, 128)
+    assert (known.env_steps, known.worlds) == (6_000_000, 512)
     assert shipped.known("some/file.py:Task") is None
 
 

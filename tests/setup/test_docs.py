@@ -8,6 +8,7 @@ import pytest
 
 from openeureka.cli.main import app
 from openeureka.cli.settings import (
+    BenchConfig,
     CheckConfig,
     ContextConfig,
     DoctorConfig,
@@ -28,6 +29,7 @@ KINDS = {
     "resume": RunConfig,
     "train": TrainConfig,
     "tune": TuneConfig,
+    "bench": BenchConfig,
     "check": CheckConfig,
     "play": PlayConfig,
     "report": ReportConfig,

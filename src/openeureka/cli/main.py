@@ -19,6 +19,7 @@ from ..errors import ConfigError, EurekaError, Interrupted, StoreError
 from ..text import plain
 from ..version import __version__
 from .settings import (
+    BenchConfig,
     CheckConfig,
     ContextConfig,
     DoctorConfig,
@@ -157,6 +158,17 @@ def tune(words: Settings = None, as_json: Json = False) -> None:
     from .tune import tune
 
     tune(words or [], as_json=as_json)
+
+
+@app.command(epilog=describe(BenchConfig))
+def bench(words: Words = None) -> None:
+    """Compare arms, such as models or searches, over tasks and seeds; the same command goes on where it stopped.
+
+    Example: eureka bench plan.yaml dir=outputs/ablations
+    """
+    from .bench import bench
+
+    raise typer.Exit(bench(words or []))
 
 
 @app.command(epilog=describe(CheckConfig))

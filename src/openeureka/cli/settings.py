@@ -14,6 +14,14 @@ from ..errors import ConfigError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class BenchConfig:
+    """Where a bench is kept; all else is in its plan."""
+
+    dir: str = ""
+    """Directory of its runs and its page; empty means `outputs/bench_<name of the plan>`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CheckConfig:
     """Check of one reward file."""
 

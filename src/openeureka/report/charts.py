@@ -121,6 +121,30 @@ def components(result: TrainingResult | None) -> Chart | None:
     return _chart("Components, mean per step", "epoch", series, _undrawn(len(names), "components"))
 
 
+def spending(title: str, lines: Mapping[str, Sequence[Point]], levels: Mapping[str, float]) -> Chart | None:
+    """Steps up of what was reached by environment steps, and levels to compare with.
+
+    Args:
+        lines: by name, environment steps and the value from there on, in order; in the colours of their places.
+        levels: by name, a value that needed none.
+    """
+    last = max((steps for points in lines.values() for steps, _ in points), default=0.0) / 1e6
+    series = [
+        _Series(name=name, points=_stairs(points, last), color=color % MAX_LINES)
+        for color, (name, points) in enumerate(lines.items())
+    ]
+    series += [
+        _Series(name=name, points=((0.0, value), (last, value)), color=2, dashed=True) for name, value in levels.items()
+    ]
+    return _chart(title, "million environment steps", series, whole=False) if last else None
+
+
+def _stairs(points: Sequence[Point], last: float) -> tuple[tuple[float, float | None], ...]:
+    """Both ends of each step, in millions; the last one's is that of the picture."""
+    ends = [*(steps / 1e6 for steps, _ in points[1:]), last]
+    return tuple((x, value) for (steps, value), end in zip(points, ends, strict=False) for x in (steps / 1e6, end))
+
+
 def _undrawn(count: int, what: str) -> str:
     return f"{count - MAX_LINES} more {what} are not drawn." if count > MAX_LINES else ""
 
@@ -138,12 +162,16 @@ def _drawable(value: float | None) -> float | None:
     return value if value is not None and abs(value) < TOO_LARGE else None
 
 
-def _chart(title: str, x_label: str, series: Sequence[_Series], note: str = "") -> Chart | None:
-    """The chart; None when no value is defined."""
+def _chart(title: str, x_label: str, series: Sequence[_Series], note: str = "", *, whole: bool = True) -> Chart | None:
+    """The chart; None when no value is defined.
+
+    Args:
+        whole: whether x counts something.
+    """
     defined = [(x, y) for one in series for x, y in one.points if y is not None]
     if not defined:
         return None
-    xs, ys = _axis([x for x, _ in defined], whole=True), _axis([y for _, y in defined])
+    xs, ys = _axis([x for x, _ in defined], whole=whole), _axis([y for _, y in defined])
     lines = tuple(
         Line(name=one.name, color=one.color, pieces=_pieces(one.points, xs, ys), dots=one.dots, dashed=one.dashed)
         for one in series

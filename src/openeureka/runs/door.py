@@ -322,11 +322,16 @@ class _Desk:
         self.host.obey(self.directory)
 
 
+def host(on_event: Tell | None) -> compose.Host:
+    """This program, as the host of runs that it waits for."""
+    in_main = threading.current_thread() is threading.main_thread()
+    return _Program(on_event or (lambda event: None), None if in_main else threading.Event())
+
+
 def _done(directory: Path, on_event: Tell | None, work: Work) -> Run:
     """The run after the work, or as far as it came when it was stopped."""
-    in_main = threading.current_thread() is threading.main_thread()
     try:
-        work(_Program(on_event or (lambda event: None), None if in_main else threading.Event()))
+        work(host(on_event))
     except Interrupted as stop:
         if not is_run(directory):
             raise KeyboardInterrupt from None

@@ -52,7 +52,7 @@ T = TypeVar("T")
 LOOK_TIME = 0.5
 """[s] to wait for the lock: who only asks whether the run is at work (`is_held`) has it for microseconds."""
 
-_FREE_TO_CHANGE = {
+FREE_TO_CHANGE = {
     *("dir", "device", "threads", "executor", "base_url", "max_cost", "price", "video"),
     *("feedback_timeout", "unsafe_no_sandbox"),
 }
@@ -144,7 +144,7 @@ class Store:
             self._database.put("run", row)
             return
         stored, wanted = as_dict(self.config), as_dict(config)
-        differing = [key for key in wanted if key not in _FREE_TO_CHANGE and stored[key] != wanted[key]]
+        differing = [key for key in wanted if key not in FREE_TO_CHANGE and stored[key] != wanted[key]]
         if differing:
             changes = ", ".join(f"{key}={wanted[key]} (was {stored[key]})" for key in differing)
             raise StoreError(f"{self.directory} holds a run with other settings: {changes}; use those or another dir=.")

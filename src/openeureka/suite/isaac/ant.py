@@ -64,7 +64,7 @@ class Ant(Runner):
     )
     # The original takes 32.8 M steps with 4096 worlds; fewer worlds and a smaller network learn from fewer steps.
     recipe = Recipe(
-        hidden=(128, 64), env_steps=3_000_000, worlds=128, horizon=16, epochs=4, minibatches=2, reward_scale=0.01
+        hidden=(128, 64), env_steps=6_000_000, worlds=512, horizon=16, epochs=4, minibatches=2, reward_scale=0.01
     )
 
     @staticmethod

@@ -82,8 +82,8 @@ class Quadcopter(Task):
     # Batches of 16384 steps: with a quarter of that, or at the original's learning rate, F stays below -0.31.
     recipe = Recipe(
         hidden=(128, 128),
-        env_steps=1_000_000,
-        worlds=128,
+        env_steps=2_500_000,
+        worlds=512,
         horizon=32,
         epochs=5,
         reward_scale=0.1,

@@ -1,0 +1,1 @@
+"""Searches compared: every arm of a plan on every task, with every seed; what `eureka bench` runs and tells."""

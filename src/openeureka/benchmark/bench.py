@@ -1,0 +1,209 @@
+"""Runs the cells of a plan, one after the other, and tells what came of them after each."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+
+from ..config import RunConfig
+from ..errors import ConfigError, EurekaError, Interrupted
+from ..report import html
+from ..report.build import build
+from ..runs import compose, door
+from ..runs.stopping import stopped
+from ..store import artifacts
+from ..store.directory import OUTPUTS
+from ..tasks.registry import get
+from . import figures
+from .plan import Cell, Plan, expect_more, load, plan
+from .table import Comparison, Row, Total
+
+PLAN = "plan.json"
+JSON = "bench.json"
+PAGE = "bench.html"
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """A bench as far as it has come: what `bench.json` and `bench.html` hold."""
+
+    directory: Path
+    """Of the bench; each cell is a run below it, `<task>-<arm>-<seed>`."""
+    compared: Comparison
+    failures: Mapping[str, EurekaError] = field(default_factory=dict[str, EurekaError])
+    """By the name of a cell: why it could not be finished this time."""
+
+    @property
+    def plan(self) -> Plan:
+        """Its tasks, arms, seeds and settings."""
+        return self.compared.plan
+
+    @property
+    def finished(self) -> bool:
+        """Whether every cell is; else the same call goes on."""
+        return len(self.compared.results) == sum(1 for _ in self.plan.cells())
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """A row for each task and arm."""
+        return self.compared.rows
+
+    @property
+    def totals(self) -> tuple[Total, ...]:
+        """A row for each arm, over all tasks."""
+        return self.compared.totals
+
+    @property
+    def results(self) -> tuple[figures.Result, ...]:
+        """Every finished cell in numbers."""
+        return self.compared.results
+
+    def write(self) -> None:
+        """Renew the page and the rows."""
+        facts = {
+            "finished": self.finished,
+            "rows": [asdict(row) for row in self.rows],
+            "totals": [asdict(row) for row in self.totals],
+            "cells": [asdict(result) for result in self.results],
+            "failed": {name: str(error) for name, error in self.failures.items()},
+        }
+        artifacts.write(self.directory, JSON, json.dumps(facts, indent=1) + "\n")
+        template = html.environment().get_template("bench.html")
+        page = template.render(bench=self, run=None, style=Markup(html.text("report.css")), page=PAGE)
+        artifacts.write(self.directory, PAGE, page)
+
+
+def bench(
+    plan: str | Path | Mapping[str, Any] | Plan, *, dir: str | Path = "", on_event: door.Tell | None = None
+) -> Bench:
+    """Search with every arm of a plan on every task with every seed, as `eureka bench` does, and compare the arms.
+
+        bench = openeureka.bench("plan.yaml")
+        print([(row.task, row.arm, row.held_out) for row in bench.rows])
+
+    Finished cells are read, not run again: called with the same `dir` it goes on. A cell that cannot be finished is in
+    `failures`, and the others go on. Ctrl-C stops it, and what is there so far is returned.
+
+    Args:
+        plan: a YAML file, or what one holds.
+        dir: where; empty means `outputs/bench_<name of the file>`.
+        on_event: called with every `Event` of every search; `Started` says which one begins.
+
+    Raises:
+        ConfigError: for a plan that does not fit, also where `dir` has a bench with another one.
+    """
+    read, directory = opened(plan, dir)
+    found: list[Bench] = []
+    try:
+        run(read, directory, door.host(on_event), tell=found.append)
+    except Interrupted:
+        if not found:
+            raise KeyboardInterrupt from None
+        print(stopped(f"openeureka.bench(..., dir={str(directory)!r})"))
+    return found[-1]
+
+
+def opened(plan_: str | Path | Mapping[str, Any] | Plan, dir: str | Path = "") -> tuple[Plan, Path]:
+    """A plan, and the directory of its bench. Raises ConfigError."""
+    if isinstance(plan_, (str, Path)):
+        path = Path(plan_)
+        return load(path), Path(dir) if dir else OUTPUTS / f"bench_{path.stem}"
+    read = plan_ if isinstance(plan_, Plan) else plan(plan_)
+    return read, Path(dir) if dir else OUTPUTS / "bench"
+
+
+def run(
+    plan: Plan,
+    directory: Path,
+    host: compose.Host,
+    tell: Callable[[Bench], object],
+    say: Callable[[str], object] = lambda text: None,
+) -> None:
+    """Run what is missing. All that a person can get wrong about settings is refused before anything is made.
+
+    Args:
+        host: of every search.
+        tell: called with the bench as it stands: before the first cell, and after each.
+        say: called with sentences on how it comes along.
+
+    Raises:
+        Interrupted: stopped by Ctrl-C; what was finished is kept.
+        EurekaError: for a plan that does not fit; what a single cell fails of is in `Bench.failures`.
+    """
+    for task in plan.tasks:
+        get(task)
+    configs = {cell: compose.admitted(plan.config(cell), plan.typed(cell)) for cell in plan.cells()}
+    _keep(plan, directory)
+    try:
+        _cells(plan, directory, configs, host, tell, say)
+    except KeyboardInterrupt:  # between two searches
+        raise Interrupted(stopped(host.again(directory))) from None
+
+
+def _cells(
+    plan: Plan,
+    directory: Path,
+    configs: Mapping[Cell, RunConfig],
+    host: compose.Host,
+    tell: Callable[[Bench], object],
+    say: Callable[[str], object],
+) -> None:
+    failures: dict[str, EurekaError] = {}
+    results = {cell: figures.read(cell, directory / cell.name) for cell in configs}
+    _renew(plan, directory, results, failures, tell)
+    for number, (cell, config) in enumerate(configs.items(), start=1):
+        place = directory / cell.name
+        if results[cell] is not None and artifacts.exists(place, "report.html"):
+            continue
+        say(f"\nCell {number} of {len(configs)}: {cell.name}")
+        try:
+            _finish(config, place, host, say, searched=results[cell] is not None)
+        except Interrupted:
+            raise
+        except EurekaError as error:
+            failures[cell.name] = error
+            say(f"{cell.name} failed: {error}")
+        results[cell] = figures.read(cell, place)
+        _renew(plan, directory, results, failures, tell)
+
+
+def _finish(
+    config: RunConfig, place: Path, host: compose.Host, say: Callable[[str], object], *, searched: bool
+) -> None:
+    """Search, or write the report of a search that was killed at its very end."""
+    work = build(place, config.video, config.env) if searched else compose.search(config, place, host)
+    for problem in work:
+        say(problem)
+
+
+def _keep(plan: Plan, directory: Path) -> None:
+    """The plan is kept for the next one, which may add to it."""
+    kept = artifacts.read(directory, PLAN) if directory.is_dir() else None
+    if kept is not None:
+        expect_more(kept, plan, directory)
+    elif directory.exists() and (not directory.is_dir() or any(_visible(directory))):
+        raise ConfigError(f"{directory} is not empty and has no bench; name another dir=.")
+    artifacts.write(directory, PLAN, plan.as_json())
+
+
+def _visible(directory: Path) -> list[Path]:
+    """Without what a killed writer left."""
+    return [path for path in directory.iterdir() if not path.name.startswith(".")]
+
+
+def _renew(
+    plan: Plan,
+    directory: Path,
+    results: Mapping[Cell, figures.Result | None],
+    failures: Mapping[str, EurekaError],
+    tell: Callable[[Bench], object],
+) -> None:
+    finished = tuple(result for result in results.values() if result is not None)
+    now = Bench(directory, Comparison(plan, finished), dict(failures))
+    now.write()
+    tell(now)

@@ -1,0 +1,117 @@
+"""One finished cell in numbers, all of them from its run directory."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from .. import race
+from ..lanes import final_seeds
+from ..report.view import RunView
+from ..score import mean, rank
+from ..store import is_run
+from ..types import Role
+from .plan import Cell
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result:
+    """What one search spent and found."""
+
+    task: str
+    arm: str
+    seed: int
+    search_steps: int
+    """Environment steps of the trainings of its candidates."""
+    steps: int
+    """Environment steps of all its trainings; those of the human and the sparse reward and the final ones as well."""
+    held_out: float | None
+    """F of its best reward in fresh trainings and episodes, mean over those; None where none left a policy."""
+    human: float | None
+    sparse: float | None
+    """The same of the rewards that come with the task."""
+    cost_usd: float
+    """Of its replies."""
+    minutes: float
+    """Of training: of lanes that train side by side, those of the longest."""
+    curve: tuple[tuple[int, float], ...]
+    """The best F of any policy that the search had played, where it rose: steps spent until then, and F."""
+
+    def reached(self, steps: int) -> float | None:
+        """The best played F when the search had spent so many steps."""
+        return max((value for spent, value in self.curve if spent <= steps), default=None)
+
+
+def read(cell: Cell, directory: Path) -> Result | None:
+    """The numbers of a cell; None where its search is not at its end. Raises StoreError where it cannot be read."""
+    if not is_run(directory):
+        return None
+    run = RunView.read(directory)
+    outcome = run.outcome
+    searched = len(run.history.generations) >= run.config.generations > 0
+    if not searched or (outcome is None and run.best is not None):  # the crown is kept last
+        return None
+    spent = list(_spent(run))
+    search_steps = spent[-1][0] if spent else 0
+    others = [result for lane, result in run.results.items() if run.lanes[lane].role != "candidate"]
+    return Result(
+        task=cell.task,
+        arm=cell.arm,
+        seed=cell.seed,
+        search_steps=search_steps,
+        steps=search_steps + sum(result.env_steps for result in others),
+        held_out=mean(outcome.method.held_out) if outcome is not None else None,
+        human=mean(outcome.human.held_out) if outcome is not None else None,
+        sparse=mean(outcome.sparse.held_out) if outcome is not None else None,
+        cost_usd=run.usage.cost_usd,
+        minutes=_seconds(run) / 60,
+        curve=_rises(spent),
+    )
+
+
+def _spent(run: RunView) -> Iterator[tuple[int, float | None]]:
+    """Steps of the search up to each slot that trained, and F of its policy when played.
+
+    Slots of a generation count in their order, as if one trained after the other. Equal graphs of a generation train
+    once and share the result, and so do equal programs of the whole search.
+    """
+    steps, lanes = 0, set[str]()
+    for generation in run.generations:
+        graphs = set[str]()
+        for slot in generation.candidates:
+            if slot.result is None:
+                continue
+            graph = str(slot.verdict.graph) if slot.verdict is not None else ""
+            if slot.result.lane not in lanes and graph not in graphs:
+                steps += slot.result.env_steps
+                graphs.add(graph)
+            lanes.add(slot.result.lane)
+            yield steps, slot.played.fitness if slot.played is not None else None
+
+
+def _rises(spent: Sequence[tuple[int, float | None]]) -> tuple[tuple[int, float], ...]:
+    found: list[tuple[int, float]] = []
+    for steps, value in spent:
+        if value is not None and rank(value) > (found[-1][1] if found else rank(None)):
+            found.append((steps, value))
+    return tuple(found)
+
+
+def _seconds(run: RunView) -> float:
+    """A generation trains side by side, the first with the rewards that come with the task; so do final trainings."""
+
+    def lanes(role: Role, seeds: Container[int]) -> set[str]:
+        return {name for name, lane in run.lanes.items() if lane.role == role and lane.seed in seeds}
+
+    rounds = [
+        {slot.result.lane for slot in generation.candidates if slot.result is not None}
+        for generation in run.generations
+    ]
+    rounds[0] |= lanes("baseline", [run.config.seed])
+    rounds += [lanes("final", seeds) for seeds in race.rounds(final_seeds(run.config), raced=run.ranks == "played")]
+    seconds, known = 0.0, set[str]()
+    for own in rounds:
+        seconds += max((run.results[lane].seconds for lane in own - known if lane in run.results), default=0.0)
+        known |= own
+    return seconds

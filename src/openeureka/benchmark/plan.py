@@ -1,0 +1,229 @@
+"""What `eureka bench` is to run: tasks, seeds, and arms that differ in their settings. Read strictly from YAML."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ..config import NO_MODEL, RunConfig, absolute, as_dict, parse, restored, short_name
+from ..errors import ConfigError, nearest
+from ..store.store import FREE_TO_CHANGE
+
+Settings = Mapping[str, Any]
+"""Values of `RunConfig` fields by name."""
+
+NAME = re.compile(r"\w{1,40}", re.ASCII)
+OWN = ("env", "seed", "dir")
+"""Settings that are not an arm's to choose: every cell has its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One search of a plan: a task, an arm and a seed."""
+
+    task: str
+    arm: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Of its directory, and for people."""
+        return f"{short_name(self.task)}-{self.arm}-{self.seed}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """Arms x tasks x seeds. Raises ConfigError, one sentence, for what does not fit."""
+
+    tasks: tuple[str, ...]
+    seeds: tuple[int, ...]
+    arms: Mapping[str, Settings]
+    """What each arm changes; the others are compared with the first."""
+    settings: Settings = field(default_factory=dict[str, Any])
+    """Of all arms."""
+    per_task: Mapping[str, Settings] = field(default_factory=dict[str, Settings])
+    """What a task changes of them; an arm's own settings come after these."""
+
+    def __post_init__(self) -> None:
+        for what, values in (("tasks", self.tasks), ("seeds", self.seeds), ("arms", self.arms)):
+            if not values:
+                raise ConfigError(f"The plan has no {what}.")
+        for what, named in (("task", [*map(short_name, self.tasks)]), ("seed", [*map(str, self.seeds)])):
+            if twice := [value for value in named if named.count(value) > 1]:
+                raise ConfigError(f"The plan names the {what} {twice[0]} twice.")
+        for arm in self.arms:
+            if not NAME.fullmatch(arm):
+                raise ConfigError(f"An arm's name has letters, digits and `_` only, at most 40, not `{arm:.60}`.")
+        if unknown := [task for task in self.per_task if task not in self.tasks]:
+            raise ConfigError(
+                f"`per_task` names `{unknown[0]}`, which is no task of the plan.{nearest(unknown[0], self.tasks)}"
+            )
+        for cell in self.cells():
+            self.config(cell)
+
+    def cells(self) -> Iterator[Cell]:
+        """In the order in which they run: one that is broken off has every arm of the first seeds."""
+        for seed in self.seeds:
+            for task in self.tasks:
+                for arm in self.arms:
+                    yield Cell(task, arm, seed)
+
+    def typed(self, cell: Cell) -> dict[str, Any]:
+        """The settings of a cell that the plan names."""
+        chosen = {**self.settings, **self.per_task.get(cell.task, {}), **self.arms[cell.arm]}
+        return {**chosen, "env": cell.task, "seed": cell.seed}
+
+    def config(self, cell: Cell) -> RunConfig:
+        """All settings of a cell but its directory."""
+        try:
+            return RunConfig(**self.typed(cell))
+        except ConfigError as error:
+            raise ConfigError(f"In the cell {cell.name}: {error}") from None
+
+    def as_json(self) -> str:
+        """For `kept`."""
+        cells = [(cell.task, cell.arm, cell.seed, as_dict(self.config(cell))) for cell in self.cells()]
+        return json.dumps({"cells": cells}, indent=1) + "\n"
+
+
+# --- from YAML, or from Python ---------------------------------------------------------------------------------------
+
+
+class _Loader(yaml.SafeLoader):
+    """One that does not let the second of two equal keys win."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        if twice := [key for key in keys if keys.count(key) > 1]:
+            raise yaml.constructor.ConstructorError(None, None, f"`{twice[0]}` stands there twice", node.start_mark)
+        return super().construct_mapping(node, deep)
+
+
+def load(path: Path) -> Plan:
+    """A plan from a YAML file; files that it names are found from where it is. Raises ConfigError."""
+    try:
+        found = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
+    except OSError as error:
+        raise ConfigError(f"Cannot read the plan {path}: {error.strerror}.") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ConfigError(f"The plan {path} is not YAML: {' '.join(str(error).split())}.") from None
+    try:
+        return plan(found, path.parent)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
+
+
+def plan(found: object, folder: Path | None = None) -> Plan:
+    """A plan from what YAML holds.
+
+    Args:
+        folder: where files are that it names; None for the working directory.
+
+    Raises:
+        ConfigError: for what does not fit.
+    """
+    folder = folder or Path()
+    if not isinstance(found, Mapping):
+        raise ConfigError("A plan is a mapping with `tasks`, `seeds` and `arms`.")
+    readers: dict[str, Callable[[str, object], Any]] = {
+        "tasks": lambda key, value: tuple(_located(folder, "env", task) for task in _listed(key, value, str)),
+        "seeds": lambda key, value: tuple(_listed(key, value, int)),
+        "arms": lambda key, value: _named(key, value, folder),
+        "settings": lambda key, value: _settings(key, value, folder),
+        "per_task": lambda key, value: {
+            _located(folder, "env", task): changes for task, changes in _named(key, value, folder).items()
+        },
+    }
+    for key in found:
+        if key not in readers:
+            raise ConfigError(f"A plan has no `{key}`.{nearest(str(key), readers)} It has {', '.join(readers)}.")
+    if missing := [key for key in ("tasks", "seeds", "arms") if key not in found]:
+        raise ConfigError(f"The plan has no {missing[0]}.")
+    return Plan(**{str(key): readers[key](key, value) for key, value in found.items()})
+
+
+def _listed(key: str, value: object, kind: type) -> list[Any]:
+    if not isinstance(value, (list, tuple)) or any(type(item) is not kind for item in value):
+        wanted = "names" if kind is str else "whole numbers"
+        raise ConfigError(f"`{key}` is a list of {wanted}, not `{value!s:.60}`.")
+    if kind is int and any(item < 0 for item in value):
+        raise ConfigError(f"`{key}` are zero or more.")
+    return list(value)
+
+
+def _named(key: str, value: object, folder: Path) -> dict[str, Settings]:
+    """Settings by name, as of arms."""
+    if not isinstance(value, Mapping) or any(type(name) is not str for name in value):
+        raise ConfigError(f"`{key}` is a mapping of names to settings, such as `{{short: {{steps: 10000}}}}`.")
+    return {name: _settings(f"{key}.{name}", changes, folder) for name, changes in value.items()}
+
+
+def _settings(where: str, value: object, folder: Path) -> Settings:
+    """Settings as the command line reads them."""
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping):
+        raise ConfigError(f"`{where}` is a mapping of settings, such as `{{sample: 8}}`, not `{value!s:.60}`.")
+    words: list[str] = []
+    for key, given in value.items():
+        if key in OWN:
+            raise ConfigError(f"`{where}` sets `{key}`, which every cell of a plan has of its own.")
+        if not isinstance(given, (str, int, float, Path)):
+            raise ConfigError(f"`{where}` sets `{key}` to `{given!s:.60}`; a setting takes a text or a number.")
+        text = f"{given:.0f}" if isinstance(given, float) and given.is_integer() else str(given)
+        words.append(f"{key}={_located(folder, str(key), text)}")
+    try:
+        read = parse(RunConfig, words)
+    except ConfigError as error:
+        raise ConfigError(f"In `{where}`: {error}") from None
+    if "model" in value and read.model == NO_MODEL:
+        raise ConfigError(f"`{where}` sets model={NO_MODEL}, and a bench compares searches.")
+    return {str(key): getattr(read, str(key)) for key in value}
+
+
+def _located(folder: Path, key: str, value: str) -> str:
+    """The whole path of a file that a setting names, from where the plan is."""
+    is_file = absolute(key, value) != value and not value.startswith("~")
+    return absolute(key, str(folder / value)) if is_file else absolute(key, value)
+
+
+# --- what a directory holds of an earlier plan -----------------------------------------------------------------------
+
+
+def expect_more(kept: bytes, wanted: Plan, directory: Path) -> None:
+    """Refuse a plan that lacks cells of the one that was kept (see `Plan.as_json`), or has others in their place.
+
+    Raises:
+        ConfigError: for such a plan, or where what was kept is no plan.
+    """
+    new = {cell.name: cell for cell in wanted.cells()}
+    for cell, before in _cells(kept, directory).items():
+        if cell.name not in new:
+            raise ConfigError(
+                f"{directory} has a bench with {cell.name}, which the plan lacks: it may add tasks, arms and seeds; "
+                "name another dir= for less."
+            )
+        now = as_dict(wanted.config(new[cell.name]))
+        for key, value in as_dict(before).items():
+            if key not in FREE_TO_CHANGE and now[key] != value:
+                raise ConfigError(
+                    f"{directory} has a bench whose {cell.name} has {key}={value}, not {now[key]}: leave it so, or "
+                    "name another dir=."
+                )
+
+
+def _cells(kept: bytes, directory: Path) -> dict[Cell, RunConfig]:
+    try:
+        return {
+            Cell(str(task), str(arm), int(seed)): dataclasses.replace(restored(RunConfig, config), dir="")
+            for task, arm, seed, config in json.loads(kept)["cells"]
+        }
+    except (ValueError, TypeError, KeyError, RecursionError, ConfigError):
+        raise ConfigError(f"{directory} has a plan.json that no bench wrote; name another dir=.") from None

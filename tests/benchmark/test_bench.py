@@ -1,0 +1,140 @@
+"""A bench from the first cell to the table, with fakes for model, sandbox and trainer."""
+
+import json
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import pytest
+import yaml
+
+import openeureka
+from openeureka.benchmark import figures
+from openeureka.benchmark.plan import Cell
+from openeureka.cli import main as command
+from openeureka.errors import ConfigError, TaskError
+from openeureka.ui import folder
+
+from .toys import PLAN, lines, play
+
+
+@pytest.fixture(autouse=True)
+def meters(tmp_path, monkeypatch) -> Path:
+    play(monkeypatch, tmp_path)
+    return tmp_path
+
+
+def run(tmp_path: Path, plan: dict, *words: str) -> int:
+    (tmp_path / "plan.yaml").write_text(yaml.safe_dump(plan, sort_keys=False))
+    with pytest.raises(SystemExit) as exit:
+        command.main(["bench", f"{tmp_path}/plan.yaml", f"dir={tmp_path}/bench", *words])
+    return int(exit.value.code or 0)
+
+
+def test_a_bench_says_what_each_arm_spent_and_found(tmp_path, meters):
+    found = openeureka.bench(PLAN, dir=tmp_path / "bench")
+    assert found.finished and not found.failures
+    full, weaker = found.rows
+    # A toy's F is what its program returns plus a hundredth of the seed, held out one less: seeds 1, 2 and 11, 12 of
+    # the final trainings, so 11.015 and 11.115, and 5.015 and 5.115.
+    assert full.held_out.value == pytest.approx(11.065) and weaker.held_out.value == pytest.approx(5.065)
+    assert weaker.difference.value == pytest.approx(-6.0) and weaker.difference.sure
+    # Three steps a training: two candidates, of the weak model twice the same graph, which trains once. Then the human
+    # and the sparse reward, and two final seeds of the best and of the human one.
+    assert (full.search_steps, weaker.search_steps) == (6, 3)
+    assert (full.steps, weaker.steps) == (6 + 6 + 12, 3 + 6 + 12)
+    assert len(lines(meters, "trained")) * 3 == 2 * (full.steps + weaker.steps)
+    # At three steps, what the weak model spent: the first of the strong one's plays 7 and 7.1.
+    assert full.matched.value == pytest.approx(7.05) and weaker.matched.value == pytest.approx(5.05)
+    assert full.cost_usd == pytest.approx(2 * 2 * 0.01)
+    assert [(total.arm, total.cells) for total in found.totals] == [("full", 2), ("weaker", 2)]
+    # Human 9 + 0, 1 and 2 hundredths; sparse 4: (11.065 - 4.05) / (9.06 - 4.05), with those of the seed 10 on top.
+    human = (9.0 + 9.01 + 9.02 + 9.1 + 9.11 + 9.12) / 6
+    assert full.score.value == pytest.approx((11.065 - 4.05) / (human - 4.05))
+
+
+def test_cells_are_ordinary_runs_and_the_page_has_a_table_and_a_panel(tmp_path):
+    openeureka.bench(PLAN, dir=tmp_path / "bench")
+    names = {f"cartpole-{arm}-{seed}" for arm in ("full", "weaker") for seed in (0, 10)}
+    assert set(folder.runs(tmp_path / "bench")) == names  # what `eureka ui` lists
+    assert all(openeureka.open_run(tmp_path / "bench" / name).finished for name in names)
+    page = (tmp_path / "bench" / "bench.html").read_text()
+    assert "4 of 4 searches are finished" in page and page.count("<svg") == 1 and "decided" in page
+    rows = json.loads((tmp_path / "bench" / "bench.json").read_text())["rows"]
+    assert [(row["arm"], row["seeds"]) for row in rows] == [("full", 2), ("weaker", 2)]
+
+
+def test_what_is_finished_is_read_and_not_run_again(tmp_path, meters):
+    first = openeureka.bench(PLAN, dir=tmp_path / "bench")
+    before = lines(meters, "trained"), lines(meters, "asked")
+    (tmp_path / "bench" / "cartpole-full-0" / "report.html").unlink()  # as where it was killed before the report
+    again = openeureka.bench(PLAN, dir=tmp_path / "bench")
+    assert (lines(meters, "trained"), lines(meters, "asked")) == before
+    assert again.rows == first.rows
+    assert (tmp_path / "bench" / "cartpole-full-0" / "report.html").is_file()
+
+
+def test_another_plan_adds_arms_and_changes_none(tmp_path, meters):
+    openeureka.bench(PLAN, dir=tmp_path / "bench")
+    before = Counter(lines(meters, "trained"))
+    arms = {**PLAN["arms"], "again": {"model": "strong"}}
+    found = openeureka.bench({**PLAN, "arms": arms}, dir=tmp_path / "bench")
+    assert found.rows[2].difference.value == 0.0 and not found.rows[2].difference.sure
+    assert {line.split()[0] for line in Counter(lines(meters, "trained")) - before} == {
+        "cartpole-again-0",
+        "cartpole-again-10",
+    }
+    with pytest.raises(ConfigError, match="whose cartpole-full-0 has sample=2, not 4"):
+        openeureka.bench({**PLAN, "settings": {**PLAN["settings"], "sample": 4}}, dir=tmp_path / "bench")
+
+
+def test_nothing_is_made_for_what_cannot_be(tmp_path):
+    with pytest.raises(TaskError, match="Did you mean `cartpole`"):
+        openeureka.bench({**PLAN, "tasks": ["cartpol"]}, dir=tmp_path / "bench")
+    assert not (tmp_path / "bench").exists()
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.tex").write_text("...")
+    with pytest.raises(ConfigError, match="is not empty and has no bench"):
+        openeureka.bench(PLAN, dir=tmp_path / "full")
+
+
+def test_an_arm_that_fails_says_so_and_the_others_go_on(tmp_path, capsys):
+    arms = {"keyless": {"model": "keyless"}, **PLAN["arms"]}
+    assert run(tmp_path, {**PLAN, "seeds": [0], "arms": arms}) == 3  # that of ModelError
+    out = capsys.readouterr().out
+    assert "cartpole-keyless-0 could not be finished: The endpoint refused the key; check OPENAI_API_KEY." in out
+    assert "Cell 3 of 3: cartpole-weaker-0" in out
+    found = json.loads((tmp_path / "bench" / "bench.json").read_text())
+    assert [(row["arm"], row["seeds"]) for row in found["rows"]] == [("keyless", 0), ("full", 1), ("weaker", 1)]
+    assert list(found["failed"]) == ["cartpole-keyless-0"] and not found["finished"]
+    assert "cartpole-keyless-0 could not be finished" in (tmp_path / "bench" / "bench.html").read_text()
+
+
+def test_the_command_prints_a_table_and_ctrl_c_says_how_to_go_on(tmp_path, meters, capsys, monkeypatch):
+    seen = figures.read
+
+    def interrupted(cell: Cell, directory: Path):
+        if cell.arm == "weaker" and directory.exists():
+            raise KeyboardInterrupt
+        return seen(cell, directory)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(figures, "read", interrupted)
+        assert run(tmp_path, PLAN) == 130
+    command = f"eureka bench {tmp_path}/plan.yaml dir={tmp_path}/bench"
+    assert capsys.readouterr().err.splitlines() == [f"Stopped, nothing is lost. Continue with: {command}"]
+    before = Counter(lines(meters, "trained"))
+    assert run(tmp_path, PLAN) == 0
+    assert max((before + (Counter(lines(meters, "trained")) - before)).values()) == 1
+    rows = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("cartpole  ")]
+    assert [row[1] for row in rows] == ["full", "weaker"]
+
+
+def test_a_killed_bench_goes_on_and_neither_asks_nor_trains_twice(tmp_path):
+    script = Path(__file__).with_name("killed.py")
+    said = subprocess.run([sys.executable, script, tmp_path, "31"], check=True, capture_output=True, text=True).stdout
+    report = json.loads(said.splitlines()[-1])
+    assert len(report["killed"]) >= 3
+    assert all(left == report["whole"] for left in report["killed"])
+    assert set(Counter(report["whole"]["trained"]).values()) == {1}

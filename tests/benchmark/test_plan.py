@@ -1,0 +1,128 @@
+"""What a plan may say, and the sentence for what it may not."""
+
+from pathlib import Path
+
+import pytest
+
+from openeureka.benchmark.plan import Cell, expect_more, load, plan
+from openeureka.errors import ConfigError
+from openeureka.strategies import SEARCHES
+
+GOOD = """
+tasks: [cartpole, ant]
+seeds: [0, 10]
+settings: {model: random, sample: 8, iteration: 3, steps: 1e5}
+per_task: {ant: {steps: 2000000, worlds: 64}}
+arms:
+  full:
+  no_evolution: {iteration: 1, sample: 24}
+  short: {steps: 1000.0}
+"""
+
+
+def written(tmp_path, text):
+    path = tmp_path / "plan.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_cells_have_the_settings_of_all_then_of_the_task_then_of_the_arm(tmp_path):
+    read = load(written(tmp_path, GOOD))
+    full, short = (read.config(Cell("ant", arm, 10)) for arm in ("full", "short"))
+    assert (full.env, full.seed, full.model, full.sample, full.steps) == ("ant", 10, "random", 8, 2_000_000)
+    assert (short.steps, short.worlds) == (1000, 64)
+    assert read.config(Cell("cartpole", "full", 0)).steps == 100_000
+    assert read.config(Cell("cartpole", "no_evolution", 0)).iteration == 1
+
+
+def test_all_arms_of_a_seed_come_before_the_next_seed(tmp_path):
+    names = [cell.name for cell in load(written(tmp_path, GOOD)).cells()]
+    assert names[:4] == ["cartpole-full-0", "cartpole-no_evolution-0", "cartpole-short-0", "ant-full-0"]
+    assert [name.rpartition("-")[2] for name in names] == ["0"] * 6 + ["10"] * 6
+
+
+def test_files_are_found_from_where_the_plan_is(tmp_path):
+    text = "{tasks: [my/task.py], seeds: [0], arms: {own: {init: mine.py}, people: {init: human}}}"
+    read = load(written(tmp_path, text))
+    assert read.tasks == (f"{tmp_path}/my/task.py",)
+    own, people = (read.config(cell) for cell in read.cells())
+    assert (own.init, people.init) == (f"{tmp_path}/mine.py", "human")
+    assert next(read.cells()).name == "task-own-0"
+
+
+REST = "{tasks: [cartpole], seeds: [0], arms: {a: {}}, "
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("[1, 2]", "A plan is a mapping with `tasks`, `seeds` and `arms`."),
+        ("{tasks: [cartpole], seeds: [0]}", "The plan has no arms."),
+        ("{tasks: [], seeds: [0], arms: {a: {}}}", "The plan has no tasks."),
+        (REST + "setings: {}}", "A plan has no `setings`. Did you mean `settings`?"),
+        ("{tasks: cartpole, seeds: [0], arms: {a: {}}}", "`tasks` is a list of names, not `cartpole`."),
+        ("{tasks: [cartpole], seeds: [zero], arms: {a: {}}}", "`seeds` is a list of whole numbers"),
+        ("{tasks: [cartpole], seeds: [true], arms: {a: {}}}", "`seeds` is a list of whole numbers"),
+        ("{tasks: [cartpole], seeds: [-1], arms: {a: {}}}", "`seeds` are zero or more."),
+        ("{tasks: [cartpole], seeds: [1, 1], arms: {a: {}}}", "names the seed 1 twice."),
+        ("{tasks: [a.py, b/a.py], seeds: [1], arms: {a: {}}}", "names the task a twice."),
+        ("{tasks: [cartpole], seeds: [0], arms: [a]}", "`arms` is a mapping of names to settings"),
+        ("{tasks: [cartpole], seeds: [0], arms: {off: {}}}", "`arms` is a mapping of names to settings"),
+        ("{tasks: [cartpole], seeds: [0], arms: {a: 3}}", "`arms.a` is a mapping of settings"),
+        ("{tasks: [cartpole], seeds: [0], arms: {../a: {}}}", "letters, digits and `_` only, at most 40, not `../a`."),
+        ("{tasks: [cartpole], seeds: [0], arms: {a: {}, a: {sample: 1}}}", "`a` stands there twice"),
+        ("{tasks: [cartpole], seeds: [0], arms: {a: {sampel: 1}}}", "In `arms.a`: Unknown setting `sampel`."),
+        ("{tasks: [cartpole], seeds: [0], arms: {a: {sample: many}}}", "`sample=many` does not fit"),
+        ("{tasks: [cartpole], seeds: [0], arms: {a: {sample: [1]}}}", "a setting takes a text or a number."),
+        ("{tasks: [cartpole], seeds: [0], arms: {a: {seed: 1}}}", "sets `seed`, which every cell of a plan has"),
+        ("{tasks: [cartpole], seeds: [0], arms: {a: {model: none}}}", "a bench compares searches."),
+        (REST + "per_task: {cartpol: {}}}", "`cartpol`, which is no task of the plan. Did you mean `cartpole`?"),
+        (REST + "settings: {video: some}}", "`video` must be one of"),
+        ("{tasks: [", "is not YAML"),
+    ],
+)
+def test_what_does_not_fit_is_one_sentence(tmp_path, text, says):
+    with pytest.raises(ConfigError) as refused:
+        load(written(tmp_path, text))
+    assert says in str(refused.value) and str(refused.value).startswith(("The plan ", str(tmp_path)))
+
+
+def test_a_plan_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(ConfigError, match="Cannot read the plan"):
+        load(tmp_path / "none.yaml")
+
+
+PLAN = {"tasks": ["cartpole"], "seeds": [0], "settings": {"model": "random"}, "arms": {"a": {}, "b": {"sample": 2}}}
+
+
+def test_another_plan_may_add_and_may_say_otherwise_how_it_runs(tmp_path):
+    kept = plan(PLAN).as_json().encode()
+    more = {**PLAN, "tasks": ["ant", "cartpole"], "seeds": [1, 0], "arms": {"c": {}, **PLAN["arms"]}}
+    expect_more(kept, plan({**more, "settings": {"model": "random", "max_cost": 5, "threads": 1}}), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"arms": {"a": {}}}, "has a bench with cartpole-b-0, which the plan lacks"),
+        ({"seeds": [1]}, "has a bench with cartpole-a-0, which the plan lacks"),
+        ({"arms": {"a": {}, "b": {"sample": 3}}}, "whose cartpole-b-0 has sample=2, not 3: leave it so"),
+        ({"settings": {"model": "gpt-5"}}, "whose cartpole-a-0 has model=random, not gpt-5"),
+    ],
+)
+def test_another_plan_changes_nothing_that_is_there(tmp_path, change, says):
+    with pytest.raises(ConfigError, match=says):
+        expect_more(plan(PLAN).as_json().encode(), plan({**PLAN, **change}), tmp_path)
+
+
+@pytest.mark.parametrize("kept", [b"", b"[]", b'{"cells": [1]}', b'{"cells": [["t", "a", "x", {}]]}'])
+def test_a_file_that_is_no_plan_is_refused(tmp_path, kept):
+    with pytest.raises(ConfigError, match=r"has a plan\.json that no bench wrote"):
+        expect_more(kept, plan(PLAN), tmp_path)
+
+
+def test_the_papers_ablations_are_a_plan_whose_searches_exist():
+    read = load(Path(__file__).parents[2] / "benchmarks" / "plans" / "ablations.yaml")
+    assert list(read.arms)[:2] == ["full", "random"]
+    for cell in read.cells():
+        SEARCHES.find(read.config(cell).search)

@@ -1,0 +1,100 @@
+"""The arithmetic of a comparison, against numbers worked out by hand."""
+
+import pytest
+
+from openeureka.benchmark.figures import Result
+from openeureka.benchmark.plan import plan
+from openeureka.benchmark.table import Comparison
+from openeureka.score import estimate
+
+PLAN = plan({"tasks": ["cartpole", "ant"], "seeds": [0, 1], "arms": {"full": {}, "random": {"model": "random"}}})
+
+
+def result(task: str, arm: str, seed: int, held_out: float | None, **numbers) -> Result:
+    known = {"search_steps": 100, "steps": 300, "human": 10.0, "sparse": 5.0, "cost_usd": 0.5, "minutes": 2.0}
+    return Result(task=task, arm=arm, seed=seed, held_out=held_out, **{**known, "curve": (), **numbers})
+
+
+def compared(*results: Result) -> Comparison:
+    return Comparison(PLAN, results)
+
+
+def test_an_interval_is_students():
+    # Mean 12, standard deviation 2, t(2, 0.975) = 4.3027: half is 4.3027 * 2 / sqrt(3) = 4.9683.
+    found = estimate([10.0, 12.0, 14.0])
+    assert (found.value, found.low, found.high) == pytest.approx((12.0, 7.0317, 16.9683), abs=1e-4)
+    assert found.sure and not estimate([-1.0, 2.0, 1.0]).sure
+    # Of two that hold together each has 97.5 %: t(2, 0.9875) = 6.2053, half is 7.1653.
+    assert estimate([10.0, 12.0, 14.0], claims=2).low == pytest.approx(4.8347, abs=1e-4)
+
+
+def test_one_value_has_no_interval_and_none_is_nothing():
+    assert estimate([None, 3.0]).low is None and not estimate([3.0]).sure
+    assert estimate([None]) is None
+
+
+def test_arms_are_compared_with_the_first_seed_by_seed():
+    table = compared(
+        *(result("cartpole", "full", 0, 10.0), result("cartpole", "full", 1, 20.0)),
+        *(result("cartpole", "random", 0, 8.0, steps=100), result("cartpole", "random", 1, 17.0)),
+    )
+    full, random, *rest = table.rows
+    assert (full.held_out.value, full.seeds, full.difference) == (15.0, 2, None)
+    # -2 and -3: mean -2.5, standard deviation 0.7071, t(1, 0.975) = 12.7062: half is 6.3531.
+    assert (random.difference.value, random.difference.low) == pytest.approx((-2.5, -8.8531), abs=1e-4)
+    assert not random.difference.sure
+    assert (random.steps, random.cost_usd, random.minutes) == (200, 1.0, 4.0)
+    assert [(row.task, row.seeds, row.held_out) for row in rest] == [("ant", 0, None), ("ant", 0, None)]
+
+
+def test_scores_are_on_one_scale_for_a_task_and_clipped():
+    # Human 10 and 14, sparse 5 and 3: the scale is 12 and 4, so 8 is 0.5, 40 is 3 and 0 is 0.
+    table = compared(
+        *(result("cartpole", "full", 0, 8.0), result("cartpole", "full", 1, 40.0, human=14.0, sparse=3.0)),
+        result("cartpole", "random", 0, 0.0, human=None, sparse=None),
+        *(result("ant", "full", 0, 7.5), result("ant", "random", 0, 10.0)),
+    )
+    assert [row.score.value for row in table.rows] == [1.75, 0.0, 0.5, 1.0]
+    full, random = table.totals
+    assert full.score.value == pytest.approx((0.5 + 3 + 0.5) / 3) and full.cells == 3
+    assert random.difference.value == pytest.approx((-0.5 + 0.5) / 2) and random.difference.count == 2
+
+
+def test_arms_are_matched_at_the_steps_of_the_cheapest_of_the_seed():
+    table = compared(
+        result("cartpole", "full", 0, 9.0, search_steps=200, curve=((50, 1.0), (100, 4.0), (150, 7.0))),
+        result("cartpole", "random", 0, 9.0, search_steps=120, curve=((60, 3.0),)),
+        result("cartpole", "full", 1, 9.0, search_steps=90, curve=((90, 6.0),)),
+    )
+    full, random, *_ = table.rows
+    assert (full.matched.value, random.matched.value) == (5.0, 3.0)  # 4 at 120 steps and 6 at 90
+
+
+def test_a_search_that_trained_nothing_is_no_measure_and_is_not_hidden():
+    table = compared(
+        result("cartpole", "full", 0, 9.0, curve=((50, 1.0),)), result("cartpole", "random", 0, None, search_steps=0)
+    )
+    full, random, *_ = table.rows
+    assert full.matched.value == 1.0 and random.held_out is None and random.difference is None
+    assert table.tables()[0].rows[1][6] == "- (1 undefined)"
+
+
+def test_the_figure_has_a_panel_a_task_and_a_line_an_arm():
+    table = compared(
+        result("cartpole", "full", 0, 9.0, curve=((1_000_000, 2.0), (2_000_000, 4.0))),
+        result("cartpole", "full", 1, 9.0, curve=((2_000_000, 6.0),)),
+        result("cartpole", "random", 0, 9.0, curve=((4_000_000, 3.0),)),
+    )
+    (chart,) = table.figures()
+    assert [(line.name, line.dashed) for line in chart.lines] == [
+        ("full", False),
+        ("random", False),
+        ("human reward, held out", True),
+    ]
+    # The mean begins where both seeds have something, at two million steps, and stays to the end of the picture.
+    (points,) = chart.lines[0].pieces
+    middle = (chart.x_ticks[0].place + chart.x_ticks[-1].place) / 2
+    assert points[0][0] == pytest.approx(middle) and points[-1][0] == chart.x_ticks[-1].place
+    assert points[0][1] == points[-1][1]
+    assert [tick.label for tick in chart.x_ticks] == ["0", "1", "2", "3", "4"]
+    assert list(compared().figures()) == []
