@@ -32,7 +32,8 @@ class CurriculumTrainer:
 
     A lane goes on from where it ended, not from a peak: F guides no training, and the peak of a noisy reward may be an
     early one. Curves, F and checkpoints of its result are those of the last stage, the task itself; steps and seconds
-    are sums. A lane that diverges or fails earlier ends there, without an F.
+    are sums. A lane that diverges or fails earlier ends there, without an F. Lanes pause in the last stage alone, at that
+    share of it.
 
     Args:
         trainer: trains each stage.
@@ -49,9 +50,13 @@ class CurriculumTrainer:
         """Train every lane. The budget's steps, if any, are shared out among the stages in proportion to their own."""
         steps = shares(self._stages, budget.env_steps)
         passed: dict[str, list[TrainingResult]] = {lane.id: [] for lane in lanes}
+        paused = {lane.id: lane.paused for lane in lanes}
+        lanes = [dataclasses.replace(lane, paused=None) for lane in lanes]
         for number, stage in enumerate(self._stages, start=1):
             last = number == len(self._stages)
-            part = dataclasses.replace(budget, env_steps=steps[number - 1])
+            part = dataclasses.replace(budget, env_steps=steps[number - 1], until=budget.until if last else 1.0)
+            if last:
+                lanes = [dataclasses.replace(lane, paused=paused[lane.id]) for lane in lanes]
             train = self._trainer.train(env, lanes, part) if last else self._remembered(number, stage, lanes, part)
             for event in train:
                 if isinstance(event, TrainingProgress):
