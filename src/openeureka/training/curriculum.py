@@ -32,8 +32,8 @@ class CurriculumTrainer:
 
     A lane goes on from where it ended, not from a peak: F guides no training, and the peak of a noisy reward may be an
     early one. Curves, F and checkpoints of its result are those of the last stage, the task itself; steps and seconds
-    are sums. A lane that diverges or fails earlier ends there, without an F. Lanes pause in the last stage alone, at that
-    share of it.
+    are sums. A lane that diverges or fails earlier ends there, without an F. Lanes pause in the last stage alone, at
+    that share of it.
 
     Args:
         trainer: trains each stage.
