@@ -128,22 +128,52 @@ class Lanes:
         sharing = {group[0].id: group for group in twins.values()}
         going = {group[0].id: group[0] for group in twins.values()}
         rivals = [lane.id for lane in lanes if lane.role == "candidate"]
-        for number, rung in enumerate(RUNGS[self.config.schedule], start=1):
+        for number, rung in enumerate((*RUNGS[self.config.schedule], WHOLE), start=1):
+            missing, failed = self._due(number, rung, going, rivals), list[TrainingResult]()
+            budget = TrainBudget(
+                env_steps=self.config.steps,
+                worlds=self.config.worlds,
+                until=rung.share,
+                bonus=self.config.bonus == "original",
+            )
+            for event in self.trainer.train(self.config.env, missing, budget) if missing else ():
+                if isinstance(event, TrainingProgress):
+                    self.observer.progress(event)
+                elif event.state is TrainingState.PAUSED:
+                    self.store.lanes.pause(number, event)
+                elif event.state is TrainingState.FAILED:
+                    failed.append(event)
+                else:
+                    self._keep(event, sharing[event.lane])
+            if failed and len(failed) == len(missing) and any(isinstance(spec.program, str) for spec in missing):
+                raise WorkerError(failed[0].message)
+            for result in failed:
+                self._keep(result, sharing[result.lane])
             going = self._climb(number, rung, going, rivals, sharing)
-        self._run(going.values(), sharing)
         results = self.store.lanes.results()
         return {lane.id: results[lane.id] for lane in lanes}
+
+    def _due(self, number: int, rung: Rung, going: Mapping[str, LaneSpec], rivals: Container[str]) -> list[LaneSpec]:
+        """What has to train to a rung, or to the end. Nobody stops where fewer than two would be compared."""
+        log = self.store.lanes
+        if rung is WHOLE:
+            return list(going.values())
+        if self._stood(number, going) or sum(lane in rivals for lane in going) < 2:
+            return []
+        return [spec for lane, spec in going.items() if log.paused(number, lane) is None]
+
+    def _stood(self, number: int, going: Mapping[str, LaneSpec]) -> dict[str, Standing]:
+        """How lanes stood at a rung, once that is decided."""
+        return {lane: at[number] for lane, at in self.store.lanes.rungs().items() if lane in going and number in at}
 
     def _climb(
         self, number: int, rung: Rung, going: Mapping[str, LaneSpec], rivals: Container[str], sharing: Sharing
     ) -> dict[str, LaneSpec]:
-        """Train to a rung and let policies play there; the lanes that go on. Of rivals, those that trail are cut."""
-        log = self.store.lanes
-        stood = {lane: at[number] for lane, at in log.rungs().items() if lane in going and number in at}
+        """Let policies play at a rung; the lanes that go on from there. Of rivals, those that trail are cut."""
+        log, stood = self.store.lanes, self._stood(number, going)
         if not stood:
-            if sum(lane in rivals for lane in going) < 2:
+            if rung is WHOLE or sum(lane in rivals for lane in going) < 2:
                 return dict(going)
-            self._run([spec for lane, spec in going.items() if log.paused(number, lane) is None], sharing, number, rung)
             paused = {lane: result for lane in going if (result := log.paused(number, lane)) is not None}
             stood = self._stand(rung, paused, rivals)
             log.save_rung(number, stood.values())
@@ -166,29 +196,6 @@ class Lanes:
         cut = {lane for lane in scores if lane in rivals}
         cut -= leaders({lane: scores[lane] for lane in paused if lane in cut}, rung)
         return {lane: Standing(dataclasses.replace(scores[lane], peak="last"), lane not in cut) for lane in scores}
-
-    def _run(self, specs: Iterable[LaneSpec], sharing: Sharing, number: int = 0, rung: Rung = WHOLE) -> None:
-        """Train these lanes to a rung, or to their end, and keep what comes of them."""
-        missing, failed = list(specs), list[TrainingResult]()
-        budget = TrainBudget(
-            env_steps=self.config.steps,
-            worlds=self.config.worlds,
-            until=rung.share,
-            bonus=self.config.bonus == "original",
-        )
-        for event in self.trainer.train(self.config.env, missing, budget) if missing else ():
-            if isinstance(event, TrainingProgress):
-                self.observer.progress(event)
-            elif event.state is TrainingState.PAUSED:
-                self.store.lanes.pause(number, event)
-            elif event.state is TrainingState.FAILED:
-                failed.append(event)
-            else:
-                self._keep(event, sharing[event.lane])
-        if failed and len(failed) == len(missing) and any(isinstance(spec.program, str) for spec in missing):
-            raise WorkerError(failed[0].message)
-        for result in failed:
-            self._keep(result, sharing[result.lane])
 
     def _keep(self, result: TrainingResult, specs: Iterable[LaneSpec]) -> None:
         own = [dataclasses.replace(result, lane=spec.id) for spec in specs]
