@@ -30,8 +30,8 @@ WORKER, WORLD = 0.4e9, 0.15e6
 """[bytes] of memory that a worker takes, and each of its worlds."""
 ROUNDS = 2
 """Populations for each place of several machines: the quick take more of them, and one that joins finds some."""
-FULL = 4
-"""Lanes of a population below which another round would cost more than it gains: small ones train slowly."""
+FULL = 8
+"""Lanes for each place below which another round would cost more than it gains: small populations train slowly."""
 POLL = 1.0
 """[s] between two looks at calls that say nothing, between which Ctrl-C is heard."""
 OBJECT_STORE = 200 << 20
@@ -145,7 +145,7 @@ def shares(places: Sequence[Place], lanes: int, worlds: int, device: str, thread
         room = fitting.get(threads, 0)
         memory = min((p.memory / (p.cores // threads) for p in places if threads and p.cores >= threads), default=0.0)
         if sum(place.cores >= threads for place in places) > 1:
-            room *= max(1, min(ROUNDS, lanes // max(1, room * FULL)))
+            room *= ROUNDS if lanes >= room * FULL else 1
     if not room:
         return 0, 0
     most_worlds = min(MAX_WORLDS[device], max(0.0, memory - WORKER) // WORLD)
