@@ -26,6 +26,7 @@ from statistics import stdev
 from typing import Any
 from unittest.mock import patch
 
+import choosing
 import torch
 from records import read, today, write
 from scipy.stats import spearmanr
@@ -48,17 +49,8 @@ from openeureka.types import Candidate, LaneSpec, RewardProgram, TrainBudget, Tr
 FOLDER = Path(__file__).parent
 RESULTS = FOLDER / "results" / "rungs.json"
 RUNGS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 1.0)
-STEPS = {
-    "cartpole": 600_000,
-    "ballbalance": 600_000,
-    "quadcopter": 1_500_000,
-    "ant": 1_500_000,
-    "franka_cabinet": 1_500_000,
-    "shadow_hand_over": 1_000_000,
-    "shadow_hand_door_open_outward": 600_000,
-    "shadow_hand_push_block": 600_000,
-}
-"""Of each lane, as in `choosing.py`."""
+STEPS = {"cartpole": 600_000, **choosing.STEPS}
+"""Of each lane."""
 EPISODES = 32
 """Of each policy and rung."""
 SEED = 7_000_000

@@ -98,6 +98,11 @@ def affordable(trained: Iterable[TrainingResult], peaks: int) -> int:
     return max(fewest, most)
 
 
+def _racing(going: Iterable[str], rivals: Container[str]) -> bool:
+    """Whether there is anybody to compare."""
+    return sum(lane in rivals for lane in going) > 1
+
+
 @dataclass(frozen=True, slots=True)
 class Lanes:
     """A Trainer that remembers through the store."""
@@ -158,7 +163,7 @@ class Lanes:
         log = self.store.lanes
         if rung is WHOLE:
             return list(going.values())
-        if self._stood(number, going) or sum(lane in rivals for lane in going) < 2:
+        if self._stood(number, going) or not _racing(going, rivals):
             return []
         return [spec for lane, spec in going.items() if log.paused(number, lane) is None]
 
@@ -171,16 +176,16 @@ class Lanes:
     ) -> dict[str, LaneSpec]:
         """Let policies play at a rung; the lanes that go on from there. Of rivals, those that trail are cut."""
         log, stood = self.store.lanes, self._stood(number, going)
+        if not stood and (rung is WHOLE or not _racing(going, rivals)):
+            return dict(going)
+        paused = {lane: result for lane in going if (result := log.paused(number, lane)) is not None}
         if not stood:
-            if rung is WHOLE or sum(lane in rivals for lane in going) < 2:
-                return dict(going)
-            paused = {lane: result for lane in going if (result := log.paused(number, lane)) is not None}
             stood = self._stand(rung, paused, rivals)
             log.save_rung(number, stood.values())
         racing = {lane: standing.played for lane, standing in stood.items() if lane in rivals}
         on: dict[str, LaneSpec] = {}
         for lane in stood:
-            result = log.paused(number, lane)
+            result = paused.get(lane)
             if result is None or stood[lane].went_on:  # whose file is lost begins anew
                 on[lane] = dataclasses.replace(going[lane], paused=result.paused if result is not None else None)
             else:
