@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Container, Iterable
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 
 from .. import race
@@ -52,8 +53,9 @@ def read(cell: Cell, directory: Path) -> Result | None:
     searched = len(run.history.generations) >= run.config.generations > 0
     if not searched or (outcome is None and run.best is not None):  # the crown is kept last
         return None
-    spent = list(_spent(run))
-    search_steps = spent[-1][0] if spent else 0
+    slots = list(run.history.spent())
+    spent = list(accumulate(steps for _, steps in slots))
+    search_steps = spent[-1] if spent else 0
     others = [result for lane, result in run.results.items() if run.lanes[lane].role != "candidate"]
     return Result(
         task=cell.task,
@@ -66,33 +68,18 @@ def read(cell: Cell, directory: Path) -> Result | None:
         sparse=mean(outcome.sparse.held_out) if outcome is not None else None,
         cost_usd=run.usage.cost_usd,
         minutes=_seconds(run) / 60,
-        curve=_rises(spent),
+        curve=_rises(
+            (steps, slot.played.fitness)
+            for steps, (slot, _) in zip(spent, slots, strict=True)
+            if slot.played is not None
+        ),
     )
 
 
-def _spent(run: RunView) -> Iterator[tuple[int, float | None]]:
-    """Steps of the search up to each slot that trained, and F of its policy when played.
-
-    Slots of a generation count in their order, as if one trained after the other. Equal graphs of a generation train
-    once and share the result, and so do equal programs of the whole search.
-    """
-    steps, lanes = 0, set[str]()
-    for generation in run.generations:
-        graphs = set[str]()
-        for slot in generation.candidates:
-            if slot.result is None:
-                continue
-            graph = str(slot.verdict.graph) if slot.verdict is not None else ""
-            if slot.result.lane not in lanes and graph not in graphs:
-                steps += slot.result.env_steps
-                graphs.add(graph)
-            lanes.add(slot.result.lane)
-            yield steps, slot.played.fitness if slot.played is not None else None
-
-
-def _rises(spent: Sequence[tuple[int, float | None]]) -> tuple[tuple[int, float], ...]:
+def _rises(played: Iterable[tuple[int, float | None]]) -> tuple[tuple[int, float], ...]:
+    """Where F rose. Slots of a generation count in their order, as if one trained after the other."""
     found: list[tuple[int, float]] = []
-    for steps, value in spent:
+    for steps, value in played:
         if value is not None and rank(value) > (found[-1][1] if found else rank(None)):
             found.append((steps, value))
     return tuple(found)

@@ -291,7 +291,7 @@ class GenerationStats:
     trained: int
     """Slots whose training came to its end, or was cut, with a score."""
     env_steps: int
-    """Of all trainings of the slots; of one that slots share, once."""
+    """Of the trainings of its slots; see `History.spent`."""
     best: float | None
     mean: float | None
     """Over the trained slots."""
@@ -299,10 +299,13 @@ class GenerationStats:
 
 def by_generation(history: History) -> tuple[GenerationStats, ...]:
     """Statistics of each generation, in order."""
-    return tuple(_of(generation) for generation in history.generations)
+    steps = Counter[int]()
+    for entry, added in history.spent():
+        steps[entry.sample.generation] += added
+    return tuple(_of(generation, steps[generation.index]) for generation in history.generations)
 
 
-def _of(generation: Generation) -> GenerationStats:
+def _of(generation: Generation, env_steps: int) -> GenerationStats:
     scores = [entry.score for entry in generation.entries if entry.trained and entry.score is not None]
     return GenerationStats(
         index=generation.index,
@@ -310,9 +313,7 @@ def _of(generation: Generation) -> GenerationStats:
         verdicts=Counter(entry.sample.verdict.code for entry in generation.entries),
         replies=sum(entry.sample.attempts for entry in generation.entries),
         trained=len(scores),
-        env_steps=sum(
-            {entry.result.lane: entry.result.env_steps for entry in generation.entries if entry.result}.values()
-        ),
+        env_steps=env_steps,
         best=generation.best.score if generation.best else None,
         mean=mean(scores),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -101,6 +101,24 @@ class History:
         """The lanes of its candidates."""
         entries = (entry for generation in self.generations for entry in generation.entries)
         return tuple(entry.result.lane for entry in entries if entry.result is not None)
+
+    def spent(self) -> Iterator[tuple[Scored, int]]:
+        """The slots with a result in order, and the environment steps that each added.
+
+        None where it shares a training: with an equal program of the search, or an equal graph of its generation.
+        """
+        lanes = set[str]()
+        for generation in self.generations:
+            graphs = set[str]()
+            for entry in generation.entries:
+                if entry.result is None:
+                    continue
+                graph = entry.sample.verdict.graph
+                form = entry.result.lane if graph is None else str(graph)
+                shared = entry.result.lane in lanes or form in graphs
+                lanes.add(entry.result.lane)
+                graphs.add(form)
+                yield entry, 0 if shared else entry.result.env_steps
 
     def heard(self, remarks: Sequence[Remark]) -> History:
         """With what a person said of the last generation."""
