@@ -55,6 +55,8 @@ EPISODES = 32
 """Of each policy and rung."""
 SEED = 7_000_000
 """Of the start states; no search and no final score uses it."""
+RECIPE = ("worlds", "horizon", "epochs", "minibatches")
+"""What may be other than in the task's recipe."""
 TOGETHER = 4
 """Lanes of a simulation."""
 
@@ -136,7 +138,8 @@ def measure(
     """Train what is missing, two parts at a time, and write each down."""
     task = registry.get(env)
     whole = dataclasses.replace(task.recipe, **recipe)
-    name = f"{whole.worlds} x {whole.horizon}, {steps:,} steps"
+    updates = "".join(f"{getattr(whole, word)} {word}, " for word in ("epochs", "minibatches") if word in recipe)
+    name = f"{whole.worlds} x {whole.horizon}, {updates}{steps:,} steps"
     known = read(RESULTS).get(env, {}).get(name, {}).get("lanes", {})
     specs = [LaneSpec(id=lane_id(key, seed), program=rewards[key], seed=seed) for seed in seeds for key in rewards]
     missing = [spec for spec in specs if spec.id not in known]
@@ -173,7 +176,7 @@ def soon(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
     """A row a task and recipe: what the human reward's policy plays at the rungs, mean over seeds."""
     rows = []
     for env, recipes in study.items():
-        for name, found in sorted(recipes.items(), key=lambda item: item[0].partition(", ")[2]):
+        for name, found in sorted(recipes.items(), key=lambda item: item[1]["steps"]):
             own = [lane["played"] for key, lane in found["lanes"].items() if key.startswith("human-s")]
             rows.append((env, name, str(len(own)), *(number(mean(at), 3) for at in zip(*own, strict=True))))
     return rows
@@ -262,12 +265,10 @@ def main() -> None:
     parser.add_argument("--rewards", choices=("human", "all"), default="all")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
     parser.add_argument("--steps", type=int, default=0, help="of each lane, instead of those above")
-    for name in ("worlds", "horizon", "epochs", "minibatches"):
+    for name in RECIPE:
         parser.add_argument(f"--{name}", type=int, default=0, help="instead of the recipe's")
     options = parser.parse_args()
-    recipe = {
-        name: value for name in ("worlds", "horizon", "epochs", "minibatches") if (value := getattr(options, name))
-    }
+    recipe = {name: value for name in RECIPE if (value := getattr(options, name))}
     for env in options.env:
         try:
             rewards = programs(env) if options.rewards == "all" else {"human": "human"}
