@@ -64,15 +64,22 @@ Record = dict[str, Any]
 
 
 class Watched(Population):
-    """A population that keeps its policies at the rungs."""
+    """A population that keeps its policies at the rungs.
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
+    Args:
+        calm: share of the recipe's `kl_threshold` that is left in the end; it falls evenly from the first epoch on.
+    """
+
+    def __init__(self, *args: Any, calm: float = 1.0, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
+        self.calm = calm
         self.ends = [max(1, round(share * self.epochs)) for share in RUNGS]
         self.kept: dict[tuple[int, int], bytes] = {}
 
     def _checkpoint(self, epoch: int) -> None:
         super()._checkpoint(epoch)
+        left = 1.0 - (1.0 - self.calm) * epoch / self.epochs
+        self.ppo.recipe = dataclasses.replace(self.recipe, kl_threshold=left * self.recipe.kl_threshold)
         for rung in (rung for rung, end in enumerate(self.ends) if end == epoch + 1):
             for lane, active in enumerate(self.ppo.active.tolist()):
                 if active:
@@ -94,13 +101,13 @@ def programs(env: str) -> dict[str, RewardProgram]:
     return found
 
 
-def train(env: str, lanes: Sequence[LaneSpec], steps: int, recipe: Mapping[str, int]) -> Record:
+def train(env: str, lanes: Sequence[LaneSpec], steps: int, recipe: Mapping[str, int], calm: float) -> Record:
     """Records of these lanes."""
     torch.set_num_threads(1)
     task = registry.get(env)
     with patch.object(task, "recipe", dataclasses.replace(task.recipe, **recipe)):
         begun = time.process_time()
-        population = Watched(env, lanes, TrainBudget(env_steps=steps), threads=1)
+        population = Watched(env, lanes, TrainBudget(env_steps=steps), threads=1, calm=calm)
         results = [message for message in population.train() if isinstance(message, TrainingResult)]
         seconds = (time.process_time() - begun) / len(lanes)
     places = {f"{lane} {rung}": (lane, rung) for lane, rung in population.kept}
@@ -128,23 +135,30 @@ def _rounded(value: float | None) -> float | None:
 
 
 def parts(lanes: Sequence[LaneSpec]) -> Iterator[Sequence[LaneSpec]]:
-    """A few lanes at a time."""
-    yield from (lanes[start : start + TOGETHER] for start in range(0, len(lanes), TOGETHER))
+    """A few lanes at a time, and work for every core."""
+    size = min(TOGETHER, -(-len(lanes) // len(os.sched_getaffinity(0))))
+    yield from (lanes[start : start + size] for start in range(0, len(lanes), size))
 
 
 def measure(
-    env: str, rewards: Mapping[str, RewardProgram], seeds: Sequence[int], recipe: Mapping[str, int], steps: int
+    env: str,
+    rewards: Mapping[str, RewardProgram],
+    seeds: Sequence[int],
+    recipe: Mapping[str, int],
+    steps: int,
+    calm: float,
 ) -> None:
     """Train what is missing, two parts at a time, and write each down."""
     task = registry.get(env)
     whole = dataclasses.replace(task.recipe, **recipe)
     updates = "".join(f"{getattr(whole, word)} {word}, " for word in ("epochs", "minibatches") if word in recipe)
+    updates += f"calm {calm:g}, " if calm != 1.0 else ""
     name = f"{whole.worlds} x {whole.horizon}, {updates}{steps:,} steps"
     known = read(RESULTS).get(env, {}).get(name, {}).get("lanes", {})
     specs = [LaneSpec(id=lane_id(key, seed), program=rewards[key], seed=seed) for seed in seeds for key in rewards]
     missing = [spec for spec in specs if spec.id not in known]
     with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=get_context("spawn")) as pool:
-        for done in as_completed([pool.submit(train, env, part, steps, recipe) for part in parts(missing)]):
+        for done in as_completed([pool.submit(train, env, part, steps, recipe, calm) for part in parts(missing)]):
             found = read(RESULTS)
             own = found.setdefault(env, {}).setdefault(name, {"lanes": {}})
             own |= {"steps": steps, "date": today()}
@@ -267,6 +281,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=0, help="of each lane, instead of those above")
     for name in RECIPE:
         parser.add_argument(f"--{name}", type=int, default=0, help="instead of the recipe's")
+    parser.add_argument("--calm", type=float, default=1.0, help="share of the KL threshold that is left in the end")
     options = parser.parse_args()
     recipe = {name: value for name in RECIPE if (value := getattr(options, name))}
     for env in options.env:
@@ -274,7 +289,7 @@ def main() -> None:
             rewards = programs(env) if options.rewards == "all" else {"human": "human"}
         except EurekaError as error:
             raise SystemExit(str(error)) from None
-        measure(env, rewards, options.seeds, recipe, options.steps or STEPS[env])
+        measure(env, rewards, options.seeds, recipe, options.steps or STEPS[env], options.calm)
 
 
 if __name__ == "__main__":
