@@ -68,11 +68,14 @@ class Watched(Population):
 
     Args:
         calm: share of the recipe's `kl_threshold` that is left in the end; it falls evenly from the first epoch on.
+        noise: standard deviation of the first actions; the trainer's own is 1.
     """
 
-    def __init__(self, *args: Any, calm: float = 1.0, **kwargs: Any) -> None:
+    def __init__(self, *args: Any, calm: float = 1.0, noise: float = 1.0, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.calm = calm
+        if noise != 1.0:
+            self.ppo.network.parameters["log_std"].data.fill_(math.log(noise))
         self.ends = [max(1, round(share * self.epochs)) for share in RUNGS]
         self.kept: dict[tuple[int, int], bytes] = {}
 
@@ -101,13 +104,15 @@ def programs(env: str) -> dict[str, RewardProgram]:
     return found
 
 
-def train(env: str, lanes: Sequence[LaneSpec], steps: int, recipe: Mapping[str, int], calm: float) -> Record:
+def train(
+    env: str, lanes: Sequence[LaneSpec], steps: int, recipe: Mapping[str, int], manner: Mapping[str, float]
+) -> Record:
     """Records of these lanes."""
     torch.set_num_threads(1)
     task = registry.get(env)
     with patch.object(task, "recipe", dataclasses.replace(task.recipe, **recipe)):
         begun = time.process_time()
-        population = Watched(env, lanes, TrainBudget(env_steps=steps), threads=1, calm=calm)
+        population = Watched(env, lanes, TrainBudget(env_steps=steps), threads=1, **manner)
         results = [message for message in population.train() if isinstance(message, TrainingResult)]
         seconds = (time.process_time() - begun) / len(lanes)
     places = {f"{lane} {rung}": (lane, rung) for lane, rung in population.kept}
@@ -146,19 +151,19 @@ def measure(
     seeds: Sequence[int],
     recipe: Mapping[str, int],
     steps: int,
-    calm: float,
+    manner: Mapping[str, float],
 ) -> None:
     """Train what is missing, two parts at a time, and write each down."""
     task = registry.get(env)
     whole = dataclasses.replace(task.recipe, **recipe)
     updates = "".join(f"{getattr(whole, word)} {word}, " for word in ("epochs", "minibatches") if word in recipe)
-    updates += f"calm {calm:g}, " if calm != 1.0 else ""
+    updates += "".join(f"{word} {value:g}, " for word, value in manner.items())
     name = f"{whole.worlds} x {whole.horizon}, {updates}{steps:,} steps"
     known = read(RESULTS).get(env, {}).get(name, {}).get("lanes", {})
     specs = [LaneSpec(id=lane_id(key, seed), program=rewards[key], seed=seed) for seed in seeds for key in rewards]
     missing = [spec for spec in specs if spec.id not in known]
     with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=get_context("spawn")) as pool:
-        for done in as_completed([pool.submit(train, env, part, steps, recipe, calm) for part in parts(missing)]):
+        for done in as_completed([pool.submit(train, env, part, steps, recipe, manner) for part in parts(missing)]):
             found = read(RESULTS)
             own = found.setdefault(env, {}).setdefault(name, {"lanes": {}})
             own |= {"steps": steps, "date": today()}
@@ -281,15 +286,17 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=0, help="of each lane, instead of those above")
     for name in RECIPE:
         parser.add_argument(f"--{name}", type=int, default=0, help="instead of the recipe's")
-    parser.add_argument("--calm", type=float, default=1.0, help="share of the KL threshold that is left in the end")
+    parser.add_argument("--calm", type=float, default=0.0, help="share of the KL threshold that is left in the end")
+    parser.add_argument("--noise", type=float, default=0.0, help="standard deviation of the first actions")
     options = parser.parse_args()
     recipe = {name: value for name in RECIPE if (value := getattr(options, name))}
+    manner = {name: value for name in ("calm", "noise") if (value := getattr(options, name))}
     for env in options.env:
         try:
             rewards = programs(env) if options.rewards == "all" else {"human": "human"}
         except EurekaError as error:
             raise SystemExit(str(error)) from None
-        measure(env, rewards, options.seeds, recipe, options.steps or STEPS[env], options.calm)
+        measure(env, rewards, options.seeds, recipe, options.steps or STEPS[env], manner)
 
 
 if __name__ == "__main__":
