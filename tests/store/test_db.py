@@ -10,7 +10,7 @@ from openeureka.store.db import MIGRATIONS, Database
 
 TABLES = (
     "run", "prompts", "replies", "verdicts", "results", "entries", "evaluations", "remarks", "heard", "trials",
-    "plays", "crown", "lanes", "given", "slots", "attempts", "rungs",
+    "plays", "crown", "lanes", "given", "slots", "attempts", "rungs", "best_policy",
 )  # fmt: skip
 REPLY = {
     "generation": 0,
