@@ -149,6 +149,14 @@ def whole_run(directory: Path, config: RunConfig = CONFIG) -> None:
 HALVING = replace(CONFIG, iteration=1, schedule="halving")
 
 
+POLISH = replace(CONFIG, iteration=1, polish=3)
+
+
+def whole_polishing(directory: Path) -> None:
+    """One generation of a search, the policy of which is carried on."""
+    whole_run(directory, POLISH)
+
+
 def whole_halving(directory: Path) -> None:
     """One generation of a search that cuts lanes."""
     whole_run(directory, HALVING)
@@ -180,6 +188,7 @@ def whole_tuning(directory: Path) -> None:
 WHOLE: Mapping[str, Callable[[Path], None]] = {
     "search": whole_run,
     "halving": whole_halving,
+    "polish": whole_polishing,
     "train": whole_training,
     "tune": whole_tuning,
 }

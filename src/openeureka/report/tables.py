@@ -150,7 +150,7 @@ def polished(run: RunView, found: Polished) -> Table:
     began, held_out = run.lanes.get(found.began.lane), scored(found.before)
     own = _reward(run, began.reward) if began is not None else "-"
     rows = [
-        ("the best reward's, where they began", own, "-", scored(run.played.get(found.began.lane)), held_out),
+        ("that of the best reward, where all began", own, "-", scored(run.played.get(found.began.lane)), held_out),
         *(
             (one.lane.id, *_carried(run, one), scored(found.after) if one == found.chosen else "-")
             for one in found.tries
@@ -158,11 +158,11 @@ def polished(run: RunView, found: Polished) -> Table:
     ]
     steps = max((one.result.env_steps for one in found.tries if one.result is not None), default=0)
     note = (
-        f"Each was carried on for {steps:,} steps, from its weights mixed with that share of fresh ones. The one that "
-        "plays best is judged held out. ± is the standard error over episodes of one policy, as it is: nothing here says "
-        "how good a reward is."
+        f"Each lane took {steps:,} steps, from that policy's weights mixed with a share of fresh ones. The one that "
+        "plays best is judged held out. ± is the standard error over episodes of one policy, as it is: nothing here "
+        "says how good a reward is."
     )
-    return Table(("policy", "trained on under", "fresh weights", "F when played", "F held out"), rows, note)
+    return Table(("policy", "reward", "fresh weights", "F when played", "F held out"), rows, note)
 
 
 def _carried(run: RunView, one: Try) -> tuple[str, str, str]:
