@@ -59,7 +59,7 @@ class Runner(ToyTrainer):
         if lane.start is not None:
             worth = float(lane.start) + self.gained - 10.0 * lane.fresh
             graph = RewardGraph(nodes=(Node("full", (worth,)),), reward=0, components=())
-            lane = replace(lane, program=graph, seed=0)
+            lane = replace(lane, program=graph, seed=0, start=None)
         return replace(super()._result(lane), env_steps=800)
 
 

@@ -32,8 +32,8 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
         policy = config.policy
         env = config.env or "cartpole"
     else:
-        policy = _of_run(directory, config.policy) if directory is not None else None
-        policy = policy or _read(Path(config.policy))
+        in_run = directory is not None and config.policy in ("", POLISHED)
+        policy = _of_run(directory, config.policy) if in_run else _read(Path(config.policy))
         env = _env_of(policy, config.env)
     if web:
         from ..report.page import page  # loads a user interface
@@ -51,10 +51,8 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
     print(f"Wrote {folder / name}")
 
 
-def _of_run(directory: Path, wanted: str) -> bytes | None:
-    """A policy of a run or a training, which anybody may have made; None where a file is wanted."""
-    if wanted not in ("", POLISHED):
-        return None
+def _of_run(directory: Path, wanted: str) -> bytes:
+    """A policy of a run or a training, which anybody may have made."""
     policy = artifacts.read(directory, f"{wanted or 'best'}/policy.safetensors")
     if policy is None and wanted:
         raise ConfigError(
