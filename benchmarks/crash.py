@@ -4,8 +4,9 @@
     python benchmarks/crash.py --stride 5         # every fifth point of each mode
 
 The search is scripted, so that all of its steps are the same each time: three generations, repairs, refills, equal
-programs, a slot that is given up, a person's remarks, final trainings, trials. So are a training of given rewards, as
-of `eureka train`, and the fitting of a reward's numbers, as of `eureka tune`. Steps are, by mode:
+programs, a slot that is given up, a person's remarks, final trainings, trials. So are a search that carries its policy
+on, a training of given rewards, as of `eureka train`, and the fitting of a reward's numbers, as of `eureka tune`. Steps
+are, by mode:
 
     around   just before and just after each write to the store or to a file
     within   before each SQL statement and each rename, so also between a reply's arrival and its commit
