@@ -6,7 +6,7 @@
 
 A strong model's rewards (`benchmarks/choosing/TASK.json`) and the human one train from scratch, with several seeds. The
 policy of all that plays best is the parent. From it each reward trains again, with as many other seeds, as a lane of
-`polish=N` does. Every lane is worth what the best of its policies scores on held-out episodes, as it is. What is done is
+`polish=N` does. A lane is worth what the best of its policies scores on held-out episodes, as it is. What is done is
 in the store of a run under `outputs/polish/` and in `benchmarks/results/polish.json`, and is not repeated.
 """
 
@@ -26,7 +26,7 @@ from scipy.stats import spearmanr
 from openeureka.config import NO_MODEL, RunConfig
 from openeureka.errors import EurekaError
 from openeureka.lanes import Lanes, deal
-from openeureka.polishing import EIGHTH
+from openeureka.polishing import PARTS
 from openeureka.report.text import number
 from openeureka.runs.compose import comparing
 from openeureka.score import mean, played, rank
@@ -60,10 +60,10 @@ def measure(options: argparse.Namespace, env: str) -> None:
         for seed in options.seeds:
             judge(lanes, lanes.train(deal(rewards, [seed], "given")))
         parent = began(lanes)
-        for number_, share in enumerate(options.shares, start=1):
+        for place, share in enumerate(options.shares, start=1):
             for seed in options.seeds:
-                wanted = carried(rewards, parent, share, seed + AGAIN * number_)
-                judge(lanes, lanes.train(wanted, steps=max(1, steps // EIGHTH)))
+                wanted = carried(rewards, parent, share, seed + AGAIN * place)
+                judge(lanes, lanes.train(wanted, steps=max(1, steps // PARTS)))
         scores = log.evaluations()
         records = {
             name: {

@@ -16,8 +16,8 @@ from .types import Evaluation, Lane, PolicyId, RewardGraph, Start
 
 SHARES = (0.0, 0.1, 0.25, 0.5)
 """Of fresh weights in the mixture that a lane begins with."""
-EIGHTH = 8
-"""The part of a training's steps that a lane takes where the settings do not say."""
+PARTS = 8
+"""Of a training's steps; a lane takes one of them where the settings do not say."""
 
 
 def polish(lanes: Lanes, began: PolicyId) -> None:
@@ -30,7 +30,7 @@ def polish(lanes: Lanes, began: PolicyId) -> None:
     config, store, log, observer = lanes.config, lanes.store, lanes.store.lanes, lanes.observer
     if log.best_policy() is not None:
         return
-    steps = config.polish_steps or max(1, log.results()[began.lane].env_steps // EIGHTH)
+    steps = config.polish_steps or max(1, log.results()[began.lane].env_steps // PARTS)
     observer.phase(config.generations, "polish")
     results = lanes.train(deal(config, began, rewards(store, log.all()[began.lane].reward)), steps=steps)
     scores = log.evaluations()
