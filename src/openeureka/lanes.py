@@ -253,8 +253,9 @@ class Lanes:
 
     def _look(self, look: int, ids: Sequence[str], peaks: Sequence[Peak]) -> None:
         """Let those play that have not yet, in this look, side by side on the same start states."""
-        known, results = self.store.lanes.plays(), self.store.lanes.results()
-        ids = [lane for lane in ids if results[lane].fitness is not None]  # whose F is undefined wins nothing
+        known, results, records = self.store.lanes.plays(), self.store.lanes.results(), self.store.lanes.all()
+        # Whose F is undefined wins nothing, unless no episode ended as it went on from a policy for a while.
+        ids = [lane for lane in ids if results[lane].fitness is not None or records[lane].start is not None]
         missing: list[tuple[str, Peak]] = [
             (lane, peak) for lane in ids for peak in peaks if len(known.get(lane, {}).get(peak, ())) <= look
         ]

@@ -122,6 +122,17 @@ def test_a_policy_that_loses_by_it_stays_the_best(tmp_path: Path) -> None:
     assert not (tmp_path / "polished").exists()
 
 
+def test_a_lane_too_short_for_an_episode_plays_all_the_same(tmp_path: Path) -> None:
+    class Short(Runner):
+        def _result(self, lane: LaneSpec) -> TrainingResult:
+            found = super()._result(lane)
+            return found if lane.start is None else replace(found, fitness=None, best_fitness=None)
+
+    search(tmp_path, Short())
+    found = polished(tmp_path)
+    assert found.better and found.after is not None and found.after.fitness == pytest.approx(11.02)
+
+
 def test_the_other_rewards_that_raced_carry_it_on_too(tmp_path: Path) -> None:
     trainer = Runner(error=0.5)
     outcome = search(tmp_path, trainer, polish=5)
