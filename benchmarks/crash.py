@@ -4,8 +4,9 @@
     python benchmarks/crash.py --stride 5         # every fifth point of each mode
 
 The search is scripted, so that all of its steps are the same each time: three generations, repairs, refills, equal
-programs, a slot that is given up, a person's remarks, final trainings, trials. So are a training of given rewards, as
-of `eureka train`, and the fitting of a reward's numbers, as of `eureka tune`. Steps are, by mode:
+programs, a slot that is given up, a person's remarks, final trainings, trials. So are a search that carries its policy
+on, a training of given rewards, as of `eureka train`, and the fitting of a reward's numbers, as of `eureka tune`. Steps
+are, by mode:
 
     around   just before and just after each write to the store or to a file
     within   before each SQL statement and each rename, so also between a reply's arrival and its commit
@@ -149,6 +150,14 @@ def whole_run(directory: Path, config: RunConfig = CONFIG) -> None:
 HALVING = replace(CONFIG, iteration=1, schedule="halving")
 
 
+POLISH = replace(CONFIG, iteration=1, polish=3)
+
+
+def whole_polishing(directory: Path) -> None:
+    """One generation of a search, the policy of which is carried on."""
+    whole_run(directory, POLISH)
+
+
 def whole_halving(directory: Path) -> None:
     """One generation of a search that cuts lanes."""
     whole_run(directory, HALVING)
@@ -180,6 +189,7 @@ def whole_tuning(directory: Path) -> None:
 WHOLE: Mapping[str, Callable[[Path], None]] = {
     "search": whole_run,
     "halving": whole_halving,
+    "polish": whole_polishing,
     "train": whole_training,
     "tune": whole_tuning,
 }

@@ -53,6 +53,8 @@ EARLY = "<!-- predictors -->\n", "<!-- /predictors -->\n"
 RUNGS = ROOT / "benchmarks" / "results" / "rungs.json"
 SOON = "<!-- soon -->\n", "<!-- /soon -->\n"
 TELLING = "<!-- telling -->\n", "<!-- /telling -->\n"
+POLISH = ROOT / "docs" / "guides" / "polish.md"
+POLISHED = "<!-- polish -->\n", "<!-- /polish -->\n"
 CHOICES = "<!-- choices -->\n", "<!-- /choices -->\n"
 
 
@@ -155,6 +157,12 @@ def rungs(table: str) -> str:
     return _table(getattr(study, table.upper()), getattr(study, table)(json.loads(RUNGS.read_text())))
 
 
+def polished() -> str:
+    """What `benchmarks/polish.py` has measured: policies that were carried on, against training from scratch."""
+    study = _benchmark("polish")
+    return _table(study.TITLES, study.rows(study.read(study.RESULTS)))
+
+
 def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in (titles, ["---"] * len(titles), *rows))
 
@@ -194,6 +202,7 @@ def generated() -> Mapping[Path, str]:
         CONTRIBUTING: _between(CONTRIBUTING.read_text(), TREE, tree()),
         SCORES: _scores(),
         SCHEDULE: _schedule(),
+        POLISH: _between(POLISH.read_text(), POLISHED, polished()),
     }
 
 

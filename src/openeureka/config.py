@@ -25,8 +25,8 @@ _LONGEST = 4096
 _MANY = 100_000
 """More than anybody asks for, and few enough to be counted through by who shows a run of somebody else."""
 _COUNTS = (
-    *("sample", "iteration", "feedback_timeout", "repair", "refill", "tune"),
-    *("steps", "worlds", "threads", "max_cost"),
+    *("sample", "iteration", "feedback_timeout", "repair", "refill", "tune", "polish"),
+    *("polish_steps", "steps", "worlds", "threads", "max_cost"),
 )
 FEWEST_TUNED = 4
 """Trainings of a tuning, and of a round of one: with fewer, nothing says which way is up."""
@@ -66,6 +66,10 @@ class RunConfig:
     """Stages to train each candidate through: one of the task's own, or a YAML file; empty means the task alone."""
     tune: int = 0
     """Trainings that fit the numbers of the best reward after the search, its structure kept; 0 means none."""
+    polish: int = 0
+    """Trainings that carry the best policy on in the end, each in its own way; 0 means none."""
+    polish_steps: int = 0
+    """Environment steps of each of those; 0 means an eighth of the training that made the policy."""
     seed: int = 0
     """Of start states, noise and samples."""
     seeds: int = 3
@@ -103,7 +107,7 @@ class RunConfig:
         for key in _COUNTS:
             if getattr(self, key) < 0:
                 raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
-        for key in ("sample", "iteration", "repair", "refill", "tune", "seeds"):
+        for key in ("sample", "iteration", "repair", "refill", "tune", "polish", "seeds"):
             if getattr(self, key) > _MANY:
                 raise ConfigError(f"`{key}` must be at most {_MANY}.")
         if "@" in self.base_url.partition("://")[2].partition("/")[0]:
@@ -115,6 +119,8 @@ class RunConfig:
             raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")
         if 0 < self.tune < FEWEST_TUNED:
             raise ConfigError(f"`tune` must be 0 or at least {FEWEST_TUNED}, not {self.tune}.")
+        if self.polish_steps and not self.polish:
+            raise ConfigError("`polish_steps` says how long policies are carried on; add polish=4, or leave it out.")
         choices = {
             "feedback": FEEDBACKS,
             "judge": ("fitness", "votes"),

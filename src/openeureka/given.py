@@ -10,7 +10,7 @@ from .lanes import BASELINES, Lanes, Wanted, deal
 from .score import mean, rank
 from .store import Store
 from .strategies import Best
-from .types import GIVEN, Candidate, Reply, RewardProgram, Verdict
+from .types import GIVEN, Candidate, PolicyId, Reply, RewardProgram, Verdict
 
 Given = Mapping[str, tuple[Candidate, Verdict] | None]
 """Rewards by name, each with the verdict that accepted it; None for those that come with the task."""
@@ -70,7 +70,7 @@ def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
     best = max(arms, key=lambda name: rank(mean([fitness.get(lane) for lane in arms[name]])))
     lane = max(arms[best], key=lambda lane: rank(fitness.get(lane)))
     kept = scores[lane].peak if lane in scores else None  # beside later lanes it may have played once more
-    store.save_best(store.candidate(store.given()[best]), lane, kept or standing[lane])
+    store.save_best(store.candidate(store.given()[best]), PolicyId(lane, kept or standing[lane]))
 
 
 def programs(store: Store) -> dict[str, RewardProgram]:

@@ -70,6 +70,11 @@ def final_seeds(config: RunConfig) -> range:
     return range(config.seed + 1, config.seed + 1 + config.seeds)
 
 
+def polish_seeds(config: RunConfig) -> range:
+    """Seeds of the lanes that carry the best policy on: no other lane has them."""
+    return range(config.seed + 1 + config.seeds, config.seed + 1 + config.seeds + config.polish)
+
+
 def final_lanes(
     config: RunConfig, arms: Iterable[Scored], results: Container[str], scores: Container[str]
 ) -> dict[str, list[str]]:
@@ -112,8 +117,11 @@ class Lanes:
     trainer: Trainer
     observer: Observer
 
-    def train(self, wanted: Iterable[Wanted]) -> dict[str, TrainingResult]:
+    def train(self, wanted: Iterable[Wanted], *, steps: int = 0) -> dict[str, TrainingResult]:
         """Results of all these lanes, by id; those that the store holds are not trained again.
+
+        Args:
+            steps: environment steps of each; 0 for those of the settings.
 
         Raises:
             WorkerError: when no lane at all could be trained, nor the task's own reward: the machine's fault, not a
@@ -128,15 +136,14 @@ class Lanes:
             if lane.id in known:
                 self.store.lanes.forget(lane.id)  # killed just before it could
             else:
-                spec = LaneSpec(id=lane.id, program=program, seed=lane.seed)
-                twins.setdefault(f"{lane.seed} {program}", []).append(spec)
+                twins.setdefault(f"{lane.seed} {lane.start} {program}", []).append(self._spec(lane, program))
         sharing = {group[0].id: group for group in twins.values()}
         going = {group[0].id: group[0] for group in twins.values()}
         rivals = [lane.id for lane in lanes if lane.role == "candidate"]
         for number, rung in enumerate((*RUNGS[self.config.schedule], WHOLE), start=1):
             missing, failed = self._due(number, rung, going, rivals), list[TrainingResult]()
             budget = TrainBudget(
-                env_steps=self.config.steps,
+                env_steps=steps or self.config.steps,
                 worlds=self.config.worlds,
                 until=rung.share,
                 bonus=self.config.bonus == "original",
@@ -157,6 +164,14 @@ class Lanes:
             going = self._climb(number, rung, going, rivals, sharing)
         results = self.store.lanes.results()
         return {lane.id: results[lane.id] for lane in lanes}
+
+    def _spec(self, lane: Lane, program: RewardProgram) -> LaneSpec:
+        spec = LaneSpec(id=lane.id, program=program, seed=lane.seed)
+        if lane.start is None:
+            return spec
+        log, policy = self.store.lanes, lane.start.policy
+        rescaled = log.all()[policy.lane].reward != lane.reward
+        return dataclasses.replace(spec, start=log.policy(*policy), fresh=lane.start.fresh, rescaled=rescaled)
 
     def _due(self, number: int, rung: Rung, going: Mapping[str, LaneSpec], rivals: Container[str]) -> list[LaneSpec]:
         """What has to train to a rung, or to the end. Nobody stops where fewer than two would be compared."""
@@ -238,8 +253,9 @@ class Lanes:
 
     def _look(self, look: int, ids: Sequence[str], peaks: Sequence[Peak]) -> None:
         """Let those play that have not yet, in this look, side by side on the same start states."""
-        known, results = self.store.lanes.plays(), self.store.lanes.results()
-        ids = [lane for lane in ids if results[lane].fitness is not None]  # whose F is undefined wins nothing
+        known, results, records = self.store.lanes.plays(), self.store.lanes.results(), self.store.lanes.all()
+        # Whose F is undefined wins nothing, unless no episode ended as it went on from a policy for a while.
+        ids = [lane for lane in ids if results[lane].fitness is not None or records[lane].start is not None]
         missing: list[tuple[str, Peak]] = [
             (lane, peak) for lane in ids for peak in peaks if len(known.get(lane, {}).get(peak, ())) <= look
         ]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from random import Random
 
-from . import baselines, hacking, race, tuning
+from . import baselines, hacking, polishing, race, tuning
 from .config import RunConfig
 from .lanes import Lanes, beside, deal, programs
 from .llm.client import LanguageModel
@@ -18,7 +18,7 @@ from .sampling import Checker, Sampler
 from .score import Outcome, rank
 from .store import Store
 from .strategies import Ranking, SearchStrategy
-from .types import History, Scored, TaskContext, Trainer, lane_id
+from .types import History, PolicyId, Scored, TaskContext, Trainer, lane_id
 
 
 def run(
@@ -32,8 +32,8 @@ def run(
     observer: Observer | None = None,
     desk: Desk | None = None,
 ) -> Outcome:
-    """Search for `config.generations` generations, less those in the store, then confirm the best reward, and fit its
-    numbers where the settings say so.
+    """Search for `config.generations` generations, less those in the store, then confirm the best reward. Fit its
+    numbers and carry its policy on, where the settings say so.
 
     Raises:
         EurekaError: what stopped the run; all that was finished is stored, and running again continues.
@@ -75,10 +75,11 @@ def run(
         observer.generation(history.generations[-1])
 
     history = hearing.hear(history)  # where votes decide, the last generation needs some too
-    if not tuning.begun(store):
-        conclude(config, store, lanes, strategy, history, observer)
+    policy = None if tuning.begun(store) else conclude(config, store, lanes, strategy, history, observer)
     if config.tune:
-        tuning.tune_winner(lanes, checker, race.crowned(history, store.crown()))
+        policy = tuning.tune_winner(lanes, checker, race.crowned(history, store.crown())) or policy
+    if config.polish and policy is not None:
+        polishing.polish(lanes, policy)
     outcome = summarise(config, store, history)
     observer.outcome(outcome)
     return outcome
@@ -86,32 +87,36 @@ def run(
 
 def conclude(
     config: RunConfig, store: Store, lanes: Lanes, strategy: SearchStrategy, history: History, observer: Observer
-) -> None:
+) -> PolicyId | None:
     """Confirm the best reward with fresh seeds, then score it beside the human and the sparse one on held-out episodes.
+    Its policy in `best/`; None where nothing ever trained.
 
     The search's own scores are the best of many tries; only fresh seeds and fresh episodes say what a reward is worth.
     """
     observer.phase(config.generations, "final")
     best = race.crown(history, lanes, strategy)
     if best is None:
-        return
+        return None
     observer.phase(config.generations, "evaluate")
     arms = lanes.final(race.contenders(history))
     scores = lanes.evaluate(lanes.standing([lane for own in arms.values() for lane in own], strategy))
     results = store.lanes.results()
     own = {lane: results[lane] for lane in arms[best.sample.verdict.candidate] if lane in scores}
     winner = max(own, key=lambda lane: rank(scores[lane].fitness), default=None)
-    keep(store, lanes, strategy, best, winner)
+    policy = keep(store, lanes, strategy, best, winner)
     if winner is not None:
         lanes.try_out(hacking.trials(own, winner, lanes.standing(own, strategy)))
     if store.crown() is None:
         store.save_crown(best.sample.place)
+    return policy
 
 
-def keep(store: Store, lanes: Lanes, strategy: SearchStrategy, best: Scored, lane: str | None = None) -> None:
+def keep(store: Store, lanes: Lanes, strategy: SearchStrategy, best: Scored, lane: str | None = None) -> PolicyId:
     """Leave the best reward in `best/`, with the policy of its lane in the search, or of another."""
     lane = lane or lane_id(best.sample.verdict.candidate, lanes.config.seed)
-    store.save_best(best.sample.candidate, lane, lanes.standing([lane], strategy)[lane])
+    policy = PolicyId(lane, lanes.standing([lane], strategy)[lane])
+    store.save_best(best.sample.candidate, policy)
+    return policy
 
 
 def summarise(config: RunConfig, store: Store, history: History) -> Outcome:

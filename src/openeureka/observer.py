@@ -8,7 +8,7 @@ from typing import Literal, Protocol
 from .score import Outcome
 from .types import Evaluation, Generation, Reply, Sample, TrainingProgress, TrainingResult
 
-Phase = Literal["sample", "check", "train", "play", "feedback", "final", "evaluate"]
+Phase = Literal["sample", "check", "train", "play", "feedback", "final", "polish", "evaluate"]
 
 
 class Observer(Protocol):
@@ -18,7 +18,8 @@ class Observer(Protocol):
     """
 
     def phase(self, generation: int, name: Phase) -> None:
-        """A phase begins; `final` and `evaluate` come with the number of generations, `feedback` waits for a person."""
+        """A phase begins; `final`, `polish` and `evaluate` come with the number of generations, `feedback` waits for a
+        person."""
         ...
 
     def asked(self, slots: Sequence[int]) -> None:

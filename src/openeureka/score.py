@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from statistics import NormalDist
 
 from .types import Evaluation, Peak, Place, Scored, TrainingResult
 
@@ -141,7 +142,7 @@ def difference(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """A mean over independent values, such as those of several searches."""
+    """A mean over independent values, such as those of several searches or episodes."""
 
     value: float
     low: float | None
@@ -170,6 +171,21 @@ def estimate(values: Sequence[float | None], *, claims: int = 1) -> Estimate | N
     spread = math.sqrt(math.fsum((value - centre) ** 2 for value in defined) / (count - 1))
     half = _quantile(count - 1, claims) * spread / math.sqrt(count)
     return Estimate(value=centre, low=centre - half, high=centre + half, count=count)
+
+
+def gain(own: Evaluation, other: Evaluation) -> Estimate | None:
+    """How much higher F of one policy is than that of another, over episodes; None where either is undefined.
+
+    The interval is normal and takes both as independent. Where they play the same start states, what those share makes
+    it wider than need be.
+    """
+    if own.fitness is None or other.fitness is None:
+        return None
+    value, count = own.fitness - other.fitness, min(own.episodes, other.episodes)
+    if own.error is None or other.error is None:
+        return Estimate(value=value, low=None, high=None, count=count)
+    half = NormalDist().inv_cdf((1 + CONFIDENCE) / 2) * math.hypot(own.error, other.error)
+    return Estimate(value=value, low=value - half, high=value + half, count=count)
 
 
 def _quantile(freedom: int, claims: int) -> float:

@@ -22,7 +22,7 @@ from .score import played, rank
 from .store import Store
 from .strategies import Best
 from .tuned import ORIGINAL
-from .types import GIVEN, Candidate, Reply, RewardGraph, Scored, Verdict, lane_id
+from .types import GIVEN, Candidate, PolicyId, Reply, RewardGraph, Scored, Verdict, lane_id
 
 SPREAD = 0.7
 """Standard deviation of the first proposals, as logarithms of factors: two thirds are within a factor of two."""
@@ -81,10 +81,13 @@ def keep(store: Store, origin: Candidate, verdict: Verdict) -> None:
         store.save_given({ORIGINAL: origin.id})
 
 
-def tune(lanes: Lanes, checker: Checker) -> None:
+def tune(lanes: Lanes, checker: Checker) -> PolicyId | None:
     """Train rounds of weightings, race the best of them against the text as it came, and score the racers held out.
 
     `best/` gets the better one of the text as it came and the winner among the others, by mean held-out F.
+
+    Returns:
+        The policy in `best/`.
 
     Raises:
         EurekaError: what stopped it; all that was finished is stored, and calling again continues.
@@ -106,19 +109,20 @@ def tune(lanes: Lanes, checker: Checker) -> None:
         _train(lanes, index, candidates, over=bool(_raced(store, kept)) if last else _name(own.stop) in kept)
         if not last:
             optimiser.tell(*_scores(store, candidates, origin, config.seed))
-    _race(lanes, len(every))
+    return _race(lanes, len(every))
 
 
-def tune_winner(lanes: Lanes, checker: Checker, winner: Scored | None) -> None:
+def tune_winner(lanes: Lanes, checker: Checker, winner: Scored | None) -> PolicyId | None:
     """Fit the numbers of what a search found, where it found a reward that has some.
 
-    Raises:
+    Returns, Raises:
         EurekaError: as `tune` does.
     """
     found = winner.sample if winner is not None else None
     if found is not None and found.candidate is not None and weights(found.candidate.source):
         keep(lanes.store, found.candidate, found.verdict)
-        tune(lanes, checker)
+        return tune(lanes, checker)
+    return None
 
 
 def begun(store: Store) -> bool:
@@ -182,7 +186,7 @@ def _first_looks(store: Store, ids: Iterable[str]) -> dict[str, float | None]:
     }
 
 
-def _race(lanes: Lanes, last: int) -> None:
+def _race(lanes: Lanes, last: int) -> PolicyId | None:
     """Train those that lead and the text as it came with fresh seeds, more of them only while it is undecided."""
     config, store, strategy = lanes.config, lanes.store, Best(samples=0)
     texts = store.texts()
@@ -199,7 +203,7 @@ def _race(lanes: Lanes, last: int) -> None:
         if len(racing) < 2 and (not racing or race.sure(scores, racing[0], ORIGINAL)):
             break
     lanes.observer.phase(last, "evaluate")
-    _conclude(lanes, texts, strategy)
+    return _conclude(lanes, texts, strategy)
 
 
 def _defined(scores: Iterable[float | None]) -> list[float]:
@@ -221,7 +225,7 @@ def _leading(store: Store, texts: tuned.Texts, seed: int) -> list[str]:
     return [name for name in texts if name in best]  # as `_raced` finds them again
 
 
-def _conclude(lanes: Lanes, texts: tuned.Texts, strategy: Best) -> None:
+def _conclude(lanes: Lanes, texts: tuned.Texts, strategy: Best) -> PolicyId | None:
     """Score the final trainings on held-out episodes, and leave the better reward in `best/`."""
     config, store = lanes.config, lanes.store
     results = store.lanes.results()
@@ -231,7 +235,9 @@ def _conclude(lanes: Lanes, texts: tuned.Texts, strategy: Best) -> None:
     plays = {lane: played(looks) for lane, looks in store.lanes.plays().items()}
     found = tuned.read(config, texts, results, plays, scores)
     if found is None or not own[found.better]:
-        return
+        return None
     lane = max(own[found.better], key=lambda lane: rank(scores[lane].fitness if lane in scores else None))
     kept = scores[lane].peak if lane in scores else None
-    store.save_best(texts[found.better], lane, kept or standing[lane])
+    policy = PolicyId(lane, kept or standing[lane])
+    store.save_best(texts[found.better], policy)
+    return policy

@@ -37,6 +37,15 @@ def test_the_best_policy_of_a_run_is_shown_on_its_own_task(asked, tmp_path, caps
     assert capsys.readouterr().out == f"Filming 3 s\nWrote {tmp_path / 'play.mp4'}\n"
 
 
+def test_the_policy_that_was_carried_on_is_shown_where_it_is_better(asked, tmp_path):
+    with pytest.raises(ConfigError, match="holds no policy that was carried on to more"):
+        play.play([str(tmp_path), "policy=polished"])
+    (tmp_path / "polished").mkdir()
+    (tmp_path / "polished" / "policy.safetensors").write_bytes(policy_of("ant"))
+    play.play([str(tmp_path), "policy=polished", f"out={tmp_path}/a.mp4"])
+    assert asked == [("ant", policy_of("ant"), 10.0)]
+
+
 def test_random_play_needs_no_file(asked, tmp_path):
     play.play(["env=ant", "policy=random", f"out={tmp_path}/a.mp4"])
     assert asked == [("ant", "random", 10.0)]

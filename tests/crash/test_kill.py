@@ -33,6 +33,7 @@ def outcomes(runs: dict[str, dict[str, dict[str, int]]]) -> dict[str, dict[str, 
         *(("search", "around", 25), ("search", "within", 40), ("search", "between", 6)),
         *(("train", "around", 9), ("train", "within", 18), ("train", "between", 1)),
         *(("halving", "around", 5), ("halving", "within", 10), ("halving", "between", 1)),
+        *(("polish", "around", 15), ("polish", "within", 30), ("polish", "between", 3)),
         *(("tune", "around", 20), ("tune", "within", 30), ("tune", "between", 3)),
     ],
 )

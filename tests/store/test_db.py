@@ -10,7 +10,7 @@ from openeureka.store.db import MIGRATIONS, Database
 
 TABLES = (
     "run", "prompts", "replies", "verdicts", "results", "entries", "evaluations", "remarks", "heard", "trials",
-    "plays", "crown", "lanes", "given", "slots", "attempts", "rungs",
+    "plays", "crown", "lanes", "given", "slots", "attempts", "rungs", "best_policy",
 )  # fmt: skip
 REPLY = {
     "generation": 0,
@@ -107,6 +107,7 @@ def test_a_finished_row_never_changes(tmp_path: Path, database: Database, table:
         "slots": {"generation": 0, "slot": 0},
         "attempts": {"generation": 0, "attempt": 0, "slot": 0},
         "rungs": {"lane": "a-s0", "rung": 1, "went_on": 1, "episodes": 1},
+        "best_policy": {"id": 1, "lane": "a-s0", "peak": "last"},
     }
     database.put("results", rows["results"])
     if table == "rungs":

@@ -141,6 +141,41 @@ def test_a_warm_start_is_the_policy_with_its_statistics():
     assert counts == [1025.0, 1025.0, 1.0, 1.0]
 
 
+def test_lanes_that_go_on_from_policies_train_the_task_alone(tmp_path: Path):
+    trainer = StagedTrainer()
+    specs = [replace(spec, start=b"7") for spec in SPECS]
+    found = results(
+        CurriculumTrainer(trainer, STAGES, StageFiles(tmp_path)).train("hard", specs, TrainBudget(env_steps=40))
+    )
+    assert trainer.asked == [("hard", 40, {"human-s0": b"7", "sparse-s0": b"7"})]
+    assert found.keys() == {"human-s0", "sparse-s0"}
+
+
+def test_a_start_mixed_with_fresh_weights_keeps_what_it_knows_of_returns():
+    budget = TrainBudget(env_steps=16 * 32 * 2, worlds=32)
+    first = Population("cartpole", [LaneSpec(id="a", program="human", seed=1)], budget, threads=1)
+    policy = next(iter(results(first.train()).values())).last
+    assert policy is not None
+    specs = [
+        LaneSpec(id="mixed", program="human", seed=2, start=policy, fresh=0.25),
+        LaneSpec(id="cold", program="human", seed=2),
+        LaneSpec(id="other", program="sparse", seed=2, start=policy, rescaled=True),
+    ]
+    after = Population("cartpole", specs, budget, threads=1)
+    mixed, cold, other = (Policy.of("cartpole", after.ppo, lane).tensors for lane in range(3))
+    began = Policy.from_bytes(policy).tensors
+    for name in ("w0", "b0", "log_std"):
+        torch.testing.assert_close(mixed[name], 0.75 * began[name] + 0.25 * cold[name])
+    assert began["log_std"].abs().max() > 0 and cold["log_std"].abs().max() == 0  # towards a deviation of 1
+    for name in ("head_w", "head_b"):
+        torch.testing.assert_close(mixed[name][..., -1], began[name][..., -1])
+        torch.testing.assert_close(mixed[name][..., :-1], 0.75 * began[name][..., :-1] + 0.25 * cold[name][..., :-1])
+    for name in ("observation_mean", "observation_count", "value_mean", "value_count"):
+        assert torch.equal(mixed[name], began[name])
+    assert torch.equal(other["w0"], began["w0"]) and torch.equal(other["observation_var"], began["observation_var"])
+    assert [other[f"value_{part}"].item() for part in ("mean", "var", "count")] == [0.0, 1.0, 1.0]
+
+
 def test_pen_spinning_runs_from_end_to_end(tmp_path: Path):
     stages = curriculum.find("shadow_hand_spin", "pen_spinning")
     trainer = CurriculumTrainer(LocalExecutor(threads=1), stages, StageFiles(tmp_path))

@@ -8,7 +8,7 @@ from itertools import accumulate
 from pathlib import Path
 
 from .. import race
-from ..lanes import final_seeds
+from ..lanes import final_seeds, polish_seeds
 from ..report.view import RunView
 from ..score import mean, rank
 from ..store import is_run
@@ -86,7 +86,8 @@ def _rises(played: Iterable[tuple[int, float | None]]) -> tuple[tuple[int, float
 
 
 def _seconds(run: RunView) -> float:
-    """A generation trains side by side, the first with the rewards that come with the task; so do final trainings."""
+    """A generation trains side by side, the first with the rewards that come with the task; so do final trainings,
+    and those that carry its policy on."""
 
     def lanes(role: Role, seeds: Container[int]) -> set[str]:
         return {name for name, lane in run.lanes.items() if lane.role == role and lane.seed in seeds}
@@ -97,6 +98,7 @@ def _seconds(run: RunView) -> float:
     ]
     rounds[0] |= lanes("baseline", [run.config.seed])
     rounds += [lanes("final", seeds) for seeds in race.rounds(final_seeds(run.config), raced=run.ranks == "played")]
+    rounds.append(lanes("polish", polish_seeds(run.config)))
     seconds, known = 0.0, set[str]()
     for own in rounds:
         seconds += max((run.results[lane].seconds for lane in own - known if lane in run.results), default=0.0)

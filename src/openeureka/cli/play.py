@@ -17,6 +17,7 @@ from ..training.policy import Policy
 from .settings import PlayConfig, only_path, split
 
 AGENTS = ("random", "zero")
+POLISHED = "polished"
 
 
 def play(words: Sequence[str], *, web: bool = False) -> None:
@@ -31,7 +32,8 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
         policy = config.policy
         env = config.env or "cartpole"
     else:
-        policy = _best(directory) if directory is not None and not config.policy else _read(Path(config.policy))
+        in_run = directory is not None and config.policy in ("", POLISHED)
+        policy = _of_run(directory, config.policy) if in_run else _read(Path(config.policy))
         env = _env_of(policy, config.env)
     if web:
         from ..report.page import page  # loads a user interface
@@ -49,9 +51,13 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
     print(f"Wrote {folder / name}")
 
 
-def _best(directory: Path) -> bytes:
-    """The policy of a run or a training, which anybody may have made."""
-    policy = artifacts.read(directory, "best/policy.safetensors")
+def _of_run(directory: Path, wanted: str) -> bytes:
+    """A policy of a run or a training, which anybody may have made."""
+    policy = artifacts.read(directory, f"{wanted or 'best'}/policy.safetensors")
+    if policy is None and wanted:
+        raise ConfigError(
+            f"{directory} holds no policy that was carried on to more (polish=N); leave policy=polished out."
+        )
     if policy is None:
         path = directory / "best" / "policy.safetensors"
         raise ConfigError(

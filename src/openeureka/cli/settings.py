@@ -51,7 +51,7 @@ class PlayConfig:
     env: str = ""
     """Empty means the task of the run directory."""
     policy: str = ""
-    """`random`, `zero` or a policy.safetensors file; empty means the best policy of the run directory."""
+    """`polished`, `random`, `zero` or a policy.safetensors file; empty means that of the run's best reward."""
     out: str = ""
     """Video to write, also where there is a display; empty means `<env>.mp4`, or `play.mp4` in the run directory."""
     seconds: float = 10.0

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 from ..config import as_dict, parse
 from ..display.live import verdict_line
 from ..display.progress import working
+from ..polished import Polished
 from ..report import tables
 from ..report.build import build
 from ..report.text import columns, number, scored, spread
-from ..report.verdict import meaning, of_tuning, verdict
+from ..report.verdict import meaning, of_polishing, of_tuning, verdict
 from ..report.view import CandidateView, GenerationView, RunView
 from ..runs import trust
 from ..runs.run import lanes
@@ -83,6 +84,7 @@ def summary(run: RunView) -> list[str]:
     elif len(run.history.generations) < run.config.generations:
         lines.append(f"{len(run.history.generations)} of {run.config.generations} generations are done.")
     lines += ["", "The best reward with fitted numbers:", "", *_fitted(found), ""] if (found := run.tuned) else []
+    lines += ["", "The best policy, as it is:", "", *_carried_on(run, on), ""] if (on := run.polished) else []
     tokens = run.usage.prompt_tokens + run.usage.completion_tokens
     return [*lines, f"Spent: {tokens:,} tokens, US$ {run.usage.cost_usd:.4f}"]
 
@@ -97,6 +99,10 @@ def _fitted(found: Tuned) -> list[str]:
     shown = [tables.numbers(found), *([tables.tuned(found), tables.components(found)] if found.arms else [])]
     lines = [line for table in shown if table.rows for line in _lines(table)]
     return [*lines, plain(of_tuning(found))]
+
+
+def _carried_on(run: RunView, found: Polished) -> list[str]:
+    return [*_lines(tables.polished(run, found)), of_polishing(found)]
 
 
 def _lines(table: tables.Table) -> list[str]:
@@ -128,6 +134,7 @@ def facts(run: RunView) -> dict[str, object]:
             if lane.lane.role == "given"
         },
         "tuned": _tuned(run.tuned) if run.tuned is not None else None,
+        "polished": _polished(run.polished) if run.polished is not None else None,
         "best": {"name": str(best.place), "source": best.candidate.source} if best and best.candidate else None,
         "final": _final(outcome) if outcome is not None else None,
         "verdict": verdict(run),
@@ -137,26 +144,47 @@ def facts(run: RunView) -> dict[str, object]:
     }
 
 
-def _tuned(found: Tuned) -> dict[str, object]:
-    def fields(noun: DataclassInstance | None) -> dict[str, object] | None:
-        return dataclasses.asdict(noun) if noun is not None else None
+def _fields(noun: DataclassInstance | None) -> dict[str, object] | None:
+    return dataclasses.asdict(noun) if noun is not None else None
 
+
+def _polished(found: Polished) -> dict[str, object]:
+    return {
+        "began": found.began._asdict(),
+        "before": _fields(found.before),
+        "after": _fields(found.after),
+        "gain": _fields(found.gain),
+        "best": found.best._asdict() if found.best is not None else None,
+        "better": found.better,
+        "lanes": [
+            {
+                "lane": one.lane.id,
+                "reward": one.lane.reward,
+                "fresh": one.start.fresh,
+                **_scores(one.played, one.result),
+            }
+            for one in found.tries
+        ],
+    }
+
+
+def _tuned(found: Tuned) -> dict[str, object]:
     return {
         "numbers": [
             {
                 "name": effect.weight.name,
                 "before": effect.weight.value,
                 "after": effect.after,
-                "trend": fields(effect.trend),
-                "distance": fields(effect.distance),
+                "trend": _fields(effect.trend),
+                "distance": _fields(effect.distance),
                 "matters": effect.matters,
             }
             for effect in found.effects
         ],
         "after": found.after,
         "better": found.better,
-        "final": {name: fields(arm) for name, arm in found.arms.items()},
-        "difference": fields(found.difference),
+        "final": {name: _fields(arm) for name, arm in found.arms.items()},
+        "difference": _fields(found.difference),
         "components": {
             name: dict(zip(("before", "after"), pair, strict=True)) for name, pair in found.components.items()
         },
@@ -211,7 +239,7 @@ def _final(outcome: Outcome) -> dict[str, object]:
     found = outcome.difference
     return {
         "rewards": {name: _arm(arm) for name, arm in arms.items()},
-        "difference": dataclasses.asdict(found) if found is not None else None,
+        "difference": _fields(found),
     }
 
 

@@ -38,6 +38,7 @@ _PHASES: dict[Phase, str] = {
     "play": "playing the policies",
     "feedback": "waiting for a person",
     "final": "training the leading rewards again",
+    "polish": "carrying the best policy on",
     "evaluate": "scoring on held-out episodes",
 }
 
@@ -205,7 +206,7 @@ class TerminalView:
         self._live.stop()
 
     def phase(self, generation: int, name: Phase) -> None:
-        if generation != self._tally.index or name == "final":
+        if generation != self._tally.index or name in ("final", "polish"):
             self._samples.clear()
             self._replied.clear()
             self._asked.clear()

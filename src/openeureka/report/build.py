@@ -13,7 +13,7 @@ from .view import VIDEO, RunView
 
 
 def build(directory: Path, wanted: str = "", env: str = "") -> list[str]:
-    """Write best/policy.onnx, the videos that are missing, TensorBoard events and report.html.
+    """Write the policy.onnx of best/ and polished/, the videos that are missing, TensorBoard events and report.html.
 
     Args:
         wanted: videos of `all` policies, the `best` or `none`; empty means what the run began with.
@@ -29,7 +29,10 @@ def build(directory: Path, wanted: str = "", env: str = "") -> list[str]:
     run = RunView.read(directory)
     wanted = wanted or run.config.video
     env = env or (run.config.env if registry.installed(run.config.env) else "")
-    problems = [best(directory, wanted, env), _candidates(directory, run, wanted, env)]
+    problems = [
+        *(policy_files(directory, folder, wanted, env) for folder in ("best", "polished")),
+        _candidates(directory, run, wanted, env),
+    ]
     run = RunView.read(directory)  # now with videos
     for lane, result in run.results.items():
         artifacts.write(directory, f"lanes/{lane}/{export.EVENTS}", export.events_of(result))
@@ -37,8 +40,8 @@ def build(directory: Path, wanted: str = "", env: str = "") -> list[str]:
     return list(dict.fromkeys(problem for problem in problems if problem))
 
 
-def best(directory: Path, wanted: str, env: str) -> str:
-    """Make the files of the best policy, which is there as soon as anything has trained.
+def policy_files(directory: Path, folder: str, wanted: str, env: str) -> str:
+    """Make the files of the policy in a folder, if it holds one: `best` does as soon as anything has trained.
 
     Args:
         env: task that it is filmed on; empty means that none may be imported.
@@ -46,16 +49,16 @@ def best(directory: Path, wanted: str, env: str) -> str:
     Returns:
         Why one of them could not be made, as a sentence, or an empty string.
     """
-    data = artifacts.read(directory, "best/policy.safetensors")
+    data = artifacts.read(directory, f"{folder}/policy.safetensors")
     if data is None:
         return ""
     try:
-        artifacts.write(directory, "best/policy.onnx", export.to_onnx(Policy.from_bytes(data)))
-        if wanted == "none" or artifacts.exists(directory, f"best/{VIDEO}"):
+        artifacts.write(directory, f"{folder}/policy.onnx", export.to_onnx(Policy.from_bytes(data)))
+        if wanted == "none" or artifacts.exists(directory, f"{folder}/{VIDEO}"):
             return ""
         if not env:
             return _STRANGE.format(directory=directory)
-        artifacts.write(directory, f"best/{VIDEO}", video.render(env, data))
+        artifacts.write(directory, f"{folder}/{VIDEO}", video.render(env, data))
     except (RewardFileError, video.VideoUnavailable) as error:
         return str(error)
     return ""

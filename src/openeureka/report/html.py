@@ -49,6 +49,7 @@ def report(run: RunView, directory: Path) -> str:
             title=short_name(run.config.env),
             intent=intent(run.config.env),
             best_video=_embedded(directory, run.videos.get("best", "")),
+            polished_video=_embedded(directory, run.videos.get("polished", "")),
             baseline_videos=[(name, run.videos[r.lane]) for name, r in run.baselines.items() if r.lane in run.videos],
             linked_videos=any(candidate.video for candidate in run.candidates),
         )

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from .. import baselines
 from ..config import RunConfig, as_dict
 from ..hacking import PEAKS, WORLDS, Kind
+from ..polished import Polished, Try
 from ..score import Baselines, Outcome, human_normalised, mean
 from ..tuned import ORIGINAL, Correlation, Effect, Tuned
 from ..types import Evaluation, Generation, History, Remark, RemarkKind, VerdictCode
@@ -142,6 +143,39 @@ def trials(found: Tuned) -> Table:
         for trial in found.trials
     ]
     return Table(("weighting", "program", "numbers", "F when played"), rows)
+
+
+def polished(run: RunView, found: Polished) -> Table:
+    """A row for the policy that was carried on, and one for each lane that did."""
+    began, held_out = run.lanes.get(found.began.lane), scored(found.before)
+    own = _reward(run, began.reward) if began is not None else "-"
+    rows = [
+        ("that of the best reward, where all began", own, "-", scored(run.played.get(found.began.lane)), held_out),
+        *(
+            (one.lane.id, *_carried(run, one), scored(found.after) if one == found.chosen else "-")
+            for one in found.tries
+        ),
+    ]
+    steps = max((one.result.env_steps for one in found.tries if one.result is not None), default=0)
+    note = (
+        f"Each lane took {steps:,} steps, from that policy's weights mixed with a share of fresh ones. The one that "
+        "plays best is judged held out. ± is the standard error over episodes of one policy, as it is: nothing here "
+        "says how good a reward is."
+    )
+    return Table(("policy", "reward", "fresh weights", "F when played", "F held out"), rows, note)
+
+
+def _carried(run: RunView, one: Try) -> tuple[str, str, str]:
+    return _reward(run, one.lane.reward), f"{one.start.fresh:.0%}", scored(one.played)
+
+
+def _reward(run: RunView, identity: str) -> str:
+    """What people call a reward: its first place in the search, or the weighting that it is."""
+    places = (
+        str(slot.place) for slot in run.candidates if slot.candidate is not None and slot.candidate.id == identity
+    )
+    names = (name for name, candidate in run.texts.items() if candidate.id == identity)
+    return next(places, "") or next(names, identity)
 
 
 def _scale(run: RunView) -> tuple[tuple[float | None, float | None], str]:

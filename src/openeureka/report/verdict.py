@@ -6,12 +6,13 @@ from collections.abc import Mapping
 
 from ..errors import TaskError
 from ..lanes import beside
+from ..polished import Polished
 from ..prompts import scale
-from ..score import Arm, Difference, difference, mean, rank
+from ..score import Arm, Difference, Estimate, difference, mean, rank
 from ..tasks import registry
 from ..tasks.context import context
 from ..tuned import ORIGINAL, Tuned
-from .text import number
+from .text import number, scored
 from .view import RunView
 
 
@@ -39,6 +40,22 @@ def of_tuning(found: Tuned | None) -> str:
         word = "better" if difference.value > 0 else "worse"
         return f"The tuned numbers are {word} than those before: {between}; {_interval(difference)}."
     return f"Not decided: {between}; {_interval(difference)}. {_needed(difference, len(after.scores))}"
+
+
+def of_polishing(found: Polished) -> str:
+    """Whether carrying the best policy on made a better one."""
+    if found.best is None:
+        return "Not decided yet: the policies that were carried on are not judged."
+    if found.chosen is None or found.after is None or found.after.fitness is None:
+        return "Carrying the policy on left none that could be scored: the one in best/ is the best."
+    between = f"F {scored(found.after)} against {scored(found.before)} of the policy it began from, held out"
+    gain = found.gain
+    if gain is None or gain.low is None:
+        return f"Not decided: {between}."
+    told = f"{between}; {_interval(gain)}"
+    if not gain.sure:
+        return f"Not decided: {told}."
+    return f"The policy carried on is {'better' if gain.value > 0 else 'worse'}: {told}."
 
 
 def _of_given(arms: Mapping[str, Arm]) -> str:
@@ -112,7 +129,9 @@ def nexts(run: RunView) -> list[str]:
         return ["eureka play DIR: watch the policy"]
     if run.outcome is None:
         return ["eureka resume DIR: go on where it was"]
-    return [*_deciding(run), "eureka play DIR: watch the policy"]
+    found = run.polished
+    carried = ["eureka play DIR policy=polished: watch the best policy"] if found is not None and found.better else []
+    return [*_deciding(run), "eureka play DIR: watch the best reward's policy", *carried]
 
 
 def _deciding(run: RunView) -> list[str]:
@@ -138,7 +157,7 @@ def _arm(arm: Arm) -> str:
     return f"{number(middle)} ± {number(error, 2)} ({count})"
 
 
-def _interval(found: Difference) -> str:
+def _interval(found: Difference | Estimate) -> str:
     return f"difference {found.value:+.3g}, 95 % interval {found.low:+.3g} to {found.high:+.3g}"
 
 

@@ -8,10 +8,11 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Literal
 
-from .. import baselines, hacking, race, score, strategies, tuned
+from .. import baselines, hacking, polished, race, score, strategies, tuned
 from ..config import NO_MODEL, RunConfig
 from ..hacking import Sign, Tried
 from ..lanes import BASELINES, beside, final_lanes, final_seeds
+from ..polished import Polished
 from ..sampling import NO_PROGRAM
 from ..score import Arm, Baselines, Outcome
 from ..store import Store, artifacts
@@ -25,6 +26,7 @@ from ..types import (
     Message,
     Peak,
     Place,
+    PolicyId,
     Remark,
     Reply,
     Sample,
@@ -158,7 +160,7 @@ class RunView:
     """Further held-out scores of the best reward's policies, by lane id and name (see `hacking`)."""
     usage: Usage
     videos: Mapping[str, str]
-    """Path in the run directory by lane id, and of the best policy by `best`."""
+    """Path in the run directory by lane id, of the best reward's policy by `best`, of one carried on by `polished`."""
     lanes: Mapping[str, Lane] = field(default_factory=dict)
     """By id, trained or under way."""
     played: Mapping[str, Evaluation] = field(default_factory=dict)
@@ -167,6 +169,8 @@ class RunView:
     """By which F the search ranks."""
     crown: Place | None = None
     """The candidate that the final trainings confirmed."""
+    best_policy: PolicyId | None = None
+    """The best policy as it is, where one was carried on."""
     unheard: tuple[Remark, ...] = ()
     """What a person said that no prompt has taken up yet."""
     texts: Mapping[str, Candidate] = field(default_factory=dict)
@@ -207,6 +211,7 @@ class RunView:
                 played=played,
                 ranks="training" if config.search == "eureka" else store.ranks,
                 crown=store.crown(),
+                best_policy=store.lanes.best_policy(),
                 unheard=store.remarks.unheard(),
                 texts=store.texts(),
                 videos=videos,
@@ -228,6 +233,11 @@ class RunView:
         if not self.config.tune:
             return None
         return tuned.read(self.config, self.texts, self.results, self.played, self.evaluations)
+
+    @property
+    def polished(self) -> Polished | None:
+        """What came of carrying the best policy on; None where none is."""
+        return polished.read(self.lanes, self.results, self.played, self.evaluations, self.best_policy)
 
     @property
     def given(self) -> dict[str, Arm]:
@@ -309,7 +319,9 @@ class RunView:
 
 
 def _videos(directory: Path, results: Mapping[str, TrainingResult]) -> dict[str, str]:
-    places = {lane: f"lanes/{lane}/{VIDEO}" for lane in results} | {"best": f"best/{VIDEO}"}
+    places = {lane: f"lanes/{lane}/{VIDEO}" for lane in results} | {
+        name: f"{name}/{VIDEO}" for name in ("best", "polished")
+    }
     return {name: place for name, place in places.items() if artifacts.exists(directory, place)}
 
 

@@ -73,6 +73,8 @@ class SearchSettings(_Shared, total=False):
     baselines: str
     video: str
     tune: int
+    polish: int
+    polish_steps: int | float
 
 
 # --- calls -----------------------------------------------------------------------------------------------------------

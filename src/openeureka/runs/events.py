@@ -20,7 +20,8 @@ class Started:
 
 @dataclass(frozen=True, slots=True)
 class Began:
-    """A phase begins; `final` and `evaluate` come with the number of generations, `feedback` waits for a person."""
+    """A phase begins; `final`, `polish` and `evaluate` come with the number of generations, `feedback` waits for a
+    person."""
 
     generation: int
     phase: Phase

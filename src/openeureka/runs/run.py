@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..config import RunConfig
 from ..errors import ConfigError, StoreError
+from ..polished import Polished
 from ..report import verdict
 from ..report.view import CandidateView, RunView
 from ..score import Outcome
@@ -98,7 +99,7 @@ def finished(config: RunConfig, glance: Glance) -> bool:
     if not config.generations:
         return glance.evaluations > 0
     searched = glance.generations >= config.generations
-    last = glance.tuned if config.tune else glance.evaluations
+    last = glance.polished if config.polish else glance.tuned if config.tune else glance.evaluations
     return searched and (last > 0 or glance.fitness is None)  # without a reward nothing is scored
 
 
@@ -163,6 +164,11 @@ class Run:
         return self.view.tuned
 
     @property
+    def polished(self) -> Polished | None:
+        """What came of carrying the best policy on; None where none is."""
+        return self.view.polished
+
+    @property
     def best_reward(self) -> str | None:
         """The best reward's program; None where nothing is trained yet, or the best comes with the task."""
         program = artifacts.read(self.directory, "best/reward.py")
@@ -170,23 +176,32 @@ class Run:
 
     @property
     def policy(self) -> TrainedPolicy:
-        """The best policy, a function of numpy observations (O,) or (N, O). Raises StoreError before there is one."""
-        from .run import TrainedPolicy  # loads torch
+        """The best reward's policy, a function of numpy observations (O,) or (N, O). Raises StoreError before there is
+        one."""
+        return TrainedPolicy.of(self._policy("best"))
 
-        return TrainedPolicy.of(self._policy())
+    @property
+    def polished_policy(self) -> TrainedPolicy:
+        """The policy that was carried on, where that made a better one. Raises StoreError where it did not."""
+        return TrainedPolicy.of(self._policy("polished"))
 
-    def _policy(self) -> bytes:
-        data = artifacts.read(self.directory, "best/policy.safetensors")
+    def _policy(self, folder: str) -> bytes:
+        data = artifacts.read(self.directory, f"{folder}/policy.safetensors")
+        if data is None and folder == "polished":
+            raise StoreError(
+                f"{self.directory} holds no policy that was carried on to more; use that of its best reward."
+            )
         if data is None:
             raise StoreError(f"{self.directory} holds no policy yet; it has one as soon as a training is done.")
         return data
 
-    def play(self, *, seconds: float = 10.0, seed: int = 0, env: str | Path = "") -> np.ndarray:
-        """Pictures of the best policy at work: uint8 (T, 480, 640, 3), 30 for each second of simulated time.
+    def play(self, *, seconds: float = 10.0, seed: int = 0, env: str | Path = "", polished: bool = False) -> np.ndarray:
+        """Pictures of the best reward's policy at work: uint8 (T, 480, 640, 3), 30 for each second of simulated time.
 
         Args:
             seconds: at most 120; a second takes 28 MB.
             seed: of the start and of the task's chances.
+            polished: take `polished_policy`.
             env: the task, where it is a file or a package of your own that this machine does not know yet.
 
         Raises:
@@ -205,7 +220,9 @@ class Run:
                 f"The run names env={task}, which is no installed task and was never used here; call play(env=...) if "
                 "you know where it comes from: it is run with your rights."
             )
-        return video.frames(video.render(task, self._policy(), seconds=seconds, seed=seed))
+        return video.frames(
+            video.render(task, self._policy("polished" if polished else "best"), seconds=seconds, seed=seed)
+        )
 
     @property
     def report(self) -> Path:

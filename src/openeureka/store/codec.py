@@ -37,11 +37,23 @@ def decode_messages(text: str) -> tuple[Message, ...]:
 # --- lanes -----------------------------------------------------------------------------------------------------------
 
 
-def decode_lane(name: str, reward: str, seed: int, role: str) -> Lane:
+def encode_lane(lane: Lane) -> dict[str, Any]:
+    """The columns of a row."""
+    row: dict[str, Any] = {"lane": lane.id, "reward": lane.reward, "seed": lane.seed, "role": lane.role}
+    if lane.start is not None:
+        policy = lane.start.policy
+        row |= {"start_lane": policy.lane, "start_peak": policy.peak, "start_fresh": lane.start.fresh}
+    return row
+
+
+def decode_lane(row: Mapping[str, Any]) -> Lane:
     """Raises DecodeError for a lane that contradicts its name."""
-    lane = shaped(Lane, {"reward": reward, "seed": seed, "role": role})
-    if lane.id != name:
-        raise DecodeError(f"{name!r:.40} is no lane")
+    columns = {name: row[name] for name in ("reward", "seed", "role")}
+    if row["start_lane"] is not None:
+        columns["start"] = {"policy": (row["start_lane"], row["start_peak"]), "fresh": row["start_fresh"]}
+    lane = shaped(Lane, columns)
+    if lane.id != row["lane"]:
+        raise DecodeError(f"{row['lane']!r:.40} is no lane")
     return lane
 
 

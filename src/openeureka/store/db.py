@@ -35,7 +35,7 @@ AGAIN = "start it again with the same `eureka run` command."
 MAX_VALUE = 64 << 20
 """Bytes of one value of a row."""
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
-_NAMES = {"lane", "candidate"}
+_NAMES = {"lane", "candidate", "start_lane"}
 """Columns whose values become names of files."""
 _COUNTS = {"generation", "slot", "attempt", "attempts", "over_generation", "over_slot"}
 _TYPES: Mapping[str, tuple[type, ...]] = {"TEXT": (str,), "INTEGER": (int,), "REAL": (float, int)}
@@ -54,6 +54,7 @@ SELECT
     (SELECT COUNT(*) FROM evaluations) AS evaluations,
     (SELECT COUNT(*) FROM evaluations JOIN lanes USING (lane) JOIN given ON given.candidate = lanes.reward
         WHERE given.name <> 'original') AS tuned,
+    (SELECT COUNT(*) FROM best_policy) AS polished,
     TOTAL(cost_usd) AS cost_usd,
     CAST(TOTAL(prompt_tokens) AS INTEGER) AS prompt_tokens,
     CAST(TOTAL(completion_tokens) AS INTEGER) AS completion_tokens

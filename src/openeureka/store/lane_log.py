@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 from ..codec import DecodeError, defined, shaped
 from ..errors import StoreError, WorkerError
-from ..types import Evaluation, Lane, Peak, Standing, TrainingResult
+from ..types import Evaluation, Lane, Peak, PolicyId, Standing, TrainingResult
 from ..worker import framed, unframed
 from . import artifacts
 from .codec import (
@@ -19,6 +19,7 @@ from .codec import (
     decode_result,
     digest,
     encode_evaluation,
+    encode_lane,
     encode_result,
     finite,
     policy_name,
@@ -40,13 +41,12 @@ class LaneLog:
         """Keep what is about to train, where the run does not know it yet."""
         known = self.all()
         fresh = {lane.id: lane for lane in lanes if lane.id not in known}
-        self._database.put("lanes", *({"lane": name} | dataclasses.asdict(lane) for name, lane in fresh.items()))
+        self._database.put("lanes", *map(encode_lane, fresh.values()))
 
     def all(self) -> dict[str, Lane]:
         """Every lane of the run by its id, trained or not, in the order in which they began."""
-        columns = ("lane", "reward", "seed", "role")
-        rows = [[row[name] for name in columns] for row in self._database.rows("lanes")]
-        return {row[0]: self._database.decoded(decode_lane, *row) for row in rows}
+        rows = [dict(row) for row in self._database.rows("lanes")]
+        return {row["lane"]: self._database.decoded(decode_lane, row) for row in rows}
 
     def save_result(self, result: TrainingResult) -> None:
         folder = f"lanes/{result.lane}"
@@ -89,6 +89,29 @@ class LaneLog:
             where = self._directory / name
             raise StoreError(f"{where} is missing or damaged; restore it from a copy, or begin again in another dir=.")
         return found
+
+    def expose(self, folder: str, policy: PolicyId) -> None:
+        """Keep a copy of a policy in a folder where people look for it.
+
+        What was made of another policy there (its video, its ONNX file) goes before the policy does: a file in the
+        folder is missing or fits, whatever the clock says that dates them.
+        """
+        data, kept = self.policy(*policy), f"{folder}/policy.safetensors"
+        if data is None or artifacts.read(self._directory, kept) == data:
+            return
+        for made in artifacts.names(self._directory, folder):
+            if made not in ("reward.py", "policy.safetensors"):
+                artifacts.remove(self._directory, f"{folder}/{made}")
+        artifacts.write(self._directory, kept, data)
+
+    def save_best_policy(self, policy: PolicyId) -> None:
+        """Keep which policy is the best of all, judged as it is."""
+        self._database.put("best_policy", {"id": 1, **policy._asdict()})
+
+    def best_policy(self) -> PolicyId | None:
+        """The best policy, whatever made it; None before it is judged, and where none was carried on."""
+        row = self._database.row("best_policy")
+        return self._database.decoded(shaped, PolicyId, (row["lane"], row["peak"])) if row is not None else None
 
     def save_evaluations(self, scores: Iterable[Evaluation]) -> None:
         self._database.put("evaluations", *map(encode_evaluation, scores))

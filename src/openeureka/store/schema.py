@@ -180,6 +180,17 @@ CREATE TABLE rungs (                 -- lanes that paused at a share of their st
 );
 """
 
+_STARTS = """
+ALTER TABLE lanes ADD COLUMN start_lane TEXT;    -- whose policy it goes on from; NULL: it begins anew
+ALTER TABLE lanes ADD COLUMN start_peak TEXT;
+ALTER TABLE lanes ADD COLUMN start_fresh REAL;   -- share of fresh weights in the mixture
+CREATE TABLE best_policy (                       -- judged as it is, whatever made it
+    id INTEGER PRIMARY KEY CHECK (id = 1),
+    lane TEXT NOT NULL REFERENCES results (lane),
+    peak TEXT NOT NULL
+);
+"""
+
 MIGRATIONS: list[str] = [
     _TABLES + _immutable("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations"),
     _REMARKS + _immutable("remarks", "heard"),
@@ -189,6 +200,7 @@ MIGRATIONS: list[str] = [
     _UNUSED,
     _LANES,
     _RUNGS + _immutable("rungs"),
+    _STARTS + _immutable("best_policy"),
 ]
 """Script n brings a file from schema n to n + 1. Published scripts are never edited, only followed by new ones."""
 

@@ -28,8 +28,8 @@ from ..types import (
     Glance,
     History,
     Message,
-    Peak,
     Place,
+    PolicyId,
     Prompt,
     Reply,
     Sample,
@@ -337,6 +337,7 @@ class Store:
             fitness=row["fitness"],
             evaluations=row["evaluations"],
             tuned=row["tuned"],
+            polished=bool(row["polished"]),
             usage=_usage(row),
         )
 
@@ -351,23 +352,14 @@ class Store:
         row = self._database.row("crown")
         return Place(row["generation"], row["slot"]) if row is not None else None
 
-    def save_best(self, program: Candidate | None, lane: str, peak: Peak) -> None:
-        """Fill `best/` with the program and a lane's policy: the one place that changes, as better rewards come.
+    def save_best(self, program: Candidate | None, policy: PolicyId) -> None:
+        """Fill `best/` with the best reward and its policy: the one place that changes, as better rewards come.
 
         A reward that comes with the task has no program of its own.
-
-        What was made of another policy (its video, its ONNX file) goes before the policy does: a file in `best/` is
-        missing or fits, whatever the clock says that dates them.
         """
         if program is not None:
             artifacts.write(self.directory, "best/reward.py", program.source)
-        policy, kept = self.lanes.policy(lane, peak), "best/policy.safetensors"
-        if policy is None or artifacts.read(self.directory, kept) == policy:
-            return
-        for made in artifacts.names(self.directory, "best"):
-            if made not in ("reward.py", "policy.safetensors"):
-                artifacts.remove(self.directory, f"best/{made}")
-        artifacts.write(self.directory, kept, policy)
+        self.lanes.expose("best", policy)
 
 
 def _restored(text: str) -> RunConfig:

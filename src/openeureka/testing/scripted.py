@@ -95,7 +95,7 @@ class ToyChecker:
 @dataclass
 class ToyTrainer:
     """F is the number a program returns plus seed / 100, one less when played; the human reward is worth 10, the sparse
-    one 5."""
+    one 5. From a policy it is the worth of that, as far as it is not mixed with fresh weights."""
 
     trained: list[str] = field(default_factory=list)
     error: float = 0.0
@@ -162,4 +162,6 @@ def _worth(lane: LaneSpec) -> float:
         base = number
     else:
         base = {"human": 10.0, "sparse": 5.0}[lane.program]
+    if lane.start is not None:
+        base = (1.0 - lane.fresh) * float(lane.start) + lane.fresh * base
     return base + lane.seed / 100

@@ -33,7 +33,7 @@ class CurriculumTrainer:
     A lane goes on from where it ended, not from a peak: F guides no training, and the peak of a noisy reward may be an
     early one. Curves, F and checkpoints of its result are those of the last stage, the task itself; steps and seconds
     are sums. A lane that diverges or fails earlier ends there, without an F. Lanes pause in the last stage alone, at
-    that share of it.
+    that share of it. Where all lanes go on from policies, those have been through it: they train the task alone.
 
     Args:
         trainer: trains each stage.
@@ -48,6 +48,9 @@ class CurriculumTrainer:
         self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget
     ) -> Iterator[TrainingProgress | TrainingResult]:
         """Train every lane. The budget's steps, if any, are shared out among the stages in proportion to their own."""
+        if lanes and all(lane.start is not None for lane in lanes):
+            yield from self._trainer.train(env, lanes, budget)
+            return
         steps = shares(self._stages, budget.env_steps)
         passed: dict[str, list[TrainingResult]] = {lane.id: [] for lane in lanes}
         paused = {lane.id: lane.paused for lane in lanes}

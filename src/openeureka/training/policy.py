@@ -37,11 +37,25 @@ class Policy:
         statistics = {name: tensor[lane].clone() for name, tensor in _statistics(ppo).items()}
         return Policy(env, ppo.network.lane(lane) | statistics)
 
-    def put(self, ppo: PPO, lane: int) -> None:
-        """Let a lane go on from here: weights, exploration and all statistics; the optimiser begins anew."""
-        ppo.network.load_lane(lane, self.tensors)
+    def put(self, ppo: PPO, lane: int, *, fresh: float = 0.0, rescaled: bool = False) -> None:
+        """Let a lane go on from here: weights, exploration and all statistics; the optimiser begins anew.
+
+        Weights may be mixed with fresh ones (shrink and perturb, arXiv 1910.08475). The log standard deviation is mixed
+        as they are, towards its 0: a policy explores again as far as it was pushed from where it was, and one that is
+        not pushed goes on as it was. The head of the value, whose errors would only mislead, is kept.
+
+        Args:
+            fresh: share of the weights that the lane was made with.
+            rescaled: leave out the statistics of returns, which are those of another reward.
+        """
+        own = ppo.network.lane(lane)
+        mixed = {name: self.tensors[name].to(value).lerp(value, fresh) for name, value in own.items()}
+        for name in ("head_w", "head_b"):
+            mixed[name][..., -1] = self.tensors[name][..., -1]
+        ppo.network.load_lane(lane, mixed)
         for name, tensor in _statistics(ppo).items():
-            tensor[lane] = self.tensors[name]
+            if not (rescaled and name.startswith("value_")):
+                tensor[lane] = self.tensors[name]
 
     def to_bytes(self) -> bytes:
         # One entry: safetensors writes several in no fixed order, and equal policies shall be equal files.

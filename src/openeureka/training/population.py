@@ -60,7 +60,7 @@ class Population:
         self.ppo = PPO(seeds, task.num_observations, task.num_actions, task.recipe, self.device)
         for lane, spec in enumerate(self.specs):
             if spec.start is not None:
-                Policy.from_bytes(spec.start).put(self.ppo, lane)
+                Policy.from_bytes(spec.start).put(self.ppo, lane, fresh=spec.fresh, rescaled=spec.rescaled)
         self.rollout = Rollout(
             self.lanes, self.worlds, self.horizon, task.num_observations, task.num_actions, self.device
         )

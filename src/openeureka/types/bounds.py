@@ -8,6 +8,7 @@ from typing import Annotated
 from msgspec import Meta
 
 Finite = Annotated[float, Meta(ge=-sys.float_info.max, le=sys.float_info.max)]
+Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 Count = Annotated[int, Meta(ge=0, lt=2**53)]
 Name = Annotated[str, Meta(pattern=r"\A[^\ud800-\udfff]*\Z")]
 """Text without halves of characters: every file format can hold it."""

@@ -173,4 +173,6 @@ class Glance:
     """Held-out scores: they come last."""
     tuned: int
     """Those of them that rewards with fitted numbers have."""
+    polished: bool
+    """Whether the best policy is carried on and judged."""
     usage: Usage

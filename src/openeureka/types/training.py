@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol
 
-from .bounds import Count, Finite, Name
+from .bounds import Count, Finite, Name, Share
 from .rewards import RewardGraph
 
 RewardProgram = RewardGraph | Literal["human", "sparse"]
@@ -16,9 +16,26 @@ Peak = Literal["fitness", "reward", "last"]
 """Which of a lane's policies: where F was highest in training, where its own reward was, or the one at the end."""
 
 
-Role = Literal["candidate", "baseline", "final", "given", "tuned"]
+class PolicyId(NamedTuple):
+    """One of the policies of a run."""
+
+    lane: str
+    peak: Peak
+
+
+Role = Literal["candidate", "baseline", "final", "given", "tuned", "polish"]
 """Why a lane is trained: for a slot of a generation; to compare those with; with a fresh seed at the end; because
-somebody gave the reward and wants no search; or to fit the numbers of one."""
+somebody gave the reward and wants no search; to fit the numbers of one; or to carry a policy on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """What a lane goes on from, where it does not begin anew."""
+
+    policy: PolicyId
+    """Of an earlier lane of the run."""
+    fresh: Share
+    """Share of fresh weights in the mixture with that policy's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +46,7 @@ class Lane:
     """A candidate's id, `human` or `sparse`, or what a given reward is called."""
     seed: Count
     role: Role
+    start: Start | None = None
 
     @property
     def id(self) -> str:
@@ -50,6 +68,10 @@ class LaneSpec:
     seed: int = 0
     start: bytes | None = field(default=None, repr=False)
     """Policy that training goes on from (safetensors, see `training.policy`); None begins anew."""
+    fresh: Share = 0.0
+    """Share of the seed's fresh weights that `start` is mixed with."""
+    rescaled: bool = False
+    """Whether `start` was trained under another reward: how large returns are is then learnt anew."""
     paused: bytes | None = field(default=None, repr=False)
     """State of this very training where it paused (`TrainingResult.paused`), to go on from; None begins anew."""
 

@@ -60,7 +60,7 @@ def fingerprint(directory: Path) -> Fingerprint:
     Files are replaced by renaming, which changes their folder.
     """
     lanes = directory / "lanes"
-    files = [directory / name for name in (*_CHANGING, "best")]
+    files = [directory / name for name in (*_CHANGING, "best", "polished")]
     files += lanes.iterdir() if lanes.is_dir() else ()
     return (is_held(directory), *sorted((path.name, *_stat(path)) for path in files))
 

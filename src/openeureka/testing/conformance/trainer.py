@@ -104,6 +104,22 @@ class TrainerConformance:
             for mine, theirs in zip(ended[whole.lane].curves["reward"], whole.curves["reward"], strict=True):
                 assert mine is not None and theirs is not None and math.isclose(mine, theirs, rel_tol=1e-2)
 
+    def test_a_lane_that_starts_from_a_policy_acts_as_that_does(self) -> None:
+        (policy,) = (result.last for result in self._finished()[:1])
+        assert policy is not None
+        one = replace(self.budget, env_steps=1)
+        lanes = [
+            LaneSpec(id="own", program="sparse", start=policy, rescaled=True),
+            LaneSpec(id="fresh", program="sparse", start=policy, rescaled=True, fresh=1.0),
+        ]
+        trained = self.make().train(self.env, lanes, one)
+        peaks = {event.lane: event.best_reward for event in trained if isinstance(event, TrainingResult)}
+        acted = {lane: peak.policy for lane, peak in peaks.items() if peak is not None}
+        scores = {s.lane: s for s in self.make().evaluate(self.env, {"start": policy, **acted}, seed=7)}
+        assert set(scores) == {"start", "own", "fresh"}
+        assert math.isclose(scores["own"].episode_length, scores["start"].episode_length, rel_tol=0.05)
+        assert acted["fresh"] != acted["own"]
+
     def test_policies_are_scored_one_by_one(self) -> None:
         trainer = self.make()
         peaks = {result.lane: result.best_reward for result in self._finished()[:2]}

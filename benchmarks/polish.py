@@ -1,0 +1,175 @@
+"""What does an eighth of the steps from a good policy play, against training from scratch, and does it rank rewards?
+
+    python benchmarks/polish.py                                # Quadcopter, BallBalance, Ant; hours on 2 cores
+    python benchmarks/polish.py --env ant --shares 0 0.1 0.25  # weights mixed with fresh ones, too
+    make docs                                                  # the table in docs/guides/polish.md
+
+A strong model's rewards (`benchmarks/choosing/TASK.json`) and the human one train from scratch, with several seeds. The
+policy of all that plays best is the parent. From it each reward trains again, with as many other seeds, as a lane of
+`polish=N` does. A lane is worth what the best of its policies scores on held-out episodes, as it is. What is done is
+in the store of a run under `outputs/polish/` and in `benchmarks/results/polish.json`, and is not repeated.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import choosing
+from ledger import Script
+from records import machine, read, write
+from scipy.stats import spearmanr
+
+from openeureka.config import NO_MODEL, RunConfig
+from openeureka.errors import EurekaError
+from openeureka.lanes import Lanes, deal
+from openeureka.polishing import PARTS
+from openeureka.report.text import number
+from openeureka.runs.compose import comparing
+from openeureka.score import mean, played, rank
+from openeureka.strategies import Best
+from openeureka.types import Lane, PolicyId, RewardProgram, Start
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "benchmarks" / "results" / "polish.json"
+OUTPUTS = ROOT / "outputs" / "polish"
+TASKS = ("quadcopter", "ballbalance", "ant")
+STRATEGY = Best(samples=0)
+AGAIN = 100
+"""Added to the seed of a training from scratch for that from the parent with the first share, twice for the next."""
+
+TITLES = (
+    *("task", "steps", "rewards, seeds", "from scratch: best reward, mean of all", "the parent", "fresh weights"),
+    *("an eighth from the parent: best reward, mean of all", "rank correlation of both"),
+)
+Record = dict[str, Any]
+
+
+def measure(options: argparse.Namespace, env: str) -> None:
+    """Train what is missing of a task, and write down what it scores."""
+    steps = options.steps or choosing.STEPS[env]
+    config = RunConfig(
+        env=env, model=NO_MODEL, video="none", steps=steps, worlds=options.worlds, device=options.device,
+        threads=options.threads,
+    )  # fmt: skip
+    with comparing(config, options.outputs / env, Script()) as lanes:
+        log, rewards = lanes.store.lanes, choosing.programs(env, lanes.store)[-options.rewards :]
+        for seed in options.seeds:
+            judge(lanes, lanes.train(deal(rewards, [seed], "given")))
+        parent = began(lanes)
+        for place, share in enumerate(options.shares, start=1):
+            for seed in options.seeds:
+                wanted = carried(rewards, parent, share, seed + AGAIN * place)
+                judge(lanes, lanes.train(wanted, steps=max(1, steps // PARTS)))
+        scores = log.evaluations()
+        records = {
+            name: {
+                "reward": lane.reward,
+                "fresh": lane.start.fresh if lane.start is not None else None,
+                "held_out": scores[name].fitness,
+                "error": scores[name].error,
+            }
+            for name, lane in log.all().items()
+            if name in scores
+        }
+    found = {"steps": steps, "parent": parent._asdict(), "lanes": records, **machine(options.device)}
+    write(options.out, read(options.out) | {env: found})
+
+
+def judge(lanes: Lanes, ids: Mapping[str, object]) -> None:
+    """Let policies play, and score the one that stands for each lane on held-out episodes."""
+    lanes.play(ids, STRATEGY)
+    lanes.evaluate(lanes.standing(ids, STRATEGY))
+
+
+def began(lanes: Lanes) -> PolicyId:
+    """The parent: that of the lanes that began already, or else the policy from scratch that plays best."""
+    known, plays = lanes.store.lanes.all(), lanes.store.lanes.plays()
+    for lane in known.values():
+        if lane.start is not None:
+            return lane.start.policy
+    best = max(plays, key=lambda lane: rank(played(plays[lane]).fitness))
+    return PolicyId(best, lanes.standing([best], STRATEGY)[best])
+
+
+def carried(
+    rewards: Sequence[tuple[str, RewardProgram]], parent: PolicyId, share: float, seed: int
+) -> list[tuple[Lane, RewardProgram]]:
+    return [(Lane(name, seed, "polish", Start(parent, share)), program) for name, program in rewards]
+
+
+# --- what it says ----------------------------------------------------------------------------------------------------
+
+
+def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
+    """A row a task and share of fresh weights."""
+    found: list[tuple[str, ...]] = []
+    for env, task in study.items():
+        lanes: Mapping[str, Record] = task["lanes"]
+        scratch = _by_reward(lanes, None)
+        seeds = max((len(values) for values in scratch.values()), default=0)
+        for share in sorted({lane["fresh"] for lane in lanes.values() if lane["fresh"] is not None}):
+            again = _by_reward(lanes, share)
+            found.append(
+                (
+                    *(env, f"{task['steps']:,}", f"{len(scratch)}, {seeds}"),
+                    *(_cell(scratch), number(lanes[task["parent"]["lane"]]["held_out"], 3), f"{share:.0%}"),
+                    *(_cell(again), _correlation(scratch, again)),
+                )
+            )
+    return found
+
+
+Scores = Mapping[str, Sequence[float | None]]
+"""Held-out F by reward, a value a seed."""
+
+
+def _by_reward(lanes: Mapping[str, Record], fresh: float | None) -> Scores:
+    found: dict[str, list[float | None]] = {}
+    for lane in lanes.values():
+        if lane["fresh"] == fresh:
+            found.setdefault(lane["reward"], []).append(lane["held_out"])
+    return found
+
+
+def _cell(scores: Scores) -> str:
+    means = [mean(values) for values in scores.values()]
+    return f"{number(max(means, key=rank, default=None), 3)}, {number(mean(means), 3)}"
+
+
+def _correlation(scratch: Scores, again: Scores) -> str:
+    """Spearman's over rewards, of means over seeds; a dash where one side is constant."""
+    pairs = [(rank(mean(scratch[name])), rank(mean(again[name]))) for name in scratch if name in again]
+    if any(len(set(side)) < 2 for side in zip(*pairs, strict=True)):
+        return "-"
+    found = float(spearmanr(*zip(*pairs, strict=True)).statistic)
+    return f"{found:+.2f}" if math.isfinite(found) else "-"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--env", choices=choosing.STEPS, nargs="+", default=list(TASKS))
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
+    parser.add_argument("--shares", type=float, nargs="+", default=[0.0], help="of fresh weights")
+    parser.add_argument("--steps", type=int, default=0, help="of each training from scratch, instead of choosing.py's")
+    parser.add_argument("--rewards", type=int, default=0, help="only the last so many, the human one among them")
+    parser.add_argument("--worlds", type=int, default=0)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--outputs", type=Path, default=OUTPUTS)
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    options = parser.parse_args()
+    for env in options.env:
+        try:
+            measure(options, env)
+        except EurekaError as error:
+            raise SystemExit("\n".join([str(error), *getattr(error, "__notes__", ())])) from None
+    for row in [TITLES, *rows(read(options.out))]:
+        print(" | ".join(row))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""Carries the best policy of a search on: lanes go on from it, each in its own way, and the best is judged as it is.
+
+What that policy scores is no measure of the reward it was trained under last: from a good policy, poor rewards do well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from .config import RunConfig
+from .lanes import BASELINES, Lanes, Wanted, polish_seeds
+from .score import rank
+from .store import Store
+from .strategies import Best
+from .types import Evaluation, Lane, PolicyId, RewardGraph, Start
+
+SHARES = (0.0, 0.1, 0.25, 0.5)
+"""Of fresh weights in the mixture that a lane begins with."""
+PARTS = 8
+"""Of a training's steps; a lane takes one of them where the settings do not say."""
+
+
+def polish(lanes: Lanes, began: PolicyId) -> None:
+    """Train lanes from a policy, under its own reward and the others that trained again in the end; let them play, and
+    judge the one that plays best on held-out episodes, beside that policy. If it is better, `polished/` holds it.
+
+    Raises:
+        EurekaError: what stopped it; all that was finished is stored, and calling again continues.
+    """
+    config, store, log, observer = lanes.config, lanes.store, lanes.store.lanes, lanes.observer
+    if log.best_policy() is not None:
+        return
+    steps = config.polish_steps or max(1, log.results()[began.lane].env_steps // PARTS)
+    observer.phase(config.generations, "polish")
+    results = lanes.train(deal(config, began, rewards(store, log.all()[began.lane].reward)), steps=steps)
+    scores = log.evaluations()
+    if not any(lane in scores for lane in results):
+        observer.phase(config.generations, "play")
+        played = lanes.play(results, Best(samples=0))
+        observer.phase(config.generations, "evaluate")
+        scores = lanes.evaluate({policy.lane: policy.peak for policy in (began, _leader(played)) if policy is not None})
+    better = max((began.lane, *results), key=lambda lane: rank(scores[lane].fitness if lane in scores else None))
+    best = PolicyId(better, scores[better].peak or began.peak) if better != began.lane else began
+    if best != began:
+        log.expose("polished", best)
+    log.save_best_policy(best)
+
+
+def deal(config: RunConfig, began: PolicyId, rewards: Mapping[str, RewardGraph]) -> list[Wanted]:
+    """`config.polish` lanes, each of another reward or with another share of fresh weights: those first that change
+    least. With more lanes than there are such pairs, they come again with further seeds.
+
+    Args:
+        rewards: by name, the policy's own first.
+    """
+    pairs = [(order, name, share) for order, name in enumerate(rewards) for share in range(len(SHARES))]
+    pairs.sort(key=lambda pair: (pair[0] + pair[2], pair[0]))
+    found: list[Wanted] = []
+    for number, seed in enumerate(polish_seeds(config)):
+        _, name, share = pairs[number % len(pairs)]
+        found.append((Lane(name, seed, "polish", Start(began, SHARES[share])), rewards[name]))
+    return found
+
+
+def rewards(store: Store, own: str) -> dict[str, RewardGraph]:
+    """One reward, then the others that trained with fresh seeds: the contenders for the crown, and fitted ones."""
+    final = [lane.reward for lane in store.lanes.all().values() if lane.role == "final"]
+    found: dict[str, RewardGraph] = {}
+    for name in dict.fromkeys((own, *final)):
+        verdict = store.verdict(name) if name not in dict(BASELINES) else None
+        if verdict is not None and verdict.graph is not None:
+            found[name] = verdict.graph
+    return found
+
+
+def _leader(played: Mapping[str, Evaluation]) -> PolicyId | None:
+    """The policy that plays best; of equals that of the first lane."""
+    lane = max(played, key=lambda lane: rank(played[lane].fitness), default=None)
+    peak = played[lane].peak if lane is not None else None
+    return PolicyId(lane, peak) if lane is not None and peak is not None else None

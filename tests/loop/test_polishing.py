@@ -1,0 +1,248 @@
+"""The best policy is carried on: from its weights, under the leading rewards, judged as it is, and gone on with."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import pytest
+
+from openeureka import polishing, strategies
+from openeureka.cli.show import facts, summary
+from openeureka.config import RunConfig
+from openeureka.errors import ConfigError
+from openeureka.loop import run
+from openeureka.polished import Polished
+from openeureka.report import html
+from openeureka.report.verdict import nexts, of_polishing, verdict
+from openeureka.report.view import RunView
+from openeureka.runs.run import Run
+from openeureka.score import Outcome, gain
+from openeureka.store import Store
+from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
+from openeureka.types import (
+    Evaluation,
+    Lane,
+    LaneSpec,
+    Node,
+    PolicyId,
+    RewardGraph,
+    Start,
+    TrainBudget,
+    TrainingResult,
+    TrainingState,
+)
+from openeureka.ui import pages
+
+
+@dataclass
+class Runner(ToyTrainer):
+    """From a policy, a training gains `gained`, less 1 for each tenth of fresh weights."""
+
+    gained: float = 4.0
+    failing: Sequence[str] = field(default_factory=list)
+    specs: dict[str, LaneSpec] = field(default_factory=dict)
+    steps: list[int] = field(default_factory=list)
+
+    def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget):
+        self.steps.append(budget.env_steps)
+        yield from super().train(env, lanes, budget)
+
+    def _result(self, lane: LaneSpec) -> TrainingResult:
+        self.specs[lane.id] = lane
+        if lane.id in self.failing:
+            return TrainingResult(
+                lane=lane.id, state=TrainingState.DIVERGED, fitness=None, curves={}, env_steps=1, seconds=0.0
+            )
+        if lane.start is not None:
+            worth = float(lane.start) + self.gained - 10.0 * lane.fresh
+            graph = RewardGraph(nodes=(Node("full", (worth,)),), reward=0, components=())
+            lane = replace(lane, program=graph, seed=0, start=None)
+        return replace(super()._result(lane), env_steps=800)
+
+
+def config(**settings) -> RunConfig:
+    return RunConfig(**{"sample": 2, "iteration": 1, "repair": 0, "refill": 0, "seeds": 2, "polish": 3} | settings)
+
+
+def search(directory: Path, trainer: ToyTrainer, worths: Sequence[float] = (7.0, 8.0), **settings) -> Outcome:
+    wanted = config(**settings)
+    with Store.open(directory, wanted) as store:
+        model = ScriptedModel([reply(worth) for worth in worths], said=len(store.replies()))
+        return run(wanted, store, model, ToyChecker(), trainer, TOY, strategies.make(wanted))
+
+
+def polished(directory: Path) -> Polished:
+    found = RunView.read(directory).polished
+    assert found is not None
+    return found
+
+
+def test_lanes_go_on_from_the_policy_in_best_with_different_shares(tmp_path: Path) -> None:
+    trainer = Runner()
+    outcome = search(tmp_path, trainer)
+    assert outcome.best is not None
+    own, policy = outcome.best.sample.verdict.candidate, (tmp_path / "best" / "policy.safetensors").read_bytes()
+    assert policy == b"8.02"  # the better of seeds 1 and 2
+    carried = {name: trainer.specs[name] for name in (f"{own}-s3", f"{own}-s4", f"{own}-s5")}
+    assert [(spec.start, spec.fresh, spec.rescaled) for spec in carried.values()] == [
+        *((policy, 0.0, False), (policy, 0.1, False), (policy, 0.25, False))
+    ]
+    found = polished(tmp_path)
+    assert [one.lane.id for one in found.tries] == list(carried)
+    assert {one.lane.role for one in found.tries} == {"polish"}
+    assert found.began == PolicyId(f"{own}-s2", "reward")
+    assert trainer.steps[-1] == 100  # an eighth of 800
+
+
+def test_what_is_better_stands_in_polished_and_best_stays_what_it_was(tmp_path: Path) -> None:
+    plain, carried = tmp_path / "plain", tmp_path / "carried"
+    outcome, other = search(plain, Runner(error=0.1), polish=0), search(carried, Runner(error=0.1))
+    assert other == outcome  # the result of rewards does not know of it
+    for name in ("reward.py", "policy.safetensors"):
+        assert (carried / "best" / name).read_bytes() == (plain / "best" / name).read_bytes()
+    assert (carried / "polished" / "policy.safetensors").read_bytes() == b"12.02"
+    found = polished(carried)
+    assert found.better and found.best is not None and found.best.lane.endswith("-s3")
+    # Played and held out are one less than in training; 1.96 * sqrt(0.1**2 + 0.1**2) = 0.277.
+    assert found.gain is not None and (found.gain.value, found.gain.low) == pytest.approx((4.0, 3.723), abs=1e-3)
+    between = "F 11.02 ± 0.1 against 7.02 ± 0.1 of the policy it began from, held out"
+    assert of_polishing(found).startswith(f"The policy carried on is better: {between}; ")
+    assert not (plain / "polished").exists() and RunView.read(plain).polished is None
+
+
+def test_a_policy_that_loses_by_it_stays_the_best(tmp_path: Path) -> None:
+    search(tmp_path, Runner(gained=-2.0, error=0.1))
+    found = polished(tmp_path)
+    assert not found.better and found.best == found.began
+    assert found.chosen is not None and found.chosen.start.fresh == 0.0  # of those that lost the best
+    assert of_polishing(found).startswith("The policy carried on is worse: F 5.02 ± 0.1 against 7.02 ± 0.1 ")
+    assert not (tmp_path / "polished").exists()
+
+
+def test_a_lane_too_short_for_an_episode_plays_all_the_same(tmp_path: Path) -> None:
+    class Short(Runner):
+        def _result(self, lane: LaneSpec) -> TrainingResult:
+            found = super()._result(lane)
+            return found if lane.start is None else replace(found, fitness=None, best_fitness=None)
+
+    search(tmp_path, Short())
+    found = polished(tmp_path)
+    assert found.better and found.after is not None and found.after.fitness == pytest.approx(11.02)
+
+
+def test_the_other_rewards_that_raced_carry_it_on_too(tmp_path: Path) -> None:
+    trainer = Runner(error=0.5)
+    outcome = search(tmp_path, trainer, polish=5)
+    assert outcome.best is not None and len(outcome.rivals) == 1
+    own = outcome.best.sample.verdict.candidate
+    tries = polished(tmp_path).tries
+    assert [(one.lane.reward == own, one.start.fresh) for one in tries] == [
+        *((True, 0.0), (True, 0.1), (False, 0.0), (True, 0.25), (False, 0.1))
+    ]
+    for one in tries:
+        assert trainer.specs[one.lane.id].rescaled == (one.lane.reward != own)
+    assert len({one.lane.seed for one in tries} | {0, 1, 2}) == 8  # nobody else's
+
+
+def test_more_lanes_than_ways_come_again_with_further_seeds() -> None:
+    graph = RewardGraph(nodes=(Node("full", (1.0,)),), reward=0, components=())
+    dealt = [lane for lane, _ in polishing.deal(config(polish=6), PolicyId("a-s1", "last"), {"a": graph})]
+    assert [lane.start.fresh for lane in dealt if lane.start] == [0.0, 0.1, 0.25, 0.5, 0.0, 0.1]
+    assert [lane.seed for lane in dealt] == [3, 4, 5, 6, 7, 8]
+
+
+@pytest.mark.parametrize("after", [6, 8, 10])
+def test_a_stopped_one_goes_on_and_trains_nothing_twice(tmp_path: Path, after: int) -> None:
+    @dataclass
+    class Stopping(Runner):
+        def _result(self, lane: LaneSpec) -> TrainingResult:
+            if len(self.trained) > after:
+                raise KeyboardInterrupt
+            return super()._result(lane)
+
+    whole, first, second, third = Runner(), Stopping(), Runner(), Runner()
+    search(tmp_path / "whole", whole)
+    with pytest.raises(KeyboardInterrupt):
+        search(tmp_path / "run", first)
+    assert not Run(tmp_path / "run").finished
+    search(tmp_path / "run", second)
+    assert polished(tmp_path / "run") == polished(tmp_path / "whole")
+    assert [*first.trained[:-1], *second.trained] == whole.trained
+    assert Run(tmp_path / "run").finished
+    search(tmp_path / "run", third)
+    assert third.trained == []
+
+
+def test_where_no_lane_leaves_a_policy_the_best_stays(tmp_path: Path) -> None:
+    trainer = Runner()
+    outcome = search(tmp_path / "a", trainer)
+    assert outcome.best is not None
+    own = outcome.best.sample.verdict.candidate
+    search(tmp_path / "b", Runner(failing=[f"{own}-s{seed}" for seed in (3, 4, 5)]))
+    found = polished(tmp_path / "b")
+    assert found.chosen is None and not found.better
+    assert of_polishing(found) == "Carrying the policy on left none that could be scored: the one in best/ is the best."
+    assert Run(tmp_path / "b").finished
+
+
+def test_a_search_that_found_nothing_is_finished_without_it(tmp_path: Path) -> None:
+    wanted = config(sample=1, baselines="known", env="cartpole")
+    with Store.open(tmp_path, wanted) as store:
+        run(wanted, store, ScriptedModel(["no code"]), ToyChecker(), Runner(), TOY, strategies.make(wanted))
+    assert RunView.read(tmp_path).polished is None and Run(tmp_path).finished
+
+
+def test_after_a_tuning_the_policy_of_the_better_numbers_is_carried_on(tmp_path: Path) -> None:
+    def text(worth: float) -> str:
+        return reply(worth).replace(str(worth), f"{worth} * x")
+
+    wanted = config(tune=8, polish=2)
+    with Store.open(tmp_path, wanted) as store:
+        model, trainer = ScriptedModel([text(7.0), text(8.0)]), Runner()
+        run(wanted, store, model, ToyChecker(), trainer, TOY, strategies.make(wanted))
+    view = RunView.read(tmp_path)
+    found, tuned = view.polished, view.tuned
+    assert found is not None and tuned is not None and found.began.lane.startswith(view.texts[tuned.better].id)
+    assert trainer.specs[found.tries[0].lane.id].start == (tmp_path / "best" / "policy.safetensors").read_bytes()
+    assert Run(tmp_path).finished
+
+
+def test_reports_name_both_results_and_keep_them_apart(tmp_path: Path) -> None:
+    search(tmp_path, Runner(error=0.1))
+    view = RunView.read(tmp_path)
+    found = polished(tmp_path)
+    assert "carried on" not in verdict(view)
+    shown = "\n".join(summary(view)), html.report(view, tmp_path), str(pages.overview(tmp_path, view))
+    for text in shown:
+        assert "The best policy, as it is" in text and of_polishing(found) in text and verdict(view) in text
+        assert found.tries[1].lane.id in text and "10%" in text
+    assert "<code>polished/</code> holds what became of it" in shown[1]
+    assert "eureka play DIR policy=polished: watch the best policy" in nexts(view)
+    told = json.loads(json.dumps(facts(view)))["polished"]
+    assert told["better"] and told["best"]["lane"] == found.tries[0].lane.id
+    assert [lane["fresh"] for lane in told["lanes"]] == [0.0, 0.1, 0.25]
+    assert Run(tmp_path).polished == found
+
+
+def test_lanes_come_back_from_the_store_with_what_they_began_from(tmp_path: Path) -> None:
+    start = Start(PolicyId("a-s1", "fitness"), 0.25)
+    with Store.open(tmp_path, config()) as store:
+        store.lanes.add([Lane("a", 7, "polish", start), Lane("a", 1, "final")])
+        assert [lane.start for lane in store.lanes.all().values()] == [start, None]
+
+
+def test_a_gain_without_errors_has_no_interval() -> None:
+    one = Evaluation(lane="a", fitness=3.0, episode_length=1.0, episodes=4)
+    found = gain(one, replace(one, fitness=1.0, episodes=2))
+    assert found is not None and (found.value, found.low, found.count, found.sure) == (2.0, None, 2, False)
+    assert gain(one, replace(one, fitness=None)) is None
+
+
+def test_settings_that_make_no_sense_are_refused() -> None:
+    with pytest.raises(ConfigError, match="`polish_steps` says how long"):
+        RunConfig(polish_steps=1000)
+    with pytest.raises(ConfigError, match="`polish` must be zero or more"):
+        RunConfig(polish=-1)
