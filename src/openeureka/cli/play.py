@@ -32,10 +32,8 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
         policy = config.policy
         env = config.env or "cartpole"
     else:
-        if directory is not None and config.policy in ("", POLISHED):
-            policy = _of_run(directory, config.policy)
-        else:
-            policy = _read(Path(config.policy))
+        of_run = config.policy in ("", POLISHED)
+        policy = _of_run(directory, config.policy) if directory and of_run else _read(Path(config.policy))
         env = _env_of(policy, config.env)
     if web:
         from ..report.page import page  # loads a user interface
