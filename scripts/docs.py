@@ -160,7 +160,8 @@ def rungs(table: str) -> str:
 def polished() -> str:
     """What `benchmarks/polish.py` has measured: policies that were carried on, against training from scratch."""
     study = _benchmark("polish")
-    return _table(study.TITLES, study.rows(study.read(study.RESULTS)))
+    rows = study.rows(study.read(study.RESULTS))
+    return _table(study.TITLES, rows) if rows else "Not measured yet: the study takes hours.\n"
 
 
 def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
