@@ -134,5 +134,5 @@ def action_meaning(found: Survey) -> str:
     if not found.actions.choices:
         return "last action, in [-1, 1] for the range of the environment"
     if len(found.actions.choices) == 1:
-        return "last action: a one for what was chosen, and zeros"
+        return "last action: a one in the column of what was chosen, and zeros"
     return f"last action: of choices among {', '.join(map(str, found.actions.choices))} a one for each, and zeros"
