@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
+
+from ...types.tasks import StateUse
 
 _TOLD = ("description", "action space", "observation space", "starting state")
 _BETRAYS = re.compile(r"reward|score|success|fitness|recipe|return|solved|penal", re.IGNORECASE)
@@ -54,21 +56,26 @@ def intent(text: str, env: str) -> str:
 
 
 def columns(text: str, name: str, count: int) -> list[tuple[str, str]]:
-    """Name and meaning of each column of the observation, where the documentation has a table that fits."""
+    """Name and meaning of each column of the observation, where the documentation has a table of all of them or, if
+    there is none, of the first."""
     if len(known := KNOWN.get(name, ())) == count:
         return [(column, column.replace("_", " ")) for column in known]
+    first: list[tuple[str, str]] = []
     for table in _tables(text):
         titles = [title.lower() for title in table[0]]
         if "observation" not in titles or not titles[0].startswith(("num", "index")):
             continue
         rows = [row for row in table[1:] if _NUMBER.fullmatch(row[0])]
-        if [int(row[0]) for row in rows] != list(range(count)):
+        if [int(row[0]) for row in rows] != list(range(len(rows))) or len(rows) > count:
             continue
         what = titles.index("observation")
         units = [index for index, title in enumerate(titles) if "unit" in title]
         meanings = [_meaning(row[what], row[units[0]] if units else "") for row in rows]
-        return list(zip(identifiers(row[what] for row in rows), meanings, strict=True))
-    return []
+        found = list(zip(identifiers(row[what] for row in rows), meanings, strict=True))
+        if len(rows) == count:
+            return found
+        first = max(first, found, key=len)
+    return first
 
 
 def _tables(text: str) -> list[list[list[str]]]:
@@ -111,6 +118,6 @@ def betrays(name: str) -> bool:
     return bool(_BETRAYS.search(name))
 
 
-def use_of(words: Sequence[str] | str) -> str:
+def use_of(words: str) -> StateUse:
     """How the typed grammar may use a number: of speeds more is meaningful, others are good near zero."""
-    return "directional" if re.search(r"velocity|speed|veloc", " ".join([*([words] if isinstance(words, str) else words)])) else "zero_centred"
+    return "directional" if re.search(r"velocity|speed", words) else "zero_centred"

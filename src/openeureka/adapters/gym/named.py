@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import importlib
 import json
+import re
 import warnings
 from collections.abc import Mapping
 from typing import Any
@@ -14,9 +15,9 @@ from gymnasium import Env, error
 
 from ...errors import TaskError, nearest
 from ...tasks.faults import told
-from .survey import survey
-from .task import GymTask
-from .task import task as task_of
+from .families import FAMILIES
+from .survey import Survey, survey
+from .task import GymTask, PaidTask, attributes
 
 AS_IT_IS = "gym-asis"
 """The prefix under which an environment steps itself although it could be lifted."""
@@ -32,7 +33,7 @@ def _keywords(settings: Mapping[str, str]) -> dict[str, str]:
     return {key: value for key, value in settings.items() if key not in _OWN and not hasattr(GymTask, key)}
 
 
-def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[GymTask], dict[str, str]]:
+def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[PaidTask], dict[str, str]]:
     """The class of a Gymnasium id, and those settings that are left to set of it.
 
     Args:
@@ -54,18 +55,37 @@ def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[GymTask
 
 
 @functools.cache
-def _task(env: str, name: str, keywords: str, fitness: str) -> type[GymTask]:
+def _task(env: str, name: str, keywords: str, fitness: str) -> type[PaidTask]:
     make = functools.partial(_make, name, **json.loads(keywords))
     instance = make()
     try:
         found = survey(instance, name)
+        lifted = {} if env.startswith(AS_IT_IS) else _lifted(instance, found)
     except TaskError:
         raise
     except Exception as fault:
         raise TaskError(f"The environment `{name}` failed: {told(fault)}") from fault
     finally:
         instance.close()
-    return task_of(env, found, make, fitness)
+    said = {"__module__": __name__, **attributes(env, found, fitness), "make": staticmethod(make)}
+    family = FAMILIES[type(instance.unwrapped).__name__] if lifted else GymTask
+    return type(family.__name__, (family,), {**said, **lifted})
+
+
+def _lifted(env: Env[Any, Any], found: Survey) -> dict[str, Any]:
+    """What a lifted task takes from the instance; nothing for an environment that is none of the families."""
+    inner: Any = env.unwrapped
+    kind = type(inner)
+    if kind.__name__ not in FAMILIES or not re.fullmatch(r"gymnasium\.envs\.mujoco\.\w+_v5", kind.__module__):
+        return {}
+    family, constants = FAMILIES[kind.__name__], {name[1:]: value for name, value in vars(inner).items() if name[0] == "_"}
+    return {
+        "path": inner.fullpath,
+        "substeps": inner.frame_skip,
+        "constants": constants,
+        "skipped": (getattr(inner, "observation_structure", None) or {}).get("skipped_qpos", 0),
+        "recipe": family.recipe,
+    }
 
 
 def _value(text: str) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,6 +35,8 @@ class Survey:
     """[s] between two actions; 1 where nothing says how long."""
     infos: Mapping[str, tuple[int, ...]]
     """Numbers of `info`, with their shapes."""
+    sections: Mapping[str, int]
+    """Names and sizes of the parts of an observation that is one vector, where the environment tells them."""
     document: str
 
     @property
@@ -54,8 +56,17 @@ def survey(env: Env[Any, Any], name: str) -> Survey:
         steps=(spec.max_episode_steps if spec else None) or _own_limit(env) or LONGEST,
         dt=_dt(env),
         infos=_infos(env),
+        sections=_structure(env),
         document=inspect.getdoc(type(env.unwrapped)) or "",
     )
+
+
+def _structure(env: Env[Any, Any]) -> dict[str, int]:
+    """As Gymnasium's MuJoCo environments call the sizes of what their observation is made of."""
+    told = getattr(env.unwrapped, "observation_structure", None)
+    if not isinstance(told, dict):
+        return {}
+    return {name: int(size) for name, size in told.items() if not name.startswith("skipped")}
 
 
 def _own_limit(env: Env[Any, Any]) -> int | None:
@@ -107,15 +118,17 @@ def variables(found: Survey, hidden: frozenset[str] = frozenset()) -> tuple[tupl
 def _observed(found: Survey) -> list[tuple[StateVar, slice | str]]:
     single = found.parts[0] if len(found.parts) == 1 and not found.parts[0].path else None
     if single is not None:
-        if len(single.shape) != 1 or single.size > MAX_COLUMNS:
+        if len(single.shape) != 1:
             return []
         bare = found.env.rpartition(":")[2].rpartition("/")[2].rpartition("-v")[0]
         named = documents.columns(found.document, bare, single.size)
-        named = named or [(f"observation_{i}", f"column {i} of the observation") for i in range(single.size)]
-        return [
-            (StateVar(name=name, meaning=meaning, use=documents.use_of([name, meaning])), slice(i, i + 1))
+        if not named and single.size <= MAX_COLUMNS:
+            named = [(f"observation_{i}", f"column {i} of the observation") for i in range(single.size)]
+        columns = [
+            (StateVar(name=name, meaning=meaning, use=documents.use_of(f"{name} {meaning}")), slice(i, i + 1))
             for i, (name, meaning) in enumerate(named)
         ]
+        return [*columns, *_sections(found.sections, len(columns))]
     names = documents.identifiers(" ".join(map(str, part.path)) for part in found.parts)
     made: list[tuple[StateVar, slice | str]] = []
     start = 0
@@ -127,6 +140,15 @@ def _observed(found: Survey) -> list[tuple[StateVar, slice | str]]:
         made.append((StateVar(name=name, shape=part.shape, meaning=meaning, use=use), slice(start, start + part.size)))
         start += part.size
     return made
+
+
+def _sections(sections: Mapping[str, int], start: int) -> Iterator[tuple[StateVar, slice]]:
+    """Parts of a vector that come after its named columns, as the environment itself names them."""
+    end = 0
+    for name, size in sections.items():
+        begin, end = end, end + size
+        if begin >= start and size:
+            yield StateVar(name=name, shape=(size,), meaning=f"`{name}` of the observation"), slice(begin, end)
 
 
 def action_meaning(found: Survey) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 import mujoco
@@ -27,16 +28,14 @@ DISCRETE = Recipe(
 )
 
 
-class GymTask(Task):
-    """The environment's own reward is the human one. F is its sum over an episode, or what `fitness=` says."""
+class PaidTask(Task):
+    """What is known of an environment by what it observes, says and pays: the last is the human reward, and F its sum
+    over an episode, or what `fitness=` says."""
 
     suite = "gymnasium"
     time_out_early = 0
-    substeps = 1
     memory = ("returned",)
-    draws_itself = True
     found: ClassVar[Survey]
-    make: ClassVar[Callable[[], Env[Any, Any]]]
     places: ClassVar[tuple[tuple[str, slice | str], ...]]
     """Where each state variable is: columns of the observation, or a name of `info`."""
     wanted: ClassVar[Formula | None] = None
@@ -46,11 +45,75 @@ class GymTask(Task):
 
     def __init__(self, sim: Any, noise: WorldNoise) -> None:
         super().__init__(sim, noise)
-        self.gym: GymWorlds = sim
-        self.paid = torch.zeros(self.num_envs)
+        self.paid = torch.zeros(self.num_envs, device=self.device)
         """What the environment's own reward was in the last step."""
-        self.returned = torch.zeros(self.num_envs)
+        self.returned = torch.zeros(self.num_envs, device=self.device)
         """Its sum over the episode so far."""
+
+    @abstractmethod
+    def seen(self) -> Tensor:
+        """(N, O) observation, fresh."""
+
+    @abstractmethod
+    def seen_before(self) -> Tensor:
+        """(N, O) observation before the last step, the same as `seen` at the start of an episode, fresh."""
+
+    @abstractmethod
+    def said(self) -> Mapping[str, Tensor]:
+        """The numbers of `info` (N, ...), fresh."""
+
+    @abstractmethod
+    def pays(self, terminated: Tensor) -> Tensor:
+        """(N,) the environment's own reward of the last step, fresh."""
+
+    def compute_state(self) -> dict[str, Any]:
+        return self._named() | {"previous_obs_buf": self.seen_before(), "actions": self.actions}
+
+    def _named(self) -> dict[str, Tensor]:
+        seen, said = self.seen(), self.said()
+        return {
+            name: said[place] if isinstance(place, str) else self._columns(seen, place, self.spec[name].shape)
+            for name, place in self.places
+        }
+
+    @staticmethod
+    def _columns(seen: Tensor, columns: slice, shape: tuple[int, ...]) -> Tensor:
+        return seen[:, columns].reshape(-1, *shape).clone()
+
+    def observe(self, s: State) -> Tensor:
+        return self.seen()
+
+    def outcome(self, s: State) -> Tensor:
+        """What F gains in this step: where it is taken at the end of an episode, 0 before."""
+        terminated = self.terminated(s)
+        self.paid = self.pays(terminated)
+        self.returned = self.returned + self.paid
+        value = self.returned
+        if self.wanted is not None:
+            value = self.wanted({**self.said(), **self._named()}).nan_to_num()
+        return torch.where(terminated | self.timed_out(s), value, 0.0) if self.at_end else value
+
+    def fitness(self, s: State, ended: Tensor) -> Score:
+        return mean_over_episodes(s["outcome"], ended) if self.at_end else mean_over_steps(s["outcome"])
+
+    def human_reward(self, s: State) -> Tensor:
+        """(N,) what the environment paid in the last step."""
+        return self.paid.clone()
+
+    def sparse_reward(self, s: State) -> Tensor:
+        return s["outcome"].clone()
+
+
+class GymTask(PaidTask):
+    """An environment that steps itself."""
+
+    substeps = 1
+    draws_itself = True
+    make: ClassVar[Callable[[], Env[Any, Any]]]
+
+    def __init__(self, sim: Any, noise: WorldNoise) -> None:
+        super().__init__(sim, noise)
+        self.gym: GymWorlds = sim
 
     @staticmethod
     def model() -> mujoco.MjSpec:
@@ -75,17 +138,17 @@ class GymTask(Task):
     def apply_action(self, actions: Tensor) -> None:
         self.gym.action.copy_(actions)
 
-    def compute_state(self) -> dict[str, Any]:
-        told = {name: self._told(place, self.spec[name].shape) for name, place in self.places}
-        return told | {"previous_obs_buf": self.gym.previous.clone(), "actions": self.actions}
-
-    def _told(self, place: slice | str, shape: tuple[int, ...]) -> Tensor:
-        if isinstance(place, str):
-            return self.gym.info[place].clone()
-        return self.gym.observation[:, place].reshape(-1, *shape).clone()
-
-    def observe(self, s: State) -> Tensor:
+    def seen(self) -> Tensor:
         return self.gym.observation.clone()
+
+    def seen_before(self) -> Tensor:
+        return self.gym.previous.clone()
+
+    def said(self) -> Mapping[str, Tensor]:
+        return {name: value.clone() for name, value in self.gym.info.items()}
+
+    def pays(self, terminated: Tensor) -> Tensor:
+        return self.gym.reward.clone()
 
     def terminated(self, s: State) -> Tensor:
         return self.gym.terminated.clone()
@@ -97,35 +160,13 @@ class GymTask(Task):
         self.gym.seeds[worlds] = (self.noise.uniform(worlds, 1, 0, 2.0**24)[:, 0] * 2.0**7).long()
         self.returned[worlds] = 0.0
 
-    def outcome(self, s: State) -> Tensor:
-        """What F gains in this step: where it is taken at the end of an episode, 0 before."""
-        self.paid = self.gym.reward.clone()
-        self.returned = self.returned + self.paid
-        value = self.returned
-        if self.wanted is not None:
-            columns = {name: self._told(place, self.spec[name].shape) for name, place in self.places}
-            value = self.wanted({**self.gym.info, **columns}).nan_to_num()
-        over = self.terminated(s) | self.timed_out(s)
-        return torch.where(over, value, 0.0) if self.at_end else value
 
-    def fitness(self, s: State, ended: Tensor) -> Score:
-        return mean_over_episodes(s["outcome"], ended) if self.at_end else mean_over_steps(s["outcome"])
-
-    def human_reward(self, s: State) -> Tensor:
-        """(N,) what the environment paid in the last step."""
-        return self.paid.clone()
-
-    def sparse_reward(self, s: State) -> Tensor:
-        return s["outcome"].clone()
-
-
-def task(name: str, found: Survey, make: Callable[[], Env[Any, Any]], fitness: str) -> type[GymTask]:
-    """The class of an environment.
+def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
+    """What a `PaidTask` says of one environment.
 
     Args:
         name: as `env=` names it.
         found: what an instance told.
-        make: makes one.
         fitness: an expression over state variables and `info`, or empty.
 
     Raises:
@@ -141,8 +182,7 @@ def task(name: str, found: Survey, make: Callable[[], Env[Any, Any]], fitness: s
     ]
     at_end = not fitness or named == {SUCCESS}
     unit = f"mean of {fitness}" if fitness else "sum of the environment's reward over an episode"
-    attributes = {
-        "__module__": __name__,
+    return {
         "env": name,
         "description": documents.intent(found.document, found.env),
         "source": documents.told(found.document) or f"# {found.env} has no documentation: the table says all there is.",
@@ -155,9 +195,7 @@ def task(name: str, found: Survey, make: Callable[[], Env[Any, Any]], fitness: s
         "spec": StateSpec((*(variable for variable, _ in listed), *whole)),
         "recipe": DISCRETE if found.actions.choices else CONTINUOUS,
         "found": found,
-        "make": staticmethod(make),
         "places": tuple((variable.name, place) for variable, place in listed),
         "wanted": staticmethod(wanted) if wanted else None,
         "at_end": at_end,
     }
-    return type("GymTask", (GymTask,), attributes)
