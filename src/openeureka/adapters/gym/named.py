@@ -15,6 +15,7 @@ from gymnasium import Env, error
 
 from ...errors import TaskError, nearest
 from ...tasks.faults import told
+from ...tasks.task import Task
 from .families import FAMILIES
 from .survey import Survey, survey
 from .task import GymTask, PaidTask, attributes
@@ -30,7 +31,12 @@ def imports(name: str, settings: Mapping[str, str]) -> bool:
 
 
 def _keywords(settings: Mapping[str, str]) -> dict[str, str]:
-    return {key: value for key, value in settings.items() if key not in _OWN and not hasattr(GymTask, key)}
+    """Those for the environment's constructor."""
+    return {key: value for key, value in settings.items() if key not in _OWN and not _of_a_task(key)}
+
+
+def _of_a_task(key: str) -> bool:
+    return hasattr(Task, key) or key in Task.__annotations__
 
 
 def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[PaidTask], dict[str, str]]:
@@ -44,7 +50,7 @@ def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[PaidTas
     Raises:
         TaskError: when there is no such id, or the environment cannot be made or acted in.
     """
-    left = {key: value for key, value in settings.items() if hasattr(GymTask, key) and key not in _OWN}
+    left = {key: value for key, value in settings.items() if key not in _OWN and _of_a_task(key)}
     keywords = {key: _value(text) for key, text in _keywords(settings).items()}
     steps = left.pop("episode_length", "")
     if steps:
