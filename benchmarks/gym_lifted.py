@@ -3,9 +3,9 @@
     python benchmarks/gym_lifted.py            all ten, about five minutes
     python benchmarks/gym_lifted.py Ant        some of them
 
-Both sides step under random actions, with observations, rewards and resets, in turn and several
-times: the ratio is of medians of one run. Gymnasium's side is its `SyncVectorEnv` with as many worlds in one process, or its
-`AsyncVectorEnv` with an environment a core; the faster one counts. Writes benchmarks/results/gym_lifted.json.
+Both sides step under random actions, with observations, rewards and resets, in turn and several times: the ratio is of
+medians of one run. Gymnasium's side is its `SyncVectorEnv` with as many worlds in one process, or its `AsyncVectorEnv`
+with an environment a core; the faster one counts. Writes benchmarks/results/gym_lifted.json.
 """
 
 from __future__ import annotations

@@ -16,7 +16,6 @@ from openeureka.testing.conformance.task import TaskConformance
 
 from . import worlds  # noqa: F401  registers its environments
 
-
 STEP = 3
 """Column of the step in what `Clock` observes: the keys of a Dict are sorted, and `phase` takes three."""
 

@@ -10,7 +10,7 @@ from gymnasium import spaces
 class Clock(gymnasium.Env):
     """Observes its episode's seed and step, pays ten times the step, ends after `end` steps, truncates after `cut`."""
 
-    metadata = {"render_modes": []}
+    metadata = {"render_modes": []}  # noqa: RUF012  as Gymnasium has it
     observation_space = spaces.Dict(
         {"step": spaces.Box(0.0, 100.0, (1,)), "phase": spaces.Discrete(3), "words": spaces.Text(9)}
     )

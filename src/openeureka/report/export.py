@@ -27,7 +27,8 @@ EVENTS = "events.out.tfevents.0"
 def to_onnx(policy: Policy) -> bytes:
     """The deterministic policy: `observation` (N, O) float32, as the task makes it, to `action` (N, A) in [-1, 1].
 
-    Of C choices `action` is (N, C) int64: the index of the option of each. Normalisation is inside: (x - mean) / sqrt(var + 1e-5) clamped at +-5, then ELU layers and a linear head.
+    Of C choices `action` is (N, C) int64: the index of the option of each. Normalisation is inside: (x - mean) /
+    sqrt(var + 1e-5) clamped at +-5, then ELU layers and a linear head.
 
     Raises:
         RewardFileError: when its tensors are those of no network.

@@ -44,7 +44,7 @@ class Screen(Play):
 
 
 def fitted(picture: np.ndarray, width: int, height: int) -> np.ndarray:
-    """A picture (h, w, 3) as large as fits into (height, width, 3), black around it; the nearest pixel stands for each."""
+    """A picture (h, w, 3) as large as fits into (height, width, 3), black around it, of nearest pixels."""
     scale = min(width / picture.shape[1], height / picture.shape[0])
     tall, wide = (max(1, int(size * scale)) for size in picture.shape[:2])
     rows, columns = (

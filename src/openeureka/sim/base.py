@@ -55,8 +55,13 @@ class Worlds(ABC):
         for name, value in self.memory().items():
             value.copy_(saved[name])
 
+    @abstractmethod
     def check(self, task: str) -> None:
-        """Ask, between rollouts, whether all went well. Raises TaskError, which says what to change of the task."""
+        """Ask, between rollouts, whether all contacts and constraints found room.
+
+        Raises:
+            TaskError: when some did not; says which setting of the task to raise.
+        """
 
 
 class Simulator(Worlds):

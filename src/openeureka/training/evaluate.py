@@ -49,7 +49,9 @@ def evaluate(
     """
     others = {lane for lane, world in (dynamics or {}).items() if world != NOMINAL}
     unplayed = others if registry.get(env).draws_itself else set[str]()
-    scores = [Evaluation(lane=lane, fitness=None, episode_length=0.0, episodes=0) for lane in policies if lane in unplayed]
+    scores = [
+        Evaluation(lane=lane, fitness=None, episode_length=0.0, episodes=0) for lane in policies if lane in unplayed
+    ]
     policies = {lane: policy for lane, policy in policies.items() if lane not in unplayed}
     if not policies:
         return scores

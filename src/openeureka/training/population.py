@@ -158,7 +158,10 @@ class Population:
         self.ppo.load_state_dict(saved["ppo"])
         self.curves.load_state_dict(saved["curves"])
         self.best_fitness, self.best_reward = (
-            [peak and Peak(peak["epoch"], peak["value"], Policy(self.env_name, peak["policy"], self.ppo.choices)) for peak in peaks]
+            [
+                peak and Peak(peak["epoch"], peak["value"], Policy(self.env_name, peak["policy"], self.ppo.choices))
+                for peak in peaks
+            ]
             for peaks in saved["peaks"]
         )
         self.messages, self.trained = saved["messages"], saved["trained"]

@@ -51,14 +51,20 @@ class Runner(LiftedTask):
 
 
 class HalfCheetah(Runner):
+    """Cannot fall."""
+
     normal = True
 
 
 class Swimmer(Runner):
+    """Moves in a plane."""
+
     has_y = True
 
 
 class Hopper(Runner):
+    """Is healthy while its torso is high and upright, and nothing of its state is beyond all bounds."""
+
     clipped = True
 
     def said(self) -> Mapping[str, Tensor]:
@@ -78,6 +84,8 @@ class Walker2d(Hopper):
 
 
 class Ant(Runner):
+    """Feels contacts, and is charged for them."""
+
     has_y, normal, forces = True, True, True
     fields = ("cfrc_ext",)
 
@@ -101,6 +109,8 @@ class Ant(Runner):
 
 
 class Humanoid(Runner):
+    """Feels contacts, inertias and its own actuators; its speed is that of its centre of mass."""
+
     has_y, forces = True, True
     fields = ("xipos", "cinert", "cvel", "qfrc_actuator", "cfrc_ext", "ten_length", "ten_velocity")
 

@@ -46,7 +46,9 @@ def formula(text: str, shapes: Mapping[str, tuple[int, ...]]) -> tuple[Formula, 
     try:
         tree = ast.parse(text, mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise TaskError(f"The fitness `{text:.80}` is no expression; write for example x_velocity - 0.1 * abs(z).") from None
+        raise TaskError(
+            f"The fitness `{text:.80}` is no expression; write for example x_velocity - 0.1 * abs(z)."
+        ) from None
     names = frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name)) - _FUNCTIONS.keys()
     _check(tree, text, shapes)
     if not names:
@@ -80,7 +82,9 @@ def _check(node: ast.expr, text: str, shapes: Mapping[str, tuple[int, ...]]) -> 
             _check(right, text, shapes)
         case ast.Call(func=ast.Name(id=name), args=given, keywords=[]) if name in _FUNCTIONS:
             if len(given) != (2 if name in ("min", "max") else 1):
-                raise TaskError(f"`{name}` in the fitness `{text:.80}` takes {2 if name in ('min', 'max') else 1} values.")
+                raise TaskError(
+                    f"`{name}` in the fitness `{text:.80}` takes {2 if name in ('min', 'max') else 1} values."
+                )
             for inner in given:
                 _check(inner, text, shapes)
         case _:

@@ -1,4 +1,4 @@
-"""Gymnasium's own MuJoCo environments on lanes: model, frame skip and constants of the instance, with batched physics."""
+"""Gymnasium's MuJoCo environments on lanes: model, frame skip and constants of an instance, with batched physics."""
 
 from __future__ import annotations
 

@@ -84,7 +84,10 @@ def _lifted(env: Env[Any, Any], found: Survey) -> dict[str, Any]:
     kind = type(inner)
     if kind.__name__ not in FAMILIES or not re.fullmatch(r"gymnasium\.envs\.mujoco\.\w+_v5", kind.__module__):
         return {}
-    family, constants = FAMILIES[kind.__name__], {name[1:]: value for name, value in vars(inner).items() if name[0] == "_"}
+    family, constants = (
+        FAMILIES[kind.__name__],
+        {name[1:]: value for name, value in vars(inner).items() if name[0] == "_"},
+    )
     return {
         "path": inner.fullpath,
         "substeps": inner.frame_skip,
@@ -114,7 +117,9 @@ def _make(name: str, **keywords: Any) -> Env[Any, Any]:
             draws = {"render_mode": "rgb_array"} if "rgb_array" in modes else {}
             return gymnasium.make(bare, disable_env_checker=True, **draws, **keywords)
         except error.DependencyNotInstalled as fault:
-            raise TaskError(f"{bare} needs a package that is not here ({_line(fault)}): pip install 'openeureka[gym]'.") from None
+            raise TaskError(
+                f"{bare} needs a package that is not here ({_line(fault)}): pip install 'openeureka[gym]'."
+            ) from None
         except (error.UnregisteredEnv, error.DeprecatedEnv, error.Error) as fault:
             raise TaskError(f"Gymnasium has no `{bare}`.{_near(bare)}{_more(package, fault)}") from None
         except ModuleNotFoundError as fault:

@@ -1,4 +1,4 @@
-"""Observations of any space as one vector with named parts, and actions in [-1, 1] or of choices as a space wants them."""
+"""Observations of any space as one vector with named parts; actions in [-1, 1] or of choices, as a space wants them."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 from gymnasium import Space, spaces
+from torch import Tensor
 
 from ...errors import TaskError
 from ...tasks.choices import indices
-from torch import Tensor
 
 
 @dataclass(frozen=True, slots=True)

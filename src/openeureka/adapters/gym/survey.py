@@ -1,4 +1,4 @@
-"""What one instance of an environment tells of itself: its spaces, its episode, what `info` holds, its documentation."""
+"""What an instance of an environment tells of itself: its spaces, its episode, what `info` holds, its documentation."""
 
 from __future__ import annotations
 
@@ -111,7 +111,9 @@ def variables(found: Survey, hidden: frozenset[str] = frozenset()) -> tuple[tupl
     for name, shape in found.infos.items():
         if name not in hidden and name not in taken and not documents.betrays(name):
             use = documents.use_of(name) if len(shape) <= 1 else "raw"
-            made.append((StateVar(name=name, shape=shape, meaning=f"{name.replace('_', ' ')}, as `info` has it", use=use), name))
+            made.append(
+                (StateVar(name=name, shape=shape, meaning=f"{name.replace('_', ' ')}, as `info` has it", use=use), name)
+            )
     return tuple(made)
 
 

@@ -23,9 +23,7 @@ from .worlds import GymWorlds
 SUCCESS = "is_success"
 """The name under which many environments say in `info` that they are solved."""
 CONTINUOUS = Recipe(hidden=(64, 64), env_steps=1_000_000, worlds=32, horizon=64, epochs=8, minibatches=8)
-DISCRETE = Recipe(
-    hidden=(64, 64), env_steps=500_000, worlds=32, horizon=64, epochs=8, minibatches=8, entropy_coef=0.01
-)
+DISCRETE = Recipe(hidden=(64, 64), env_steps=500_000, worlds=32, horizon=64, epochs=8, minibatches=8, entropy_coef=0.01)
 
 
 class PaidTask(Task):

@@ -20,7 +20,7 @@ from openeureka.tasks.env import BatchedEnv, Step
 from openeureka.tasks.human import program
 from openeureka.tasks.record import record_states
 from openeureka.tasks.registry import get, make
-from openeureka.tasks.task import Score, State, Task
+from openeureka.tasks.task import Score, State
 from openeureka.training.replay import waits
 
 _HIDDEN = ("outcome", "fitness", "human_reward", "sparse_reward", "terminated", "reset")
