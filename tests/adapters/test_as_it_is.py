@@ -13,6 +13,9 @@ from openeureka.tasks import registry
 from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
 from openeureka.testing.conformance.task import TaskConformance
+from openeureka.training import pausing
+from openeureka.training.population import Population
+from openeureka.types import LaneSpec, TrainBudget
 
 from . import worlds  # noqa: F401  registers its environments
 
@@ -113,6 +116,20 @@ def test_a_saved_state_goes_on_where_it_was(env: str):
         left, right = first.step(action), second.step(action)
         assert torch.equal(left.observation, right.observation)
         assert torch.equal(first.task.paid, second.task.paid)
+
+
+def test_a_training_goes_on_to_the_bit_where_it_was_saved():
+    env, budget = "gym:CartPole-v1", TrainBudget(env_steps=4 * 4 * 64, worlds=4)
+    lanes = [LaneSpec(id=name, program=name, seed=seed) for name, seed in (("human", 1), ("sparse", 2))]
+    whole, begun, after = (Population(env, lanes, budget) for _ in range(3))
+    list(whole.train())
+    begun.until = 2
+    list(begun.train())
+    after.load_state_dict(pausing.load(pausing.save(begun.state_dict()), torch.device("cpu")))
+    list(after.train())
+    assert whole.epoch == after.epoch == 4
+    assert torch.equal(whole.ppo.network.flat, after.ppo.network.flat)
+    assert torch.equal(whole.observation, after.observation)
 
 
 def test_names_come_from_the_documentation_and_no_word_of_what_counts():

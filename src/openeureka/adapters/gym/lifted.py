@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
@@ -66,7 +67,9 @@ class LiftedTask(PaidTask):
     @classmethod
     def compile_model(cls) -> mujoco.MjModel:
         """The file's own timestep and integrator."""
-        return cls.model().compile()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of MuJoCo, on what the files of others say in an old way
+            return cls.model().compile()
 
     def apply_action(self, actions: Tensor) -> None:
         self.before.copy_(self.seen())

@@ -8,10 +8,11 @@ import json
 import re
 import warnings
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 from gymnasium import Env, error
+from gymnasium.envs.registration import load_env_creator
 
 from ...errors import TaskError, nearest
 from ...tasks.faults import told
@@ -75,7 +76,7 @@ def _task(env: str, name: str, keywords: str, fitness: str) -> type[PaidTask]:
         instance.close()
     said = {"__module__": __name__, **attributes(env, found, fitness), "make": staticmethod(make)}
     family = FAMILIES[type(instance.unwrapped).__name__] if lifted else GymTask
-    return type(family.__name__, (family,), {**said, **lifted})
+    return cast(type[PaidTask], type(family.__name__, (family,), {**said, **lifted}))
 
 
 def _lifted(env: Env[Any, Any], found: Survey) -> dict[str, Any]:
@@ -130,7 +131,7 @@ def _make(name: str, **keywords: Any) -> Env[Any, Any]:
 
 def _render_modes(spec: Any) -> list[str]:
     entry = spec.entry_point
-    made = gymnasium.envs.registration.load_env_creator(entry) if isinstance(entry, str) else entry
+    made = load_env_creator(entry) if isinstance(entry, str) else entry
     return list((getattr(made, "metadata", None) or {}).get("render_modes", ()))
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import mujoco
 import torch
-from gymnasium import Env
 from torch import Tensor
 
 from ...errors import TaskError
@@ -36,7 +35,7 @@ class PaidTask(Task):
     found: ClassVar[Survey]
     places: ClassVar[tuple[tuple[str, slice | str], ...]]
     """Where each state variable is: columns of the observation, or a name of `info`."""
-    wanted: ClassVar[Formula | None] = None
+    wanted: Formula | None = None
     """F of a step, of all that the environment says; None for the sum of its reward."""
     at_end: ClassVar[bool] = True
     """Whether F is taken at the end of an episode, else in every step."""
@@ -107,7 +106,8 @@ class GymTask(PaidTask):
 
     substeps = 1
     draws_itself = True
-    make: ClassVar[Callable[[], Env[Any, Any]]]
+    make: ClassVar[Any]
+    """A static function without arguments: makes one environment."""
 
     def __init__(self, sim: Any, noise: WorldNoise) -> None:
         super().__init__(sim, noise)
