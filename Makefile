@@ -48,7 +48,7 @@ $(BIN)/python:
 
 # The two files below mark a finished installation; they are older than pyproject.toml after it changes.
 $(VENV)/dev: pyproject.toml constraints.txt | $(BIN)/python
-	$(PIP) --editable '.[dev,gpu,ray,ui]'
+	$(PIP) --editable '.[dev,gpu,gym,ray,ui]'
 	@touch $@
 
 $(VENV)/local: pyproject.toml constraints.txt | $(BIN)/python

@@ -31,7 +31,7 @@ from openeureka.tasks import registry
 from openeureka.training.population import Population
 from openeureka.types import LaneSpec, TrainBudget, TrainingResult
 
-GYM_ANT = "gym_ant:GymAnt"
+GYM_ANT = "gym:Ant-v5"
 LANES = 8
 RAW_EPISODE = 100  # control steps between resets of raw stepping: roughly the episodes of a policy that learns
 

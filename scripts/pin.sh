@@ -6,7 +6,7 @@ cd "$(dirname "$0")/.."
 venv=$(mktemp -d)
 trap 'rm -rf "$venv"' EXIT
 "${PYTHON:-python3}" -m venv "$venv"
-"$venv/bin/python" -m pip install --quiet '.[bench,dev,gpu,local,ray,ui]' "torch==${TORCH:-2.13.0}"
+"$venv/bin/python" -m pip install --quiet '.[bench,dev,gpu,gym,local,ray,ui]' "torch==${TORCH:-2.13.0}"
 {
     echo "# Exact versions for reproducible set-ups. Renew with: make pins"
     "$venv/bin/python" -m pip freeze --exclude openeureka | sed -E 's/\+[a-z0-9.]+$//; s/ @ .*//'

@@ -37,7 +37,7 @@ class RunConfig:
     """One search. Zero means: the default of the task (steps, worlds) or of the kind of model (sample, iteration)."""
 
     env: str = "cartpole"
-    """A name of `eureka envs`, `FILE.py` or `pkg.mod:Class`."""
+    """A name of `eureka envs`, `FILE.py`, `pkg.mod:Class` or, of Gymnasium, `gym:ID`."""
     model: str = "local"
     """`local`, `local:PATH.gguf`, `random`, `replay:RUN`, or the name of a model at an OpenAI-compatible endpoint."""
     base_url: str = ""

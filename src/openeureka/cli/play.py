@@ -9,6 +9,7 @@ from ..config import parse, short_name
 from ..display.progress import working
 from ..errors import ConfigError
 from ..report import viewer
+from ..report.screen import draws_itself
 from ..report.stage import Stage
 from ..report.video import render
 from ..runs import trust
@@ -21,7 +22,8 @@ POLISHED = "polished"
 
 
 def play(words: Sequence[str], *, web: bool = False) -> None:
-    """Show a policy in a window or a browser; without a display, or with `out=`, write a video and say where it is."""
+    """Show a policy in a window or a browser; without a display, with `out=`, or of an environment that draws itself,
+    write a video and say where it is."""
     settings, paths = split(words)
     config = parse(PlayConfig, settings)
     in_window = not web and not config.out and viewer.has_display()
@@ -35,12 +37,15 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
         of_run = config.policy in ("", POLISHED)
         policy = _of_run(directory, config.policy) if directory and of_run else _read(Path(config.policy))
         env = _env_of(policy, config.env)
+    drawn = draws_itself(env)
+    if web and drawn:
+        raise ConfigError(f"`{env}` draws its own pictures, which no page shows in 3-D; leave --web out for a video.")
     if web:
         from ..report.page import page  # loads a user interface
 
         page(Stage(env, policy, config.seed), config.port)
         return
-    if in_window:
+    if in_window and not drawn:
         viewer.window(Stage(env, policy, config.seed))
         return
     target = Path(config.out or f"{short_name(env)}.mp4")

@@ -56,6 +56,7 @@ def envs(*, as_json: bool = False) -> None:
         print("\n".join(f"{INDENT}{part}" for part in textwrap.wrap(plain(task.description), room)))
     print("\nobs, act: sizes of observation and action. steps: of an episode.")
     print("F: held out, mean over seeds, where benchmarks/baselines.py has measured it.")
+    print("Any Gymnasium environment is a task too: env=gym:CartPole-v1")
     print("More about one task: eureka context env=NAME")
 
 

@@ -27,7 +27,8 @@ EVENTS = "events.out.tfevents.0"
 def to_onnx(policy: Policy) -> bytes:
     """The deterministic policy: `observation` (N, O) float32, as the task makes it, to `action` (N, A) in [-1, 1].
 
-    Normalisation is inside: (x - mean) / sqrt(var + 1e-5) clamped at +-5, then ELU layers and a linear head.
+    Of C choices `action` is (N, C) int64: the index of the option of each. Normalisation is inside: (x - mean) /
+    sqrt(var + 1e-5) clamped at +-5, then ELU layers and a linear head.
 
     Raises:
         RewardFileError: when its tensors are those of no network.
@@ -42,8 +43,6 @@ def to_onnx(policy: Policy) -> bytes:
         "high": np.array(LIMIT),
         "head_w": tensors["head_w"][:, :count],  # without the value
         "head_b": tensors["head_b"][:, :count],
-        "lowest": np.array(-1.0),
-        "highest": np.array(1.0),
     }
     nodes = [
         helper.make_node("Sub", ["observation", "mean"], ["centred"]),
@@ -56,16 +55,30 @@ def to_onnx(policy: Policy) -> bytes:
             helper.make_node("Gemm", [f"x{layer}", f"w{layer}", f"b{layer}"], [f"h{layer}"]),
             helper.make_node("Elu", [f"h{layer}"], [f"x{layer + 1}"]),
         ]
-    nodes += [
-        helper.make_node("Gemm", [f"x{len(policy.hidden)}", "head_w", "head_b"], ["head"]),
-        helper.make_node("Clip", ["head", "lowest", "highest"], ["action"]),
-    ]
+    nodes += [helper.make_node("Gemm", [f"x{len(policy.hidden)}", "head_w", "head_b"], ["head"])]
+    exact: list[onnx.TensorProto] = []
+    if policy.choices:
+        parts, picked = ([f"{name}{choice}" for choice in range(len(policy.choices))] for name in ("part", "picked"))
+        exact = [numpy_helper.from_array(np.array(policy.choices, np.int64), "choices")]
+        nodes += [
+            helper.make_node("Split", ["head", "choices"], parts, axis=1),
+            *(
+                helper.make_node("ArgMax", [part], [index], axis=1, keepdims=1)
+                for part, index in zip(parts, picked, strict=True)
+            ),
+            helper.make_node("Concat", picked, ["action"], axis=1),
+        ]
+        action = helper.make_tensor_value_info("action", TensorProto.INT64, ["N", len(policy.choices)])
+    else:
+        constants |= {"lowest": np.array(-1.0), "highest": np.array(1.0)}
+        nodes += [helper.make_node("Clip", ["head", "lowest", "highest"], ["action"])]
+        action = helper.make_tensor_value_info("action", TensorProto.FLOAT, ["N", count])
     graph = helper.make_graph(
         nodes,
         "policy",
         [helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["N", policy.observations])],
-        [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["N", count])],
-        [numpy_helper.from_array(value.astype(np.float32), name) for name, value in constants.items()],
+        [action],
+        [*(numpy_helper.from_array(value.astype(np.float32), name) for name, value in constants.items()), *exact],
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], producer_name="openeureka")
     model.ir_version = 8  # the one that came with this opset

@@ -15,21 +15,20 @@ import numpy as np
 from ..errors import EurekaError
 from ..tasks.faults import fault, told
 from ..worker import Channel
+from .screen import Screen, draws_itself
 from .stage import Stage
 
 WIDTH, HEIGHT = 640, 480
 FPS = 30
 
 
-def frames(stage: Stage, seconds: float) -> Iterator[np.ndarray]:
+def frames(stage: Stage | Screen, seconds: float) -> Iterator[np.ndarray]:
     """(HEIGHT, WIDTH, 3) uint8 images, FPS a second of simulated time."""
-    view = stage.camera
-    with mujoco.Renderer(stage.model, HEIGHT, WIDTH) as renderer:
+    with stage.painter(WIDTH, HEIGHT) as paint:
         count = 0
         for step in range(max(1, round(seconds / stage.dt))):
             if step * stage.dt * FPS >= count:
-                renderer.update_scene(stage.data, view)
-                yield renderer.render()
+                yield paint()
                 count += 1
             stage.step()
 
@@ -66,7 +65,8 @@ def main() -> None:
         return
     try:
         agent = request.blobs.get("policy", wanted["agent"])
-        video = encode(frames(Stage(wanted["env"], agent, wanted["seed"]), wanted["seconds"]))
+        shown = Screen if draws_itself(wanted["env"]) else Stage
+        video = encode(frames(shown(wanted["env"], agent, wanted["seed"]), wanted["seconds"]))
     except EurekaError as error:
         channel.send({"refused": str(error)})
     except Exception as error:

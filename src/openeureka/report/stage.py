@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from itertools import chain
 
 import mujoco
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -20,11 +22,14 @@ PREFIX = "goal of "
 COLOUR = (0.3, 0.85, 0.4, 0.4)
 
 
-class Stage:
-    """The world as it is now in `data`, a copy that may be drawn at leisure; `step` plays on, across episodes.
+class Play:
+    """One world under a policy; `step` plays on, across episodes.
 
     Args:
         agent: `random`, `zero` or a policy's safetensors bytes.
+
+    Attributes:
+        dt: [s] of a step.
 
     Raises:
         RewardFileError: when the policy is for another task.
@@ -35,17 +40,38 @@ class Stage:
         self._simulation = registry.make(env, worlds=1, lane_seeds=(seed,), threads=1)
         self._simulation.scored = False  # a task can be watched before its F is written
         self._observation = self._simulation.reset()
-        task = self._simulation.task
-        self.model = decorated(type(task), task.ghosts())
-        self.data = mujoco.MjData(self.model)
-        self.dt = task.control_dt
-        self._copy()
-        self.camera = camera(self.model, self.data, task.view)
+        self.dt = self._simulation.task.control_dt
 
     def step(self) -> None:
         """One control step."""
         self._observation = self._simulation.step(self._agent(self._observation)).observation
+
+
+class Stage(Play):
+    """The world as it is now in `data`, a copy that may be drawn at leisure."""
+
+    def __init__(self, env: str, agent: str | bytes, seed: int) -> None:
+        super().__init__(env, agent, seed)
+        task = self._simulation.task
+        self.model = decorated(type(task), task.ghosts())
+        self.data = mujoco.MjData(self.model)
         self._copy()
+        self.camera = camera(self.model, self.data, task.view)
+
+    def step(self) -> None:
+        super().step()
+        self._copy()
+
+    @contextmanager
+    def painter(self, width: int, height: int) -> Iterator[Callable[[], np.ndarray]]:
+        """A function that draws what is now, (height, width, 3) uint8."""
+        with mujoco.Renderer(self.model, height, width) as renderer:
+
+            def paint() -> np.ndarray:
+                renderer.update_scene(self.data, self.camera)
+                return renderer.render()
+
+            yield paint
 
     def _copy(self) -> None:
         _, data = self._simulation.sim.snapshot(0)

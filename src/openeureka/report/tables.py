@@ -225,7 +225,7 @@ def worlds(run: RunView) -> Table:
         for lane in run.tried
         if not WORLDS.keys().isdisjoint(lane.trials)
         for name, score in {"as the task has it": lane.held_out, **lane.trials}.items()
-        if name not in PEAKS.values()
+        if name not in PEAKS.values() and score.episodes  # none where a task has no other world
     ]
     return Table(("world", "F, held out, and its standard error"), rows)
 

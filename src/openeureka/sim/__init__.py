@@ -9,11 +9,11 @@ import mujoco
 import torch
 
 from ..errors import ConfigError
-from .base import Simulator
+from .base import Simulator, Worlds
 from .capacity import GUESS, Capacity, capacity
 from .cpu import CpuSimulator
 
-__all__ = ["CpuSimulator", "Simulator", "check_device", "open_simulator"]
+__all__ = ["CpuSimulator", "Simulator", "Worlds", "check_device", "open_simulator"]
 
 DEVICES = "cpu, cuda, cuda:1 (any GPU by its number) or warp-cpu (the GPU simulator on the CPU, for tests)"
 

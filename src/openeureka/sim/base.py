@@ -16,25 +16,67 @@ MAX_SPEED = 1000.0
 of such a world would outweigh those of all others."""
 
 
-class Simulator(ABC):
-    """N copies of one model.
+class Worlds(ABC):
+    """N worlds that step side by side, whatever steps them.
+
+    Attributes:
+        num_worlds: N.
+        bad: (N,) bool, worlds that broke down in the last `step`; the caller resets them.
+
+    Worlds are named by their indices (k,) int64, or by a mask (N,) bool, which no device needs to be asked the size of.
+    """
+
+    num_worlds: int
+    device: torch.device
+    bad: Tensor
+
+    @abstractmethod
+    def step(self, substeps: int) -> None:
+        """Advance all worlds by `substeps` timesteps under constant inputs."""
+
+    @abstractmethod
+    def reset(self, worlds: Tensor) -> None:
+        """Put worlds into their default state with zero inputs. What is derived from it follows at `forward`."""
+
+    @abstractmethod
+    def forward(self, worlds: Tensor) -> None:
+        """Take over written state of worlds and recompute what is derived from it."""
+
+    @abstractmethod
+    def memory(self) -> dict[str, Tensor]:
+        """All that the next `step` depends on, as live tensors (N, ...) by name."""
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """A copy of `memory`."""
+        return {name: value.clone() for name, value in self.memory().items()}
+
+    def load_state_dict(self, saved: Mapping[str, Tensor]) -> None:
+        """Go on where others of the same kind were."""
+        for name, value in self.memory().items():
+            value.copy_(saved[name])
+
+    @abstractmethod
+    def check(self, task: str) -> None:
+        """Ask, between rollouts, whether all contacts and constraints found room.
+
+        Raises:
+            TaskError: when some did not; says which setting of the task to raise.
+        """
+
+
+class Simulator(Worlds):
+    """N copies of one MuJoCo model.
 
     Field names are MjData's and MjModel's, in MuJoCo's own conventions (quaternions w, x, y, z; free-joint angular
     velocity in the body frame). Tensors are float32 on `device`.
 
     Attributes:
         model: the compiled model; per-world values live in `expand`.
-        num_worlds: N.
         bad: (N,) bool, worlds whose physics broke down in the last `step` (not finite, faster than `MAX_SPEED`, or a
-            MuJoCo warning); their state is already the default one, and the caller resets them.
-
-    Worlds are named by their indices (k,) int64, or by a mask (N,) bool, which no device needs to be asked the size of.
+            MuJoCo warning); their state is already the default one.
     """
 
     model: mujoco.MjModel
-    num_worlds: int
-    device: torch.device
-    bad: Tensor
 
     @abstractmethod
     def bind(self, field: str) -> Tensor:
@@ -51,42 +93,9 @@ class Simulator(ABC):
         """Per-world values (N, ...) of an MjModel field, used from the next call on."""
 
     @abstractmethod
-    def step(self, substeps: int) -> None:
-        """Advance all worlds by `substeps` timesteps under constant inputs."""
-
-    @abstractmethod
-    def reset(self, worlds: Tensor) -> None:
-        """Put worlds into the model's default state with zero inputs. Derived fields follow at `forward`."""
-
-    @abstractmethod
-    def forward(self, worlds: Tensor) -> None:
-        """Take over written state of worlds and recompute their derived fields."""
-
-    @abstractmethod
     def snapshot(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """One world as plain MuJoCo objects, for rendering."""
 
     @abstractmethod
     def writable(self) -> list[Tensor]:
         """The bound fields that may be written and the expanded ones, live."""
-
-    @abstractmethod
-    def memory(self) -> dict[str, Tensor]:
-        """All that the next `step` depends on, as live tensors by name: states, inputs, bound and expanded fields."""
-
-    def state_dict(self) -> dict[str, Tensor]:
-        """A copy of `memory`."""
-        return {name: value.clone() for name, value in self.memory().items()}
-
-    def load_state_dict(self, saved: Mapping[str, Tensor]) -> None:
-        """Go on where another simulator of the same model, worlds, bound and expanded fields was."""
-        for name, value in self.memory().items():
-            value.copy_(saved[name])
-
-    @abstractmethod
-    def check(self, task: str) -> None:
-        """Ask, between rollouts, whether all contacts and constraints found room.
-
-        Raises:
-            TaskError: when some did not; says which setting of the task to raise.
-        """

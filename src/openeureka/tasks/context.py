@@ -30,7 +30,7 @@ def context(env: str) -> TaskContext:
         env=env,
         description=task.description,
         state=task.spec,
-        source=prune(task),
+        source=task.source or prune(task),
         score_unit=task.score_unit,
         score_range=task.score_range,
     )
@@ -50,7 +50,7 @@ def informed(known: TaskContext, recorded: Mapping[str, Tensor | float | int], c
 
 
 def _episode(task: type[Task]) -> str:
-    steps = task.episode_length - 1
+    steps = task.time_limit()
     length = f"An episode has at most {steps} steps of {task.control_dt:.3g} s, {steps * task.control_dt:.3g} s in all."
     return f"{length} {task.ends}".rstrip()
 

@@ -9,9 +9,8 @@ import torch
 from torch import Tensor
 
 from ..errors import TaskError
-from ..sim import open_simulator
-from ..sim.capacity import Capacity
 from . import faults
+from .choices import chosen
 from .noise import WorldNoise
 from .task import Score, State, Task, mean_over_steps
 
@@ -64,8 +63,7 @@ class BatchedEnv:
         self, task: type[Task], *, worlds: int, lane_seeds: Sequence[int] = (0,), device: str = "cpu", threads: int = 0
     ) -> None:
         self.num_worlds = worlds * len(lane_seeds)
-        room = Capacity(task.max_contacts, task.max_constraints)
-        self.sim = open_simulator(task.compile_model(), self.num_worlds, device=device, threads=threads, room=room)
+        self.sim = task.simulate(self.num_worlds, device, threads)
         self.task = task(self.sim, WorldNoise(lane_seeds, worlds, self.sim.device))
         self.scored = True
         self.masked = device != "cpu"
@@ -132,11 +130,11 @@ class BatchedEnv:
         self.sim.load_state_dict(saved["sim"])
 
     def step(self, actions: Tensor) -> Step:
-        """Advance all worlds by one action (N, A); values outside [-1, 1] are clamped."""
+        """Advance all worlds by one action (N, A): clamped to [-1, 1], or the greatest value of each choice."""
         task = self.task
-        task.actions = actions.clamp(-1.0, 1.0)
+        task.actions = chosen(actions, task.choices) if task.choices else actions.clamp(-1.0, 1.0)
         task.apply_action(task.actions)
-        self.sim.step(task.substeps)
+        task.advance()
         task.progress += 1
 
         bad = self.sim.bad.clone()
@@ -144,7 +142,7 @@ class BatchedEnv:
         if (outcome := task.outcome(state)) is not None:
             state["outcome"] = faults.per_world(task, "outcome", outcome).clone()
         terminated = faults.per_world(task, "terminated", task.terminated(state)) | bad
-        timed_out = (task.progress >= task.time_limit()) & ~terminated
+        timed_out = faults.per_world(task, "timed_out", task.timed_out(state)) & ~terminated
         done = terminated | timed_out
         ended = done & self._whole
         score = self._score(state, ended, bad)

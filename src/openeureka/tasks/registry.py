@@ -1,5 +1,6 @@
 """Finds tasks by name: those of the suite, those of installed packages (entry point group `openeureka.tasks`), import
 strings `pkg.mod:Class` and files `path/to/file.py`, or `path/to/file.py:Class` where a file holds several.
+`PREFIX:NAME` asks the adapter of an environment of others: `gym:Hopper-v5`.
 `NAME+attribute=value` is a task with another class attribute."""
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ from .task import Task
 
 _SUITE = "openeureka.suite"
 """Imported by this name alone, as a stranger's package is: what holds for any task holds for the tasks of the suite."""
+ADAPTERS: dict[str, str] = dict.fromkeys(("gym", "gym-asis"), "openeureka.adapters.gym")
+"""Prefix -> module, which offers `task(env, name, settings)`, the class with the settings left to set of it, and
+`imports(name, settings)`, whether that imports or reads what the name chooses."""
 
 
 def names() -> list[str]:
@@ -36,7 +40,17 @@ def _suite() -> Any:
 
 def installed(env: str) -> bool:
     """Whether `get` finds the task by one of `names`: it then imports no file or module of `env`'s own choice."""
-    return _parts(env)[0] in names()
+    name, *settings = _parts(env)
+    prefix, _, rest = name.partition(":")
+    return not _adapter(prefix).imports(rest, _settings(settings)) if prefix in ADAPTERS else name in names()
+
+
+def _adapter(prefix: str) -> Any:
+    return importlib.import_module(ADAPTERS[prefix])
+
+
+def _settings(parts: Sequence[str]) -> dict[str, str]:
+    return dict(part.split("=", 1) for part in parts)
 
 
 def _parts(env: str) -> list[str]:
@@ -50,9 +64,13 @@ def get(env: str) -> type[Task]:
     Raises:
         TaskError: when nothing of that name exists, it cannot be imported, is not a whole task or lacks an attribute.
     """
-    name, *settings = _parts(env)
-    task = _named(name)
-    return _changed(task, dict(setting.split("=", 1) for setting in settings)) if settings else task
+    name, *parts = _parts(env)
+    settings, (prefix, _, rest) = _settings(parts), name.partition(":")
+    if prefix in ADAPTERS:
+        task, settings = _adapter(prefix).task(env, rest, settings)
+    else:
+        task = _named(name)
+    return _changed(task, settings) if settings else task
 
 
 def variant(env: str, values: Mapping[str, object]) -> str:

@@ -16,7 +16,8 @@ from torch import Tensor
 
 from ..errors import TaskError
 from ..reward.graph import CompiledReward
-from ..sim import Simulator
+from ..sim import Simulator, open_simulator
+from ..sim.capacity import Capacity
 from ..types import StateSpec
 from . import human
 from .noise import WorldNoise
@@ -115,6 +116,9 @@ class Task(ABC):
     """Physics steps per action; the model's timestep is control_dt / substeps."""
     num_observations: ClassVar[int]
     num_actions: ClassVar[int]
+    choices: ClassVar[tuple[int, ...]] = ()
+    """Options of each discrete choice, `num_actions` in all: an action is then a one for the option taken of each, and
+    zeros. Empty means continuous actions."""
     clip_observations: ClassVar[float] = math.inf
     max_contacts: ClassVar[int] = 0
     """Contacts that the GPU simulator has room for, in an average world; 0 means a guess from the model."""
@@ -127,6 +131,10 @@ class Task(ABC):
     """What `curriculum=NAME` trains instead of the task alone; each ends with the task itself."""
     memory: ClassVar[tuple[str, ...]] = ()
     """Attributes, tensors (N, ...), that `reset` writes; those of a class that this one builds on among them."""
+    source: ClassVar[str] = ""
+    """What the language model reads in place of the task's own code; empty for that."""
+    draws_itself: ClassVar[bool] = False
+    """Whether MuJoCo has no part in it: its masses cannot be changed, and its worlds draw their own pictures."""
     human: ClassVar[str | Path] = ""
     """The reward its original authors wrote: a reward program, or the file that holds it. Empty where the task has a
     method `human_reward` instead, which no search can begin with."""
@@ -145,9 +153,19 @@ class Task(ABC):
     def model() -> mujoco.MjSpec:
         """The robot and its scene. Timestep and shared solver options are set by `compile_model`."""
 
+    @classmethod
+    def simulate(cls, num_worlds: int, device: str, threads: int) -> Simulator:
+        """N copies of its model. A task that `draws_itself` gives other `Worlds`, and asks no more of them."""
+        room = Capacity(cls.max_contacts, cls.max_constraints)
+        return open_simulator(cls.compile_model(), num_worlds, device=device, threads=threads, room=room)
+
     @abstractmethod
     def apply_action(self, actions: Tensor) -> None:
-        """Turn actions (N, A), already clamped to [-1, 1], into simulator inputs."""
+        """Turn actions (N, A), already clamped to [-1, 1] or chosen, into simulator inputs."""
+
+    def advance(self) -> None:
+        """Simulate one control step."""
+        self.sim.step(self.substeps)
 
     @abstractmethod
     def compute_state(self) -> dict[str, Any]:
@@ -159,7 +177,11 @@ class Task(ABC):
 
     @abstractmethod
     def terminated(self, s: State) -> Tensor:
-        """(N,) bool: the episode failed or succeeded on this step (time-outs are the environment's)."""
+        """(N,) bool: the episode failed or succeeded on this step."""
+
+    def timed_out(self, s: State) -> Tensor:
+        """(N,) bool: the episode is cut off after this step."""
+        return self.progress >= self.time_limit()
 
     @abstractmethod
     def reset(self, worlds: Tensor) -> None:

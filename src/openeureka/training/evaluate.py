@@ -43,16 +43,24 @@ def evaluate(
     Args:
         policies: lane id to safetensors bytes; equal network shapes.
         episodes: of each policy; 0 for `EPISODES`.
-        dynamics: lane ids that play in another world than the task's.
+        dynamics: lane ids that play in another world than the task's. Where MuJoCo has no part in it there is no other
+            world: they play no episode and have no score.
         after_step: called after every step of all worlds: a long episode takes minutes.
     """
+    others = {lane for lane, world in (dynamics or {}).items() if world != NOMINAL}
+    unplayed = others if registry.get(env).draws_itself else set[str]()
+    scores = [
+        Evaluation(lane=lane, fitness=None, episode_length=0.0, episodes=0) for lane in policies if lane in unplayed
+    ]
+    policies = {lane: policy for lane, policy in policies.items() if lane not in unplayed}
     if not policies:
-        return []
+        return scores
     lanes, worlds = len(policies), episodes or EPISODES
     simulation = registry.make(
         env, worlds=worlds, lane_seeds=[seed + HELD_OUT_SEED] * lanes, device=device, threads=threads
     )
-    perturb(simulation.sim, [(dynamics or {}).get(lane, NOMINAL) for lane in policies])
+    if others - unplayed:
+        perturb(simulation.sim, [(dynamics or {}).get(lane, NOMINAL) for lane in policies])
     play = Player([Policy.from_bytes(data) for data in policies.values()], simulation.sim.device)
     observation = simulation.reset()
     running = torch.ones(simulation.num_worlds, dtype=torch.bool, device=observation.device)
@@ -72,7 +80,7 @@ def evaluate(
         after_step()
     simulation.check()
     sums, parts = (x.unflatten(1, (lanes, worlds)).transpose(0, 1) for x in (total, torch.stack(contributions)))
-    return [_evaluation(lane, *played) for lane, *played in zip(policies, sums, parts, strict=True)]
+    return scores + [_evaluation(lane, *played) for lane, *played in zip(policies, sums, parts, strict=True)]
 
 
 def _evaluation(lane: str, sums: Tensor, contributions: Tensor) -> Evaluation:

@@ -26,16 +26,24 @@ class Output(NamedTuple):
 class StackedActorCritic:
     """A shared ELU trunk with linear heads for action mean and value, and a free log standard deviation, per lane.
 
+    Where actions are `choices` the means are preferences, and nothing has a deviation.
+
     All parameters are views of `flat` (L, P), so that an optimiser and a checkpoint are single tensor operations. Lanes
     of equal seed start from equal weights: PyTorch's default linear initialisation, biases 0, log std 0.
     """
 
     def __init__(
-        self, seeds: Sequence[int], observations: int, actions: int, hidden: Sequence[int], device: torch.device
+        self,
+        seeds: Sequence[int],
+        observations: int,
+        actions: int,
+        hidden: Sequence[int],
+        device: torch.device,
+        choices: Sequence[int] = (),
     ) -> None:
         self.lanes, self.actions = len(seeds), actions
         self.sizes = (observations, *hidden)
-        own = shapes(observations, actions, hidden)
+        own = shapes(observations, actions, hidden, choices)
         initial = {seed: _initial(own, seed) for seed in set(seeds)}
         self.flat = torch.stack([initial[seed] for seed in seeds]).to(device)
         self.parameters: dict[str, Tensor] = {}
@@ -57,8 +65,8 @@ class StackedActorCritic:
 
     @property
     def log_std(self) -> Tensor:
-        """(L, 1, A)."""
-        return self.parameters["log_std"]
+        """(L, 1, A), or (L, 1, 0) of choices."""
+        return self.parameters["log_std"] if "log_std" in self.parameters else self.flat.new_zeros(self.lanes, 1, 0)
 
     def lane(self, index: int) -> dict[str, Tensor]:
         """A copy of one lane's parameters."""
@@ -70,12 +78,15 @@ class StackedActorCritic:
                 value[index] = parameters[name]
 
 
-def shapes(observations: int, actions: int, hidden: Sequence[int]) -> dict[str, tuple[int, ...]]:
+def shapes(
+    observations: int, actions: int, hidden: Sequence[int], choices: Sequence[int] = ()
+) -> dict[str, tuple[int, ...]]:
     sizes = (observations, *hidden)
     shapes: dict[str, tuple[int, ...]] = {}
     for layer, (inputs, outputs) in enumerate(pairwise(sizes)):
         shapes |= {f"w{layer}": (inputs, outputs), f"b{layer}": (1, outputs)}
-    return shapes | {"head_w": (sizes[-1], actions + 1), "head_b": (1, actions + 1), "log_std": (1, actions)}
+    shapes |= {"head_w": (sizes[-1], actions + 1), "head_b": (1, actions + 1)}
+    return shapes if choices else shapes | {"log_std": (1, actions)}
 
 
 def _initial(shapes: Mapping[str, tuple[int, ...]], seed: int) -> Tensor:

@@ -12,6 +12,7 @@ from safetensors.torch import load, save
 from torch import Tensor
 
 from ..errors import RewardFileError
+from .heads import head
 from .network import StackedActorCritic, shapes
 from .normalize import normalize
 from .ppo import PPO
@@ -25,17 +26,20 @@ class Policy:
 
     Tensors by name: `w0`, `b0`, ... trunk layers, `head_w`, `head_b` (actions, then the value), `log_std`,
     `observation_mean`, `observation_var`, `observation_count`, and the same of `value`. The action is the head's output
-    clamped to [-1, 1]; hidden layers are ELU; inputs are (x - mean) / sqrt(var + 1e-5) clamped at +-5.
+    clamped to [-1, 1]; where there are choices, which have no `log_std`, a one for the option of each that has the
+    greatest output, and zeros. Hidden layers are ELU; inputs are (x - mean) / sqrt(var + 1e-5) clamped at +-5.
     """
 
     env: str
     tensors: Mapping[str, Tensor]
+    choices: tuple[int, ...] = ()
+    """Options of each choice; empty where actions are continuous."""
 
     @staticmethod
     def of(env: str, ppo: PPO, lane: int) -> Policy:
         """A copy of one lane as it is now."""
         statistics = {name: tensor[lane].clone() for name, tensor in _statistics(ppo).items()}
-        return Policy(env, ppo.network.lane(lane) | statistics)
+        return Policy(env, ppo.network.lane(lane) | statistics, ppo.choices)
 
     def put(self, ppo: PPO, lane: int, *, fresh: float = 0.0, rescaled: bool = False) -> None:
         """Let a lane go on from here: weights, exploration and all statistics; the optimiser begins anew.
@@ -60,6 +64,7 @@ class Policy:
     def to_bytes(self) -> bytes:
         # One entry: safetensors writes several in no fixed order, and equal policies shall be equal files.
         header = {"format": FORMAT, "env": self.env, "hidden": self.hidden, "activation": "elu"}
+        header |= {"choices": self.choices} if self.choices else {}
         tensors = {name: value.cpu().contiguous() for name, value in self.tensors.items()}
         return save(tensors, {"openeureka": json.dumps(header)})
 
@@ -73,7 +78,10 @@ class Policy:
                 raise ValueError(header["format"])
             if not isinstance(header["env"], str):
                 raise TypeError("env is no name")
-            return Policy(header["env"], load(data))
+            choices = header.get("choices", [])
+            if not (isinstance(choices, list) and all(type(options) is int and options > 0 for options in choices)):
+                raise TypeError("choices are no numbers")
+            return Policy(header["env"], load(data), tuple(choices))
         except (SafetensorError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise RewardFileError(
                 f"This is not a policy file of openeureka ({error!r:.80}); pass policy=FILE."
@@ -82,7 +90,7 @@ class Policy:
     def expect(self, observations: int | None = None, actions: int | None = None) -> None:
         """Raises RewardFileError where the tensors are those of no network, or of one for a task of other sizes."""
         try:
-            wanted = shapes(self.observations, self.actions, self.hidden)
+            wanted = shapes(self.observations, self.actions, self.hidden, self.choices)
             wanted |= dict.fromkeys(("observation_mean", "observation_var"), (1, self.observations))
             found = {name: self.tensors[name] for name in wanted}
         except (KeyError, IndexError):
@@ -91,7 +99,8 @@ class Policy:
             ) from None
         sizes = (observations or self.observations, actions or self.actions)
         whole = all(tuple(t.shape) == wanted[name] and t.is_floating_point() for name, t in found.items())
-        if not whole or sizes != (self.observations, self.actions):
+        split = not self.choices or sum(self.choices) == self.actions
+        if not whole or not split or sizes != (self.observations, self.actions):
             raise RewardFileError(
                 "The policy is none of a network for this task; name the one it was trained on by env=."
             )
@@ -107,7 +116,7 @@ class Policy:
 
     @property
     def actions(self) -> int:
-        return self.tensors["log_std"].shape[-1]
+        return self.tensors["head_b"].shape[-1] - 1  # without the value
 
 
 def _statistics(ppo: PPO) -> dict[str, Tensor]:
@@ -122,7 +131,9 @@ class Player:
     def __init__(self, policies: list[Policy], device: torch.device | str = "cpu") -> None:
         first = policies[0]
         device = torch.device(device)
-        self.network = StackedActorCritic([0] * len(policies), first.observations, first.actions, first.hidden, device)
+        sizes = (first.observations, first.actions, first.hidden)
+        self.network = StackedActorCritic([0] * len(policies), *sizes, device, first.choices)
+        self.head = head(first.choices)
         for lane, policy in enumerate(policies):
             self.network.load_lane(lane, policy.tensors)
         self.mean = torch.stack([policy.tensors["observation_mean"] for policy in policies]).to(device)
@@ -130,7 +141,7 @@ class Player:
 
     @torch.no_grad()
     def __call__(self, observation: Tensor) -> Tensor:
-        """Mean actions (N, A), clamped, for observations (N, O); N = L * n, lane by lane."""
+        """The likeliest actions (N, A), as a task takes them, for observations (N, O); N = L * n, lane by lane."""
         x = observation.view(len(self.mean), -1, observation.shape[-1])
         x = normalize(x, self.mean, self.var)
-        return self.network(x).mean.clamp(-1.0, 1.0).flatten(0, 1)
+        return self.head.best(self.network(x).mean).flatten(0, 1)

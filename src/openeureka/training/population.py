@@ -57,7 +57,7 @@ class Population:
         self.env = registry.make(env, worlds=self.worlds, lane_seeds=seeds, device=device, threads=threads)
         self.device = self.env.sim.device
         self.rewards = LaneRewards(self.env.task, [spec.program for spec in specs], self.worlds, bonus=budget.bonus)
-        self.ppo = PPO(seeds, task.num_observations, task.num_actions, task.recipe, self.device)
+        self.ppo = PPO(seeds, task.num_observations, task.num_actions, task.recipe, self.device, task.choices)
         for lane, spec in enumerate(self.specs):
             if spec.start is not None:
                 Policy.from_bytes(spec.start).put(self.ppo, lane, fresh=spec.fresh, rescaled=spec.rescaled)
@@ -158,7 +158,10 @@ class Population:
         self.ppo.load_state_dict(saved["ppo"])
         self.curves.load_state_dict(saved["curves"])
         self.best_fitness, self.best_reward = (
-            [peak and Peak(peak["epoch"], peak["value"], Policy(self.env_name, peak["policy"])) for peak in peaks]
+            [
+                peak and Peak(peak["epoch"], peak["value"], Policy(self.env_name, peak["policy"], self.ppo.choices))
+                for peak in peaks
+            ]
             for peaks in saved["peaks"]
         )
         self.messages, self.trained = saved["messages"], saved["trained"]

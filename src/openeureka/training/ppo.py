@@ -11,24 +11,24 @@ import torch
 from torch import Tensor
 
 from ..tasks.task import Recipe
+from .heads import head
 from .network import StackedActorCritic
 from .normalize import ALL, RunningNorm
 
-BOUND = 1.1  # action means beyond this are pulled back
 LEARNING_RATES = (1e-6, 1e-2)
 STATISTICS = ("surrogate_loss", "value_loss", "kl", "entropy", "learning_rate")
 """What `PPO.statistics` tells of an update, under the names of its columns."""
-_HALF_LOG_2PI = 0.5 * math.log(2.0 * math.pi)
 
 
 class Action(NamedTuple):
     """What the policies of L lanes chose, in n worlds each."""
 
     action: Tensor
-    """(L, n, A), not clamped."""
+    """(L, n, A), not clamped; of choices ones and zeros."""
     log_prob: Tensor
     """(L, n)."""
     mean: Tensor
+    """(L, n, A), of choices the preferences."""
     value: Tensor
     """(L, n) in reward units."""
 
@@ -78,17 +78,27 @@ class PPO:
     Lanes share every kernel and nothing else: gradients, gradient norms, learning rates and statistics are per lane, so
     that a lane learns what it would learn alone. A lane of `active` False is frozen.
 
+    Args:
+        choices: options of each choice where actions are discrete; `actions` is then their sum.
+
     Attributes:
         statistics: (L, 5), a column for each of `STATISTICS`, of the last update: means over its minibatches, the
             divergence from when a minibatch was last seen; entropy [nats] and learning rate after it. NaN where frozen.
     """
 
     def __init__(
-        self, seeds: Sequence[int], observations: int, actions: int, recipe: Recipe, device: torch.device
+        self,
+        seeds: Sequence[int],
+        observations: int,
+        actions: int,
+        recipe: Recipe,
+        device: torch.device,
+        choices: Sequence[int] = (),
     ) -> None:
-        self.recipe, self.device = recipe, device
+        self.recipe, self.device, self.choices = recipe, device, tuple(choices)
+        self.head = head(choices)
         lanes = len(seeds)
-        self.network = StackedActorCritic(seeds, observations, actions, recipe.hidden, device)
+        self.network = StackedActorCritic(seeds, observations, actions, recipe.hidden, device, choices)
         self.observations = RunningNorm(lanes, observations, device)
         self.values = RunningNorm(lanes, 1, device)
         self.active = torch.ones(lanes, dtype=torch.bool, device=device)
@@ -112,10 +122,9 @@ class PPO:
         """Sample actions for observations (L, n, O)."""
         mean, value = self.network(self.observations.normalize(observation))
         log_std = self.network.log_std
-        noise = torch.stack([torch.randn(mean.shape[1:], generator=g, device=self.device) for g in self._generators])
-        noise = noise[self._row]
-        log_prob = -(0.5 * noise**2 + log_std + _HALF_LOG_2PI).sum(-1)
-        return Action(mean + log_std.exp() * noise, log_prob, mean, self._value(value))
+        noise = torch.stack([self.head.noise(mean.shape[1:], generator) for generator in self._generators])
+        action, log_prob = self.head.sample(mean, log_std, noise[self._row])
+        return Action(action, log_prob, mean, self._value(value))
 
     @torch.no_grad()
     def value(self, observation: Tensor, lanes: slice = ALL) -> Tensor:
@@ -165,13 +174,13 @@ class PPO:
                 )
                 told.append(of_step)
         self.observations.update(raw)
-        self._tell(told)
+        self._tell(told, means)
 
     @torch.no_grad()
-    def _tell(self, steps: Sequence[Tensor]) -> None:
-        """Statistics of an update from those of its gradient steps, (L, 3) each; they stay on the device."""
-        log_std = self.network.log_std
-        entropy = log_std.sum((1, 2)) + log_std.shape[2] * (0.5 + _HALF_LOG_2PI)
+    def _tell(self, steps: Sequence[Tensor], means: Tensor) -> None:
+        """Statistics of an update from those of its gradient steps, (L, 3) each, and the outputs (L, B, A) of its last
+        epoch; they stay on the device."""
+        entropy = self.head.entropy(means, self.network.log_std)
         told = torch.cat((torch.stack(list(steps)).mean(0), entropy[:, None], self.learning_rate), dim=1)
         self.statistics = told.masked_fill(~self.active[:, None], math.nan)
 
@@ -208,21 +217,20 @@ class PPO:
         old_mean, old_log_std, old_log_prob, old_value = old
         mean, value = self.network(observation)
         log_std = self.network.log_std
-        z = (action - mean) * (-log_std).exp()
-        log_prob = -(0.5 * z**2 + log_std + _HALF_LOG_2PI).sum(-1)
+        log_prob = self.head.log_prob(mean, log_std, action)
         ratio = (log_prob - old_log_prob).exp()
         clipped = ratio.clamp(1.0 - recipe.clip, 1.0 + recipe.clip)
         policy_loss = torch.maximum(-advantage * ratio, -advantage * clipped)
         near = old_value + (value - old_value).clamp(-recipe.clip, recipe.clip)
         value_loss = torch.maximum((value - target) ** 2, (near - target) ** 2)
-        bounds_loss = ((mean.abs() - BOUND).clamp(min=0.0) ** 2).sum(-1)
+        bounds_loss = self.head.excess(mean)
         loss = (policy_loss + 0.5 * recipe.critic_coef * value_loss + recipe.bounds_coef * bounds_loss).mean(1)
         if recipe.entropy_coef:
-            loss = loss - recipe.entropy_coef * log_std.sum((1, 2))
+            loss = loss - recipe.entropy_coef * self.head.entropy(mean, log_std)
         gradients = torch.autograd.grad(loss.sum(), list(self.network.parameters.values()))
         with torch.no_grad():
             new_mean, new_log_std = mean.detach(), log_std.detach().clone()
-            divergence = _divergence(new_mean, new_log_std, old_mean, old_log_std)
+            divergence = self.head.divergence(new_mean, new_log_std, old_mean, old_log_std)
             self._adapt(divergence)
             self._adam(torch.cat([g.flatten(1) for g in gradients], dim=1))
             told = torch.cat((policy_loss.mean(1, keepdim=True), value_loss.mean(1, keepdim=True), divergence), dim=1)
@@ -247,10 +255,3 @@ class PPO:
         second = self._second / (1.0 - 0.999**self._updates)
         step = self.learning_rate * first / (second.sqrt() + 1e-8)
         self.network.flat.sub_(torch.where(self.active[:, None], step, 0.0))
-
-
-def _divergence(mean: Tensor, log_std: Tensor, old_mean: Tensor, old_log_std: Tensor) -> Tensor:
-    """KL(new || old) of diagonal Gaussians, summed over actions, averaged over samples: (L, 1)."""
-    variance, old_variance = (2.0 * log_std).exp(), (2.0 * old_log_std).exp()
-    ratio = (variance + (mean - old_mean) ** 2) / (2.0 * old_variance)
-    return (old_log_std - log_std + ratio - 0.5).sum(-1).mean(1, keepdim=True)

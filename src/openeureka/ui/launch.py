@@ -34,7 +34,8 @@ class Launcher:
         """Begin a search with the settings of a form, those left empty at their defaults; the name of the run.
 
         Raises:
-            ConfigError: for a setting that does not fit, or an environment that `eureka envs` does not list.
+            ConfigError: for a setting that does not fit, or an environment that is not installed.
+            TaskError: for an environment that an adapter does not find.
             ModelError: for a model that has no key.
             StoreError: where the folder cannot be written.
         """
@@ -42,8 +43,9 @@ class Launcher:
             raise ConfigError("This page is about one run; call `eureka ui` with the folder that holds it.")
         words = [f"{key}={form[key].strip()}" for key in SETTINGS if form.get(key, "").strip()]
         config = parse(RunConfig, words)
-        if config.env not in registry.names():
+        if not registry.installed(config.env):
             raise ConfigError(f"`{config.env}` is not a task that can be started from here; use `eureka run`.")
+        registry.get(config.env)
         devices(config.device)
         open_model(config).close()
         directory = output_directory("", config.env, root=self._root)

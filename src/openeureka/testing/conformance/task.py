@@ -10,6 +10,7 @@ import ast
 import inspect
 import textwrap
 from typing import Any
+from unittest import SkipTest
 
 import torch
 from torch import Tensor
@@ -19,7 +20,7 @@ from openeureka.tasks.env import BatchedEnv, Step
 from openeureka.tasks.human import program
 from openeureka.tasks.record import record_states
 from openeureka.tasks.registry import get, make
-from openeureka.tasks.task import Score, State, Task
+from openeureka.tasks.task import Score, State
 from openeureka.training.replay import waits
 
 _HIDDEN = ("outcome", "fitness", "human_reward", "sparse_reward", "terminated", "reset")
@@ -95,6 +96,8 @@ class TaskConformance:
             assert torch.equal(a.observation, b.observation)
 
     def test_a_broken_world_is_reset_and_counted_and_leaves_the_others_alone(self) -> None:
+        if get(self.env).choices:
+            raise SkipTest("a choice is never a number that breaks a world")
         broken, sound = self._make(worlds=4), self._make(worlds=4)
         broken.reset()
         sound.reset()
@@ -120,6 +123,7 @@ class TaskConformance:
         assert torch.equal(after.observation[others], expected.observation[others]), "their next episodes differ"
 
     def test_a_reset_by_mask_is_a_reset_by_index(self) -> None:
+        self._expect_mujoco()
         by_index, by_mask = self._make(worlds=6), self._make(worlds=6)
         by_mask.masked = True  # as on a GPU
         for simulation in (by_index, by_mask):
@@ -131,6 +135,7 @@ class TaskConformance:
             assert not different, f"{different} differ: is there memory that is no attribute of the task?"
 
     def test_a_step_asks_a_gpu_nothing(self) -> None:
+        self._expect_mujoco()
         simulation = self._make(worlds=4)
         simulation.masked = True
         simulation.reset()
@@ -174,6 +179,7 @@ class TaskConformance:
         assert simulation.bad_total == 0
 
     def test_nothing_overlaps_in_a_start_pose(self) -> None:
+        self._expect_mujoco()
         simulation = self._make(worlds=8)
         simulation.reset()
         for world in range(8):
@@ -200,11 +206,11 @@ class TaskConformance:
     def test_the_context_shows_the_motion_and_hides_the_goal(self) -> None:
         task, shown = get(self.env), context(self.env)
         assert shown.description and "\n" not in shown.description
-        assert "def observe" in shown.source and "def compute_state" in shown.source
+        assert task.source or ("def observe" in shown.source and "def compute_state" in shown.source)
         for method in _HIDDEN:
             assert f"def {method}" not in shown.source
             self._check_hidden(shown.source, inspect.getsource(getattr(task, method)), method)
-        if task.human_reward is Task.human_reward:
+        if task.human:
             self._check_hidden(shown.source, program(task), "human")
         table = " ".join(variable.meaning for variable in shown.state.variables)
         for word in ("fitness", "reward", "success", "score", "recipe"):
@@ -212,6 +218,10 @@ class TaskConformance:
 
     def test_states_can_be_recorded(self) -> None:
         self._check_state(record_states(self.env, worlds=4, steps=6, keep=3), worlds=12)
+
+    def _expect_mujoco(self) -> None:
+        if get(self.env).draws_itself:
+            raise SkipTest("worlds that step themselves are on the CPU, and have no MuJoCo model")
 
     def _check_hidden(self, shown: str, source: str, what: str) -> None:
         for line in _statements(source):

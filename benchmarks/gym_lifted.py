@@ -1,0 +1,91 @@
+"""How much faster Gymnasium's MuJoCo environments step on lanes than in Gymnasium's own vector environment.
+
+    python benchmarks/gym_lifted.py            all ten, about five minutes
+    python benchmarks/gym_lifted.py Ant        some of them
+
+Both sides step under random actions, with observations, rewards and resets, in turn and several times: the ratio is of
+medians of one run. Gymnasium's side is its `SyncVectorEnv` with as many worlds in one process, or its `AsyncVectorEnv`
+with an environment a core; the faster one counts. Writes benchmarks/results/gym_lifted.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import torch
+from records import conditions, write
+
+from openeureka.tasks import registry
+
+NAMES = (
+    *("Hopper", "Walker2d", "HalfCheetah", "Ant", "Humanoid", "Swimmer"),
+    *("Reacher", "Pusher", "InvertedPendulum", "InvertedDoublePendulum"),
+)
+ROUNDS = 3
+RESULTS = Path(__file__).parent / "results" / "gym_lifted.json"
+
+
+def lifted(name: str, worlds: int, steps: int) -> float:
+    """Environment steps a second on lanes."""
+    simulation = registry.make(f"gym:{name}-v5", worlds=worlds)
+    simulation.reset()
+    generator = torch.Generator().manual_seed(0)
+    shape = (worlds, simulation.task.num_actions)
+
+    def step() -> None:
+        simulation.step(torch.rand(shape, generator=generator) * 2.0 - 1.0)
+
+    return _rate(step, worlds, steps)
+
+
+def vector(name: str, worlds: int, steps: int, mode: str) -> float:
+    """Environment steps a second of Gymnasium."""
+    vector: Any = gymnasium.make_vec(f"{name}-v5", num_envs=worlds, vectorization_mode=mode)
+    try:
+        vector.reset(seed=0)
+        vector.action_space.seed(0)
+        return _rate(lambda: vector.step(vector.action_space.sample()), worlds, steps)
+    finally:
+        vector.close()
+
+
+def _rate(step: Callable[[], object], worlds: int, steps: int) -> float:
+    step()
+    started = time.perf_counter()
+    for _ in range(steps):
+        step()
+    return worlds * steps / (time.perf_counter() - started)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", default=NAMES)
+    parser.add_argument("--worlds", type=int, default=64)
+    parser.add_argument("--steps", type=int, default=200)
+    given = parser.parse_args()
+    cores = os.cpu_count() or 1
+    found: dict[str, Any] = {}
+    for name in given.names:
+        arms = {
+            "lanes": lambda name=name: lifted(name, given.worlds, given.steps),
+            "gymnasium, one process": lambda name=name: vector(name, given.worlds, given.steps, "sync"),
+            # A process for each environment: more of them than cores only wait for each other.
+            "gymnasium, a process a core": lambda name=name: vector(name, cores, given.steps, "async"),
+        }
+        rounds = [{arm: run() for arm, run in arms.items()} for _ in range(ROUNDS)]
+        rates = {arm: round(statistics.median(each[arm] for each in rounds)) for arm in arms}
+        best = max(rate for arm, rate in rates.items() if arm != "lanes")
+        found[name] = {"steps_per_second": rates, "ratio": round(rates["lanes"] / best, 2)}
+        print(f"{name}: {rates}, {found[name]['ratio']} times as fast")
+    write(RESULTS, {**conditions("mujoco", "torch", "gymnasium"), "worlds": given.worlds, "environments": found})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,123 @@
+"""What an environment's documentation says of its observation and its actions, without a word on what counts."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterable
+
+from ...types.tasks import StateUse
+
+_TOLD = ("description", "action space", "observation space", "starting state")
+_BETRAYS = re.compile(r"reward|score|success|fitness|recipe|return|solved|penal", re.IGNORECASE)
+_GOAL = re.compile(r"\b(?:goal|aim|objective|task)\b[^.]*?\bis (to [^.]+?)(?:\.(?:\s|$)|$)", re.IGNORECASE)
+_NUMBER = re.compile(r"\d+")
+_LEG = ("hip_angle", "hip_speed", "knee_angle", "knee_speed", "contact")
+KNOWN = {
+    "LunarLander": (
+        *("x", "y", "x_velocity", "y_velocity", "angle", "angular_velocity"),
+        *("left_leg_contact", "right_leg_contact"),
+    ),
+    "BipedalWalker": (
+        *("hull_angle", "hull_angular_velocity", "x_velocity", "y_velocity"),
+        *(f"leg_{leg}_{part}" for leg in (1, 2) for part in _LEG),
+        *(f"lidar_{ray}" for ray in range(10)),
+    ),
+}
+"""Names of the columns of environments whose documentation lists them in prose."""
+
+
+def sections(text: str) -> dict[str, str]:
+    """The documentation's sections by their titles in lower case; what comes before the first has none."""
+    found: dict[str, str] = {}
+    for part in re.split(r"^#+ *", inspect.cleandoc(text), flags=re.MULTILINE):
+        title, _, body = part.partition("\n")
+        found.setdefault(title.strip().lower(), body.strip())
+    return found
+
+
+def told(text: str) -> str:
+    """What a language model may read of it: paragraphs on the world, the actions, the observation and the start."""
+    known = sections(text)
+    shown = []
+    for title in _TOLD:
+        kept = [part for part in known.get(title, "").split("\n\n") if part.strip() and not _BETRAYS.search(part)]
+        if kept:
+            shown.append("\n\n".join([f"## {title.capitalize()}", *kept]))
+    return "\n\n".join(shown)
+
+
+def intent(text: str, env: str) -> str:
+    """`to balance the pole`, as the documentation words its goal; else to do what the name says."""
+    words = " ".join(sections(text).get("description", "").split())
+    found = _GOAL.search(words)
+    said = found[1] if found and not _BETRAYS.search(found[1]) else f"to do in {env} what it is made for"
+    return said.replace("`", "")
+
+
+def columns(text: str, name: str, count: int) -> list[tuple[str, str]]:
+    """Name and meaning of each column of the observation, where the documentation has a table of all of them or, if
+    there is none, of the first."""
+    if len(known := KNOWN.get(name, ())) == count:
+        return [(column, column.replace("_", " ")) for column in known]
+    first: list[tuple[str, str]] = []
+    for table in _tables(text):
+        titles = [title.lower() for title in table[0]]
+        if "observation" not in titles or not titles[0].startswith(("num", "index")):
+            continue
+        rows = [row for row in table[1:] if _NUMBER.fullmatch(row[0])]
+        if [int(row[0]) for row in rows] != list(range(len(rows))) or len(rows) > count:
+            continue
+        what = titles.index("observation")
+        units = [index for index, title in enumerate(titles) if "unit" in title]
+        meanings = [_meaning(row[what], row[units[0]] if units else "") for row in rows]
+        found = list(zip(identifiers(row[what] for row in rows), meanings, strict=True))
+        if len(rows) == count:
+            return found
+        first = max(first, found, key=len)
+    return first
+
+
+def _tables(text: str) -> list[list[list[str]]]:
+    """Every table of a text in Markdown, as rows of cells."""
+    found: list[list[list[str]]] = []
+    before = False
+    for line in text.splitlines():
+        row = line.strip()
+        if row.startswith("|"):
+            found = found if before else [*found, []]
+            found[-1].append([cell.strip() for cell in row.strip("|").split("|")])
+        before = row.startswith("|")
+    return found
+
+
+def _meaning(text: str, unit: str) -> str:
+    unit = re.sub(r"^.*\(([^()]*)\)$", r"\1", unit)
+    said = " ".join(text.replace("`", "").split())
+    return f"{said} [{unit}]" if unit else said
+
+
+def identifiers(texts: Iterable[str]) -> list[str]:
+    """Each text as a name of its own that a program may use: `Pole Angle` is `pole_angle`."""
+    found: list[str] = []
+    for text in texts:
+        bare = re.sub(r"\s\([^()]*\)", "", text)
+        words = re.sub(r"\b(?:the|a)\b|\W+", " ", bare.lower()).split()
+        name = "_".join(words) or "value"
+        name = name if name[0].isalpha() else f"value_{name}"
+        number, base = 1, name
+        while name in found:
+            number += 1
+            name = f"{base}_{number}"
+        found.append(name)
+    return found
+
+
+def betrays(name: str) -> bool:
+    """Whether a name gives away what counts."""
+    return bool(_BETRAYS.search(name))
+
+
+def use_of(words: str) -> StateUse:
+    """How the typed grammar may use a number: of speeds more is meaningful, others are good near zero."""
+    return "directional" if re.search(r"velocity|speed", words) else "zero_centred"

@@ -1,0 +1,264 @@
+"""The formulas of Gymnasium's MuJoCo environments, version 5: observation, reward, end and start of each family."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor
+
+from ...tasks.task import State
+from .lifted import LiftedTask
+
+FASTEST = 10.0
+"""To which some observations clip speeds."""
+
+
+class Runner(LiftedTask):
+    """Pays speed along x and, where it has one, a healthy pose; charges for effort."""
+
+    has_y = False
+    clipped = False
+    """Whether the observation clips speeds."""
+
+    def seen(self) -> Tensor:
+        speeds = self.qvel.clamp(-FASTEST, FASTEST) if self.clipped else self.qvel
+        return torch.cat((self.qpos[:, self.skipped :], speeds), dim=1)
+
+    def said(self) -> Mapping[str, Tensor]:
+        speed, place = self.speed(), self.qpos[:, :2]
+        said = {"x_position": place[:, 0].clone(), "x_velocity": speed[:, 0].clone()}
+        if self.has_y:
+            said |= {"y_position": place[:, 1].clone(), "y_velocity": speed[:, 1].clone()}
+            said |= {"distance_from_origin": place.norm(dim=1)}
+        return said
+
+    def healthy(self) -> Tensor | None:
+        """(N,) bool; None for those that cannot fall."""
+        return None
+
+    def terminated(self, s: State) -> Tensor:
+        healthy = self.healthy()
+        if healthy is None or not self.constants["terminate_when_unhealthy"]:
+            return super().terminated(s)
+        return ~healthy
+
+    def pays(self, terminated: Tensor) -> Tensor:
+        paid = self.constants["forward_reward_weight"] * self.speed()[:, 0]
+        paid = paid - self.constants["ctrl_cost_weight"] * self.effort()
+        healthy = self.healthy()
+        return paid if healthy is None else paid + self.constants["healthy_reward"] * healthy
+
+
+class HalfCheetah(Runner):
+    """Cannot fall."""
+
+    normal = True
+
+
+class Swimmer(Runner):
+    """Moves in a plane."""
+
+    has_y = True
+
+
+class Hopper(Runner):
+    """Is healthy while its torso is high and upright, and nothing of its state is beyond all bounds."""
+
+    clipped = True
+
+    def said(self) -> Mapping[str, Tensor]:
+        return {**super().said(), "z_distance_from_origin": self.qpos[:, 1] - self.start[1]}
+
+    def healthy(self) -> Tensor:
+        z, angle = self.qpos[:, 1], self.qpos[:, 2]
+        found = _between(z, self.constants["healthy_z_range"]) & _between(angle, self.constants["healthy_angle_range"])
+        if "healthy_state_range" not in self.constants:
+            return found
+        state = torch.cat((self.qpos[:, 2:], self.qvel), dim=1)
+        return found & _between(state, self.constants["healthy_state_range"]).all(1)
+
+
+class Walker2d(Hopper):
+    """Like Hopper, but for the range of the rest of its state."""
+
+
+class Ant(Runner):
+    """Feels contacts, and is charged for them."""
+
+    has_y, normal, forces = True, True, True
+    fields = ("cfrc_ext",)
+
+    def contact_forces(self) -> Tensor:
+        """(N, B, 6) clipped."""
+        return self.read("cfrc_ext").clamp(*self.constants["contact_force_range"])
+
+    def seen(self) -> Tensor:
+        seen = super().seen()
+        if not self.constants["include_cfrc_ext_in_observation"]:
+            return seen
+        return torch.cat((seen, self.contact_forces()[:, 1:].flatten(1)), dim=1)
+
+    def healthy(self) -> Tensor:
+        low, high = self.constants["healthy_z_range"]
+        return (self.qpos[:, 2] >= low) & (self.qpos[:, 2] <= high)
+
+    def pays(self, terminated: Tensor) -> Tensor:
+        contact = self.contact_forces().square().sum((1, 2))
+        return super().pays(terminated) - self.constants["contact_cost_weight"] * contact
+
+
+class Humanoid(Runner):
+    """Feels contacts, inertias and its own actuators; its speed is that of its centre of mass."""
+
+    has_y, forces = True, True
+    fields = ("xipos", "cinert", "cvel", "qfrc_actuator", "cfrc_ext", "ten_length", "ten_velocity")
+
+    def said(self) -> Mapping[str, Tensor]:
+        return {
+            **super().said(),
+            "tendon_length": self.read("ten_length"),
+            "tendon_velocity": self.read("ten_velocity"),
+        }
+
+    def place(self) -> Tensor:
+        """The centre of mass."""
+        mass = torch.from_numpy(self.sim.model.body_mass).float().to(self.device)
+        return (self.data["xipos"][:, :, :2] * mass[:, None]).sum(1) / mass.sum()
+
+    def seen(self) -> Tensor:
+        parts = [super().seen()]
+        for field, skipped in (("cinert", 1), ("cvel", 1), ("qfrc_actuator", 6), ("cfrc_ext", 1)):
+            if self.constants[f"include_{field}_in_observation"]:
+                parts.append(self.read(field)[:, skipped:].flatten(1))
+        return torch.cat(parts, dim=1)
+
+    def healthy(self) -> Tensor:
+        return _between(self.qpos[:, 2], self.constants["healthy_z_range"])
+
+    def pays(self, terminated: Tensor) -> Tensor:
+        contact = self.constants["contact_cost_weight"] * self.read("cfrc_ext").square().sum((1, 2))
+        return super().pays(terminated) - contact.clamp(*self.constants["contact_cost_range"])
+
+
+class Reacher(LiftedTask):
+    """Pays the nearness of a fingertip to a target somewhere in a disc."""
+
+    fields = ("xpos",)
+    reach = 0.2
+    """[m] in which targets are."""
+
+    def gap(self) -> Tensor:
+        """(N, 3) from the target to the fingertip [m]."""
+        places, model = self.read("xpos"), self.sim.model
+        return places[:, model.body("fingertip").id] - places[:, model.body("target").id]
+
+    def seen(self) -> Tensor:
+        angles = self.qpos[:, :2]
+        return torch.cat((angles.cos(), angles.sin(), self.qpos[:, 2:], self.qvel[:, :2], self.gap()[:, :2]), dim=1)
+
+    def pays(self, terminated: Tensor) -> Tensor:
+        distance = self.constants["reward_dist_weight"] * self.gap().norm(dim=1)
+        return -distance - self.constants["reward_control_weight"] * self.effort()
+
+    def reset(self, worlds: Tensor) -> None:
+        drawn = self.noise.uniform(worlds, 2 * len(self.start) + 2, -1.0, 1.0)
+        angles, speeds, disc = drawn.split((len(self.start), len(self.start), 2), dim=1)
+        # Uniform in the disc, without drawing anew what is outside of it: by area, and by angle.
+        radius, turn = self.reach * ((disc[:, :1] + 1) / 2).sqrt(), torch.pi * disc[:, 1:]
+        target = torch.cat((radius * turn.cos(), radius * turn.sin()), dim=1)
+        self.qpos[worlds] = torch.cat(((self.start + 0.1 * angles)[:, :-2], target), dim=1)
+        self.qvel[worlds] = torch.cat(((0.005 * speeds)[:, :-2], torch.zeros_like(target)), dim=1)
+        self.returned[worlds] = 0.0
+
+
+class Pusher(LiftedTask):
+    """Pays the nearness of an object to its goal, and of the arm's tip to the object."""
+
+    fields = ("xpos",)
+    apart = 0.17
+    """[m] that an object starts from its goal, at least."""
+    tries = 16
+    """Of a start, of which the first that is so far away is taken; one in 10^9 has none."""
+
+    def body(self, name: str) -> Tensor:
+        """(N, 3) [m]"""
+        return self.read("xpos")[:, self.sim.model.body(name).id]
+
+    def seen(self) -> Tensor:
+        bodies = [self.body(name) for name in ("tips_arm", "object", "goal")]
+        return torch.cat((self.qpos[:, :7], self.qvel[:, :7], *bodies), dim=1)
+
+    def pays(self, terminated: Tensor) -> Tensor:
+        thing = self.body("object")
+        near = self.constants["reward_near_weight"] * (thing - self.body("tips_arm")).norm(dim=1)
+        far = self.constants["reward_dist_weight"] * (thing - self.body("goal")).norm(dim=1)
+        return -near - far - self.constants["reward_control_weight"] * self.effort()
+
+    def reset(self, worlds: Tensor) -> None:
+        drawn = self.noise.uniform(worlds, 2 * self.tries + 7)
+        tried = drawn[:, : 2 * self.tries].unflatten(1, (self.tries, 2))
+        tried = torch.stack((-0.3 * tried[..., 0], 0.4 * tried[..., 1] - 0.2), dim=-1)
+        first = (tried.norm(dim=-1) > self.apart).float().argmax(1)
+        thing = tried.gather(1, first[:, None, None].expand(-1, 1, 2))[:, 0]
+        arm = self.start[:7].expand(len(worlds), -1)
+        self.qpos[worlds] = torch.cat((arm, thing, torch.zeros_like(thing)), dim=1)
+        speeds = 0.01 * drawn[:, 2 * self.tries :] - 0.005
+        self.qvel[worlds] = torch.cat((speeds, speeds.new_zeros(len(worlds), 4)), dim=1)
+        self.returned[worlds] = 0.0
+
+
+class InvertedPendulum(LiftedTask):
+    """Pays each step that a pole stands."""
+
+    leaning = 0.2
+    """[rad] at which it has fallen."""
+
+    def seen(self) -> Tensor:
+        return torch.cat((self.qpos, self.qvel), dim=1)
+
+    def terminated(self, s: State) -> Tensor:
+        return self.qpos[:, 1].abs() > self.leaning
+
+    def pays(self, terminated: Tensor) -> Tensor:
+        return (~terminated).float()
+
+
+class InvertedDoublePendulum(LiftedTask):
+    """Pays each step that two poles stand, less for being elsewhere and for moving."""
+
+    fields, forces, normal = ("site_xpos", "qfrc_constraint"), True, True
+
+    def seen(self) -> Tensor:
+        angles = self.qpos[:, 1:]
+        pushed = self.read("qfrc_constraint").clamp(-FASTEST, FASTEST)[:, :1]
+        speeds = self.qvel.clamp(-FASTEST, FASTEST)
+        return torch.cat((self.qpos[:, :1], angles.sin(), angles.cos(), speeds, pushed), dim=1)
+
+    def tip(self) -> Tensor:
+        """(N, 3) [m]"""
+        return self.read("site_xpos")[:, 0]
+
+    def terminated(self, s: State) -> Tensor:
+        return self.tip()[:, 2] <= 1.0
+
+    def pays(self, terminated: Tensor) -> Tensor:
+        x, _, y = self.tip().unbind(1)
+        first, second = self.qvel[:, 1], self.qvel[:, 2]
+        away = 0.01 * x**2 + (y - 2.0) ** 2
+        return self.constants["healthy_reward"] * (~terminated) - away - 0.001 * first**2 - 0.005 * second**2
+
+
+def _between(value: Tensor, limits: tuple[float, float]) -> Tensor:
+    low, high = limits
+    return (value > low) & (value < high)
+
+
+FAMILIES: Mapping[str, type[LiftedTask]] = {
+    f"{family.__name__}Env": family
+    for family in (
+        *(Ant, HalfCheetah, Hopper, Humanoid, Swimmer, Walker2d),
+        *(InvertedDoublePendulum, InvertedPendulum, Pusher, Reacher),
+    )
+}
+"""By the name of Gymnasium's class."""

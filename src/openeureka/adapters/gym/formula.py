@@ -1,0 +1,114 @@
+"""An expression over numbers of a step, such as `x_velocity - 0.1 * abs(z)`: read as a tree, never run as code."""
+
+from __future__ import annotations
+
+import ast
+import operator
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ...errors import TaskError, nearest
+
+_BINARY: dict[type, Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: torch.pow,
+}
+_COMPARE: dict[type, Callable[[Any, Any], Any]] = {
+    ast.Lt: torch.lt,
+    ast.LtE: torch.le,
+    ast.Gt: torch.gt,
+    ast.GtE: torch.ge,
+}
+_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    **{name: getattr(torch, name) for name in ("abs", "sqrt", "exp", "log", "sin", "cos", "tanh")},
+    "min": torch.minimum,
+    "max": torch.maximum,
+}
+Values = Mapping[str, Tensor]
+Formula = Callable[[Values], Tensor]
+
+
+def formula(text: str, shapes: Mapping[str, tuple[int, ...]]) -> tuple[Formula, frozenset[str]]:
+    """The expression as a function of named tensors (N, *shape) to (N,) float32, and the names in it.
+
+    It knows numbers, + - * / **, < <= > >= (1 where true, else 0), abs, sqrt, exp, log, sin, cos, tanh, min and max of
+    two, and `name[2]` for a column.
+
+    Raises:
+        TaskError: for anything else, an unknown name, or a name that has several columns.
+    """
+    try:
+        tree = ast.parse(text, mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise TaskError(
+            f"The fitness `{text:.80}` is no expression; write for example x_velocity - 0.1 * abs(z)."
+        ) from None
+    names = frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name)) - _FUNCTIONS.keys()
+    _check(tree, text, shapes)
+    if not names:
+        raise TaskError(f"The fitness `{text:.80}` names nothing of the environment, which has {', '.join(shapes)}.")
+    return lambda values: _value(tree, values).to(torch.float32), names
+
+
+def _check(node: ast.expr, text: str, shapes: Mapping[str, tuple[int, ...]]) -> None:
+    """Raises TaskError unless the node is one number per world."""
+    match node:
+        case ast.Constant(value=value) if type(value) in (int, float):
+            return
+        case ast.Name(id=name):
+            if name not in shapes:
+                raise TaskError(
+                    f"The fitness `{text:.80}` names `{name}`, which the environment does not have."
+                    f"{nearest(name, shapes)} It has {', '.join(shapes)}."
+                )
+            if shapes[name]:
+                raise TaskError(f"`{name}` in the fitness has the shape {shapes[name]}; name a column: {name}[0].")
+        case ast.Subscript(value=ast.Name(id=name), slice=ast.Constant(value=int(column))) if name in shapes:
+            if len(shapes[name]) != 1 or column >= shapes[name][0]:
+                raise TaskError(f"`{name}` in the fitness has the shape {shapes[name]}, so no column {column}.")
+        case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=inner):
+            _check(inner, text, shapes)
+        case ast.BinOp(left=left, op=sign, right=right) if type(sign) in _BINARY:
+            _check(left, text, shapes)
+            _check(right, text, shapes)
+        case ast.Compare(left=left, ops=[sign], comparators=[right]) if type(sign) in _COMPARE:
+            _check(left, text, shapes)
+            _check(right, text, shapes)
+        case ast.Call(func=ast.Name(id=name), args=given, keywords=[]) if name in _FUNCTIONS:
+            if len(given) != (2 if name in ("min", "max") else 1):
+                raise TaskError(
+                    f"`{name}` in the fitness `{text:.80}` takes {2 if name in ('min', 'max') else 1} values."
+                )
+            for inner in given:
+                _check(inner, text, shapes)
+        case _:
+            raise TaskError(
+                f"`{ast.unparse(node):.60}` in the fitness `{text:.80}` is not understood; it may have numbers, names, "
+                f"+ - * / ** < >, and {', '.join(_FUNCTIONS)}."
+            )
+
+
+def _value(node: ast.expr, values: Values) -> Tensor:
+    match node:
+        case ast.Constant(value=value):
+            return torch.tensor(float(value))  # pyright: ignore[reportArgumentType]  checked to be a number
+        case ast.Name(id=name):
+            return values[name]
+        case ast.Subscript(value=ast.Name(id=name), slice=ast.Constant(value=int(column))):
+            return values[name][:, column]
+        case ast.UnaryOp(op=sign, operand=inner):
+            return -_value(inner, values) if isinstance(sign, ast.USub) else _value(inner, values)
+        case ast.BinOp(left=left, op=sign, right=right):
+            return _BINARY[type(sign)](_value(left, values), _value(right, values))
+        case ast.Compare(left=left, ops=[sign], comparators=[right]):
+            return _COMPARE[type(sign)](_value(left, values), _value(right, values)).to(torch.float32)
+        case ast.Call(func=ast.Name(id=name), args=given):
+            return _FUNCTIONS[name](*(_value(inner, values) for inner in given))
+        case _:
+            raise AssertionError(ast.dump(node))  # `_check` refused it

@@ -1,0 +1,127 @@
+"""Gymnasium's MuJoCo environments on lanes: model, frame skip and constants of an instance, with batched physics."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import mujoco
+import torch
+from torch import Tensor
+
+from ...tasks.noise import WorldNoise
+from ...tasks.task import Recipe, State
+from .task import PaidTask
+
+RECIPE = Recipe(hidden=(64, 64), env_steps=2_000_000, worlds=64, horizon=32, epochs=5, minibatches=4)
+
+
+class LiftedTask(PaidTask):
+    """One family of environments; subclasses hold its formulas.
+
+    Gymnasium reads what MuJoCo leaves behind a step. After a Runge-Kutta step that is nearly the state that the step
+    came to, and forces that act there; after an Euler step it is the state that the last of its substeps began with.
+    """
+
+    recipe = RECIPE
+    path: ClassVar[str]
+    """Of the model."""
+    constants: ClassVar[Mapping[str, Any]]
+    """What the instance was made with, such as `ctrl_cost_weight`."""
+    skipped: ClassVar[int] = 0
+    """Positions that the observation leaves out."""
+    fields: ClassVar[tuple[str, ...]] = ()
+    """MjData's, beside the state, that the family reads."""
+    forces: ClassVar[bool] = False
+    """Whether it reads forces, which a step leaves behind for its beginning alone."""
+    normal: ClassVar[bool] = False
+    """Whether speeds at the start are normal; else uniform, as positions are."""
+
+    def __init__(self, sim: Any, noise: WorldNoise) -> None:
+        super().__init__(sim, noise)
+        self.qpos, self.qvel, self.ctrl = (self.sim.bind(field) for field in ("qpos", "qvel", "ctrl"))
+        self.data = {field: self.sim.bind(field) for field in self.fields}
+        self.lags = self.sim.model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER and bool(self.fields)
+        self.everywhere = torch.ones(self.num_envs, dtype=torch.bool, device=self.device)
+        low, high = torch.from_numpy(self.sim.model.actuator_ctrlrange).float().to(self.device).unbind(1)
+        self.middle, self.half = (low + high) / 2, (high - low) / 2
+        self.start = torch.from_numpy(self.sim.model.qpos0).float().to(self.device)
+        self.control = torch.zeros(self.num_envs, self.num_actions, device=self.device)
+        self.before = torch.zeros(self.num_envs, self.num_observations, device=self.device)
+        self.place_before = torch.zeros(self.num_envs, 2, device=self.device)
+        self.late: dict[str, Tensor] = {}
+        """Fields as they were before the last substep, where that is what Gymnasium reads."""
+
+    @classmethod
+    def model(cls) -> mujoco.MjSpec:  # pyright: ignore[reportIncompatibleMethodOverride]  static where a class is one task
+        spec = mujoco.MjSpec.from_file(cls.path)
+        if "cfrc_ext" in cls.fields:  # which MuJoCo computes for a model with a force sensor alone
+            body = spec.worldbody.first_body()
+            body.add_site(name="openeureka")
+            kinds = {"type": mujoco.mjtSensor.mjSENS_FORCE, "objtype": mujoco.mjtObj.mjOBJ_SITE}
+            spec.add_sensor(name="openeureka", objname="openeureka", **kinds)
+        return spec
+
+    @classmethod
+    def compile_model(cls) -> mujoco.MjModel:
+        """The file's own timestep and integrator."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of MuJoCo, on what the files of others say in an old way
+            return cls.model().compile()
+
+    def apply_action(self, actions: Tensor) -> None:
+        self.before.copy_(self.seen())
+        self.place_before.copy_(self.place())
+        self.control = self.middle + self.half * actions
+        self.ctrl[:] = self.control
+
+    def advance(self) -> None:
+        if self.lags:
+            self.sim.step(self.substeps - 1)
+            self.late = {field: value.clone() for field, value in self.data.items()}
+            self.sim.step(1)
+            return
+        super().advance()
+        if self.forces:
+            self.sim.forward(self.everywhere)
+
+    def read(self, field: str) -> Tensor:
+        """(N, ...) what Gymnasium finds in a field after a step, or at the start of an episode."""
+        now = self.data[field]
+        if field not in self.late:
+            return now.clone()
+        return torch.where((self.progress == 0).view(-1, *[1] * (now.dim() - 1)), now, self.late[field])
+
+    def place(self) -> Tensor:
+        """(N, 2) [m] that speeds are taken of."""
+        return self.qpos[:, :2].clone()
+
+    def speed(self) -> Tensor:
+        """(N, 2) [m/s] over the last step; 0 at the start."""
+        moved = (self.place() - self.place_before) / self.control_dt
+        return torch.where((self.progress == 0)[:, None], 0.0, moved)
+
+    def effort(self) -> Tensor:
+        """(N,) sum of the squares of the controls."""
+        return self.control.square().sum(1)
+
+    def seen_before(self) -> Tensor:
+        return torch.where((self.progress == 0)[:, None], self.seen(), self.before)
+
+    def said(self) -> Mapping[str, Tensor]:
+        return {}
+
+    def terminated(self, s: State) -> Tensor:
+        return torch.zeros(self.num_envs, dtype=torch.bool, device=self.device)
+
+    def reset(self, worlds: Tensor) -> None:
+        noise = self.constants["reset_noise_scale"]
+        self.qpos[worlds] = self.start + self.noise.uniform(worlds, len(self.start), -noise, noise)
+        if self.normal:
+            uniform = self.noise.uniform(worlds, self.qvel.shape[1], -1.0 + 1e-6, 1.0 - 1e-6)
+            self.qvel[worlds] = noise * math.sqrt(2.0) * torch.erfinv(uniform)
+        else:
+            self.qvel[worlds] = self.noise.uniform(worlds, self.qvel.shape[1], -noise, noise)
+        self.returned[worlds] = 0.0

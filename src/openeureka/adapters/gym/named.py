@@ -1,0 +1,150 @@
+"""From `env=gym:ID` to a task."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import json
+import re
+import warnings
+from collections.abc import Mapping
+from typing import Any, cast
+
+import gymnasium
+from gymnasium import Env, error
+from gymnasium.envs.registration import load_env_creator
+
+from ...errors import TaskError, nearest
+from ...tasks.faults import told
+from ...tasks.task import Task
+from .families import FAMILIES
+from .survey import Survey, survey
+from .task import GymTask, PaidTask, attributes
+
+AS_IT_IS = "gym-asis"
+"""The prefix under which an environment steps itself although it could be lifted."""
+_OWN = ("fitness",)
+
+
+def imports(name: str, settings: Mapping[str, str]) -> bool:
+    """Whether making it imports a module, or reads a file, of the name's own choice."""
+    return ":" in name or bool(_keywords(settings))
+
+
+def _keywords(settings: Mapping[str, str]) -> dict[str, str]:
+    """Those for the environment's constructor."""
+    return {key: value for key, value in settings.items() if key not in _OWN and not _of_a_task(key)}
+
+
+def _of_a_task(key: str) -> bool:
+    return hasattr(Task, key) or key in Task.__annotations__
+
+
+def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[PaidTask], dict[str, str]]:
+    """The class of a Gymnasium id, and those settings that are left to set of it.
+
+    Args:
+        env: the whole of what `env=` says.
+        name: `ID` or `package:ID`.
+        settings: `fitness`, what the environment's constructor takes, and class attributes.
+
+    Raises:
+        TaskError: when there is no such id, or the environment cannot be made or acted in.
+    """
+    left = {key: value for key, value in settings.items() if key not in _OWN and _of_a_task(key)}
+    keywords = {key: _value(text) for key, text in _keywords(settings).items()}
+    steps = left.pop("episode_length", "")
+    if steps:
+        if not steps.isdigit() or int(steps) < 1:
+            raise TaskError(f"`episode_length` of {name} is a number of steps, not `{steps}`.")
+        keywords["max_episode_steps"] = int(steps)
+    return _task(env, name, json.dumps(keywords), settings.get("fitness", "")), left
+
+
+@functools.cache
+def _task(env: str, name: str, keywords: str, fitness: str) -> type[PaidTask]:
+    make = functools.partial(_make, name, **json.loads(keywords))
+    instance = make()
+    try:
+        found = survey(instance, name)
+        lifted = {} if env.startswith(AS_IT_IS) else _lifted(instance, found)
+    except TaskError:
+        raise
+    except Exception as fault:
+        raise TaskError(f"The environment `{name}` failed: {told(fault)}") from fault
+    finally:
+        instance.close()
+    said = {"__module__": __name__, **attributes(env, found, fitness), "make": staticmethod(make)}
+    family = FAMILIES[type(instance.unwrapped).__name__] if lifted else GymTask
+    return cast(type[PaidTask], type(family.__name__, (family,), {**said, **lifted}))
+
+
+def _lifted(env: Env[Any, Any], found: Survey) -> dict[str, Any]:
+    """What a lifted task takes from the instance; nothing for an environment that is none of the families."""
+    inner: Any = env.unwrapped
+    kind = type(inner)
+    if kind.__name__ not in FAMILIES or not re.fullmatch(r"gymnasium\.envs\.mujoco\.\w+_v5", kind.__module__):
+        return {}
+    family, constants = (
+        FAMILIES[kind.__name__],
+        {name[1:]: value for name, value in vars(inner).items() if name[0] == "_"},
+    )
+    return {
+        "path": inner.fullpath,
+        "substeps": inner.frame_skip,
+        "constants": constants,
+        "skipped": (getattr(inner, "observation_structure", None) or {}).get("skipped_qpos", 0),
+        "recipe": family.recipe,
+    }
+
+
+def _value(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
+def _make(name: str, **keywords: Any) -> Env[Any, Any]:
+    """One instance, which can draw itself if it knows how. Raises TaskError, which says what to type instead."""
+    package, _, bare = name.rpartition(":")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # old versions, bounds of spaces: nothing that a person asked about
+        try:
+            if package:
+                importlib.import_module(package)
+            spec = gymnasium.spec(bare)
+            modes = _render_modes(spec)
+            draws = {"render_mode": "rgb_array"} if "rgb_array" in modes else {}
+            return gymnasium.make(bare, disable_env_checker=True, **draws, **keywords)
+        except error.DependencyNotInstalled as fault:
+            raise TaskError(
+                f"{bare} needs a package that is not here ({_line(fault)}): pip install 'openeureka[gym]'."
+            ) from None
+        except (error.UnregisteredEnv, error.DeprecatedEnv, error.Error) as fault:
+            raise TaskError(f"Gymnasium has no `{bare}`.{_near(bare)}{_more(package, fault)}") from None
+        except ModuleNotFoundError as fault:
+            raise TaskError(f"`{name}` needs the module `{fault.name}`, which is not installed.") from None
+        except Exception as fault:
+            raise TaskError(f"The environment `{name}` cannot be made: {told(fault)}") from fault
+
+
+def _render_modes(spec: Any) -> list[str]:
+    entry = spec.entry_point
+    made = load_env_creator(entry) if isinstance(entry, str) else entry
+    return list((getattr(made, "metadata", None) or {}).get("render_modes", ()))
+
+
+def _near(name: str) -> str:
+    return nearest(name, gymnasium.registry)
+
+
+def _more(package: str, fault: Exception) -> str:
+    """What else may be wrong."""
+    if isinstance(fault, error.DeprecatedEnv):
+        return f" {_line(fault)}"
+    return "" if package else " If a package registers it, name that first: gym:PACKAGE:ID."
+
+
+def _line(fault: Exception) -> str:
+    return " ".join(str(fault).split()).rstrip(".")

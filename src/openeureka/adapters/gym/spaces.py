@@ -1,0 +1,123 @@
+"""Observations of any space as one vector with named parts; actions in [-1, 1] or of choices, as a space wants them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from gymnasium import Space, spaces
+from torch import Tensor
+
+from ...errors import TaskError
+from ...tasks.choices import indices
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One array of an observation."""
+
+    path: tuple[str | int, ...]
+    """Keys that lead to it; none where the whole observation is one array."""
+    space: Space[Any]
+    shape: tuple[int, ...]
+    """In the vector, where whole numbers are ones among zeros."""
+
+    @property
+    def size(self) -> int:
+        return int(np.prod(self.shape, dtype=int))
+
+    def rows(self, observations: Any) -> np.ndarray:
+        """(N, size) float32, of the observations of N worlds as a vector environment batches them."""
+        for key in self.path:
+            observations = observations[key]
+        array = np.asarray(observations)
+        if isinstance(self.space, spaces.Discrete):
+            return _ones(array.reshape(-1, 1) - self.space.start, [int(self.space.n)])
+        if isinstance(self.space, spaces.MultiDiscrete):
+            counts = self.space.nvec.reshape(-1)
+            return _ones(array.reshape(len(array), -1) - self.space.start.reshape(-1), counts.tolist())
+        return array.reshape(len(array), -1).astype(np.float32)
+
+
+def _ones(values: np.ndarray, counts: Sequence[int]) -> np.ndarray:
+    """(N, sum(counts)) ones among zeros, of whole numbers (N, len(counts))."""
+    return np.concatenate([np.eye(count, dtype=np.float32)[values[:, i]] for i, count in enumerate(counts)], axis=1)
+
+
+def parts(space: Space[Any], env: str) -> tuple[Part, ...]:
+    """The arrays of an observation, without its texts.
+
+    Raises:
+        TaskError: where one has no fixed size, or there is none.
+    """
+    found = tuple(_parts(space, (), env))
+    if not found:
+        raise TaskError(f"`{env}` observes nothing but text; wrap it so that it observes numbers.")
+    return found
+
+
+def _parts(space: Space[Any], path: tuple[str | int, ...], env: str) -> Iterator[Part]:
+    if isinstance(space, spaces.Dict):
+        for key, inner in space.spaces.items():
+            yield from _parts(inner, (*path, key), env)
+    elif isinstance(space, spaces.Tuple):
+        for number, inner in enumerate(space.spaces):
+            yield from _parts(inner, (*path, number), env)
+    elif isinstance(space, spaces.Discrete):
+        yield Part(path, space, (int(space.n),))
+    elif isinstance(space, spaces.MultiDiscrete):
+        yield Part(path, space, (int(space.nvec.sum()),))
+    elif isinstance(space, spaces.Box | spaces.MultiBinary):
+        yield Part(path, space, space.shape or (1,))
+    elif space.dtype is None or space.dtype.kind != "U":  # texts, whatever class they are of
+        raise TaskError(f"`{env}` observes a {type(space).__name__}, which has no fixed size; wrap it in a Box.")
+
+
+@dataclass(frozen=True, slots=True)
+class Actions:
+    """What a policy's actions mean to an environment."""
+
+    space: Space[Any]
+    size: int
+    choices: tuple[int, ...] = ()
+    """Empty for a Box."""
+
+    def taken(self, actions: Tensor) -> np.ndarray:
+        """(N, size) actions as the environment takes them, with a leading axis N.
+
+        A side of a Box that has no bound takes actions as they are.
+        """
+        space = self.space
+        if isinstance(space, spaces.Box):
+            low, high = space.low.reshape(-1), space.high.reshape(-1)
+            bounded = np.isfinite(low) & np.isfinite(high)
+            middle = np.where(bounded, (low + high) / 2, 0.0)
+            half = np.where(bounded, (high - low) / 2, 1.0)
+            scaled = np.clip(middle + half * actions.double().numpy(), low, high)
+            return scaled.astype(space.dtype).reshape(-1, *space.shape)
+        picked = indices(actions, self.choices).numpy()
+        if isinstance(space, spaces.Discrete):
+            return picked[:, 0] + space.start
+        if isinstance(space, spaces.MultiDiscrete):
+            return (picked + space.start.reshape(-1)).reshape(-1, *space.shape).astype(space.dtype)
+        return picked.reshape(-1, *(space.shape or ())).astype(space.dtype)
+
+
+def actions(space: Space[Any], env: str) -> Actions:
+    """Raises TaskError for a space that no policy here can act in."""
+    if isinstance(space, spaces.Box):
+        return Actions(space, int(np.prod(space.shape, dtype=int)))
+    if isinstance(space, spaces.Discrete):
+        choices = (int(space.n),)
+    elif isinstance(space, spaces.MultiDiscrete):
+        choices = tuple(space.nvec.reshape(-1).tolist())
+    elif isinstance(space, spaces.MultiBinary):
+        choices = (2,) * int(np.prod(space.shape))
+    else:
+        raise TaskError(
+            f"`{env}` takes actions of a {type(space).__name__}; policies here know Box, Discrete, MultiDiscrete and "
+            "MultiBinary: wrap it."
+        )
+    return Actions(space, sum(choices), choices)

@@ -1,0 +1,162 @@
+"""What an instance of an environment tells of itself: its spaces, its episode, what `info` holds, its documentation."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from gymnasium import Env
+
+from ...types import StateVar
+from . import documents
+from .spaces import Actions, Part, actions, parts
+
+LONGEST = 1000
+"""[steps] of an episode that the environment itself never cuts off."""
+MAX_COLUMNS = 64
+"""Columns of an observation that get names of their own."""
+_TRIED = 8
+"""Random steps in which `info` shows what it holds."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Survey:
+    """An environment as a task needs it."""
+
+    env: str
+    parts: tuple[Part, ...]
+    actions: Actions
+    steps: int
+    """After which an episode is cut off."""
+    dt: float
+    """[s] between two actions; 1 where nothing says how long."""
+    infos: Mapping[str, tuple[int, ...]]
+    """Numbers of `info`, with their shapes."""
+    sections: Mapping[str, int]
+    """Names and sizes of the parts of an observation that is one vector, where the environment tells them."""
+    document: str
+
+    @property
+    def size(self) -> int:
+        """Of the observation, O."""
+        return sum(part.size for part in self.parts)
+
+
+def survey(env: Env[Any, Any], name: str) -> Survey:
+    """Plays a few random steps. Raises TaskError for spaces that no policy here knows."""
+    found, acting = parts(env.observation_space, name), actions(env.action_space, name)
+    spec = env.spec
+    return Survey(
+        env=name,
+        parts=found,
+        actions=acting,
+        steps=(spec.max_episode_steps if spec else None) or _own_limit(env) or LONGEST,
+        dt=_dt(env),
+        infos=_infos(env),
+        sections=_structure(env),
+        document=inspect.getdoc(type(env.unwrapped)) or "",
+    )
+
+
+def _structure(env: Env[Any, Any]) -> dict[str, int]:
+    """As Gymnasium's MuJoCo environments call the sizes of what their observation is made of."""
+    told = getattr(env.unwrapped, "observation_structure", None)
+    if not isinstance(told, dict):
+        return {}
+    return {name: int(size) for name, size in told.items() if not name.startswith("skipped")}
+
+
+def _own_limit(env: Env[Any, Any]) -> int | None:
+    """Environments that cut their episodes off themselves tend to call the limit so."""
+    limit = getattr(env.unwrapped, "max_steps", None)
+    return limit if isinstance(limit, int) and limit > 0 else None
+
+
+def _dt(env: Env[Any, Any]) -> float:
+    for owner, name in ((env.unwrapped, "dt"), (env.unwrapped, "tau")):
+        value = getattr(owner, name, None)
+        if isinstance(value, int | float | np.number) and value > 0:
+            return float(value)
+    rate = env.metadata.get("render_fps")
+    return 1.0 / rate if isinstance(rate, int | float) and rate > 0 else 1.0
+
+
+def _infos(env: Env[Any, Any]) -> dict[str, tuple[int, ...]]:
+    env.action_space.seed(0)
+    _, info = env.reset(seed=0)
+    found = dict(info)
+    for _ in range(_TRIED):
+        _, _, terminated, truncated, info = env.step(env.action_space.sample())
+        found |= info
+        if terminated or truncated:
+            env.reset(seed=0)
+    shapes: dict[str, tuple[int, ...]] = {}
+    for name, value in found.items():
+        array = np.asarray(value) if isinstance(value, bool | int | float | np.generic | np.ndarray) else None
+        if array is not None and array.dtype.kind in "biuf" and array.ndim <= 1 and name.isidentifier():
+            shapes[name] = array.shape
+    return shapes
+
+
+def variables(found: Survey, hidden: frozenset[str] = frozenset()) -> tuple[tuple[StateVar, slice | str], ...]:
+    """What rewards may read, with where it is: columns of the observation, or a name of `info`.
+
+    Of `info` what is in `hidden`, and what by its name gives away what counts, is left out.
+    """
+    made = [*_observed(found)]
+    taken = {variable.name for variable, _ in made} | {"obs_buf", "previous_obs_buf", "actions"}
+    for name, shape in found.infos.items():
+        if name not in hidden and name not in taken and not documents.betrays(name):
+            use = documents.use_of(name) if len(shape) <= 1 else "raw"
+            made.append(
+                (StateVar(name=name, shape=shape, meaning=f"{name.replace('_', ' ')}, as `info` has it", use=use), name)
+            )
+    return tuple(made)
+
+
+def _observed(found: Survey) -> list[tuple[StateVar, slice | str]]:
+    single = found.parts[0] if len(found.parts) == 1 and not found.parts[0].path else None
+    if single is not None:
+        if len(single.shape) != 1:
+            return []
+        bare = found.env.rpartition(":")[2].rpartition("/")[2].rpartition("-v")[0]
+        named = documents.columns(found.document, bare, single.size)
+        if not named and single.size <= MAX_COLUMNS:
+            named = [(f"observation_{i}", f"column {i} of the observation") for i in range(single.size)]
+        columns = [
+            (StateVar(name=name, meaning=meaning, use=documents.use_of(f"{name} {meaning}")), slice(i, i + 1))
+            for i, (name, meaning) in enumerate(named)
+        ]
+        return [*columns, *_sections(found.sections, len(columns))]
+    names = documents.identifiers(" ".join(map(str, part.path)) for part in found.parts)
+    made: list[tuple[StateVar, slice | str]] = []
+    start = 0
+    for name, part in zip(names, found.parts, strict=True):
+        use = documents.use_of(name) if len(part.shape) == 1 else "raw"
+        kind = type(part.space).__name__
+        meaning = f"`{'.'.join(map(str, part.path))}` of the observation, a {kind}"
+        meaning += ": a one for its value, and zeros" if kind in ("Discrete", "MultiDiscrete") else ""
+        made.append((StateVar(name=name, shape=part.shape, meaning=meaning, use=use), slice(start, start + part.size)))
+        start += part.size
+    return made
+
+
+def _sections(sections: Mapping[str, int], start: int) -> Iterator[tuple[StateVar, slice]]:
+    """Parts of a vector that come after its named columns, as the environment itself names them."""
+    end = 0
+    for name, size in sections.items():
+        begin, end = end, end + size
+        if begin >= start and size:
+            yield StateVar(name=name, shape=(size,), meaning=f"`{name}` of the observation"), slice(begin, end)
+
+
+def action_meaning(found: Survey) -> str:
+    """What the variable `actions` is."""
+    if not found.actions.choices:
+        return "last action, in [-1, 1] for the range of the environment"
+    if len(found.actions.choices) == 1:
+        return "last action: a one in the column of what was chosen, and zeros"
+    return f"last action: of choices among {', '.join(map(str, found.actions.choices))} a one for each, and zeros"

@@ -1,0 +1,199 @@
+"""A Gymnasium environment as it is: it steps and resets itself, and pays what its authors made it pay."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import mujoco
+import torch
+from torch import Tensor
+
+from ...errors import TaskError
+from ...tasks.noise import WorldNoise
+from ...tasks.task import Recipe, Score, State, Task, mean_over_episodes, mean_over_steps
+from ...types import StateSpec, StateVar
+from . import documents
+from .formula import Formula, formula
+from .survey import Survey, action_meaning, variables
+from .worlds import GymWorlds
+
+SUCCESS = "is_success"
+"""The name under which many environments say in `info` that they are solved."""
+CONTINUOUS = Recipe(hidden=(64, 64), env_steps=1_000_000, worlds=32, horizon=64, epochs=8, minibatches=8)
+DISCRETE = Recipe(hidden=(64, 64), env_steps=500_000, worlds=32, horizon=64, epochs=8, minibatches=8, entropy_coef=0.01)
+
+
+class PaidTask(Task):
+    """What is known of an environment by what it observes, says and pays: the last is the human reward, and F its sum
+    over an episode, or what `fitness=` says."""
+
+    suite = "gymnasium"
+    time_out_early = 0
+    memory = ("returned",)
+    found: ClassVar[Survey]
+    places: ClassVar[tuple[tuple[str, slice | str], ...]]
+    """Where each state variable is: columns of the observation, or a name of `info`."""
+    wanted: Formula | None = None
+    """F of a step, of all that the environment says; None for the sum of its reward."""
+    at_end: ClassVar[bool] = True
+    """Whether F is taken at the end of an episode, else in every step."""
+
+    def __init__(self, sim: Any, noise: WorldNoise) -> None:
+        super().__init__(sim, noise)
+        self.paid = torch.zeros(self.num_envs, device=self.device)
+        """What the environment's own reward was in the last step."""
+        self.returned = torch.zeros(self.num_envs, device=self.device)
+        """Its sum over the episode so far."""
+
+    @abstractmethod
+    def seen(self) -> Tensor:
+        """(N, O) observation, fresh."""
+
+    @abstractmethod
+    def seen_before(self) -> Tensor:
+        """(N, O) observation before the last step, the same as `seen` at the start of an episode, fresh."""
+
+    @abstractmethod
+    def said(self) -> Mapping[str, Tensor]:
+        """The numbers of `info` (N, ...), fresh."""
+
+    @abstractmethod
+    def pays(self, terminated: Tensor) -> Tensor:
+        """(N,) the environment's own reward of the last step, fresh."""
+
+    def compute_state(self) -> dict[str, Any]:
+        return self._named() | {"previous_obs_buf": self.seen_before(), "actions": self.actions}
+
+    def _named(self) -> dict[str, Tensor]:
+        seen, said = self.seen(), self.said()
+        return {
+            name: said[place] if isinstance(place, str) else self._columns(seen, place, self.spec[name].shape)
+            for name, place in self.places
+        }
+
+    @staticmethod
+    def _columns(seen: Tensor, columns: slice, shape: tuple[int, ...]) -> Tensor:
+        return seen[:, columns].reshape(-1, *shape).clone()
+
+    def observe(self, s: State) -> Tensor:
+        return self.seen()
+
+    def outcome(self, s: State) -> Tensor:
+        """What F gains in this step: where it is taken at the end of an episode, 0 before."""
+        terminated = self.terminated(s)
+        self.paid = self.pays(terminated)
+        self.returned = self.returned + self.paid
+        value = self.returned
+        if self.wanted is not None:
+            value = self.wanted({**self.said(), **self._named()}).nan_to_num()
+        return torch.where(terminated | self.timed_out(s), value, 0.0) if self.at_end else value
+
+    def fitness(self, s: State, ended: Tensor) -> Score:
+        return mean_over_episodes(s["outcome"], ended) if self.at_end else mean_over_steps(s["outcome"])
+
+    def human_reward(self, s: State) -> Tensor:
+        """(N,) what the environment paid in the last step."""
+        return self.paid.clone()
+
+    def sparse_reward(self, s: State) -> Tensor:
+        return s["outcome"].clone()
+
+
+class GymTask(PaidTask):
+    """An environment that steps itself."""
+
+    substeps = 1
+    draws_itself = True
+    make: ClassVar[Any]
+    """A static function without arguments: makes one environment."""
+
+    def __init__(self, sim: Any, noise: WorldNoise) -> None:
+        super().__init__(sim, noise)
+        self.gym: GymWorlds = sim
+
+    @staticmethod
+    def model() -> mujoco.MjSpec:
+        raise TaskError("An environment that steps itself has no MuJoCo model.")
+
+    @classmethod
+    def simulate(cls, num_worlds: int, device: str, threads: int) -> Any:
+        """Raises TaskError for any device but the CPU, where Gymnasium steps."""
+        if device != "cpu":
+            raise TaskError(f"`{cls.env}` steps itself, on the CPU alone; leave device={device} out.")
+        found = cls.found
+        return GymWorlds(
+            cls.make,
+            num_worlds,
+            name=cls.env,
+            parts=found.parts,
+            actions=found.actions,
+            infos=found.infos,
+            episode=cls.episode_length,
+        )
+
+    def apply_action(self, actions: Tensor) -> None:
+        self.gym.action.copy_(actions)
+
+    def seen(self) -> Tensor:
+        return self.gym.observation.clone()
+
+    def seen_before(self) -> Tensor:
+        return self.gym.previous.clone()
+
+    def said(self) -> Mapping[str, Tensor]:
+        return {name: value.clone() for name, value in self.gym.info.items()}
+
+    def pays(self, terminated: Tensor) -> Tensor:
+        return self.gym.reward.clone()
+
+    def terminated(self, s: State) -> Tensor:
+        return self.gym.terminated.clone()
+
+    def timed_out(self, s: State) -> Tensor:
+        return super().timed_out(s) | self.gym.truncated
+
+    def reset(self, worlds: Tensor) -> None:
+        self.gym.seeds[worlds] = (self.noise.uniform(worlds, 1, 0, 2.0**24)[:, 0] * 2.0**7).long()
+        self.returned[worlds] = 0.0
+
+
+def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
+    """What a `PaidTask` says of one environment.
+
+    Args:
+        name: as `env=` names it.
+        found: what an instance told.
+        fitness: an expression over state variables and `info`, or empty.
+
+    Raises:
+        TaskError: for an expression that is not understood.
+    """
+    known = {variable.name: variable.shape for variable, _ in variables(found)}
+    wanted, named = formula(fitness, {**found.infos, **known}) if fitness else (None, frozenset[str]())
+    listed = variables(found, named)
+    whole = [
+        StateVar(name="obs_buf", shape=(found.size,), meaning="the whole observation"),
+        StateVar(name="previous_obs_buf", shape=(found.size,), meaning="the observation before the last step"),
+        StateVar(name="actions", shape=(found.actions.size,), meaning=action_meaning(found)),
+    ]
+    at_end = not fitness or named == {SUCCESS}
+    unit = f"mean of {fitness}" if fitness else "sum of the environment's reward over an episode"
+    return {
+        "env": name,
+        "description": documents.intent(found.document, found.env),
+        "source": documents.told(found.document) or f"# {found.env} has no documentation: the table says all there is.",
+        "score_unit": "share of episodes that succeed" if named == {SUCCESS} else unit,
+        "episode_length": found.steps,
+        "control_dt": found.dt,
+        "num_observations": found.size,
+        "num_actions": found.actions.size,
+        "choices": found.actions.choices,
+        "spec": StateSpec((*(variable for variable, _ in listed), *whole)),
+        "recipe": DISCRETE if found.actions.choices else CONTINUOUS,
+        "found": found,
+        "places": tuple((variable.name, place) for variable, place in listed),
+        "wanted": staticmethod(wanted) if wanted else None,
+        "at_end": at_end,
+    }

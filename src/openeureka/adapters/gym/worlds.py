@@ -1,0 +1,150 @@
+"""N worlds of a Gymnasium environment, stepped by Gymnasium's own vector API in this process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import Env
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from torch import Tensor
+
+from ...errors import TaskError
+from ...sim import Worlds
+from ...tasks.faults import told
+from .spaces import Actions, Part
+
+
+class GymWorlds(Worlds):
+    """Worlds that are reset when they are told to, each time with a seed of its own: an episode is then the same
+    whatever ran before and beside it.
+
+    Nobody can save the state of any environment. But a seed and the actions since lead to it again, so these are its
+    memory; going on from it plays the episode of each world once more. An environment that draws numbers elsewhere than
+    from its seed goes on from another state.
+
+    Args:
+        make: makes one environment.
+        name: of it, for sentences.
+        parts, actions: of its spaces.
+        infos: numbers of `info` that are kept, with their shapes.
+        episode: [steps] that one lasts at most.
+
+    Attributes:
+        seeds: (N,) int64, that the next `forward` resets with.
+        observation, previous: (N, O) float32, now and before the last step.
+        reward: (N,) float32, the environment's own.
+        terminated, truncated: (N,) bool, as the environment says of the last step.
+        info: by name (N, *shape) float32; 0 where the environment says nothing.
+    """
+
+    def __init__(
+        self,
+        make: Callable[[], Env[Any, Any]],
+        num_worlds: int,
+        *,
+        name: str,
+        parts: Sequence[Part],
+        actions: Actions,
+        infos: Mapping[str, tuple[int, ...]],
+        episode: int,
+    ) -> None:
+        self.num_worlds, self.device = num_worlds, torch.device("cpu")
+        self.bad = torch.zeros(num_worlds, dtype=torch.bool)
+        self._name, self._parts, self._actions = name, parts, actions
+        # Worlds that end are reset by who steps them, who also ends episodes earlier.
+        self._vector = self._ask(lambda: SyncVectorEnv([make] * num_worlds, autoreset_mode=AutoresetMode.DISABLED))
+        self.seeds = torch.zeros(num_worlds, dtype=torch.int64)
+        self.action = torch.zeros(num_worlds, actions.size)
+        self._taken = torch.zeros(num_worlds, episode, actions.size)
+        self._steps = torch.zeros(num_worlds, dtype=torch.int64)
+        self.observation = torch.zeros(num_worlds, sum(part.size for part in parts))
+        self.previous = self.observation.clone()
+        self.reward = torch.zeros(num_worlds)
+        self.terminated, self.truncated = self.bad.clone(), self.bad.clone()
+        self.info = {name: torch.zeros(num_worlds, *shape) for name, shape in infos.items()}
+
+    def step(self, substeps: int) -> None:
+        """One step under `action` (N, A)."""
+        each = torch.arange(self.num_worlds)
+        if int(self._steps.max()) >= self._taken.shape[1]:  # whose time-out somebody put off
+            self._taken = torch.cat((self._taken, torch.zeros_like(self._taken)), dim=1)
+        self._taken[each, self._steps] = self.action
+        self._steps += 1
+        actions = self._actions.taken(self.action.nan_to_num())
+        seen, reward, terminated, truncated, info = self._ask(lambda: self._vector.step(actions))
+        self.previous.copy_(self.observation)
+        self._see(seen, info, each)
+        self.reward.copy_(torch.from_numpy(np.asarray(reward, np.float32)))
+        self.terminated.copy_(torch.from_numpy(terminated))
+        self.truncated.copy_(torch.from_numpy(truncated))
+        finite = self.observation.isfinite().all(1) & self.reward.isfinite() & self.action.isfinite().all(1)
+        self.bad = ~finite
+        self.reward.masked_fill_(self.bad, 0.0)
+        self.observation[self.bad] = self.previous[self.bad]
+
+    def reset(self, worlds: Tensor) -> None:
+        """Their seeds say how, at `forward`."""
+
+    def forward(self, worlds: Tensor) -> None:
+        """Begin an episode in these worlds (k,)."""
+        if not len(worlds):
+            return
+        mask = np.zeros(self.num_worlds, dtype=np.bool_)
+        mask[worlds.numpy()] = True
+        seeds: list[int | None] = [*self.seeds.tolist()]
+        seen, info = self._ask(lambda: self._vector.reset(seed=seeds, options={"reset_mask": mask}))
+        self._see(seen, info, worlds)
+        self.previous[worlds] = self.observation[worlds]
+        self._steps[worlds] = 0
+        for value in (self.reward, self.terminated, self.truncated, self.action):
+            value[worlds] = 0
+
+    def memory(self) -> dict[str, Tensor]:
+        return {
+            "seeds": self.seeds,
+            "taken": self._taken,
+            "steps": self._steps,
+            "observation": self.observation,
+        }
+
+    def load_state_dict(self, saved: Mapping[str, Tensor]) -> None:
+        self._taken = torch.zeros_like(saved["taken"])
+        super().load_state_dict(saved)
+        kept = {name: value.clone() for name, value in self.memory().items()}
+        self.forward(torch.arange(self.num_worlds))
+        for world, env in enumerate(self._vector.envs):
+            for action in self._actions.taken(kept["taken"][world, : int(kept["steps"][world])]):
+                self._ask(lambda env=env, action=action: env.step(action))
+        for name, value in self.memory().items():
+            value.copy_(kept[name])
+
+    def check(self, task: str) -> None:
+        """Nothing here runs out of room."""
+
+    def picture(self, world: int) -> np.ndarray | None:
+        """(H, W, 3) uint8, as the environment draws it; None where it does not."""
+        picture = self._ask(self._vector.envs[world].render)
+        return picture if isinstance(picture, np.ndarray) and picture.ndim == 3 else None
+
+    def _see(self, seen: Any, info: Mapping[str, Any], worlds: Tensor) -> None:
+        rows = np.concatenate([part.rows(seen) for part in self._parts], axis=1)
+        self.observation[worlds] = torch.from_numpy(rows)[worlds]
+        for name, kept in self.info.items():
+            values = info.get(name)
+            if values is None:
+                kept[worlds] = 0.0
+                continue
+            array = torch.from_numpy(np.asarray(values, dtype=np.float32).reshape(kept.shape))
+            kept[worlds] = array.nan_to_num()[worlds]
+
+    def _ask(self, question: Callable[[], Any]) -> Any:
+        """Raises TaskError for whatever an environment raises."""
+        try:
+            return question()
+        except TaskError:
+            raise
+        except Exception as error:
+            raise TaskError(f"The environment `{self._name}` failed: {told(error)}") from error

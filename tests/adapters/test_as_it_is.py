@@ -1,0 +1,183 @@
+"""Environments that step themselves: nothing is counted across episodes, and every run is the same to the bit."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+import torch
+
+pytest.importorskip("gymnasium", reason="needs Gymnasium: pip install 'openeureka[gym]'")
+
+from openeureka.errors import TaskError
+from openeureka.tasks import registry
+from openeureka.tasks.context import context
+from openeureka.tasks.record import record_states
+from openeureka.testing.conformance.task import TaskConformance
+from openeureka.training import pausing
+from openeureka.training.population import Population
+from openeureka.types import LaneSpec, TrainBudget
+
+from . import worlds  # noqa: F401  registers its environments
+
+STEP = 3
+"""Column of the step in what `Clock` observes: the keys of a Dict are sorted, and `phase` takes three."""
+
+
+def box2d(reason: str = "needs Box2D: pip install 'openeureka[gym]'") -> pytest.MarkDecorator:
+    return pytest.mark.skipif(importlib.util.find_spec("Box2D") is None, reason=reason)
+
+
+class TestPendulum(TaskConformance):
+    env = "gym:Pendulum-v1+fitness=angular_velocity"
+    random_worlds = 8
+
+
+class TestCartPole(TaskConformance):
+    env = "gym:CartPole-v1"
+    random_worlds = 8
+
+
+def actions(first: int, second: int, count: int = 2) -> torch.Tensor:
+    row = torch.zeros(5)
+    row[first], row[2 + second] = 1.0, 1.0
+    return row.expand(count, -1)
+
+
+def test_an_episode_that_ends_hands_over_its_last_observation_and_the_first_of_the_next():
+    simulation = registry.make("gym:Openeureka/Short-v0", worlds=2)
+    assert simulation.reset()[:, STEP].tolist() == [0.0, 0.0]
+    seen, ended, paid, gained = [], [], [], []
+    for _ in range(7):
+        step = simulation.step(actions(1, 2))
+        seen.append((float(step.final_observation[0, STEP]), float(step.observation[0, STEP])))
+        ended.append(bool(step.terminated[0]))
+        paid.append(float(simulation.task.human_reward(step.state)[0]))
+        gained.append(float(step.score.value[0] * step.score.weight[0]))
+    assert seen == [(1, 1), (2, 2), (3, 0), (1, 1), (2, 2), (3, 0), (1, 1)]
+    assert ended == [False, False, True] * 2 + [False]
+    assert paid == [10, 20, 30] * 2 + [10]
+    assert gained == [0, 0, 60] * 2 + [0]  # the sum of the rewards, where an episode ends
+
+
+def test_a_truncation_of_the_environment_is_a_time_out():
+    simulation = registry.make("gym:Openeureka/Cut-v0", worlds=2)
+    simulation.reset()
+    steps = [simulation.step(actions(0, 0)) for _ in range(5)]
+    assert [bool(step.timed_out[0]) for step in steps] == [False, False, False, True, False]
+    assert not any(bool(step.terminated.any()) for step in steps)
+    assert steps[3].final_observation[0, STEP] == 4.0 and steps[3].observation[0, STEP] == 0.0
+
+
+def test_a_staggered_start_cuts_the_first_episodes_off_and_counts_none_of_them():
+    simulation = registry.make("gym:Openeureka/Clock-v0", worlds=64)
+    simulation.reset(stagger=True)
+    firsts = torch.zeros(64, dtype=torch.bool)
+    for _ in range(20):
+        step = simulation.step(actions(0, 0, 64))
+        whole = step.score.weight > 0.0
+        assert not bool((whole & ~firsts & (step.final_observation[:, STEP] < 20.0)).any())
+        firsts |= step.done
+    assert bool(firsts.all())
+
+
+def test_choices_reach_the_environment_and_rewards_see_ones():
+    simulation = registry.make("gym:Openeureka/Clock-v0", worlds=2)
+    simulation.reset()
+    state = simulation.step(actions(1, 2)).state
+    assert state["first"].tolist() == [1.0, 1.0] and state["second"].tolist() == [2.0, 2.0]
+    assert state["actions"][0].tolist() == [0.0, 1.0, 0.0, 0.0, 1.0]
+    assert state["phase"].tolist() == [[0.0, 1.0, 0.0]] * 2
+    assert state["previous_obs_buf"][0].tolist() == [1.0, 0.0, 0.0, 0.0]  # phase 0 and step 0
+
+
+def test_the_environments_own_reward_is_no_variable():
+    spec = registry.get("gym:Openeureka/Clock-v0").spec
+    assert {"luck", "first", "second", "step", "phase"} <= set(spec.names)
+    assert "reward_part" not in spec and "words" not in spec
+
+
+def test_continuous_actions_fill_the_range_of_the_box():
+    task = registry.get("gym:Pendulum-v1")
+    taken = task.found.actions.taken(torch.tensor([[-1.0], [0.0], [0.5]]))
+    assert taken.tolist() == [[-2.0], [0.0], [1.0]] and taken.dtype == np.float32  # torques of 2 N m at most
+
+
+@pytest.mark.parametrize("env", ["gym:CartPole-v1", pytest.param("gym:LunarLander-v3", marks=box2d())])
+def test_a_saved_state_goes_on_where_it_was(env: str):
+    first, second = registry.make(env, worlds=3), registry.make(env, worlds=3)
+    first.reset(stagger=True)
+    second.reset()
+    generator = torch.Generator().manual_seed(0)
+    played = torch.randn(60, 3, first.task.num_actions, generator=generator)
+    for action in played[:40]:
+        first.step(action)
+    second.load_state_dict(first.state_dict())
+    for action in played[40:]:
+        left, right = first.step(action), second.step(action)
+        assert torch.equal(left.observation, right.observation)
+        assert torch.equal(first.task.paid, second.task.paid)
+
+
+def test_a_training_goes_on_to_the_bit_where_it_was_saved():
+    env, budget = "gym:CartPole-v1", TrainBudget(env_steps=4 * 4 * 64, worlds=4)
+    lanes = [LaneSpec(id=name, program=name, seed=seed) for name, seed in (("human", 1), ("sparse", 2))]
+    whole, begun, after = (Population(env, lanes, budget) for _ in range(3))
+    list(whole.train())
+    begun.until = 2
+    list(begun.train())
+    after.load_state_dict(pausing.load(pausing.save(begun.state_dict()), torch.device("cpu")))
+    list(after.train())
+    assert whole.epoch == after.epoch == 4
+    assert torch.equal(whole.ppo.network.flat, after.ppo.network.flat)
+    assert torch.equal(whole.observation, after.observation)
+
+
+def test_names_come_from_the_documentation_and_no_word_of_what_counts():
+    known = context("gym:CartPole-v1")
+    assert known.state.names[:4] == ("cart_position", "cart_velocity", "pole_angle", "pole_angular_velocity")
+    assert known.description.startswith("to balance the pole")
+    assert "Push cart to the left" in known.source and "reward" not in known.source.lower()
+
+
+def test_a_strangers_package_is_imported_first():
+    pytest.importorskip("minigrid", reason="needs minigrid: pip install minigrid")
+    env = "gym:minigrid:MiniGrid-Empty-5x5-v0"
+    task = registry.get(env)
+    assert task.choices == (7,) and task.spec["image"].shape == (7, 7, 3) and task.episode_length == 100
+    assert record_states(env, worlds=2, steps=4, keep=2)["direction"].shape == (4, 4)
+    assert not registry.installed(env) and registry.installed("gym:CartPole-v1")
+    assert not registry.installed("gym:Hopper-v5+xml_file=x.xml")
+
+
+@pytest.mark.parametrize(
+    "env, said",
+    [
+        ("gym:Hoper-v5", "Gymnasium has no `Hoper-v5`. Did you mean `Hopper-v5`?"),
+        ("gym:no_such_package:X-v0", "needs the module `no_such_package`, which is not installed"),
+        ("gym:CartPole-v1+gravity=3", "cannot be made"),
+        ("gym:CartPole-v1+episode_length=soon", "is a number of steps, not `soon`"),
+        ("gym:CartPole-v1+fitness=cart_speed", "names `cart_speed`, which the environment does not have. Did you mean"),
+        ("gym:Hopper-v5+fitness=__import__('os')", "is not understood"),
+    ],
+)
+def test_what_does_not_fit_is_one_sentence(env: str, said: str):
+    with pytest.raises(TaskError) as caught:
+        registry.get(env)
+    assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_an_environment_that_raises_is_named_with_its_error():
+    with pytest.raises(TaskError, match="Faulty-v0` failed: ValueError: the battery is empty"):
+        registry.get("gym:Openeureka/Faulty-v0")
+
+
+def test_what_is_set_reaches_the_constructor_the_limit_and_the_intent():
+    simulation = registry.make("gym:Openeureka/Clock-v0+end=2+episode_length=7+description=to wait", worlds=1)
+    simulation.reset()
+    assert [bool(simulation.step(actions(0, 0, 1)).terminated[0]) for _ in range(2)] == [False, True]
+    assert simulation.task.time_limit() == 7 and simulation.task.description == "to wait"
+
+
+def test_a_device_that_gymnasium_knows_nothing_of_is_refused():
+    with pytest.raises(TaskError, match="on the CPU alone"):
+        registry.get("gym:CartPole-v1").simulate(1, "cuda", 1)

@@ -1,0 +1,37 @@
+import pytest
+import torch
+
+pytest.importorskip("gymnasium", reason="needs Gymnasium: pip install 'openeureka[gym]'")
+
+from openeureka.adapters.gym.formula import formula
+from openeureka.errors import TaskError
+
+SHAPES = {"speed": (), "place": (3,)}
+VALUES = {"speed": torch.tensor([2.0, -1.0]), "place": torch.tensor([[0.0, 1.0, 4.0], [0.0, 0.0, 9.0]])}
+
+
+@pytest.mark.parametrize(
+    "text, expected",
+    [
+        ("speed", [2.0, -1.0]),
+        ("speed - 0.5 * abs(place[1])", [1.5, -1.0]),
+        ("-speed ** 2 + sqrt(place[2])", [-2.0, 2.0]),
+        ("max(speed, 0.0) / 2", [1.0, 0.0]),
+        ("speed > 0", [1.0, 0.0]),
+    ],
+)
+def test_arithmetic_by_hand(text: str, expected: list[float]):
+    function, names = formula(text, SHAPES)
+    assert function(VALUES).tolist() == expected and names <= SHAPES.keys()
+
+
+REFUSED = """
+speed.real | speed() | [speed] | lambda: speed | speed if speed else 1 | place | place[9] | place[-1] | sped | 1 | 'a'
+abs(speed, speed) | speed and speed | speed = 1 | open(speed) | speed @ speed | ((((speed
+"""
+
+
+@pytest.mark.parametrize("text", [text for line in REFUSED.strip().splitlines() for text in line.split(" | ")])
+def test_nothing_else_is_understood(text: str):
+    with pytest.raises(TaskError):
+        formula(text, SHAPES)

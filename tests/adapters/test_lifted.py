@@ -1,0 +1,108 @@
+"""Lifted environments against Gymnasium itself, 200 steps of each from the same states."""
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+
+from openeureka.adapters.gym.families import FAMILIES
+from openeureka.tasks import registry
+from openeureka.testing.conformance.task import TaskConformance
+
+STEPS = 200
+EXACT = {"Hopper", "Walker2d", "HalfCheetah", "Swimmer", "Pusher", "InvertedPendulum", "InvertedDoublePendulum"}
+
+
+class TestHopper(TaskConformance):
+    env = "gym:Hopper-v5"
+    random_worlds, start_overlap = 8, 1e-2
+
+
+class TestPusher(TaskConformance):
+    env = "gym:Pusher-v5"
+    random_worlds, start_overlap = 8, 1e-2
+
+
+def compared(name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Differences of observations (T, O) and rewards (T,); every step of both begins in Gymnasium's state."""
+    ours = registry.make(f"gym:{name}-v5", worlds=1, threads=1)
+    ours.reset()
+    task = ours.task
+    theirs = gymnasium.make(f"{name}-v5").unwrapped
+    theirs.reset(seed=0)
+    random, seen, paid = np.random.default_rng(0), [], []
+    for number in range(STEPS):
+        state = [np.float32(part).astype(np.float64) for part in (theirs.data.qpos, theirs.data.qvel)]
+        theirs.set_state(*state)
+        task.qpos[0], task.qvel[0] = (torch.from_numpy(part).float() for part in state)
+        ours.sim.forward(torch.tensor([0]))
+        task.progress[:] = 1  # not the start of an episode
+        action = random.uniform(-1.0, 1.0, task.num_actions).astype(np.float32)
+        space = theirs.action_space
+        taken = (space.high + space.low) / 2 + (space.high - space.low) / 2 * action
+        observation, reward, terminated, _, info = theirs.step(taken)
+        step = ours.step(torch.from_numpy(action)[None])
+        assert bool(step.terminated[0]) == terminated, number
+        for key in ("x_velocity", "x_position", "z_distance_from_origin"):
+            if key in info and name in EXACT and not terminated:
+                assert float(step.state[key][0]) == pytest.approx(info[key], abs=2e-5)
+        seen.append(np.abs(step.final_observation[0].numpy() - observation))
+        paid.append(abs(float(task.paid[0]) - reward))
+        if terminated:
+            theirs.reset(seed=number)
+    return np.array(seen), np.array(paid)
+
+
+@pytest.mark.parametrize("name", sorted(EXACT))
+def test_observations_and_rewards_are_those_of_gymnasium(name: str):
+    seen, paid = compared(name)
+    assert seen.max() < 5e-6 and paid.max() < 2e-4
+
+
+def test_a_fingertip_is_where_a_runge_kutta_step_comes_to():
+    # Gymnasium reads it where the last stage of the step looked, some tenth of a millimetre away.
+    seen, paid = compared("Reacher")
+    assert seen[:, :8].max() < 5e-6 and seen.max() < 3e-3 and paid.max() < 3e-3
+
+
+@pytest.mark.parametrize("name, state", [("Ant", 27), ("Humanoid", 45)])
+def test_contacts_are_those_of_the_state_that_a_step_comes_to(name: str, state: int):
+    # Gymnasium reads forces of the last stage of a Runge-Kutta step: they differ where something has just touched.
+    seen, paid = compared(name)
+    assert seen[:, :state].max() < 5e-6
+    assert (seen[:, state:] > 0.01).mean() < 0.04 and np.median(paid) < 2e-3 and paid.max() < 0.5
+
+
+def test_every_family_has_the_observation_of_its_environment():
+    for name in FAMILIES:
+        task = registry.get(f"gym:{name.removesuffix('Env')}-v5")
+        simulation = registry.make(task.env, worlds=2)
+        assert not task.draws_itself and simulation.reset().shape == (2, task.num_observations)
+
+
+def test_starts_are_drawn_as_the_original_draws_them():
+    pusher, reacher = (registry.make(f"gym:{name}-v5", worlds=512) for name in ("Pusher", "Reacher"))
+    pusher.reset()
+    thing = pusher.task.qpos[:, 7:9]
+    assert float(thing.norm(dim=1).min()) > 0.17
+    assert -0.3 <= float(thing[:, 0].min()) < -0.29 and -0.01 < float(thing[:, 0].max()) <= 0.0
+    reacher.reset()
+    target = reacher.task.qpos[:, 2:].norm(dim=1)
+    assert float(target.max()) <= 0.2
+    assert float(target.square().mean()) == pytest.approx(0.02, abs=0.002)  # r^2 / 2 for a disc of radius r
+
+
+def test_the_constructor_decides_and_the_other_prefix_leaves_it_as_it_is():
+    task = registry.get("gym:Hopper-v5+healthy_reward=3.0+exclude_current_positions_from_observation=false")
+    assert task.constants["healthy_reward"] == 3.0 and task.num_observations == 12 and task.skipped == 0
+    assert registry.get("gym-asis:Hopper-v5").draws_itself
+
+
+def test_what_f_rests_on_is_hidden_from_rewards():
+    plain, wanted = (registry.get(f"gym:Hopper-v5{setting}") for setting in ("", "+fitness=x_velocity"))
+    assert "x_velocity" in plain.spec and "x_velocity" not in wanted.spec
+    simulation = registry.make(wanted.env, worlds=4)
+    simulation.reset()
+    step = simulation.step(torch.ones(4, 3))
+    torch.testing.assert_close(step.score.value, simulation.task.sparse_reward(step.state))
+    assert step.score.weight.tolist() == [1.0] * 4

@@ -1,0 +1,49 @@
+"""Environments whose numbers can be told apart, registered under ids of their own."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+
+class Clock(gymnasium.Env):
+    """Observes its episode's seed and step, pays ten times the step, ends after `end` steps, truncates after `cut`."""
+
+    metadata = {"render_modes": []}  # noqa: RUF012  as Gymnasium has it
+    observation_space = spaces.Dict(
+        {"step": spaces.Box(0.0, 100.0, (1,)), "phase": spaces.Discrete(3), "words": spaces.Text(9)}
+    )
+    action_space = spaces.MultiDiscrete([2, 3])
+
+    def __init__(self, end: int = 1000, cut: int = 1000, fault: int = -1) -> None:
+        self.end, self.cut, self.fault = end, cut, fault
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        super().reset(seed=seed)
+        self.step_count, self.luck = 0, float(self.np_random.integers(1000))
+        return self._seen(), {"luck": self.luck}
+
+    def step(self, action):
+        self.step_count += 1
+        if self.step_count == self.fault:
+            raise ValueError("the battery is empty")
+        info = {"luck": self.luck, "first": int(action[0]), "second": int(action[1]), "reward_part": 5.0}
+        done = self.step_count >= self.end
+        return self._seen(), 10.0 * self.step_count, done, not done and self.step_count >= self.cut, info
+
+    def _seen(self):
+        return {
+            "step": np.array([self.step_count], np.float32),
+            "phase": np.int64(self.step_count % 3),
+            "words": "tick",
+        }
+
+
+for name, settings in {
+    "Clock-v0": {},
+    "Short-v0": {"end": 3},
+    "Cut-v0": {"cut": 4},
+    "Faulty-v0": {"fault": 2},
+}.items():
+    gymnasium.register(f"Openeureka/{name}", entry_point=Clock, kwargs=settings, max_episode_steps=20)
