@@ -64,7 +64,7 @@ def test_an_open_verdict_says_how_many_seeds_would_close_it() -> None:
         ([40.0, 42.0], [39.0, 41.0], "eureka run ... seeds=17: about enough to decide it"),
         ([41.0], [40.0], "eureka run ... seeds=3: more seeds say more"),
         ([49.0, 51.0], [39.0, 41.0], "eureka play DIR: watch the best reward's policy"),
-        ([40.01, 42.0], [39.0, 43.0], "eureka play DIR: watch the best reward's policy"),  # more than anybody would train
+        ([40.01, 42.0], [39.0, 43.0], "eureka play DIR: watch the best reward's policy"),  # too many
     ],
 )
 def test_what_to_type_next_names_the_seeds_that_would_decide(
