@@ -17,7 +17,19 @@ from openeureka.testing.scripted import ScriptedModel, reply
 
 from .serving import visitor
 
-MORE = {*ELEMENTS.split(), "link", "script", "main", "form", "button", "label", "textarea", "input", "select"}
+MORE = {
+    *ELEMENTS.split(),
+    "datalist",
+    "link",
+    "script",
+    "main",
+    "form",
+    "button",
+    "label",
+    "textarea",
+    "input",
+    "select",
+}
 MORE |= {"option", "article", "q"}
 
 

@@ -37,15 +37,16 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
         of_run = config.policy in ("", POLISHED)
         policy = _of_run(directory, config.policy) if directory and of_run else _read(Path(config.policy))
         env = _env_of(policy, config.env)
-    drawn = draws_itself(env)
-    if web and drawn:
-        raise ConfigError(f"`{env}` draws its own pictures, which no page shows in 3-D; leave --web out for a video.")
+    if (web or in_window) and draws_itself(env):
+        if web:
+            raise ConfigError(f"`{env}` draws its own pictures, which no page shows in 3-D; leave --web out.")
+        in_window = False
     if web:
         from ..report.page import page  # loads a user interface
 
         page(Stage(env, policy, config.seed), config.port)
         return
-    if in_window and not drawn:
+    if in_window:
         viewer.window(Stage(env, policy, config.seed))
         return
     target = Path(config.out or f"{short_name(env)}.mp4")

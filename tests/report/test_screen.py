@@ -1,0 +1,48 @@
+"""What a video shows of an environment that draws itself."""
+
+import numpy as np
+import pytest
+import torch
+
+pytest.importorskip("gymnasium", reason="needs Gymnasium: pip install 'openeureka[gym]'")
+
+from adapters import worlds  # noqa: F401  registers its environments
+
+from openeureka.report.render import frames
+from openeureka.report.screen import NothingDrawn, Screen, draws_itself, fitted
+from openeureka.tasks import registry
+from openeureka.training.evaluate import evaluate
+from openeureka.training.policy import Policy
+from openeureka.training.ppo import PPO
+from openeureka.types import Dynamics
+
+
+def test_a_picture_fills_the_frame_as_far_as_its_shape_allows():
+    picture = np.arange(2, dtype=np.uint8)[:, None, None].repeat(2, 1).repeat(3, 2) + 1  # a row of 1 over one of 2
+    shown = fitted(picture, 8, 4)
+    assert shown.shape == (4, 8, 3)
+    assert shown[:, :, 0].tolist() == [[0, 0, 1, 1, 1, 1, 0, 0]] * 2 + [[0, 0, 2, 2, 2, 2, 0, 0]] * 2
+
+
+def test_an_environment_is_filmed_as_it_draws_itself():
+    pytest.importorskip("pygame", reason="needs pygame: pip install 'openeureka[gym]'")
+    assert draws_itself("gym:CartPole-v1") and not draws_itself("gym:Hopper-v5")
+    pictures = list(frames(Screen("gym:CartPole-v1", "random", 0), 0.2))
+    assert len(pictures) == 6 and pictures[0].shape == (480, 640, 3)  # 0.2 s at 30 pictures a second
+    assert (pictures[0] != pictures[-1]).any()
+
+
+def test_one_without_pictures_says_so():
+    with pytest.raises(NothingDrawn, match="draws no pictures"):
+        next(frames(Screen("gym:Openeureka/Clock-v0", "zero", 0), 1.0))
+
+
+def test_where_nobody_knows_the_masses_nothing_is_played_with_others():
+    task = registry.get("gym:CartPole-v1+episode_length=5")
+    ppo = PPO([0], 4, 2, task.recipe, torch.device("cpu"), task.choices)
+    policy = Policy.of(task.env, ppo, 0).to_bytes()
+    scores = evaluate(
+        task.env, {"heavy": policy, "own": policy}, seed=0, episodes=4, dynamics={"heavy": Dynamics(mass=1.1)}
+    )
+    found = {score.lane: (score.fitness, score.episodes) for score in scores}
+    assert found == {"heavy": (None, 0), "own": (5.0, 4)}  # a pole stands for five steps whatever is done
