@@ -11,6 +11,8 @@ import mujoco
 import torch
 from torch import Tensor
 
+from ...errors import TaskError
+from ...sim import Simulator
 from ...tasks.noise import WorldNoise
 from ...tasks.task import Recipe, State
 from .task import PaidTask
@@ -70,6 +72,13 @@ class LiftedTask(PaidTask):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of MuJoCo, on what the files of others say in an old way
             return cls.model().compile()
+
+    @classmethod
+    def simulate(cls, num_worlds: int, device: str, threads: int) -> Simulator:
+        """Raises TaskError for a model whose solver no GPU simulator has: Humanoid's."""
+        if device != "cpu" and cls.compile_model().opt.solver == mujoco.mjtSolver.mjSOL_PGS:
+            raise TaskError(f"The model of `{cls.env}` is solved by PGS, on the CPU alone; leave device={device} out.")
+        return super().simulate(num_worlds, device, threads)
 
     def apply_action(self, actions: Tensor) -> None:
         self.before.copy_(self.seen())
