@@ -67,8 +67,8 @@ def _rate(step: Callable[[], object], worlds: int, steps: int) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", default=NAMES)
-    parser.add_argument("--worlds", type=int, default=64)
-    parser.add_argument("--steps", type=int, default=200)
+    parser.add_argument("--worlds", type=int, default=256)
+    parser.add_argument("--steps", type=int, default=50)
     given = parser.parse_args()
     cores = os.cpu_count() or 1
     found: dict[str, Any] = {}

@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from openeureka.adapters.gym.families import FAMILIES
+from openeureka.errors import TaskError
 from openeureka.tasks import registry
 from openeureka.testing.conformance.task import TaskConformance
 
@@ -90,6 +91,11 @@ def test_starts_are_drawn_as_the_original_draws_them():
     target = reacher.task.qpos[:, 2:].norm(dim=1)
     assert float(target.max()) <= 0.2
     assert float(target.square().mean()) == pytest.approx(0.02, abs=0.002)  # r^2 / 2 for a disc of radius r
+
+
+def test_a_model_that_no_gpu_solves_says_so():
+    with pytest.raises(TaskError, match="solved by PGS, on the CPU alone"):
+        registry.get("gym:Humanoid-v5").simulate(1, "cuda", 1)
 
 
 def test_the_constructor_decides_and_the_other_prefix_leaves_it_as_it_is():

@@ -11,6 +11,8 @@ import mujoco
 import torch
 from torch import Tensor
 
+from ...errors import TaskError
+from ...sim import Simulator
 from ...tasks.noise import WorldNoise
 from ...tasks.task import Recipe, State
 from .task import PaidTask
@@ -71,6 +73,13 @@ class LiftedTask(PaidTask):
             warnings.simplefilter("ignore")  # of MuJoCo, on what the files of others say in an old way
             return cls.model().compile()
 
+    @classmethod
+    def simulate(cls, num_worlds: int, device: str, threads: int) -> Simulator:
+        """Raises TaskError for a model whose solver no GPU simulator has: Humanoid's."""
+        if device != "cpu" and cls.compile_model().opt.solver == mujoco.mjtSolver.mjSOL_PGS:
+            raise TaskError(f"The model of `{cls.env}` is solved by PGS, on the CPU alone; leave device={device} out.")
+        return super().simulate(num_worlds, device, threads)
+
     def apply_action(self, actions: Tensor) -> None:
         self.before.copy_(self.seen())
         self.place_before.copy_(self.place())
@@ -107,8 +116,8 @@ class LiftedTask(PaidTask):
         """(N,) sum of the squares of the controls."""
         return self.control.square().sum(1)
 
-    def seen_before(self) -> Tensor:
-        return torch.where((self.progress == 0)[:, None], self.seen(), self.before)
+    def seen_before(self, seen: Tensor) -> Tensor:
+        return torch.where((self.progress == 0)[:, None], seen, self.before)
 
     def said(self) -> Mapping[str, Tensor]:
         return {}

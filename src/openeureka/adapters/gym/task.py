@@ -33,8 +33,8 @@ class PaidTask(Task):
     time_out_early = 0
     memory = ("returned",)
     found: ClassVar[Survey]
-    places: ClassVar[tuple[tuple[str, slice | str], ...]]
-    """Where each state variable is: columns of the observation, or a name of `info`."""
+    places: ClassVar[tuple[tuple[str, slice | str, tuple[int, ...]], ...]]
+    """Where each state variable is, columns of the observation or a name of `info`, and its shape."""
     wanted: Formula | None = None
     """F of a step, of all that the environment says; None for the sum of its reward."""
     at_end: ClassVar[bool] = True
@@ -52,8 +52,8 @@ class PaidTask(Task):
         """(N, O) observation, fresh."""
 
     @abstractmethod
-    def seen_before(self) -> Tensor:
-        """(N, O) observation before the last step, the same as `seen` at the start of an episode, fresh."""
+    def seen_before(self, seen: Tensor) -> Tensor:
+        """(N, O) observation before the last step, fresh; `seen`, that of now, at the start of an episode."""
 
     @abstractmethod
     def said(self) -> Mapping[str, Tensor]:
@@ -64,21 +64,16 @@ class PaidTask(Task):
         """(N,) the environment's own reward of the last step, fresh."""
 
     def compute_state(self) -> dict[str, Any]:
-        return self._named() | {"previous_obs_buf": self.seen_before(), "actions": self.actions}
-
-    def _named(self) -> dict[str, Tensor]:
         seen, said = self.seen(), self.said()
-        return {
-            name: said[place] if isinstance(place, str) else self._columns(seen, place, self.spec[name].shape)
-            for name, place in self.places
+        named: dict[str, Any] = {
+            name: said[place] if isinstance(place, str) else seen[:, place].reshape(-1, *shape)
+            for name, place, shape in self.places
         }
-
-    @staticmethod
-    def _columns(seen: Tensor, columns: slice, shape: tuple[int, ...]) -> Tensor:
-        return seen[:, columns].reshape(-1, *shape).clone()
+        whole = {"obs_buf": seen, "previous_obs_buf": self.seen_before(seen), "actions": self.actions}
+        return named | whole
 
     def observe(self, s: State) -> Tensor:
-        return self.seen()
+        return s["obs_buf"]
 
     def outcome(self, s: State) -> Tensor:
         """What F gains in this step: where it is taken at the end of an episode, 0 before."""
@@ -87,7 +82,7 @@ class PaidTask(Task):
         self.returned = self.returned + self.paid
         value = self.returned
         if self.wanted is not None:
-            value = self.wanted({**self.said(), **self._named()}).nan_to_num()
+            value = self.wanted({**self.said(), **s}).nan_to_num()
         return torch.where(terminated | self.timed_out(s), value, 0.0) if self.at_end else value
 
     def fitness(self, s: State, ended: Tensor) -> Score:
@@ -139,7 +134,7 @@ class GymTask(PaidTask):
     def seen(self) -> Tensor:
         return self.gym.observation.clone()
 
-    def seen_before(self) -> Tensor:
+    def seen_before(self, seen: Tensor) -> Tensor:
         return self.gym.previous.clone()
 
     def said(self) -> Mapping[str, Tensor]:
@@ -193,7 +188,7 @@ def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
         "spec": StateSpec((*(variable for variable, _ in listed), *whole)),
         "recipe": DISCRETE if found.actions.choices else CONTINUOUS,
         "found": found,
-        "places": tuple((variable.name, place) for variable, place in listed),
+        "places": tuple((variable.name, place, variable.shape) for variable, place in listed),
         "wanted": staticmethod(wanted) if wanted else None,
         "at_end": at_end,
     }

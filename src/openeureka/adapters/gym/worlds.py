@@ -126,6 +126,8 @@ class GymWorlds(Worlds):
 
     def picture(self, world: int) -> np.ndarray | None:
         """(H, W, 3) uint8, as the environment draws it; None where it does not."""
+        if self._vector.render_mode != "rgb_array":
+            return None
         picture = self._ask(self._vector.envs[world].render)
         return picture if isinstance(picture, np.ndarray) and picture.ndim == 3 else None
 
