@@ -55,6 +55,8 @@ SOON = "<!-- soon -->\n", "<!-- /soon -->\n"
 TELLING = "<!-- telling -->\n", "<!-- /telling -->\n"
 POLISH = ROOT / "docs" / "guides" / "polish.md"
 POLISHED = "<!-- polish -->\n", "<!-- /polish -->\n"
+LOOP = ROOT / "docs" / "concepts" / "loop.md"
+ADVICE = "<!-- prompts -->\n", "<!-- /prompts -->\n"
 CHOICES = "<!-- choices -->\n", "<!-- /choices -->\n"
 
 
@@ -164,6 +166,12 @@ def polished() -> str:
     return _table(study.TITLES, rows) if rows else "Not measured yet: the study takes hours.\n"
 
 
+def advice() -> str:
+    """What `benchmarks/prompts.py` has measured: rewards written with one piece of advice and with another."""
+    study = _benchmark("prompts")
+    return _table(study.TITLES, study.table(study.read(study.RESULTS)))
+
+
 def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in (titles, ["---"] * len(titles), *rows))
 
@@ -203,6 +211,7 @@ def generated() -> Mapping[Path, str]:
         CONTRIBUTING: _between(CONTRIBUTING.read_text(), TREE, tree()),
         SCORES: _scores(),
         SCHEDULE: _schedule(),
+        LOOP: _between(LOOP.read_text(), ADVICE, advice()),
         POLISH: _between(POLISH.read_text(), POLISHED, polished()),
     }
 
