@@ -5,8 +5,8 @@
     make docs                                          # the table in docs/concepts/loop.md
 
 `benchmarks/prompts/TASK.json` holds a strong model's replies to the first prompt of a search, by the advice that this
-held. All train alike, in the way that learns soonest (see docs/concepts/schedule.md). What counts is F of the last
-policy when it plays.
+held, and the words of each. All train alike, in the way that learns soonest (see docs/concepts/schedule.md). What
+counts is F of the last policy when it plays.
 """
 
 from __future__ import annotations
