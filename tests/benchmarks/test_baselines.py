@@ -122,7 +122,7 @@ def test_it_is_a_run_that_more_seeds_go_on_with(go, tmp_path):
     run = openeureka.open_run(tmp_path / "runs" / "ant")
     assert run.finished and run.report.is_file()
     assert [lane.held_out.fitness for lane in run.lanes.values()] == pytest.approx([4, 4.01, 9, 9.01, 9.02, 4.02])
-    assert run._policy() == b"10.02"
+    assert run._policy("best") == b"10.02"
 
 
 def test_numbers_of_another_budget_are_not_mixed_in(go):

@@ -162,6 +162,5 @@ def _worth(lane: LaneSpec) -> float:
         base = number
     else:
         base = {"human": 10.0, "sparse": 5.0}[lane.program]
-    if lane.start is not None:
-        base = (1.0 - lane.fresh) * float(lane.start) + lane.fresh * base
-    return base + lane.seed / 100
+    worth = base + lane.seed / 100
+    return worth if lane.start is None else (1.0 - lane.fresh) * float(lane.start) + lane.fresh * worth

@@ -128,7 +128,12 @@ class GymWorlds(Worlds):
         """(H, W, 3) uint8, as the environment draws it; None where it does not."""
         if self._vector.render_mode != "rgb_array":
             return None
-        picture = self._ask(self._vector.envs[world].render)
+        try:
+            picture = self._ask(self._vector.envs[world].render)
+        except TaskError as fault:
+            if isinstance(fault.__cause__, NotImplementedError):
+                return None
+            raise
         return picture if isinstance(picture, np.ndarray) and picture.ndim == 3 else None
 
     def _see(self, seen: Any, info: Mapping[str, Any], worlds: Tensor) -> None:
