@@ -105,14 +105,23 @@ def overhead(tiny: bool) -> dict[str, object]:
 
 
 def scaling(tiny: bool) -> dict[str, object]:
-    """The same lanes on a node of one core, then on two: minutes long, as starts count."""
-    budget = TrainBudget(env_steps=20_000 if tiny else 1_500_000, worlds=256)
+    """The same lanes on a node of one core, then on two, minutes long as starts count; and on a worker of this
+    machine, then on two, which is what the machine itself gives."""
+    budget = TrainBudget(env_steps=20_000 if tiny else 1_000_000, worlds=256)
+    here, halved = (timed(LocalExecutor(threads=threads), 4, budget)[0] for threads in (1, 2))
     with cluster(1) as made:
         far = RayExecutor(threads=1, address=made.address)
         one, _ = timed(far, 4, budget)
         made.add_node(**NODE)
         two, _ = timed(far, 4, budget)
-    return {"one_node_s": round(one, 1), "two_nodes_s": round(two, 1), "speedup": round(one / two, 2)}
+    return {
+        "one_node_s": round(one, 1),
+        "two_nodes_s": round(two, 1),
+        "speedup": round(one / two, 2),
+        "one_worker_s": round(here, 1),
+        "two_workers_s": round(halved, 1),
+        "speedup_of_workers": round(here / halved, 2),
+    }
 
 
 def faults(tiny: bool) -> dict[str, object]:
@@ -337,6 +346,18 @@ PARTS: dict[str, Callable[[bool], dict[str, object]]] = {
     "faults": faults,
     "scale": scale,
 }
+
+
+TITLES = ("what happens in a training", "seconds", "more than undisturbed", "same rows")
+
+
+def costs(measured: dict[str, Any]) -> list[tuple[str, ...]]:
+    """A row a fault: how long a training of two lanes took with it."""
+    parts = {name: part for name, part in measured["faults"].items() if isinstance(part, dict) and "seconds" in part}
+    rows = [
+        (name, part["seconds"], part.get("cost_s", 0.0), part.get("same_rows", True)) for name, part in parts.items()
+    ]
+    return [(name, f"{whole:.0f}", f"{cost:.0f}", "yes" if same else "NO") for name, whole, cost, same in rows]
 
 
 def main() -> None:

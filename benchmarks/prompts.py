@@ -13,10 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
 from pathlib import Path
 from statistics import stdev
 from typing import Any
@@ -25,12 +22,8 @@ import rungs
 from records import read, today, write
 
 from openeureka.report.text import number
-from openeureka.reward import extract
-from openeureka.sandbox.client import Sandbox
 from openeureka.score import mean
-from openeureka.tasks.context import context
-from openeureka.tasks.record import record_states
-from openeureka.types import Candidate, LaneSpec, RewardProgram, lane_id
+from openeureka.types import RewardProgram
 
 FOLDER = Path(__file__).parent
 REPLIES = FOLDER / "prompts"
@@ -50,37 +43,23 @@ TITLES = ("task", "advice", "accepted", "trainings", "F, mean over rewards", "th
 Record = dict[str, Any]
 
 
-def programs(env: str) -> dict[str, dict[str, RewardProgram]]:
-    """The accepted rewards by the advice that their prompt held."""
-    replies = json.loads((REPLIES / f"{env}.json").read_text())["replies"]
-    found: dict[str, dict[str, RewardProgram]] = {}
-    with Sandbox(context(env).state, record_states(env)) as checker:
-        for advice, texts in replies.items():
-            for text in texts:
-                candidate = Candidate.of(extract.program(text) or "")
-                graph = checker.check(candidate).graph
-                if graph is not None:
-                    found.setdefault(advice, {})[candidate.id] = graph
-    return found
-
-
 def measure(env: str, seed: int) -> None:
     """Train what is missing of one task and seed, and write it down."""
-    rewards = programs(env)
+    replies = json.loads((REPLIES / f"{env}.json").read_text())["replies"]
+    rewards = {advice: rungs.accepted(env, texts) for advice, texts in replies.items()}
     graphs: dict[str, RewardProgram] = {"human": "human"}
     for own in rewards.values():
         graphs |= own
-    known = read(RESULTS).get(env, {}).get("lanes", {})
-    specs = [LaneSpec(id=lane_id(key, seed), program=graphs[key], seed=seed) for key in graphs]
-    missing = [spec for spec in specs if spec.id not in known]
-    with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=get_context("spawn")) as pool:
-        parts = [pool.submit(rungs.train, env, part, STEPS[env], RECIPES[env], MANNER) for part in rungs.parts(missing)]
-        for done in as_completed(parts):
-            found = read(RESULTS)
-            own = found.setdefault(env, {"lanes": {}})
-            own |= {"steps": STEPS[env], "date": today(), "rewards": {name: list(ids) for name, ids in rewards.items()}}
-            own["lanes"] |= {lane: record["played"][-1] for lane, record in done.result().items()}
-            write(RESULTS, found)
+
+    def keep(records: Record) -> None:
+        found = read(RESULTS)
+        own = found.setdefault(env, {"lanes": {}})
+        own |= {"steps": STEPS[env], "date": today(), "rewards": {name: list(ids) for name, ids in rewards.items()}}
+        own["lanes"] |= {lane: record["played"][-1] for lane, record in records.items()}
+        write(RESULTS, found)
+
+    parts = rungs.missing(graphs, [seed], read(RESULTS).get(env, {}).get("lanes", {}))
+    rungs.side_by_side(env, parts, STEPS[env], RECIPES[env], MANNER, keep)
 
 
 def table(study: Mapping[str, Record]) -> list[tuple[str, ...]]:

@@ -18,7 +18,7 @@ import json
 import math
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
@@ -49,7 +49,7 @@ from openeureka.types import Candidate, LaneSpec, RewardProgram, TrainBudget, Tr
 FOLDER = Path(__file__).parent
 RESULTS = FOLDER / "results" / "rungs.json"
 RUNGS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 1.0)
-STEPS = {"cartpole": 600_000, **choosing.STEPS}
+STEPS = {"cartpole": 600_000, "anymal": 1_000_000, "humanoid": 3_000_000, **choosing.STEPS}
 """Of each lane."""
 EPISODES = 32
 """Of each policy and rung."""
@@ -89,19 +89,23 @@ class Watched(Population):
                     self.kept[lane, rung] = Policy.of(self.env_name, self.ppo, lane).to_bytes()
 
 
-def programs(env: str) -> dict[str, RewardProgram]:
-    """The accepted rewards among a strong model's replies to the first prompt of a search, and the human one."""
-    found: dict[str, RewardProgram] = {"human": "human"}
-    path = FOLDER / "choosing" / f"{env}.json"
-    if not path.exists():
-        return found
+def accepted(env: str, replies: Iterable[str]) -> dict[str, RewardProgram]:
+    """The rewards in these replies that the sandbox accepts, by id."""
+    found: dict[str, RewardProgram] = {}
     with Sandbox(context(env).state, record_states(env)) as checker:
-        for text in json.loads(path.read_text())["replies"]:
+        for text in replies:
             candidate = Candidate.of(extract.program(text) or "")
             graph = checker.check(candidate).graph
             if graph is not None:
                 found[candidate.id] = graph
     return found
+
+
+def programs(env: str) -> dict[str, RewardProgram]:
+    """The accepted rewards among a strong model's replies to the first prompt of a search, and the human one."""
+    path = FOLDER / "choosing" / f"{env}.json"
+    own = accepted(env, json.loads(path.read_text())["replies"]) if path.exists() else {}
+    return {"human": "human", **own}
 
 
 def train(
@@ -139,10 +143,28 @@ def _rounded(value: float | None) -> float | None:
     return None if value is None else float(f"{value:.5g}")
 
 
-def parts(lanes: Sequence[LaneSpec]) -> Iterator[Sequence[LaneSpec]]:
-    """A few lanes at a time, and work for every core."""
+def missing(
+    rewards: Mapping[str, RewardProgram], seeds: Sequence[int], known: Mapping[str, object]
+) -> Iterator[Sequence[LaneSpec]]:
+    """Lanes that no record is known of: a few at a time, and work for every core."""
+    specs = [LaneSpec(id=lane_id(key, seed), program=rewards[key], seed=seed) for seed in seeds for key in rewards]
+    lanes = [spec for spec in specs if spec.id not in known]
     size = min(TOGETHER, -(-len(lanes) // len(os.sched_getaffinity(0))))
     yield from (lanes[start : start + size] for start in range(0, len(lanes), size))
+
+
+def side_by_side(
+    env: str,
+    parts: Iterable[Sequence[LaneSpec]],
+    steps: int,
+    recipe: Mapping[str, int],
+    manner: Mapping[str, float],
+    keep: Callable[[Record], object],
+) -> None:
+    """Train parts, one a core; records are kept as they come."""
+    with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=get_context("spawn")) as pool:
+        for done in as_completed([pool.submit(train, env, part, steps, recipe, manner) for part in parts]):
+            keep(done.result())
 
 
 def measure(
@@ -153,24 +175,23 @@ def measure(
     steps: int,
     manner: Mapping[str, float],
 ) -> None:
-    """Train what is missing, two parts at a time, and write each down."""
-    task = registry.get(env)
-    whole = dataclasses.replace(task.recipe, **recipe)
+    """Train what is missing, and write each part down."""
+    whole = dataclasses.replace(registry.get(env).recipe, **recipe)
     updates = "".join(f"{getattr(whole, word)} {word}, " for word in ("epochs", "minibatches") if word in recipe)
     updates += "".join(f"{word} {value:g}, " for word, value in manner.items())
     name = f"{whole.worlds} x {whole.horizon}, {updates}{steps:,} steps"
+
+    def keep(records: Record) -> None:
+        found = read(RESULTS)
+        own = found.setdefault(env, {}).setdefault(name, {"lanes": {}})
+        own |= {"steps": steps, "date": today()}
+        own["lanes"] |= records
+        write(RESULTS, found)
+        for lane, record in records.items():
+            print(env, name, lane, record["played"], record["window"], record["cpu_s"], flush=True)
+
     known = read(RESULTS).get(env, {}).get(name, {}).get("lanes", {})
-    specs = [LaneSpec(id=lane_id(key, seed), program=rewards[key], seed=seed) for seed in seeds for key in rewards]
-    missing = [spec for spec in specs if spec.id not in known]
-    with ProcessPoolExecutor(len(os.sched_getaffinity(0)), mp_context=get_context("spawn")) as pool:
-        for done in as_completed([pool.submit(train, env, part, steps, recipe, manner) for part in parts(missing)]):
-            found = read(RESULTS)
-            own = found.setdefault(env, {}).setdefault(name, {"lanes": {}})
-            own |= {"steps": steps, "date": today()}
-            own["lanes"] |= done.result()
-            write(RESULTS, found)
-            for lane, record in done.result().items():
-                print(env, name, lane, record["played"], record["window"], record["cpu_s"], flush=True)
+    side_by_side(env, missing(rewards, seeds, known), steps, recipe, manner, keep)
 
 
 # --- what it says ----------------------------------------------------------------------------------------------------

@@ -55,6 +55,8 @@ SOON = "<!-- soon -->\n", "<!-- /soon -->\n"
 TELLING = "<!-- telling -->\n", "<!-- /telling -->\n"
 POLISH = ROOT / "docs" / "guides" / "polish.md"
 POLISHED = "<!-- polish -->\n", "<!-- /polish -->\n"
+CLUSTER = ROOT / "docs" / "guides" / "cluster.md"
+FAULTS = "<!-- faults -->\n", "<!-- /faults -->\n"
 LOOP = ROOT / "docs" / "concepts" / "loop.md"
 ADVICE = "<!-- prompts -->\n", "<!-- /prompts -->\n"
 CHOICES = "<!-- choices -->\n", "<!-- /choices -->\n"
@@ -172,6 +174,12 @@ def advice() -> str:
     return _table(study.TITLES, study.table(study.read(study.RESULTS)))
 
 
+def faults() -> str:
+    """What `benchmarks/cluster.py --part faults` has measured."""
+    study = _benchmark("cluster")
+    return _table(study.TITLES, study.costs(json.loads(study.RESULTS.read_text())))
+
+
 def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in (titles, ["---"] * len(titles), *rows))
 
@@ -212,6 +220,7 @@ def generated() -> Mapping[Path, str]:
         SCORES: _scores(),
         SCHEDULE: _schedule(),
         LOOP: _between(LOOP.read_text(), ADVICE, advice()),
+        CLUSTER: _between(CLUSTER.read_text(), FAULTS, faults()),
         POLISH: _between(POLISH.read_text(), POLISHED, polished()),
     }
 

@@ -161,15 +161,14 @@ class Reacher(LiftedTask):
         distance = self.constants["reward_dist_weight"] * self.gap().norm(dim=1)
         return -distance - self.constants["reward_control_weight"] * self.effort()
 
-    def reset(self, worlds: Tensor) -> None:
+    def begin(self, worlds: Tensor) -> tuple[Tensor, Tensor]:
         drawn = self.noise.uniform(worlds, 2 * len(self.start) + 2, -1.0, 1.0)
         angles, speeds, disc = drawn.split((len(self.start), len(self.start), 2), dim=1)
         # Uniform in the disc, without drawing anew what is outside of it: by area, and by angle.
         radius, turn = self.reach * ((disc[:, :1] + 1) / 2).sqrt(), torch.pi * disc[:, 1:]
         target = torch.cat((radius * turn.cos(), radius * turn.sin()), dim=1)
-        self.qpos[worlds] = torch.cat(((self.start + 0.1 * angles)[:, :-2], target), dim=1)
-        self.qvel[worlds] = torch.cat(((0.005 * speeds)[:, :-2], torch.zeros_like(target)), dim=1)
-        self.returned[worlds] = 0.0
+        places = torch.cat(((self.start + 0.1 * angles)[:, :-2], target), dim=1)
+        return places, torch.cat(((0.005 * speeds)[:, :-2], torch.zeros_like(target)), dim=1)
 
 
 class Pusher(LiftedTask):
@@ -195,17 +194,16 @@ class Pusher(LiftedTask):
         far = self.constants["reward_dist_weight"] * (thing - self.body("goal")).norm(dim=1)
         return -near - far - self.constants["reward_control_weight"] * self.effort()
 
-    def reset(self, worlds: Tensor) -> None:
+    def begin(self, worlds: Tensor) -> tuple[Tensor, Tensor]:
         drawn = self.noise.uniform(worlds, 2 * self.tries + 7)
         tried = drawn[:, : 2 * self.tries].unflatten(1, (self.tries, 2))
         tried = torch.stack((-0.3 * tried[..., 0], 0.4 * tried[..., 1] - 0.2), dim=-1)
         first = (tried.norm(dim=-1) > self.apart).float().argmax(1)
         thing = tried.gather(1, first[:, None, None].expand(-1, 1, 2))[:, 0]
         arm = self.start[:7].expand(len(worlds), -1)
-        self.qpos[worlds] = torch.cat((arm, thing, torch.zeros_like(thing)), dim=1)
+        places = torch.cat((arm, thing, torch.zeros_like(thing)), dim=1)
         speeds = 0.01 * drawn[:, 2 * self.tries :] - 0.005
-        self.qvel[worlds] = torch.cat((speeds, speeds.new_zeros(len(worlds), 4)), dim=1)
-        self.returned[worlds] = 0.0
+        return places, torch.cat((speeds, speeds.new_zeros(len(worlds), 4)), dim=1)
 
 
 class InvertedPendulum(LiftedTask):

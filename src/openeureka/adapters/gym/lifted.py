@@ -126,11 +126,14 @@ class LiftedTask(PaidTask):
         return torch.zeros(self.num_envs, dtype=torch.bool, device=self.device)
 
     def reset(self, worlds: Tensor) -> None:
-        noise = self.constants["reset_noise_scale"]
-        self.qpos[worlds] = self.start + self.noise.uniform(worlds, len(self.start), -noise, noise)
-        if self.normal:
-            uniform = self.noise.uniform(worlds, self.qvel.shape[1], -1.0 + 1e-6, 1.0 - 1e-6)
-            self.qvel[worlds] = noise * math.sqrt(2.0) * torch.erfinv(uniform)
-        else:
-            self.qvel[worlds] = self.noise.uniform(worlds, self.qvel.shape[1], -noise, noise)
+        self.qpos[worlds], self.qvel[worlds] = self.begin(worlds)
         self.returned[worlds] = 0.0
+
+    def begin(self, worlds: Tensor) -> tuple[Tensor, Tensor]:
+        """Positions (k, nq) and speeds (k, nv) with which these worlds start."""
+        noise, size = self.constants["reset_noise_scale"], self.qvel.shape[1]
+        places = self.start + self.noise.uniform(worlds, len(self.start), -noise, noise)
+        if not self.normal:
+            return places, self.noise.uniform(worlds, size, -noise, noise)
+        uniform = self.noise.uniform(worlds, size, -1.0 + 1e-6, 1.0 - 1e-6)
+        return places, noise * math.sqrt(2.0) * torch.erfinv(uniform)

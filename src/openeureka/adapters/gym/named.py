@@ -85,16 +85,12 @@ def _lifted(env: Env[Any, Any], found: Survey) -> dict[str, Any]:
     kind = type(inner)
     if kind.__name__ not in FAMILIES or not re.fullmatch(r"gymnasium\.envs\.mujoco\.\w+_v5", kind.__module__):
         return {}
-    family, constants = (
-        FAMILIES[kind.__name__],
-        {name[1:]: value for name, value in vars(inner).items() if name[0] == "_"},
-    )
     return {
         "path": inner.fullpath,
         "substeps": inner.frame_skip,
-        "constants": constants,
+        "constants": {name[1:]: value for name, value in vars(inner).items() if name[0] == "_"},
         "skipped": (getattr(inner, "observation_structure", None) or {}).get("skipped_qpos", 0),
-        "recipe": family.recipe,
+        "recipe": FAMILIES[kind.__name__].recipe,
     }
 
 
@@ -122,7 +118,7 @@ def _make(name: str, **keywords: Any) -> Env[Any, Any]:
                 f"{bare} needs a package that is not here ({_line(fault)}): pip install 'openeureka[gym]'."
             ) from None
         except (error.UnregisteredEnv, error.DeprecatedEnv, error.Error) as fault:
-            raise TaskError(f"Gymnasium has no `{bare}`.{_near(bare)}{_more(package, fault)}") from None
+            raise TaskError(f"Gymnasium has no `{bare}`.{_hints(package, bare, fault)}") from None
         except ModuleNotFoundError as fault:
             raise TaskError(f"`{name}` needs the module `{fault.name}`, which is not installed.") from None
         except Exception as fault:
@@ -135,15 +131,12 @@ def _render_modes(spec: Any) -> list[str]:
     return list((getattr(made, "metadata", None) or {}).get("render_modes", ()))
 
 
-def _near(name: str) -> str:
-    return nearest(name, gymnasium.registry)
-
-
-def _more(package: str, fault: Exception) -> str:
-    """What else may be wrong."""
+def _hints(package: str, bare: str, fault: Exception) -> str:
+    """What may be meant, and what else may be wrong."""
+    near = nearest(bare, gymnasium.registry)
     if isinstance(fault, error.DeprecatedEnv):
-        return f" {_line(fault)}"
-    return "" if package else " If a package registers it, name that first: gym:PACKAGE:ID."
+        return f"{near} {_line(fault)}"
+    return near if package else f"{near} If a package registers it, name that first: gym:PACKAGE:ID."
 
 
 def _line(fault: Exception) -> str:

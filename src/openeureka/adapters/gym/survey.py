@@ -76,8 +76,8 @@ def _own_limit(env: Env[Any, Any]) -> int | None:
 
 
 def _dt(env: Env[Any, Any]) -> float:
-    for owner, name in ((env.unwrapped, "dt"), (env.unwrapped, "tau")):
-        value = getattr(owner, name, None)
+    for name in ("dt", "tau"):
+        value = getattr(env.unwrapped, name, None)
         if isinstance(value, int | float | np.number) and value > 0:
             return float(value)
     rate = env.metadata.get("render_fps")
@@ -110,10 +110,8 @@ def variables(found: Survey, hidden: frozenset[str] = frozenset()) -> tuple[tupl
     taken = {variable.name for variable, _ in made} | {"obs_buf", "previous_obs_buf", "actions"}
     for name, shape in found.infos.items():
         if name not in hidden and name not in taken and not documents.betrays(name):
-            use = documents.use_of(name) if len(shape) <= 1 else "raw"
-            made.append(
-                (StateVar(name=name, shape=shape, meaning=f"{name.replace('_', ' ')}, as `info` has it", use=use), name)
-            )
+            meaning = f"{name.replace('_', ' ')}, as `info` has it"
+            made.append((StateVar(name=name, shape=shape, meaning=meaning, use=documents.use_of(name)), name))
     return tuple(made)
 
 
