@@ -314,7 +314,8 @@ def main() -> None:
     manner = {name: value for name in ("calm", "noise") if (value := getattr(options, name))}
     for env in options.env:
         try:
-            rewards = programs(env) if options.rewards == "all" else {"human": "human"}
+            human: dict[str, RewardProgram] = {"human": "human"}
+            rewards = programs(env) if options.rewards == "all" else human
         except EurekaError as error:
             raise SystemExit(str(error)) from None
         measure(env, rewards, options.seeds, recipe, options.steps or STEPS[env], manner)
