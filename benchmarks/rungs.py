@@ -49,7 +49,13 @@ from openeureka.types import Candidate, LaneSpec, RewardProgram, TrainBudget, Tr
 FOLDER = Path(__file__).parent
 RESULTS = FOLDER / "results" / "rungs.json"
 RUNGS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 1.0)
-STEPS = {"cartpole": 600_000, "anymal": 1_000_000, "humanoid": 3_000_000, **choosing.STEPS}
+STEPS = {
+    "cartpole": 600_000,
+    "anymal": 1_000_000,
+    "humanoid": 3_000_000,
+    "shadow_hand_catch_over2underarm": 1_000_000,
+    **choosing.STEPS,
+}
 """Of each lane."""
 EPISODES = 32
 """Of each policy and rung."""
@@ -69,13 +75,16 @@ class Watched(Population):
     Args:
         calm: share of the recipe's `kl_threshold` that is left in the end; it falls evenly from the first epoch on.
         noise: standard deviation of the first actions; the trainer's own is 1.
+        head: scale of the weights that first actions come from, of the trainer's own.
     """
 
-    def __init__(self, *args: Any, calm: float = 1.0, noise: float = 1.0, **kwargs: Any) -> None:
+    def __init__(self, *args: Any, calm: float = 1.0, noise: float = 1.0, head: float = 1.0, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.calm = calm
         if noise != 1.0:
             self.ppo.network.parameters["log_std"].data.fill_(math.log(noise))
+        if head != 1.0:
+            self.ppo.network.parameters["head_w"].data[..., : self.ppo.network.actions] *= head
         self.ends = [max(1, round(share * self.epochs)) for share in RUNGS]
         self.kept: dict[tuple[int, int], bytes] = {}
 
@@ -309,9 +318,10 @@ def main() -> None:
         parser.add_argument(f"--{name}", type=int, default=0, help="instead of the recipe's")
     parser.add_argument("--calm", type=float, default=0.0, help="share of the KL threshold that is left in the end")
     parser.add_argument("--noise", type=float, default=0.0, help="standard deviation of the first actions")
+    parser.add_argument("--head", type=float, default=0.0, help="scale of the weights that first actions come from")
     options = parser.parse_args()
     recipe = {name: value for name in RECIPE if (value := getattr(options, name))}
-    manner = {name: value for name in ("calm", "noise") if (value := getattr(options, name))}
+    manner = {name: value for name in ("calm", "noise", "head") if (value := getattr(options, name))}
     for env in options.env:
         try:
             human: dict[str, RewardProgram] = {"human": "human"}

@@ -59,6 +59,15 @@ def test_a_stack_of_networks_computes_what_each_would_alone():
         torch.testing.assert_close(together.value[lane], alone.value[0])
 
 
+def test_the_first_actions_are_as_noisy_as_the_recipe_says():
+    quiet, loud = (
+        PPO([0], 4, 2, dataclasses.replace(RECIPE, noise=noise), CPU).act(torch.zeros(1, 2000, 4)).action
+        for noise in (0.25, 1.0)
+    )
+    torch.testing.assert_close(quiet.std(1), torch.full((1, 2), 0.25), rtol=0.1, atol=0)
+    torch.testing.assert_close(loud, 4 * (quiet - quiet.mean(1, keepdim=True)), rtol=0.1, atol=0.5)
+
+
 def test_updating_flat_moves_every_parameter():
     network = StackedActorCritic([0], 3, 2, (8,), CPU)
     before = {name: value.detach().clone() for name, value in network.parameters.items()}

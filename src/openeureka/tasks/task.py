@@ -50,6 +50,8 @@ class Recipe:
     entropy_coef: float = 0.0
     reward_scale: float = 1.0
     max_grad_norm: float | None = 1.0
+    noise: float = 1.0
+    """Standard deviation of the first actions, which reach from -1 to 1."""
     bootstrap_timeouts: bool = True
 
 
