@@ -30,14 +30,12 @@ REPLIES = FOLDER / "prompts"
 RESULTS = FOLDER / "results" / "prompts.json"
 STEPS = {"ant": 750_000, "anymal": 750_000, "ballbalance": 300_000}
 """Of each lane."""
-RECIPES: Mapping[str, Mapping[str, int]] = {
-    "ant": {"worlds": 128},
-    "anymal": {},
-    "ballbalance": {"worlds": 64, "horizon": 32},
+RECIPES: Mapping[str, Mapping[str, float]] = {
+    "ant": {"worlds": 128, "noise": 0.4},
+    "anymal": {"noise": 0.4},
+    "ballbalance": {"worlds": 64, "horizon": 32, "noise": 0.4},
 }
-"""What is other than in the task's recipe."""
-MANNER = {"noise": 0.4}
-"""Less noise in the first actions, as in docs/concepts/schedule.md."""
+"""What is other than in the task's recipe, see docs/concepts/schedule.md."""
 TITLES = ("task", "advice", "accepted", "trainings", "F, mean over rewards", "the best reward", "the human one")
 
 Record = dict[str, Any]
@@ -59,7 +57,7 @@ def measure(env: str, seed: int) -> None:
         write(RESULTS, found)
 
     parts = rungs.missing(graphs, [seed], read(RESULTS).get(env, {}).get("lanes", {}))
-    rungs.side_by_side(env, parts, STEPS[env], RECIPES[env], MANNER, keep)
+    rungs.side_by_side(env, parts, STEPS[env], RECIPES[env], {}, keep)
 
 
 def table(study: Mapping[str, Record]) -> list[tuple[str, ...]]:

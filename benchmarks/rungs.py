@@ -61,7 +61,7 @@ EPISODES = 32
 """Of each policy and rung."""
 SEED = 7_000_000
 """Of the start states; no search and no final score uses it."""
-RECIPE = ("worlds", "horizon", "epochs", "minibatches")
+RECIPE = {"worlds": int, "horizon": int, "epochs": int, "minibatches": int, "noise": float, "head": float}
 """What may be other than in the task's recipe."""
 TOGETHER = 4
 """Lanes of a simulation."""
@@ -74,17 +74,11 @@ class Watched(Population):
 
     Args:
         calm: share of the recipe's `kl_threshold` that is left in the end; it falls evenly from the first epoch on.
-        noise: standard deviation of the first actions; the trainer's own is 1.
-        head: scale of the weights that first actions come from, of the trainer's own.
     """
 
-    def __init__(self, *args: Any, calm: float = 1.0, noise: float = 1.0, head: float = 1.0, **kwargs: Any) -> None:
+    def __init__(self, *args: Any, calm: float = 1.0, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.calm = calm
-        if noise != 1.0:
-            self.ppo.network.parameters["log_std"].data.fill_(math.log(noise))
-        if head != 1.0:
-            self.ppo.network.parameters["head_w"].data[..., : self.ppo.network.actions] *= head
         self.ends = [max(1, round(share * self.epochs)) for share in RUNGS]
         self.kept: dict[tuple[int, int], bytes] = {}
 
@@ -118,7 +112,7 @@ def programs(env: str) -> dict[str, RewardProgram]:
 
 
 def train(
-    env: str, lanes: Sequence[LaneSpec], steps: int, recipe: Mapping[str, int], manner: Mapping[str, float]
+    env: str, lanes: Sequence[LaneSpec], steps: int, recipe: Mapping[str, float], manner: Mapping[str, float]
 ) -> Record:
     """Records of these lanes."""
     torch.set_num_threads(1)
@@ -166,7 +160,7 @@ def side_by_side(
     env: str,
     parts: Iterable[Sequence[LaneSpec]],
     steps: int,
-    recipe: Mapping[str, int],
+    recipe: Mapping[str, float],
     manner: Mapping[str, float],
     keep: Callable[[Record], object],
 ) -> None:
@@ -180,14 +174,15 @@ def measure(
     env: str,
     rewards: Mapping[str, RewardProgram],
     seeds: Sequence[int],
-    recipe: Mapping[str, int],
+    recipe: Mapping[str, float],
     steps: int,
     manner: Mapping[str, float],
 ) -> None:
     """Train what is missing, and write each part down."""
     whole = dataclasses.replace(registry.get(env).recipe, **recipe)
-    updates = "".join(f"{getattr(whole, word)} {word}, " for word in ("epochs", "minibatches") if word in recipe)
-    updates += "".join(f"{word} {value:g}, " for word, value in manner.items())
+    updates = "".join(f"{recipe[word]} {word}, " for word in ("epochs", "minibatches") if word in recipe)
+    others = {**manner, **{word: recipe[word] for word in ("noise", "head") if word in recipe}}
+    updates += "".join(f"{word} {value:g}, " for word, value in others.items())
     name = f"{whole.worlds} x {whole.horizon}, {updates}{steps:,} steps"
 
     def keep(records: Record) -> None:
@@ -314,14 +309,12 @@ def main() -> None:
     parser.add_argument("--rewards", choices=("human", "all"), default="all")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
     parser.add_argument("--steps", type=int, default=0, help="of each lane, instead of those above")
-    for name in RECIPE:
-        parser.add_argument(f"--{name}", type=int, default=0, help="instead of the recipe's")
+    for name, kind in RECIPE.items():
+        parser.add_argument(f"--{name}", type=kind, default=0, help="instead of the recipe's")
     parser.add_argument("--calm", type=float, default=0.0, help="share of the KL threshold that is left in the end")
-    parser.add_argument("--noise", type=float, default=0.0, help="standard deviation of the first actions")
-    parser.add_argument("--head", type=float, default=0.0, help="scale of the weights that first actions come from")
     options = parser.parse_args()
     recipe = {name: value for name in RECIPE if (value := getattr(options, name))}
-    manner = {name: value for name in ("calm", "noise", "head") if (value := getattr(options, name))}
+    manner = {"calm": options.calm} if options.calm else {}
     for env in options.env:
         try:
             human: dict[str, RewardProgram] = {"human": "human"}

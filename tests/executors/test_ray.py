@@ -1,4 +1,4 @@
-"""The Ray executor on real raylets: three nodes of one core each on this machine, which come and go."""
+"""The Ray executor on real raylets of one core each on this machine: one, then three, which come and go."""
 
 import dataclasses
 import os
@@ -43,8 +43,6 @@ class Nodes:
         from ray.cluster_utils import Cluster
 
         self._cluster = Cluster(initialize_head=True, head_node_args={**SIZE, "_system_config": QUICK})
-        self.join()
-        self.join()
 
     @property
     def address(self) -> str:
@@ -58,6 +56,8 @@ class Nodes:
         """Three nodes, whatever happened before."""
         import ray
 
+        if not ray.is_initialized():
+            ray.init(address=self.address, log_to_driver=False)
         while sum(node["Alive"] for node in ray.nodes()) < 3:
             self.join()
 
@@ -121,6 +121,8 @@ def undisturbed() -> list[TrainingResult]:
 
 
 class TestRayExecutor(TrainerConformance):
+    """What every trainer promises is asked of a single node: each share is a process that loads torch."""
+
     env = "cartpole"
     budget = TrainBudget(env_steps=4096, worlds=16)
 
@@ -135,6 +137,7 @@ class TestRayExecutor(TrainerConformance):
 
     def test_numbers_are_those_of_this_machine_for_the_same_shares(self) -> None:
         # Four lanes, and six places in two rounds: each trains alone, as with four cores here.
+        self.nodes.complete()
         here = LocalExecutor(threads=4).train(self.env, self.lanes(), self.budget)
         expected = {message.lane: message for message in here if isinstance(message, TrainingResult)}
         assert {result.lane: plain(result) for result in self._results()} == {
@@ -142,6 +145,7 @@ class TestRayExecutor(TrainerConformance):
         }
 
     def test_the_doctor_looks_at_each_node(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self.nodes.complete()
         assert doctor.doctor([f"address={self.nodes.address}"]) == 0
         lines = capsys.readouterr().out.splitlines()
         assert len(lines) == 3
@@ -230,6 +234,7 @@ class TestRayExecutor(TrainerConformance):
         assert not left
 
     def test_a_second_search_need_not_wait_for_the_end_of_the_first(self) -> None:
+        self.nodes.complete()
         told: list[tuple[str, object]] = []
 
         def train(name: str, count: int) -> None:

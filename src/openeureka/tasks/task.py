@@ -52,6 +52,8 @@ class Recipe:
     max_grad_norm: float | None = 1.0
     noise: float = 1.0
     """Standard deviation of the first actions, which reach from -1 to 1."""
+    head: float = 1.0
+    """Scale of the weights that the first actions' means come from (0.01 in arXiv 2006.05990)."""
     bootstrap_timeouts: bool = True
 
 

@@ -29,8 +29,8 @@ class StackedActorCritic:
     Where actions are `choices` the means are preferences, and nothing has a deviation.
 
     All parameters are views of `flat` (L, P), so that an optimiser and a checkpoint are single tensor operations. Lanes
-    of equal seed start from equal weights: PyTorch's default linear initialisation, biases 0, standard deviation
-    `std`.
+    of equal seed start from equal weights: PyTorch's default linear initialisation, those of the action means times
+    `head`, biases 0, standard deviation `noise`.
     """
 
     def __init__(
@@ -41,7 +41,8 @@ class StackedActorCritic:
         hidden: Sequence[int],
         device: torch.device,
         choices: Sequence[int] = (),
-        std: float = 1.0,
+        noise: float = 1.0,
+        head: float = 1.0,
     ) -> None:
         self.lanes, self.actions = len(seeds), actions
         self.sizes = (observations, *hidden)
@@ -55,8 +56,8 @@ class StackedActorCritic:
             view = self.flat[:, offset : offset + size].view(self.lanes, *shape)
             self.parameters[name] = view.detach().requires_grad_()
             offset += size
-        if not choices:
-            self.log_std.detach().fill_(math.log(std))
+        self.log_std.detach().fill_(math.log(noise))
+        self.parameters["head_w"].detach()[..., :actions] *= head
 
     def __call__(self, x: Tensor, lanes: slice = ALL) -> Output:
         """Evaluate normalised observations (L, B, O) of these lanes."""

@@ -98,7 +98,8 @@ class PPO:
         self.recipe, self.device, self.choices = recipe, device, tuple(choices)
         self.head = head(choices)
         lanes = len(seeds)
-        self.network = StackedActorCritic(seeds, observations, actions, recipe.hidden, device, choices, recipe.noise)
+        start = {"noise": recipe.noise, "head": recipe.head}
+        self.network = StackedActorCritic(seeds, observations, actions, recipe.hidden, device, choices, **start)
         self.observations = RunningNorm(lanes, observations, device)
         self.values = RunningNorm(lanes, 1, device)
         self.active = torch.ones(lanes, dtype=torch.bool, device=device)
