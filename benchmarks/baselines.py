@@ -27,10 +27,15 @@ from openeureka.config import TrainConfig
 from openeureka.lanes import BASELINES, Wanted, deal
 from openeureka.store import is_run
 from openeureka.tasks import registry
+from openeureka.tasks.task import Recipe
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results" / "baselines.json"
 SHIPPED = ROOT / "src" / "openeureka" / "suite" / "baselines.json"
+DEFAULTS = {
+    field.name: field.default for field in dataclasses.fields(Recipe) if field.default is not dataclasses.MISSING
+}
+"""Of a recipe: what a record says nothing of, as it is older, was so."""
 REWARDS = tuple(name for name, _ in BASELINES)
 
 
@@ -122,6 +127,7 @@ def main(words: Sequence[str] | None = None) -> None:
         entry = {**wanted, "lanes": {}} if options.again else found.get(env, {**wanted, "lanes": {}})
         if options.again and is_run(options.dir / env):
             shutil.rmtree(options.dir / env)
+        entry["recipe"] = {**DEFAULTS, **entry["recipe"]}
         differing = [key for key in wanted if entry[key] != wanted[key]]
         if differing:
             raise SystemExit(f"{options.out} holds {env} with another {' and '.join(differing)}; --again replaces it.")

@@ -67,6 +67,19 @@ def test_what_is_known_is_not_repeated(go, tmp_path):
     }
 
 
+def test_what_an_older_record_does_not_say_was_as_it_is_by_default(go, tmp_path):
+    go("--env", "ant", "--seeds", "1")
+    file = tmp_path / "all.json"
+    found = json.loads(file.read_text())
+    del found["ant"]["recipe"]["bootstrap_timeouts"]
+    file.write_text(json.dumps(found))
+    assert go("--env", "ant", "--seeds", "1") == []
+    found["ant"]["recipe"]["epochs"] = 99
+    file.write_text(json.dumps(found))
+    with pytest.raises(SystemExit, match="another recipe"):
+        go("--env", "ant", "--seeds", "1")
+
+
 def test_a_lane_that_diverged_is_a_result_and_one_that_died_is_none(go, tmp_path, monkeypatch):
     states = {"human-s0": TrainingState.FAILED, "sparse-s0": TrainingState.DIVERGED}
     train = ToyTrainer._result
