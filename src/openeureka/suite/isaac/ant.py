@@ -62,9 +62,18 @@ class Ant(Runner):
             StateVar(name="up_axis_idx", kind="int", meaning="index of the vertical axis, 2"),
         )
     )
-    # The original takes 32.8 M steps with 4096 worlds; fewer worlds and a smaller network learn from fewer steps.
+    # The original takes 32.8 M steps with 4096 worlds; fewer worlds and a smaller network learn from fewer steps, and
+    # more so when they begin calmly (docs/concepts/schedule.md).
     recipe = Recipe(
-        hidden=(128, 64), env_steps=6_000_000, worlds=512, horizon=16, epochs=4, minibatches=2, reward_scale=0.01
+        hidden=(128, 64),
+        env_steps=6_000_000,
+        worlds=512,
+        horizon=16,
+        epochs=4,
+        minibatches=2,
+        reward_scale=0.01,
+        noise=0.4,
+        head=0.01,
     )
 
     @staticmethod
