@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -225,21 +226,34 @@ class TuneConfig(TrainConfig):
 
 def short_name(env: str) -> str:
     """A task's name for files and titles: that of `some/where/pendulum.py:Pendulum` is `pendulum`."""
-    name = env.rpartition(":")[2]
+    name = re.sub(r"\+python=[^+]*", "", env).rpartition(":")[2]
     return re.sub(r"\W+", "_", Path(name).stem if name.endswith(".py") else name).lower()
 
 
 _FILES = {
-    "env": r"(.+\.py)([:+].*)?",
-    "init": r"(?!human\Z)(.+)()",
-    "curriculum": r"(.+\.ya?ml)()",
+    "env": r"((?:python:)?)(.+\.py)([:+].*)?",
+    "init": r"()(?!human\Z)(.+)()",
+    "curriculum": r"()(.+\.ya?ml)()",
 }
 
 
 def absolute(key: str, value: str) -> str:
     """The whole path of a file that `env`, `init` or `curriculum` names, so that it is found from any directory."""
     match = re.fullmatch(_FILES.get(key, "(?!)"), value)
-    return f"{Path(match[1]).expanduser().resolve()}{match[2] or ''}" if match else value
+    return f"{match[1]}{Path(match[2]).expanduser().resolve()}{match[3] or ''}" if match else value
+
+
+def elsewhere(settings: Mapping[str, object]) -> dict[str, object]:
+    """The settings with `python=PATH` as a part of what `env` names: the interpreter that its environment lives in.
+
+    The path is made whole but not followed: the interpreter of a virtual environment is a link.
+    """
+    found = dict(settings)
+    if "env" not in found or "python" not in found:
+        return found
+    python = str(found.pop("python"))
+    whole = os.path.abspath(os.path.expanduser(python)) if os.sep in python else python
+    return found | {"env": f"{found['env']}+python={whole}"}
 
 
 def _whole(value: str) -> int:
@@ -271,11 +285,15 @@ def changed(config: Config, words: Sequence[str]) -> Config:
 def _typed(kind: type, words: Sequence[str]) -> dict[str, Any]:
     hints = get_type_hints(kind)
     values: dict[str, Any] = {}
+    given: dict[str, object] = {}
     for word in words:
         key, sign, value = word.partition("=")
         if not sign:
             raise ConfigError(f"`{word}` is not of the form key=value, for example env=cartpole.")
+        given[key] = value
+    for key, value in elsewhere(given).items():
         _expect_known(key, hints)
+        value = str(value)
         try:
             values[key] = _READ[hints[key]](absolute(key, value))
         except ValueError:
@@ -301,7 +319,7 @@ def taken(kind: type, settings: Mapping[str, object]) -> dict[str, Any]:
     """
     hints = get_type_hints(kind)
     values: dict[str, Any] = {}
-    for key, value in settings.items():
+    for key, value in elsewhere(settings).items():
         _expect_known(key, hints)
         wanted = hints[key]
         given: Any = str(value) if isinstance(value, Path) else value

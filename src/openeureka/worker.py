@@ -15,8 +15,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import IO, Any
 
 from . import codec
@@ -147,7 +148,6 @@ class Worker:
         max_header: int = MAX_HEADER,
         max_blobs: int = MAX_BLOBS,
     ) -> None:
-        self._stderr: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
         # The package directory travels as an argument of -c, so that an emptied environment still finds it. It ends as
         # the last of the path: what else lies there is not to be found before the standard library.
         root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
@@ -155,17 +155,16 @@ class Worker:
             f"import os, sys, runpy; os.nice({nice}); sys.path.insert(0, {root!r}); import openeureka; "
             f"sys.path.append(sys.path.pop(0)); runpy.run_module({module!r}, run_name='__main__')"
         )
-        self.process = subprocess.Popen(
-            [*interpreter(), "-c", code, *args],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._stderr,
-            env=environment(env),
-            start_new_session=True,
-        )
+        self._start([*interpreter(), "-c", code, *args], env, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         assert self.process.stdin is not None and self.process.stdout is not None
-        self._stdin = self.process.stdin
-        self._reader = _Reader(self.process.stdout.fileno(), max_header, max_blobs)
+        self._stdin, self._stdout = self.process.stdin, self.process.stdout
+        self._reader = _Reader(self._stdout.fileno(), max_header, max_blobs)
+
+    def _start(self, command: Sequence[str], env: Mapping[str, str] | None, **pipes: Any) -> None:
+        self._stderr: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
+        self.process = subprocess.Popen(
+            command, env=environment(env), start_new_session=True, **{"stderr": self._stderr, **pipes}
+        )
 
     def send(self, header: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) -> None:
         """Send one frame. Raises WorkerDied when the child is gone."""
@@ -215,8 +214,8 @@ class Worker:
             except ProcessLookupError:
                 pass
         self.process.wait()
-        for pipe in (self._stdin, self.process.stdout, self._stderr):
-            if pipe is not None and not pipe.closed:
+        for pipe in (self._stdin, self._stdout, self._stderr):
+            if not pipe.closed:
                 try:
                     pipe.close()
                 except BrokenPipeError:
@@ -227,6 +226,44 @@ class Worker:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+class Stranger(Worker):
+    """A `Worker` in another Python, which runs a file that knows nothing of this package.
+
+    Its frames have pipes of their own, whose numbers are the file's first arguments: whatever that Python prints,
+    before the file begins or after, is not among them.
+
+    Args:
+        python: the other interpreter, a path or a name that PATH finds.
+        file: what it runs, with neither the file's own directory nor the working directory on its path.
+        shared: a descriptor that it inherits, whose number is the last argument.
+
+    Raises:
+        WorkerDied: when there is no such program.
+    """
+
+    def __init__(self, python: str, file: Path, *, shared: int, env: Mapping[str, str] | None = None) -> None:
+        code = (
+            "import sys; sys.path[:] = [place for place in sys.path if place]; import runpy; "
+            f"runpy.run_path({str(file)!r}, run_name='__main__')"
+        )
+        theirs_in, ours_out = os.pipe()
+        ours_in, theirs_out = os.pipe()
+        self._stdin, self._stdout = os.fdopen(ours_out, "wb"), os.fdopen(ours_in, "rb")
+        numbers = (theirs_in, theirs_out, shared)
+        try:
+            with tempfile.TemporaryFile() as printed:
+                command = [python, "-c", code, *map(str, numbers)]
+                self._start(command, env, stdin=subprocess.DEVNULL, stdout=printed, pass_fds=numbers)
+        except OSError as error:
+            self._stdin.close()
+            self._stdout.close()
+            raise WorkerDied(f"{python} cannot be started: {error.strerror}.") from None
+        finally:
+            os.close(theirs_in)
+            os.close(theirs_out)
+        self._reader = _Reader(ours_in, MAX_HEADER, MAX_BLOBS)
 
 
 class Channel:

@@ -1,4 +1,4 @@
-"""What the guide on Gymnasium tells to type works as it says."""
+"""What the guides on environments of others tell to type works as they say."""
 
 import re
 import shlex
@@ -16,7 +16,9 @@ from openeureka.training.evaluate import evaluate
 from openeureka.training.population import Population
 from openeureka.types import Evaluation, LaneSpec, TrainBudget
 
-GUIDE = (Path(__file__).parents[2] / "docs" / "guides" / "gymnasium.md").read_text()
+GUIDES = Path(__file__).parents[2] / "docs" / "guides"
+GUIDE = (GUIDES / "gymnasium.md").read_text()
+ELSEWHERE = (GUIDES / "another-python.md").read_text()
 WORDS = [shlex.split(line, comments=True) for line in GUIDE.splitlines() if re.match(r" +(eureka|env=)", line)]
 
 
@@ -68,3 +70,37 @@ def test_every_environment_of_the_page_is_found():
         if "minigrid" in env:
             pytest.importorskip("minigrid", reason="needs minigrid: pip install minigrid")
         assert registry.get(env).num_actions > 0
+
+
+@pytest.fixture
+def carts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The file of the guide, in the working directory."""
+    (tmp_path / "carts.py").write_text(re.search(r"```python\n(.*?)```", ELSEWHERE, re.DOTALL)[1])
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: Here())
+
+
+def test_the_factory_of_the_page_is_an_environment(carts: None, capsys: pytest.CaptureFixture[str]):
+    lines = [shlex.split(line) for line in ELSEWHERE.splitlines() if re.match(r" +eureka .*carts\.py:", line)]
+    (context, train, run, new) = [words for words in lines if not any(word.startswith("python=") for word in words)]
+    typed(context[1:])
+    printed = capsys.readouterr().out
+    for line in re.search(r"```\n(place.*?)```", ELSEWHERE, re.DOTALL)[1].splitlines():
+        assert line in printed
+    typed([*(word.replace("2e5", "4096") for word in train[1:]), "dir=trained"])
+    assert "human: F" in capsys.readouterr().out
+    assert "mark" not in registry.get(named(run)[0]).spec  # which F is made of
+    typed(new[1:])
+    assert registry.get("mine.py").num_observations == 3
+
+
+def test_a_reward_that_was_found_is_exported(carts: None, capsys: pytest.CaptureFixture[str]):
+    small = ["sample=1", "iteration=1", "steps=2048", "seeds=1", "video=none", "env=gym:CartPole-v1+episode_length=30"]
+    typed(["run", "model=random", *small, "dir=outputs/one"])
+    export = next(shlex.split(line) for line in ELSEWHERE.splitlines() if line.startswith("    eureka export"))
+    typed([*(re.sub("outputs/.*", "outputs/one", word) for word in export[1:])])
+    assert "class EurekaReward(gymnasium.Wrapper)" in Path("outputs/one/best/reward_gymnasium.py").read_text()
+    capsys.readouterr()
+    with pytest.raises(SystemExit):
+        main(["export", "outputs/one", "to=mjlab"])
+    assert "comes from gymnasium, so its rewards go to=gymnasium" in capsys.readouterr().err

@@ -23,6 +23,7 @@ from .settings import (
     CheckConfig,
     ContextConfig,
     DoctorConfig,
+    ExportConfig,
     NewConfig,
     PageConfig,
     PlayConfig,
@@ -138,6 +139,17 @@ def report(words: Words = None) -> None:
     report(words or [])
 
 
+@app.command(epilog=describe(ExportConfig))
+def export(words: Words = None) -> None:
+    """Write the best reward of a run as a file for Gymnasium, mjlab or Isaac Lab, which needs no openeureka.
+
+    Example: eureka export outputs/2026-01-31_12-00-00_hopper_v5 to=gymnasium
+    """
+    from .export import export
+
+    export(words or [])
+
+
 @app.command(epilog=describe(TrainConfig))
 def train(words: Settings = None, as_json: Json = False) -> None:
     """Train and compare given rewards, without a language model.
@@ -219,7 +231,7 @@ def context(words: Settings = None) -> None:
 
 @app.command(epilog=describe(NewConfig))
 def new(words: Words = None) -> None:
-    """Draft a task of your own from a MuJoCo model: a file that trains as it is, and says what is yours to change.
+    """Draft a task of your own from a MuJoCo model or an environment: it trains as it is, and says what to change.
 
     Example: eureka new hopper.py model=hopper.xml intent="to hop forward as fast as possible"
     """

@@ -68,6 +68,16 @@ class PlayConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ExportConfig:
+    """A reward for another program."""
+
+    to: str = ""
+    """`gymnasium`, `mjlab` or `isaaclab`; empty means where the run's environment comes from."""
+    env: str = ""
+    """Task of the run, if it was not started on this machine; empty means the run's."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PageConfig:
     """Where `eureka ui` is served."""
 
@@ -94,6 +104,8 @@ class NewConfig:
     """Body, site or geom where F wants it; empty means what the intent or the model suggests."""
     floating: bool = False
     """A URDF's root moves freely above a floor, as a walking robot's does; else it is fixed, as an arm's is."""
+    env: str = ""
+    """Instead of a robot, an environment such as `gym:Hopper-v5`: the file then says what rewards may read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

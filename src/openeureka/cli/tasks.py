@@ -22,7 +22,7 @@ from ..store.artifacts import write
 from ..tasks import registry
 from ..tasks.context import context as context_of
 from ..tasks.context import informed
-from ..tasks.draft import Draft, draft
+from ..tasks.draft import Draft, class_name, draft
 from ..tasks.record import record_states
 from ..tasks.task import Task
 from ..text import plain
@@ -129,8 +129,11 @@ def new(words: Sequence[str]) -> None:
         raise ConfigError(f"{path} exists already; choose another name, or delete it.")
     if not path.parent.is_dir():
         raise ConfigError(f"There is no folder {path.parent}; make it first, or choose another place.")
+    if config.env:
+        _adapt(path, config.env, config.intent)
+        return
     if not config.model:
-        raise ConfigError(f"Name the robot, a MuJoCo XML file; for example: {USAGE}")
+        raise ConfigError(f"Name the robot, a MuJoCo XML file, or env=gym:ID; for example: {USAGE}")
     drafted = draft(
         path,
         Path(config.model).expanduser(),
@@ -148,6 +151,18 @@ def new(words: Sequence[str]) -> None:
     print("Read it, and say what you want of the robot. Then")
     for command in ("play", "train", "run"):
         print(f"  eureka {command} env={path}{' policy=random' if command == 'play' else ''}")
+
+
+def _adapt(path: Path, env: str, intent: str) -> None:
+    """Write the file of an environment of others, and see that it is the same task."""
+    base = registry.get(env)
+    write(path.parent, path.name, base.drafted(class_name(path), path.stem, intent))
+    task = registry.get(str(path))
+    print(f"Wrote {path}: {task.num_observations} observations, {task.num_actions} actions, {task.description}.")
+    print(f"F is the {task.score_unit}; +fitness=EXPRESSION behind the name of the environment says otherwise.")
+    print("Rename, reword, hide or add what rewards may read. Then")
+    for command in ("context", "train", "run"):
+        print(f"  eureka {command} env={path}")
 
 
 def _try(path: Path, size: float) -> tuple[Task, int]:

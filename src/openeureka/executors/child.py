@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import torch
 
 from ..codec import defined, shaped
-from ..errors import CapacityError, TaskError
+from ..errors import CapacityError, TaskError, WorkerError
 from ..tasks.faults import fault
 from ..training import pausing
 from ..training.evaluate import evaluate
@@ -35,6 +36,10 @@ def main() -> None:
                 _evaluate(channel, request, options)
         except CapacityError:
             raise  # one lane's, perhaps: without it the others may find room
+        except WorkerError as error:
+            sys.exit(
+                str(error)
+            )  # whoever steps the worlds is gone: this process is tried again, as if it had died itself
         except Exception as error:
             broken = error if isinstance(error, TaskError) else fault(error)
             if broken is None:

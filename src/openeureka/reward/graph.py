@@ -14,7 +14,7 @@ from ..types import Arg, Node, Part, RewardGraph, StateSpec
 from . import surface
 from .validate import TORCH_NAMES, GraphError, inputs, operation, references, refuse_truncation, validate
 
-_MADE_FROM_NOTHING = surface.words("""
+MADE_FROM_NOTHING = surface.words("""
     arange.default arange.start arange.start_step eye.default eye.m full.default linspace.default ones.default
     scalar_tensor.default zeros.default
 """)
@@ -131,7 +131,7 @@ def values(graph: RewardGraph, state: State, num_worlds: int, device: torch.devi
             value = _part(fill(node.args[0]), node.args[1])
         else:
             args, kwargs = [fill(arg) for arg in node.args], _named({k: fill(arg) for k, arg in node.kwargs.items()})
-            if node.op in _MADE_FROM_NOTHING:
+            if node.op in MADE_FROM_NOTHING:
                 kwargs["device"] = device
             if device == "meta" and node.op == "index.Tensor":
                 args[1] = _largest_selection(args[1])
@@ -233,7 +233,7 @@ def _module(graph: RewardGraph, names: Sequence[str]) -> fx.GraphModule:
             done.append(built.call_function(operator.getitem, (fill(node.args[0]), node.args[1])))
         else:
             kwargs = _named({key: fill(arg) for key, arg in node.kwargs.items()})
-            if node.op in _MADE_FROM_NOTHING:
+            if node.op in MADE_FROM_NOTHING:
                 kwargs["device"] = device
             args = tuple(fill(arg) for arg in node.args)
             done.append(built.call_function(_callable(node.op), args, kwargs))

@@ -18,7 +18,7 @@ from ..errors import TaskError
 from ..reward.graph import CompiledReward
 from ..sim import Simulator, open_simulator
 from ..sim.capacity import Capacity
-from ..types import StateSpec
+from ..types import RewardGraph, StateSpec
 from . import human
 from .noise import WorldNoise
 
@@ -228,6 +228,24 @@ class Task(ABC):
     def ghosts(self) -> Mapping[str, Tensor]:
         """Where bodies of the model are wanted now, for pictures: position and quaternion (N, 7) by the body's name."""
         return {}
+
+    @classmethod
+    def drafted(cls, name: str, own: str, intent: str) -> str:
+        """A task file with a class `name` that is called `own`, and says what rewards may read of this environment.
+
+        Raises TaskError for a task that is a file already.
+        """
+        raise TaskError(f"`{cls.env}` is a task already, and its own file says what rewards may read: copy that.")
+
+    @classmethod
+    def handed_back(cls, graph: RewardGraph, program: str) -> str:
+        """A file with a reward for the suite that the environment comes from.
+
+        Raises TaskError where there is none: the task is at home here.
+        """
+        raise TaskError(
+            f"`{cls.env}` is no environment of others that a reward could go back to; see `best/reward.py`."
+        )
 
     @classmethod
     def time_limit(cls) -> int:

@@ -28,16 +28,14 @@ _OWN = ("fitness",)
 
 def imports(name: str, settings: Mapping[str, str]) -> bool:
     """Whether making it imports a module, or reads a file, of the name's own choice."""
-    return ":" in name or bool(_keywords(settings))
+    return ":" in name or bool(dealt(settings)[0])
 
 
-def _keywords(settings: Mapping[str, str]) -> dict[str, str]:
-    """Those for the environment's constructor."""
-    return {key: value for key, value in settings.items() if key not in _OWN and not _of_a_task(key)}
-
-
-def _of_a_task(key: str) -> bool:
-    return hasattr(Task, key) or key in Task.__annotations__
+def dealt(settings: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, str]]:
+    """Those for the environment's constructor, read as JSON where they are, and class attributes of the task."""
+    others = {key: text for key, text in settings.items() if key not in _OWN}
+    own = {key: text for key, text in others.items() if hasattr(Task, key) or key in Task.__annotations__}
+    return {key: _value(text) for key, text in others.items() if key not in own}, own
 
 
 def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[PaidTask], dict[str, str]]:
@@ -51,8 +49,7 @@ def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[PaidTas
     Raises:
         TaskError: when there is no such id, or the environment cannot be made or acted in.
     """
-    left = {key: value for key, value in settings.items() if key not in _OWN and _of_a_task(key)}
-    keywords = {key: _value(text) for key, text in _keywords(settings).items()}
+    keywords, left = dealt(settings)
     steps = left.pop("episode_length", "")
     if steps:
         if not steps.isdigit() or int(steps) < 1:

@@ -93,8 +93,9 @@ class Actions:
         if isinstance(space, spaces.Box):
             low, high = space.low.reshape(-1), space.high.reshape(-1)
             bounded = np.isfinite(low) & np.isfinite(high)
-            middle = np.where(bounded, (low + high) / 2, 0.0)
-            half = np.where(bounded, (high - low) / 2, 1.0)
+            with np.errstate(invalid="ignore"):  # of sides without a bound, which are not taken
+                middle = np.where(bounded, (low + high) / 2, 0.0)
+                half = np.where(bounded, (high - low) / 2, 1.0)
             scaled = np.clip(middle + half * actions.double().numpy(), low, high)
             return scaled.astype(space.dtype).reshape(-1, *space.shape)
         picked = indices(actions, self.choices).numpy()

@@ -18,6 +18,8 @@ LONGEST = 1000
 """[steps] of an episode that the environment itself never cuts off."""
 MAX_COLUMNS = 64
 """Columns of an observation that get names of their own."""
+WHOLE = ("obs_buf", "previous_obs_buf", "actions")
+"""Variables that every environment has."""
 _TRIED = 8
 """Random steps in which `info` shows what it holds."""
 
@@ -38,6 +40,8 @@ class Survey:
     sections: Mapping[str, int]
     """Names and sizes of the parts of an observation that is one vector, where the environment tells them."""
     document: str
+    named: tuple[StateVar, ...] = ()
+    """State variables that the environment itself names, in place of columns of the observation; `infos` has each."""
 
     @property
     def size(self) -> int:
@@ -106,8 +110,11 @@ def variables(found: Survey, hidden: frozenset[str] = frozenset()) -> tuple[tupl
 
     Of `info` what is in `hidden`, and what by its name gives away what counts, is left out.
     """
+    if found.named:
+        unsaid = hidden.union(WHOLE)
+        return tuple((v, v.name) for v in found.named if v.name not in unsaid and not documents.betrays(v.name))
     made = [*_observed(found)]
-    taken = {variable.name for variable, _ in made} | {"obs_buf", "previous_obs_buf", "actions"}
+    taken = {variable.name for variable, _ in made}.union(WHOLE)
     for name, shape in found.infos.items():
         if name not in hidden and name not in taken and not documents.betrays(name):
             meaning = f"{name.replace('_', ' ')}, as `info` has it"

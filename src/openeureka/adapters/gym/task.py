@@ -13,8 +13,10 @@ from torch import Tensor
 from ...errors import TaskError
 from ...tasks.noise import WorldNoise
 from ...tasks.task import Recipe, Score, State, Task, mean_over_episodes, mean_over_steps
-from ...types import StateSpec, StateVar
+from ...types import RewardGraph, StateSpec, StateVar
 from . import documents
+from .draft import draft
+from .export import wrapper
 from .formula import Formula, formula
 from .survey import Survey, action_meaning, variables
 from .worlds import GymWorlds
@@ -33,8 +35,8 @@ class PaidTask(Task):
     time_out_early = 0
     memory = ("returned",)
     found: ClassVar[Survey]
-    places: ClassVar[tuple[tuple[str, slice | str, tuple[int, ...]], ...]]
-    """Where each state variable is, columns of the observation or a name of `info`, and its shape."""
+    places: ClassVar[Mapping[str, slice | str]]
+    """Where each state variable is: columns of the observation, or a name of `info`."""
     wanted: Formula | None = None
     """F of a step, of all that the environment says; None for the sum of its reward."""
     at_end: ClassVar[bool] = True
@@ -46,6 +48,15 @@ class PaidTask(Task):
         """What the environment's own reward was in the last step."""
         self.returned = torch.zeros(self.num_envs, device=self.device)
         """Its sum over the episode so far."""
+        self.shapes = {variable.name: variable.shape for variable in self.spec.variables}
+
+    @classmethod
+    def drafted(cls, name: str, own: str, intent: str) -> str:
+        return draft(cls, name, own, intent)
+
+    @classmethod
+    def handed_back(cls, graph: RewardGraph, program: str) -> str:
+        return wrapper(cls.found.env, cls.spec, cls.places, cls.found.parts, graph, program)
 
     @abstractmethod
     def seen(self) -> Tensor:
@@ -66,8 +77,8 @@ class PaidTask(Task):
     def compute_state(self) -> dict[str, Any]:
         seen, said = self.seen(), self.said()
         named: dict[str, Any] = {
-            name: said[place] if isinstance(place, str) else seen[:, place].reshape(-1, *shape)
-            for name, place, shape in self.places
+            name: said[place] if isinstance(place, str) else seen[:, place].reshape(-1, *self.shapes[name])
+            for name, place in self.places.items()
         }
         whole = {"obs_buf": seen, "previous_obs_buf": self.seen_before(seen), "actions": self.actions}
         return named | whole
@@ -188,7 +199,7 @@ def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
         "spec": StateSpec((*(variable for variable, _ in listed), *whole)),
         "recipe": DISCRETE if found.actions.choices else CONTINUOUS,
         "found": found,
-        "places": tuple((variable.name, place, variable.shape) for variable, place in listed),
+        "places": {variable.name: place for variable, place in listed},
         "wanted": staticmethod(wanted) if wanted else None,
         "at_end": at_end,
     }

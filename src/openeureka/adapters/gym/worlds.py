@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 import torch
-from gymnasium import Env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from torch import Tensor
 
-from ...errors import TaskError
+from ...errors import EurekaError, TaskError
 from ...sim import Worlds
 from ...tasks.faults import told
 from .spaces import Actions, Part
@@ -42,7 +41,7 @@ class GymWorlds(Worlds):
 
     def __init__(
         self,
-        make: Callable[[], Env[Any, Any]],
+        make: Callable[..., Any],
         num_worlds: int,
         *,
         name: str,
@@ -55,7 +54,7 @@ class GymWorlds(Worlds):
         self.bad = torch.zeros(num_worlds, dtype=torch.bool)
         self._name, self._parts, self._actions = name, parts, actions
         # Worlds that end are reset by who steps them, who also ends episodes earlier.
-        self._vector = self._ask(lambda: SyncVectorEnv([make] * num_worlds, autoreset_mode=AutoresetMode.DISABLED))
+        self._vector = self._ask(lambda: self._opened(make, num_worlds))
         self.seeds = torch.zeros(num_worlds, dtype=torch.int64)
         self.action = torch.zeros(num_worlds, actions.size)
         self._taken = torch.zeros(num_worlds, episode, actions.size)
@@ -66,13 +65,14 @@ class GymWorlds(Worlds):
         self.terminated, self.truncated = self.bad.clone(), self.bad.clone()
         self.info = {name: torch.zeros(num_worlds, *shape) for name, shape in infos.items()}
 
+    def _opened(self, make: Callable[..., Any], num_worlds: int) -> Any:
+        """N worlds as Gymnasium's vector API has them, which are reset by a mask alone."""
+        return SyncVectorEnv([make] * num_worlds, autoreset_mode=AutoresetMode.DISABLED)
+
     def step(self, substeps: int) -> None:
         """One step under `action` (N, A)."""
         each = torch.arange(self.num_worlds)
-        if int(self._steps.max()) >= self._taken.shape[1]:  # whose time-out somebody put off
-            self._taken = torch.cat((self._taken, torch.zeros_like(self._taken)), dim=1)
-        self._taken[each, self._steps] = self.action
-        self._steps += 1
+        self._keep(each)
         actions = self._actions.taken(self.action.nan_to_num())
         seen, reward, terminated, truncated, info = self._ask(lambda: self._vector.step(actions))
         self.previous.copy_(self.observation)
@@ -84,6 +84,13 @@ class GymWorlds(Worlds):
         self.bad = ~finite
         self.reward.masked_fill_(self.bad, 0.0)
         self.observation[self.bad] = self.previous[self.bad]
+
+    def _keep(self, each: Tensor) -> None:
+        """Remember `action` in each world (N,)."""
+        if int(self._steps.max()) >= self._taken.shape[1]:  # whose time-out somebody put off
+            self._taken = torch.cat((self._taken, torch.zeros_like(self._taken)), dim=1)
+        self._taken[each, self._steps] = self.action
+        self._steps += 1
 
     def reset(self, worlds: Tensor) -> None:
         """Their seeds say how, at `forward`."""
@@ -115,11 +122,15 @@ class GymWorlds(Worlds):
         super().load_state_dict(saved)
         kept = {name: value.clone() for name, value in self.memory().items()}
         self.forward(torch.arange(self.num_worlds))
-        for world, env in enumerate(self._vector.envs):
-            for action in self._actions.taken(kept["taken"][world, : int(kept["steps"][world])]):
-                self._ask(lambda env=env, action=action: env.step(action))
+        self._replay(kept["taken"], kept["steps"])
         for name, value in self.memory().items():
             value.copy_(kept[name])
+
+    def _replay(self, taken: Tensor, steps: Tensor) -> None:
+        """Play the actions (N, T, A) of the episodes under way, of which `steps` (N,) are taken, from their starts."""
+        for world, env in enumerate(self._vector.envs):
+            for action in self._actions.taken(taken[world, : int(steps[world])]):
+                self._ask(lambda env=env, action=action: env.step(action))
 
     def check(self, task: str) -> None:
         """Nothing here runs out of room."""
@@ -151,7 +162,7 @@ class GymWorlds(Worlds):
         """Raises TaskError for whatever an environment raises."""
         try:
             return question()
-        except TaskError:
+        except EurekaError:
             raise
         except Exception as error:
             raise TaskError(f"The environment `{self._name}` failed: {told(error)}") from error

@@ -1,0 +1,45 @@
+"""A reward as a term of mjlab's or Isaac Lab's reward manager, with the state that `scene.py` reads there."""
+
+from __future__ import annotations
+
+import inspect
+from pprint import pformat
+
+from ...errors import TaskError
+from ...reward.spelled import spelled
+from ...types import RewardGraph, StateSpec
+from ..gym.draft import template
+from ..gym.export import read
+from . import scene
+
+_TITLES = {"mjlab": "mjlab", "isaaclab": "Isaac Lab"}
+_TERM = {
+    "mjlab": "from mjlab.managers.reward_manager import RewardTermCfg",
+    "isaaclab": "from isaaclab.managers import RewardTermCfg",
+}
+
+
+def terms(env: str, suite: str, spec: StateSpec, graph: RewardGraph, program: str) -> str:
+    """The file. Raises TaskError for a suite without reward managers, or a reward of what they do not know yet: the
+    observation is made after the reward."""
+    if suite not in _TITLES:
+        raise TaskError(f"`{env}` is of no suite that rewards go back to; `best/reward.py` is the reward.")
+    names = [name for name in spec.names if name not in ("obs_buf", "previous_obs_buf")]
+    known = read(env, graph, names)
+    readers = [scene.scene_state, *([scene.attribute_state] if suite == "isaaclab" else [])]
+    fields = {
+        name: attribute
+        for name, (attribute, _) in scene.FIELDS.items()
+        if any(variable.endswith(f"_{name}") for variable in known)
+    }
+    return template("terms.py.jinja").render(
+        env=env.partition("+")[0],
+        title=_TITLES[suite],
+        direct=suite == "isaaclab",
+        program=program,
+        fields=pformat(fields, width=118),
+        buffers=scene.BUFFERS,
+        readers="\n\n".join(inspect.getsource(reader) for reader in readers),
+        reward=spelled(graph, spec),
+        term=_TERM[suite],
+    )

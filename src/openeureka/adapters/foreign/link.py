@@ -1,0 +1,172 @@
+"""This side of `server.py`: an environment in another Python, with the methods of Gymnasium's vector environments."""
+
+from __future__ import annotations
+
+import mmap
+import os
+import weakref
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...codec import DecodeError, shaped
+from ...errors import TaskError, WorkerError
+from ...worker import Frame, Stranger, WorkerDied, WorkerTimeout
+
+SERVER = Path(__file__).with_name("server.py")
+VERSION = 1
+"""Of the frames; `server.py` has the same."""
+STARTING, BEGINNING, STEPPING = 60.0, 540.0, 300.0
+"""[s] that the other Python may take to say that it is there, to make an environment, and to step or reset it. All
+together they end before the executor takes the silence of a worker for its death."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Acting:
+    """What a policy may do: numbers between bounds, or choices."""
+
+    low: tuple[float | None, ...] = ()
+    high: tuple[float | None, ...] = ()
+    """None where a side has no bound."""
+    choices: tuple[int, ...] = ()
+    start: int = 0
+    """Number of the first option of a single choice."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Description:
+    """What the other side says of an environment."""
+
+    document: str
+    actions: Acting
+    steps: int
+    dt: float
+    observation: tuple[tuple[str, tuple[int, ...]], ...]
+    """Name and shape of each array; a single one may have no name."""
+    state: tuple[tuple[str, tuple[int, ...], str], ...]
+    """Name, shape and meaning of what else it tells in each step."""
+    seeded: bool
+    """Whether an episode follows from its seed and its actions, whatever other worlds do."""
+    layout: Mapping[str, tuple[int, str, tuple[int, ...]]]
+    """Where each array lies in the mapped memory, its type and its shape."""
+
+
+class Link:
+    """N worlds of one environment, in a process of another Python.
+
+    Args:
+        env: the whole name, for sentences.
+        kind, name: how the server makes it, and what.
+        python: the interpreter.
+        settings: for what makes it.
+        threads: that libraries there may use; 0 for as many as they like.
+
+    Raises:
+        TaskError: when that Python or the environment cannot be started, and in any call for what it raises.
+        WorkerError: in any call, when the process has died or does not answer.
+    """
+
+    def __init__(
+        self, env: str, kind: str, name: str, *, python: str, settings: Mapping[str, Any], worlds: int, threads: int = 0
+    ) -> None:
+        self._env, self._python = env, python
+        descriptor = os.memfd_create("openeureka")
+        try:
+            self._worker = self._started(descriptor, threads)
+            weakref.finalize(self, self._worker.close)
+            self._greeted()
+            asked = {"do": "describe", "kind": kind, "name": name, "worlds": worlds, "settings": dict(settings)}
+            self.about = self._description(self._asked(asked, BEGINNING))
+            self._memory = mmap.mmap(descriptor, os.fstat(descriptor).st_size)
+        finally:
+            os.close(descriptor)
+        self._arrays = {
+            name: np.frombuffer(self._memory, kind, int(np.prod(shape, dtype=int)), start).reshape(shape)
+            for name, (start, kind, shape) in self.about.layout.items()
+        }
+
+    def step(self, actions: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+        """Observation, reward, terminated, truncated and state, as views of the mapped memory."""
+        self._arrays["actions"][:] = actions.reshape(self._arrays["actions"].shape)
+        self._asked({"do": "step"}, STEPPING)
+        arrays = self._arrays
+        return self._seen(), arrays["reward"], arrays["terminated"], arrays["truncated"], self._state()
+
+    def reset(self, *, seed: list[int], options: Mapping[str, np.ndarray]) -> tuple[Any, dict[str, np.ndarray]]:
+        """Begin an episode where `options["reset_mask"]` (N,) says; observation and state, as views."""
+        self._arrays["mask"][:], self._arrays["seeds"][:] = options["reset_mask"], seed
+        self._asked({"do": "reset"}, STEPPING)
+        return self._seen(), self._state()
+
+    def picture(self) -> np.ndarray | None:
+        """(H, W, 3) uint8 of the first world; None where the environment draws nothing."""
+        answer = self._asked({"do": "picture"}, STEPPING)
+        shape = tuple(answer.header["shape"])
+        return np.frombuffer(answer.blobs["picture"], np.uint8).reshape(shape) if shape else None
+
+    def close(self) -> None:
+        """End the process; safe to call twice."""
+        self._worker.close()
+
+    def _seen(self) -> Any:
+        parts = {name: self._arrays[f"part {i}"] for i, (name, _) in enumerate(self.about.observation)}
+        return parts[""] if list(parts) == [""] else parts
+
+    def _state(self) -> dict[str, np.ndarray]:
+        return {name: self._arrays[f"state {name}"] for name, _, _ in self.about.state}
+
+    def _started(self, descriptor: int, threads: int) -> Stranger:
+        # A virtual environment finds itself; what says where this one is would lead it astray.
+        env = {key: value for key, value in os.environ.items() if key not in ("PYTHONHOME", "VIRTUAL_ENV")}
+        try:
+            return Stranger(
+                self._python,
+                SERVER,
+                shared=descriptor,
+                env=env | ({"OMP_NUM_THREADS": str(threads)} if threads else {}),
+            )
+        except WorkerDied as error:
+            raise TaskError(f"{error} Say python=PATH, the Python that `{self._env}` is installed in.") from None
+
+    def _greeted(self) -> None:
+        try:
+            hello = self._worker.receive(STARTING).header
+        except WorkerTimeout:
+            raise TaskError(f"{self._python} does not begin to run within {STARTING:.0f} s.") from None
+        except WorkerDied:
+            said = " ".join(self._worker.stderr_tail().splitlines()[-1:]) or "it says nothing"
+            raise TaskError(f"{self._python} does not run the server of environments: {said.rstrip('.')}.") from None
+        if hello.get("version") != VERSION:
+            raise TaskError(
+                f"The server of environments in {self._python} is of version {hello.get('version')}, and version "
+                f"{VERSION} is needed: let it be the file of this openeureka."
+            )
+
+    def _description(self, answer: Frame) -> Description:
+        try:
+            return shaped(Description, answer.header)
+        except DecodeError as error:
+            raise TaskError(f"`{self._env}` describes itself in another way than is understood: {error}.") from None
+
+    def _asked(self, question: Mapping[str, Any], patience: float) -> Frame:
+        doing = {"describe": "making", "picture": "drawing"}.get(question["do"], f"a {question['do']} of")
+        try:
+            self._worker.send(question)
+            answer = self._worker.receive(patience)
+        except WorkerTimeout:
+            self._worker.close()
+            raise WorkerError(
+                f"{self._python} did not come to an end of {doing} `{self._env}` in {patience:g} s."
+            ) from None
+        except WorkerDied:
+            parts = (self._worker.ending(), *self._worker.stderr_tail().splitlines()[-1:])
+            self._worker.close()
+            said = " ".join(filter(None, parts))
+            raise WorkerError(f"{self._python} ended during {doing} `{self._env}`. {said}".rstrip()) from None
+        if "broken" in answer.header:
+            failed = "cannot be made" if question["do"] == "describe" else "failed"
+            raise TaskError(f"The environment `{self._env}` {failed}: {answer.header['broken']}.")
+        return answer

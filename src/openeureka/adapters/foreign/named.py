@@ -1,0 +1,184 @@
+"""From `env=PREFIX:NAME+python=PATH` to a task that steps in another Python."""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+import re
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, cast
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from torch import Tensor
+
+from ...errors import TaskError
+from ...types import RewardGraph, StateUse, StateVar
+from ..gym import documents
+from ..gym.named import dealt
+from ..gym.spaces import Actions, Part, actions
+from ..gym.survey import Survey
+from ..gym.task import GymTask, attributes
+from ..gym.worlds import GymWorlds
+from .export import terms
+from .link import Acting, Description, Link
+
+_TRIED = 2
+"""Worlds that are described: what has one row for each cannot be taken for anything else."""
+
+
+def imports(name: str, settings: Mapping[str, str]) -> bool:
+    """Always: another program runs."""
+    return True
+
+
+def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[GymTask], dict[str, str]]:
+    """The class of an environment in another Python, and those settings that are left to set of it.
+
+    Args:
+        env: the whole of what `env=` says.
+        name: what comes after the prefix.
+        settings: `python`, `fitness`, what makes the environment, and class attributes.
+
+    Raises:
+        TaskError: when that Python does not run, or the environment cannot be made.
+        WorkerError: when it dies, or takes too long.
+    """
+    given, left = dealt({key: value for key, value in settings.items() if key != "python"})
+    python = settings.get("python", sys.executable)
+    return _task(env, env.partition(":")[0], name, python, json.dumps(given), settings.get("fitness", "")), left
+
+
+@functools.cache
+def _task(env: str, kind: str, name: str, python: str, given: str, fitness: str) -> type[GymTask]:
+    shown = f"{kind}:{name}"
+    opened = functools.partial(Link, shown, kind, name, python=python, settings=json.loads(given))
+    link = opened(worlds=_TRIED)
+    link.close()
+    found = surveyed(shown, link.about)
+    said = {"__module__": __name__, **attributes(env, found, fitness)}
+    said |= {"suite": kind, "opened": staticmethod(opened)}
+    return cast(type[GymTask], type("ForeignTask", (ForeignTask,), said))
+
+
+def surveyed(env: str, about: Description) -> Survey:
+    """The description as a task needs it. Suites that name their state have no columns of an observation."""
+    parts = tuple(
+        Part((name,) if name else (), spaces.Box(-math.inf, math.inf, shape or (1,)), shape or (1,))
+        for name, shape in about.observation
+    )
+    named = tuple(
+        StateVar(name=name, shape=shape, meaning=meaning or f"{name.replace('_', ' ')}, as the environment has it",
+                 use=_use(name, shape, meaning))
+        for name, shape, meaning in about.state
+    )  # fmt: skip
+    return Survey(
+        env=env,
+        parts=parts,
+        actions=_actions(about.actions, env),
+        steps=about.steps,
+        dt=about.dt,
+        infos={name: shape for name, shape, _ in about.state},
+        sections={},
+        document=about.document,
+        named=named if any(meaning for _, _, meaning in about.state) else (),
+    )
+
+
+def _use(name: str, shape: tuple[int, ...], meaning: str) -> StateUse:
+    if len(shape) > 1 or re.search(r"quat", name):
+        return "raw"
+    return "point" if shape == (3,) and re.search(r"\bposition\b", meaning) else documents.use_of(f"{name} {meaning}")
+
+
+def _actions(told: Acting, env: str) -> Actions:
+    if len(told.choices) > 1:
+        return actions(spaces.MultiDiscrete(np.array(told.choices)), env)
+    if told.choices:
+        return actions(spaces.Discrete(told.choices[0], start=told.start), env)
+    low, high = (
+        np.array([side * math.inf if value is None else value for value in values], np.float32)
+        for side, values in ((-1, told.low), (1, told.high))
+    )
+    return actions(spaces.Box(low, high, dtype=np.float32), env)
+
+
+class ForeignWorlds(GymWorlds):
+    """Worlds that another process steps.
+
+    Where one generator serves all of them, an episode does not follow from its seed: nothing is remembered, and who
+    goes on from a saved state begins new episodes.
+    """
+
+    _vector: Link
+
+    def _opened(self, make: Callable[..., Link], num_worlds: int) -> Link:
+        self._anew = False
+        return make(worlds=num_worlds)
+
+    def step(self, substeps: int) -> None:
+        super().step(substeps)
+        if self._anew:  # the episodes that were under way are gone: these count for nothing, and are begun again
+            self.bad[:], self._anew = True, False
+
+    def picture(self, world: int) -> np.ndarray | None:
+        return self._vector.picture() if world == 0 else None
+
+    def memory(self) -> dict[str, Tensor]:
+        return super().memory() if self._vector.about.seeded else {"observation": self.observation}
+
+    def load_state_dict(self, saved: Mapping[str, Tensor]) -> None:
+        if self._vector.about.seeded:
+            super().load_state_dict(saved)
+            return
+        self.forward(torch.arange(self.num_worlds))
+        self._anew = True
+
+    def _keep(self, each: Tensor) -> None:
+        if self._vector.about.seeded:
+            super()._keep(each)
+
+    def _replay(self, taken: Tensor, steps: Tensor) -> None:
+        """All at once, so that they end together: a world whose episode is younger waits, and is begun then."""
+        longest, each = int(steps.max()), torch.arange(self.num_worlds)
+        waits = longest - steps
+        for number in range(longest):
+            self._begin(waits == number if number else torch.zeros_like(waits, dtype=torch.bool))
+            action = torch.where((waits <= number)[:, None], taken[each, (number - waits).clamp(min=0)], 0.0)
+            *_, terminated, truncated, _ = self._vector.step(self._actions.taken(action))
+            self._begin((waits > number) & torch.from_numpy(terminated | truncated))
+        self._begin(waits == longest)
+
+    def _begin(self, worlds: Tensor) -> None:
+        if bool(worlds.any()):
+            self._vector.reset(seed=self.seeds.tolist(), options={"reset_mask": worlds.numpy()})
+
+
+class ForeignTask(GymTask):
+    """An environment that another Python steps."""
+
+    opened: ClassVar[Any]
+    """A static function of `worlds` and `threads`: starts the other process."""
+
+    @classmethod
+    def handed_back(cls, graph: RewardGraph, program: str) -> str:
+        return terms(cls.found.env, cls.suite, cls.spec, graph, program)
+
+    @classmethod
+    def simulate(cls, num_worlds: int, device: str, threads: int) -> ForeignWorlds:
+        """Raises TaskError for any device but the CPU: what the other Python simulates on is its own setting."""
+        if device != "cpu":
+            raise TaskError(f"`{cls.env}` steps elsewhere; leave device={device} out, and say env={cls.env}+device=...")
+        found = cls.found
+        return ForeignWorlds(
+            functools.partial(cls.opened, threads=threads),
+            num_worlds,
+            name=cls.env,
+            parts=found.parts,
+            actions=found.actions,
+            infos=found.infos,
+            episode=cls.episode_length,
+        )

@@ -1,0 +1,300 @@
+"""Steps an environment for openeureka in the Python it is installed in: started there as a file, with NumPy alone.
+
+It speaks `worker.py`'s frames on two pipes, whose numbers are its first arguments, and so does not mind what an
+environment prints. Requests: `describe`, first, which makes the environment and says what it is; `reset` and `step`,
+which leave their results in memory that both sides have mapped, the third argument; `picture`. The answer to a fault is
+a frame that says `broken`.
+
+Nothing of openeureka is imported, and the syntax is that of Python 3.8. `scene.py` beside it has what mjlab and Isaac
+Lab need, and is read for them alone.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import importlib.util
+import inspect
+import json
+import mmap
+import os
+import signal
+import struct
+import sys
+import traceback
+from typing import Any
+
+import numpy as np
+
+VERSION = 1
+"""Of what is said in the frames; the other side refuses any other."""
+_PREFIX = struct.Struct("<IQ")
+_LONGEST = 1000
+_HERE = os.path.dirname(os.path.abspath(__file__))
+
+
+class Channel:
+    """Frames as `openeureka.worker` writes them."""
+
+    def __init__(self, incoming: int, outgoing: int) -> None:
+        self._in, self._out = os.fdopen(incoming, "rb"), os.fdopen(outgoing, "wb")
+
+    def receive(self) -> dict[str, Any] | None:
+        """The next request; None when the other side is gone."""
+        prefix = self._in.read(_PREFIX.size)
+        if len(prefix) < _PREFIX.size:
+            return None
+        return json.loads(self._in.read(_PREFIX.unpack(prefix)[0]))["header"]
+
+    def send(self, header: dict[str, Any], blobs: dict[str, bytes] | None = None) -> None:
+        blobs = blobs or {}
+        head = json.dumps({"header": header, "blobs": {name: len(blob) for name, blob in blobs.items()}}).encode()
+        self._out.write(b"".join((_PREFIX.pack(len(head), sum(map(len, blobs.values()))), head, *blobs.values())))
+        self._out.flush()
+
+
+def numbers(value: Any) -> np.ndarray:
+    """A tensor of any library, wherever it lies, as an array."""
+    value = getattr(value, "torch", value)  # Isaac Lab 3 wraps what it reads
+    if hasattr(value, "detach"):
+        value = value.detach().cpu()
+    return np.asarray(value)
+
+
+# --- anything that steps N worlds ------------------------------------------------------------------------------------
+
+
+class Vector:
+    """Whatever a factory gives that has the methods of Gymnasium's vector environments, and resets when it is told to.
+
+    `step(actions)` gives observation, reward, terminated, truncated and info; `reset(seed=, options=)` with
+    `options["reset_mask"]` gives observation and info. Observations are an array (N, ...) or a dict of them. Numbers of
+    `info`, and of what `state()` gives where there is one, are state variables.
+    """
+
+    seeded = True
+
+    def __init__(self, name: str, worlds: int, settings: dict[str, Any]) -> None:
+        self.env = made(name)(worlds, **settings)
+        self.worlds = worlds
+        mode = getattr(self.env, "metadata", {}).get("autoreset_mode") if hasattr(self.env, "metadata") else None
+        if mode is not None and "disabled" not in str(mode).lower():
+            raise ValueError("it resets itself; make it with autoreset_mode=AutoresetMode.DISABLED")
+
+    def about(self) -> dict[str, Any]:
+        env, inner = self.env, _inner(self.env)
+        told = getattr(env, "document", None)
+        document = told if told is not None else inspect.getdoc(type(inner)) or ""
+        actions = _actions(getattr(env, "single_action_space", None) or getattr(env, "action_space", None), env)
+        self.shape = tuple(actions.pop("shape"))
+        spec = getattr(env, "spec", None) or getattr(inner, "spec", None)
+        steps = (getattr(spec, "max_episode_steps", None), *(getattr(env, name, None) for name in _STEPS))
+        rate = (getattr(env, "metadata", None) or {}).get("render_fps")
+        times = [
+            getattr(owner, name, None) for owner in (env, inner) for name in ("step_dt", "control_dt", "dt", "tau")
+        ]
+        return {
+            "document": document,
+            "actions": actions,
+            "steps": next((int(n) for n in steps if n), _LONGEST),
+            "dt": next((float(t) for t in [*times, 1.0 / rate if rate else None] if t), 1.0),
+            "meanings": dict(getattr(env, "meanings", {})),
+        }
+
+    def reset(self, mask: np.ndarray, seeds: np.ndarray) -> tuple[Any, ...]:
+        observation, info = self.env.reset(seed=seeds.tolist(), options={"reset_mask": mask.copy()})
+        none = np.zeros(self.worlds)
+        return self._parts(observation), none, none, none, self._state(info)
+
+    def step(self, actions: np.ndarray) -> tuple[Any, ...]:
+        actions = actions.reshape((self.worlds, *self.shape)).copy()
+        if "torch" in sys.modules and getattr(self.env, "device", None) is not None:
+            actions = sys.modules["torch"].as_tensor(actions, device=self.env.device)
+        observation, reward, terminated, truncated, info = self.env.step(actions)
+        return self._parts(observation), reward, terminated, truncated, self._state(info)
+
+    def picture(self) -> Any:
+        drawn: Any = self.env.render() if getattr(self.env, "render_mode", None) == "rgb_array" else None
+        return drawn[0] if isinstance(drawn, (tuple, list)) and drawn else drawn
+
+    def _parts(self, observation: Any, path: tuple[str, ...] = ()) -> dict[str, Any]:
+        if not isinstance(observation, dict):
+            return {" ".join(path): observation}
+        found = {}
+        for key, value in observation.items():
+            found.update(self._parts(value, (*path, str(key))))
+        return found
+
+    def _state(self, info: Any) -> dict[str, Any]:
+        told = dict(info) if isinstance(info, dict) else {}
+        told.update(self.env.state() if callable(getattr(self.env, "state", None)) else {})
+        return {
+            name: value
+            for name, value in told.items()
+            if not name.startswith("_") and _is_state(value, self.worlds) and name.isidentifier()
+        }
+
+
+_STEPS = ("max_episode_length", "max_episode_steps", "episode_length")
+
+
+def _is_state(value: Any, worlds: int) -> bool:
+    if isinstance(value, (str, bytes, dict, list, tuple, type(None))) or callable(value):
+        return False
+    array = numbers(value)
+    return array.dtype.kind in "biuf" and array.ndim >= 1 and len(array) == worlds
+
+
+def _inner(env: Any) -> Any:
+    envs = getattr(env, "envs", None)
+    return getattr(envs[0], "unwrapped", envs[0]) if envs else getattr(env, "unwrapped", env)
+
+
+def _actions(space: Any, env: Any) -> dict[str, Any]:
+    """What a policy may do, from a space of Gymnasium's or `num_actions`."""
+    if hasattr(space, "nvec"):
+        return {"choices": space.nvec.reshape(-1).tolist(), "shape": list(space.nvec.shape)}
+    if hasattr(space, "n") and not hasattr(space, "low"):
+        return {"choices": [int(space.n)], "start": int(getattr(space, "start", 0)), "shape": []}
+    if hasattr(space, "low"):
+        low, high = (np.asarray(side, np.float64).reshape(-1) for side in (space.low, space.high))
+        return {"low": _bounds(low), "high": _bounds(high), "shape": list(space.shape)}
+    count = int(getattr(env, "num_actions", 0))
+    if not count:
+        raise ValueError("it says neither `single_action_space` nor `num_actions`")
+    return {"low": [-1.0] * count, "high": [1.0] * count, "shape": [count]}
+
+
+def _bounds(side: np.ndarray) -> list[float | None]:
+    return [float(value) if np.isfinite(value) else None for value in side]
+
+
+def made(name: str) -> Any:
+    """What `pkg.mod:factory` or `FILE.py:factory` names."""
+    place, _, attribute = name.rpartition(":")
+    if not place:
+        raise ValueError("name what makes the environment: pkg.mod:factory, or FILE.py:factory")
+    module = _module(os.path.expanduser(place)) if place.endswith(".py") else importlib.import_module(place)
+    return getattr(module, attribute)
+
+
+def _module(file: str) -> Any:
+    spec: Any = importlib.util.spec_from_file_location("openeureka_" + os.path.basename(file)[:-3], file)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+# --- the process -----------------------------------------------------------------------------------------------------
+
+
+class Memory:
+    """Arrays that both sides see, by name."""
+
+    def __init__(self, descriptor: int, shapes: dict[str, tuple[str, tuple[int, ...]]]) -> None:
+        self.layout, size = {}, 0
+        for name, (kind, shape) in shapes.items():
+            self.layout[name] = [size, kind, [int(n) for n in shape]]
+            size += -(-int(np.prod(shape, dtype=np.int64)) * np.dtype(kind).itemsize // 64) * 64
+        os.ftruncate(descriptor, max(size, 1))
+        self._map = mmap.mmap(descriptor, max(size, 1))
+        self.arrays = {
+            name: np.frombuffer(self._map, kind, int(np.prod(shape, dtype=np.int64)), start).reshape(shape)
+            for name, (start, kind, shape) in self.layout.items()
+        }
+
+    def write(self, parts: dict[str, Any], reward: Any, terminated: Any, truncated: Any, state: dict[str, Any]) -> None:
+        for number, value in enumerate(parts.values()):
+            place = self.arrays[f"part {number}"]
+            place[...] = numbers(value).reshape(place.shape)
+        for name, value in (("reward", reward), ("terminated", terminated), ("truncated", truncated)):
+            self.arrays[name][...] = numbers(value).reshape(-1)
+        for name in (name for name in self.arrays if name.startswith("state ")):
+            value = state.get(name[6:])
+            self.arrays[name][...] = 0.0 if value is None else numbers(value)
+
+
+class Server:
+    """One environment, and the requests to it."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+
+    def describe(self, kind: str, name: str, worlds: int, settings: dict[str, Any]) -> dict[str, Any]:
+        make = Vector if kind == "python" else getattr(_module(os.path.join(_HERE, "scene.py")), kind)
+        self.env: Any = make(name, worlds, settings)
+        about = self.env.about()
+        everywhere, seeds = np.ones(worlds, bool), np.arange(worlds)
+        parts, *_, state = self.env.reset(everywhere, seeds)
+        choices = about["actions"].get("choices")
+        idle = (
+            np.zeros((worlds, len(choices)), np.int64) if choices else np.zeros((worlds, len(about["actions"]["low"])))
+        )
+        *_, later = self.env.step(idle.astype(np.int64 if choices else np.float32) + about["actions"].get("start", 0))
+        shapes = {name: numbers(value).shape[1:] for name, value in {**later, **state}.items()}
+        changing = {name for name in later if name in state and numbers(later[name]).shape[1:] != shapes[name]}
+        shapes = {name: shape for name, shape in shapes.items() if name not in changing}
+        wide = {"actions": ("<i8" if choices else "<f4", idle.shape), "seeds": ("<i8", (worlds,))}
+        wide.update({name: ("|b1", (worlds,)) for name in ("mask", "terminated", "truncated")})
+        wide["reward"] = ("<f4", (worlds,))
+        wide.update({f"part {i}": ("<f4", numbers(part).shape) for i, part in enumerate(parts.values())})
+        wide.update({f"state {name}": ("<f4", (worlds, *shape)) for name, shape in shapes.items()})
+        self._memory = Memory(self._descriptor, wide)
+        observed = [[name, list(numbers(part).shape[1:])] for name, part in parts.items()]
+        listed = [[name, list(shape), about["meanings"].get(name, "")] for name, shape in shapes.items()]
+        told = {key: value for key, value in about.items() if key != "meanings"}
+        return {
+            **told,
+            "observation": observed,
+            "state": listed,
+            "seeded": self.env.seeded,
+            "layout": self._memory.layout,
+        }
+
+    def reset(self) -> dict[str, Any]:
+        arrays = self._memory.arrays
+        self._memory.write(*self.env.reset(arrays["mask"], arrays["seeds"]))
+        return {}
+
+    def step(self) -> dict[str, Any]:
+        self._memory.write(*self.env.step(self._memory.arrays["actions"]))
+        return {}
+
+
+def main(incoming: int, outgoing: int, memory: int) -> None:
+    os.dup2(2, 1)  # what is printed goes where errors go
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # dies with its parent, PR_SET_PDEATHSIG
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the other side's to handle
+    channel, server = Channel(incoming, outgoing), Server(memory)
+    channel.send({"version": VERSION, "python": sys.version.split()[0]})
+    while True:
+        asked = channel.receive()
+        if asked is None:
+            return
+        do, blobs = asked.pop("do"), {}
+        try:
+            if do == "picture":
+                drawn = server.env.picture()
+                answer = {"shape": []} if drawn is None else {"shape": list(drawn.shape)}
+                blobs = {} if drawn is None else {"picture": np.ascontiguousarray(drawn, np.uint8).tobytes()}
+            else:
+                answer = getattr(server, do)(**asked)
+        except BaseException as error:
+            traceback.print_exc()
+            answer = {"broken": told(error)}
+        channel.send(answer, blobs)
+
+
+def told(error: BaseException) -> str:
+    """Kind, text and place of an error, on one line."""
+    text = " ".join(str(error).split()).rstrip(".")
+    frames = traceback.extract_tb(error.__traceback__)
+    places = [frame for frame in frames if os.path.dirname(os.path.abspath(frame.filename)) != _HERE]
+    where = f" ({os.path.basename(places[-1].filename)}, line {places[-1].lineno})" if places else ""
+    return type(error).__name__ + (f": {text}" if text else "") + where
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[-3:]))

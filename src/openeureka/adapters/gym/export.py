@@ -1,0 +1,61 @@
+"""A reward as a wrapper of Gymnasium's, so that it trains in anybody's program."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pprint import pformat
+from typing import Any
+
+from gymnasium import spaces
+
+from ...errors import TaskError
+from ...reward.spelled import spelled
+from ...reward.validate import inputs
+from ...types import RewardGraph, StateSpec
+from .draft import template
+from .spaces import Part
+from .survey import WHOLE
+
+
+def wrapper(
+    env: str,
+    spec: StateSpec,
+    places: Mapping[str, slice | str],
+    parts: Iterable[Part],
+    graph: RewardGraph,
+    program: str,
+) -> str:
+    """The file. Raises TaskError for a variable that a task file computes itself."""
+    known = read(env, graph, (*places, *WHOLE))
+    return template("wrapper.py.jinja").render(
+        env=env,
+        program=program,
+        places=pformat({name: _place(name, places[name], spec) for name in known if name in places}, width=118),
+        parts=pformat([_part(part) for part in parts], width=118),
+        reward=spelled(graph, spec),
+    )
+
+
+def read(env: str, graph: RewardGraph, known: Iterable[str]) -> tuple[str, ...]:
+    """The variables that a reward reads. Raises TaskError for one that the environment does not know."""
+    known = tuple(known)
+    for name in inputs(graph):
+        if name not in known:
+            raise TaskError(
+                f"The reward reads `{name}`, which only openeureka computes of `{env}`; train with a reward that does "
+                "without it, or hide it in the task's file."
+            )
+    return inputs(graph)
+
+
+def _place(name: str, place: slice | str, spec: StateSpec) -> Any:
+    return place if isinstance(place, str) else (place.start, place.stop, spec[name].shape)
+
+
+def _part(part: Part) -> tuple[Any, ...]:
+    space = part.space
+    if isinstance(space, spaces.Discrete):
+        return part.path, (int(space.n),), (int(space.start),)
+    if isinstance(space, spaces.MultiDiscrete):
+        return part.path, tuple(space.nvec.reshape(-1).tolist()), tuple(space.start.reshape(-1).tolist())
+    return part.path, (), ()

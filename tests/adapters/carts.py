@@ -1,0 +1,87 @@
+"""Worlds for `env=python:FILE.py:NAME`: what an environment of another Python may be, with nothing but NumPy."""
+
+import os
+import signal
+import sys
+import time
+
+import numpy as np
+
+
+class Carts:
+    """N carts on a line.
+
+    ## Description
+    The goal is to stop at a mark.
+    """
+
+    num_actions, max_episode_steps, dt = 1, 40, 0.05
+    meanings = {"place": "position on the line [m]", "speed": "velocity [m/s]", "mark": "where to stop [m]"}  # noqa: RUF012
+
+    def __init__(self, worlds, fault="", step=1000, file="", pull=1.0):
+        self.place, self.speed, self.mark = np.zeros((3, worlds))
+        self.fault, self.step_of_fault, self.file, self.pull, self.count = fault, step, file, pull, 0
+
+    def reset(self, *, seed, options):
+        for world in np.flatnonzero(options["reset_mask"]):
+            self.place[world], self.mark[world] = np.random.default_rng(seed[world]).uniform(-1.0, 1.0, 2)
+            self.speed[world] = 0.0
+        return self.seen(), self.told()
+
+    def step(self, actions):
+        self.count += 1
+        if self.count == self.step_of_fault and not (self.file and os.path.exists(self.file)):
+            self.fail()
+        self.speed += 0.2 * (3.0 * self.pull * actions[:, 0] - self.speed)
+        self.place += 0.05 * self.speed
+        gap, off = np.abs(self.place - self.mark), np.abs(self.place) > 2.0
+        return self.seen(), -gap, off, np.zeros(len(gap), bool), self.told()
+
+    def fail(self):
+        if self.file:
+            open(self.file, "w").close()
+        if self.fault == "raise":
+            raise ValueError("the battery is empty")
+        if self.fault == "kill":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if self.fault == "hang":
+            time.sleep(60.0)
+        if self.fault == "print":
+            os.write(1, b"\0\1rubbish" * 999)
+            print("\x00rubbish" * 999, flush=True)
+            sys.stderr.write("rubbish\n")
+
+    def seen(self):
+        return np.stack([self.place, self.speed, self.mark], axis=1)
+
+    def told(self):
+        return {"place": self.place, "speed": self.speed, "mark": self.mark, "reward_part": self.speed}
+
+
+class Pair:
+    """A dictionary of observations, and two choices."""
+
+    num_envs = 0
+
+    class single_action_space:  # as Gymnasium's MultiDiscrete
+        nvec = np.array([2, 3])
+
+    def __init__(self, worlds):
+        self.first = np.zeros((worlds, 2))
+
+    def reset(self, *, seed, options):
+        return self.seen(), {}
+
+    def step(self, actions):
+        self.first = actions.astype(float)
+        flags = np.zeros(len(actions), bool)
+        return self.seen(), self.first.sum(1), flags, flags, {}
+
+    def seen(self):
+        return {"taken": self.first, "inner": {"double": 2.0 * self.first}}
+
+
+def resets_itself(worlds):
+    carts = Carts(worlds)
+    carts.metadata = {"autoreset_mode": "AutoresetMode.NEXT_STEP"}
+    return carts

@@ -1,0 +1,168 @@
+"""Environments that another process steps: numbers as if it were this one, and one sentence for whatever goes wrong."""
+
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+
+pytest.importorskip("gymnasium", reason="needs Gymnasium: pip install 'openeureka[gym]'")
+
+from openeureka.adapters.foreign import link
+from openeureka.config import RunConfig, parse
+from openeureka.errors import EurekaError, TaskError, WorkerError
+from openeureka.executors.local import LocalExecutor
+from openeureka.tasks import registry
+from openeureka.tasks.context import context
+from openeureka.testing.conformance.task import TaskConformance
+from openeureka.training import pausing
+from openeureka.training.population import Population
+from openeureka.types import LaneSpec, TrainBudget, TrainingResult, TrainingState
+
+HERE = Path(__file__).parent
+CARTS = f"python:{HERE / 'carts.py'}:Carts"
+
+
+class TestCarts(TaskConformance):
+    env = CARTS
+    random_worlds = 8
+
+
+def test_its_own_names_and_meanings_are_the_state_table_and_its_reward_is_none_of_it():
+    known = context(CARTS)
+    assert known.state.names == ("place", "speed", "mark", "obs_buf", "previous_obs_buf", "actions")
+    assert known.state["speed"].meaning == "velocity [m/s]" and known.state["speed"].use == "directional"
+    assert known.description.startswith("to stop at a mark") and registry.get(CARTS).episode_length == 40
+
+
+def test_a_step_there_is_the_step_by_hand():
+    simulation = registry.make(CARTS, worlds=3)
+    start = simulation.reset()
+    step = simulation.step(torch.tensor([[1.0], [0.0], [-1.0]]))
+    assert step.state["speed"].tolist() == pytest.approx([0.6, 0.0, -0.6])  # 0.2 of 3 m/s
+    assert step.state["place"].tolist() == pytest.approx((start[:, 0] + torch.tensor([0.03, 0.0, -0.03])).tolist())
+    gap = (step.state["place"] - step.state["mark"]).abs()
+    assert simulation.task.human_reward(step.state).tolist() == pytest.approx((-gap).tolist())
+
+
+def test_what_is_set_reaches_what_makes_it_and_a_formula_names_its_state():
+    simulation = registry.make(f"{CARTS}+pull=0.5+fitness=-abs(place - mark)", worlds=1)
+    simulation.reset()
+    step = simulation.step(torch.ones(1, 1))
+    assert step.state.keys() == {"speed", "obs_buf", "previous_obs_buf", "actions", "outcome"}
+    assert float(step.state["speed"]) == pytest.approx(0.3)
+    assert float(step.score.value) == pytest.approx(
+        -abs(float(step.state["obs_buf"][0, 0] - step.state["obs_buf"][0, 2]))
+    )
+
+
+def test_choices_and_dictionaries_cross_over():
+    simulation = registry.make(f"python:{HERE / 'carts.py'}:Pair", worlds=2)
+    simulation.reset()
+    state = simulation.step(torch.tensor([[0.0, 1.0, 0.0, 0.0, 1.0]] * 2)).state
+    assert simulation.task.choices == (2, 3)
+    assert state["taken"].tolist() == [[1.0, 2.0]] * 2 and state["inner_double"].tolist() == [[2.0, 4.0]] * 2
+
+
+def test_a_training_goes_on_to_the_bit_where_it_was_saved():
+    budget = TrainBudget(env_steps=4 * 4 * 64, worlds=4)
+    lanes = [LaneSpec(id=name, program=name, seed=seed) for name, seed in (("human", 1), ("sparse", 2))]
+    whole, begun, after = (Population(CARTS, lanes, budget) for _ in range(3))
+    list(whole.train())
+    begun.until = 2
+    list(begun.train())
+    after.load_state_dict(pausing.load(pausing.save(begun.state_dict()), torch.device("cpu")))
+    list(after.train())
+    assert torch.equal(whole.ppo.network.flat, after.ppo.network.flat)
+    assert torch.equal(whole.observation, after.observation)
+
+
+def test_python_is_a_part_of_the_name_and_its_path_is_made_whole():
+    config = parse(RunConfig, ["env=mjlab:Mjlab-Cartpole", "python=~/mjlab/bin/python"])
+    assert config.env == f"mjlab:Mjlab-Cartpole+python={Path.home()}/mjlab/bin/python"
+    inside = parse(RunConfig, ["python=python3", "env=python:carts.py:Carts"])
+    assert inside.env == f"python:{Path.cwd()}/carts.py:Carts+python=python3"
+    assert not registry.installed(inside.env)  # a run from elsewhere asks before it starts that program
+
+
+# --- what goes wrong --------------------------------------------------------------------------------------------------
+
+
+def stepped(env: str, steps: int) -> None:
+    simulation = registry.make(env, worlds=2)
+    simulation.reset()
+    for _ in range(steps):
+        simulation.step(torch.zeros(2, 1))
+
+
+def said(error: EurekaError, *words: str) -> None:
+    assert all(word in str(error) for word in words), str(error)
+    assert "\n" not in str(error) and "Traceback" not in str(error)
+
+
+def test_an_environment_that_raises_in_step_1000_is_named_with_its_error_and_line():
+    with pytest.raises(TaskError) as caught:
+        stepped(f"{CARTS}+fault=raise", 1000)
+    said(caught.value, "carts.py:Carts", "failed: ValueError: the battery is empty (carts.py, line ")
+
+
+def test_a_process_that_is_killed_is_told_as_such():
+    with pytest.raises(WorkerError) as caught:
+        stepped(f"{CARTS}+fault=kill+step=3", 3)
+    said(caught.value, f"{sys.executable} ended during a step of `python:", "It was killed")
+
+
+def test_a_process_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(link, "STEPPING", 0.5)
+    with pytest.raises(WorkerError) as caught:
+        stepped(f"{CARTS}+fault=hang+step=3", 3)
+    said(caught.value, "did not come to an end of a step of", "in 0.5 s")
+
+
+def test_what_it_prints_is_not_taken_for_an_answer():
+    stepped(f"{CARTS}+fault=print+step=3", 6)
+
+
+def test_a_python_that_prints_before_the_server_begins_is_understood(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "sitecustomize.py").write_text("print('welcome' * 9999, flush=True)")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    stepped(f"{CARTS}+pull=0.9", 2)
+
+
+def test_a_server_of_another_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "server.py").write_text(link.SERVER.read_text().replace("VERSION = 1", "VERSION = 7"))
+    monkeypatch.setattr(link, "SERVER", tmp_path / "server.py")
+    with pytest.raises(TaskError) as caught:
+        stepped(f"{CARTS}+pull=0.8", 1)
+    said(caught.value, "is of version 7, and version 1 is needed")
+
+
+@pytest.mark.parametrize(
+    "env, words",
+    [
+        (f"{CARTS}+python=/no/such/python", "/no/such/python cannot be started: No such file or directory."),
+        (f"{CARTS}+python=true", "true does not run the server of environments"),
+        (f"{CARTS}+weight=3", "cannot be made: TypeError"),
+        (f"python:{HERE / 'carts.py'}:Wagons", "cannot be made: AttributeError"),
+        (f"python:{HERE / 'carts.py'}:resets_itself", "autoreset_mode=AutoresetMode.DISABLED"),
+        ("python:no_such_package:make", "No module named 'no_such_package'"),
+        ("python:carts", "name what makes the environment: pkg.mod:factory"),
+        ("mjlab:Mjlab-Cartpole", "No module named 'mjlab'"),
+    ],
+)
+def test_what_cannot_be_made_is_one_sentence(env: str, words: str):
+    with pytest.raises(TaskError) as caught:
+        registry.get(env)
+    said(caught.value, words)
+
+
+def trained(env: str) -> TrainingResult:
+    lanes = [LaneSpec(id="human", program="human", seed=1)]
+    messages = LocalExecutor(threads=1).train(env, lanes, TrainBudget(env_steps=4 * 64 * 8, worlds=4))
+    (result,) = [message for message in messages if isinstance(message, TrainingResult)]
+    return result
+
+
+def test_a_training_whose_other_process_dies_once_is_begun_again_by_itself(tmp_path: Path):
+    result = trained(f"{CARTS}+fault=kill+step=40+file={tmp_path / 'died'}")
+    assert (tmp_path / "died").exists() and result.state is TrainingState.FINISHED

@@ -1,0 +1,142 @@
+"""A reward that goes back to where its environment is from pays there what it paid here."""
+
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+import torch
+
+pytest.importorskip("gymnasium", reason="needs Gymnasium: pip install 'openeureka[gym]'")
+
+import gymnasium
+
+from openeureka.cli.main import main
+from openeureka.errors import TaskError
+from openeureka.reward import gate, probe
+from openeureka.reward import graph as graphs
+from openeureka.reward.load import load
+from openeureka.tasks import registry
+from openeureka.tasks.record import record_states
+from openeureka.tasks.task import State, Task
+from openeureka.types import RewardGraph
+
+from . import worlds  # noqa: F401  registers its environments
+
+STEPS = 30
+PROGRAMS = {
+    "gym-asis:Hopper-v5": """
+        def compute_reward(x_velocity: torch.Tensor, obs_buf: torch.Tensor, previous_obs_buf, actions):
+            moved = torch.norm(obs_buf - previous_obs_buf, dim=-1)
+            upright = torch.exp(-torch.square(obs_buf[:, 1]) / 0.1)
+            effort = torch.max(torch.sum(actions ** 2, dim=-1), torch.tensor(0.1))
+            return x_velocity + 0.5 * upright - 0.1 * effort + moved, {"upright": upright, "effort": effort}
+    """,
+    "gym:CartPole-v1": """
+        def compute_reward(pole_angle, cart_position, actions):
+            near = torch.where(cart_position.abs() < 0.02, 1.0, -0.5)
+            return near - pole_angle.abs() + 0.25 * actions[:, 1], {"near": near}
+    """,
+    "gym:Openeureka/Clock-v0": """
+        def compute_reward(phase, step, actions, luck):
+            shown = (phase * torch.arange(3, device=phase.device)).sum(dim=-1)
+            return shown + step[:, 0] * actions[:, 4] + 0.001 * luck, {"shown": shown}
+    """,
+}
+
+
+def graph_of(task: type[Task], program: str, states: State) -> RewardGraph:
+    """Traced here: what tests write needs no sandbox."""
+    checked = gate.check(f"import torch\n{program.strip()}", task.spec)
+    assert isinstance(checked, gate.Program), checked
+    return probe.probe(load(checked), task.spec, states).graph
+
+
+def loaded(text: str) -> ModuleType:
+    module = ModuleType("handed_back")
+    exec(text, module.__dict__)
+    return module
+
+
+@pytest.mark.parametrize("env", PROGRAMS)
+def test_a_wrapper_pays_what_the_graph_paid(env: str):
+    program = "\n".join(line[8:] for line in PROGRAMS[env].splitlines())
+    simulation = registry.make(env, worlds=1)
+    graph = graph_of(type(simulation.task), program, record_states(env, worlds=4, steps=3, keep=2))
+    reward = graphs.compile(graph, simulation.task.spec)
+    text = type(simulation.task).handed_back(graph, program)
+    assert "openeureka" not in {line.split()[1] for line in text.splitlines() if line.startswith(("import", "from"))}
+    theirs = loaded(text).EurekaReward(gymnasium.make(env.partition(":")[2]))
+
+    simulation.reset()
+    seed = int(simulation.sim.seeds[0])
+    theirs.reset(seed=seed)
+    generator = torch.Generator().manual_seed(0)
+    for _ in range(STEPS):
+        step = simulation.step(torch.randn(1, simulation.task.num_actions, generator=generator))
+        if bool(step.done[0]):
+            break
+        ours, components = reward(step.state)
+        (taken,) = simulation.task.found.actions.taken(step.state["actions"])
+        _, paid, _, _, info = theirs.step(taken)
+        assert paid == pytest.approx(float(ours[0]), abs=2e-6)
+        assert info["parts"] == pytest.approx({name: float(part[0]) for name, part in components.items()}, abs=2e-6)
+        assert info["reward_of_environment"] == pytest.approx(float(simulation.task.paid[0]), abs=1e-5)
+
+
+def with_square(text: str) -> str:
+    """A drafted file in which somebody adds the variable that it proposes."""
+    table = "spec = StateSpec(\n        ("
+    assert table in text and '# state["squared"]' in text
+    added = f'{table}StateVar(name="squared", meaning="of the first"),'
+    return text.replace('# state["squared"]', 'state["squared"]').replace(table, added)
+
+
+def test_a_variable_that_a_task_file_computes_does_not_go_back(tmp_path: Path):
+    drafted(tmp_path / "first.py", "gym:CartPole-v1")
+    file = tmp_path / "mine.py"
+    file.write_text(with_square((tmp_path / "first.py").read_text()))
+    program = "def compute_reward(squared):\n    return squared, {'squared': squared}"
+    graph = graph_of(registry.get(str(file)), program, record_states(str(file), worlds=4, steps=3, keep=2))
+    with pytest.raises(TaskError, match="reads `squared`, which only openeureka computes"):
+        registry.get(str(file)).handed_back(graph, "")
+
+
+# --- the file of an environment ---------------------------------------------------------------------------------------
+
+
+def drafted(file: Path, env: str) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["new", str(file), f"env={env}"])
+    assert ended.value.code == 0
+
+
+def test_a_drafted_file_is_the_same_task_and_its_variables_can_be_renamed_hidden_and_added(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    file = tmp_path / "balance.py"
+    drafted(file, "gym:CartPole-v1")
+    assert f"eureka train env={file}" in capsys.readouterr().out
+    same, base = registry.make(str(file), worlds=3), registry.make("gym:CartPole-v1", worlds=3)
+    same.reset()
+    base.reset()
+    right = torch.tensor([[0.0, 1.0]] * 3)
+    mine, theirs = (simulation.step(right).state for simulation in (same, base))
+    assert mine.keys() == theirs.keys() and all(torch.equal(mine[name], theirs[name]) for name in mine)
+
+    edited = tmp_path / "edited.py"
+    lines = [line for line in file.read_text().splitlines() if "cart_velocity" not in line]
+    edited.write_text(with_square("\n".join(lines).replace('pole_angle"', 'lean"')))
+    changed = registry.make(str(edited), worlds=3)
+    changed.reset()
+    state = changed.step(right).state
+    assert torch.equal(state["lean"], theirs["pole_angle"]) and "cart_velocity" not in state
+    assert torch.equal(state["squared"], theirs["cart_position"].square())
+    np.testing.assert_array_equal(state["obs_buf"], theirs["obs_buf"])
+
+
+def test_a_task_that_is_a_file_is_not_drafted_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit) as ended:
+        main(["new", str(tmp_path / "x.py"), "env=cartpole"])
+    assert ended.value.code == 2 and "`cartpole` is a task already" in capsys.readouterr().err
+    assert not (tmp_path / "x.py").exists()
