@@ -1,6 +1,9 @@
+import asyncio
+import json
+
 import pytest
 
-from openeureka.ui.follow import PAUSE, Fresh, Version
+from openeureka.ui.follow import PAUSE, Fresh, Version, events
 
 
 def version(**parts: str) -> Version:
@@ -50,3 +53,36 @@ def test_what_was_not_asked_for_longest_is_forgotten():
     made = {key: fresh.get(key, (), lambda _: "again") for key in ("a", "c")}
     assert made == {"a": "first", "c": "first"}
     assert fresh.get("b", (), lambda _: "again") == "again"
+
+
+def test_events_tell_only_of_changes_and_end_when_nobody_listens(monkeypatch):
+    monkeypatch.setattr("openeureka.ui.follow.PAUSE", 0.0)
+    versions = [version(a="1"), version(a="1"), version(a="2"), version(a="2")]
+    left = iter(versions)
+
+    async def gone() -> bool:
+        return next(looks) is None
+
+    looks = iter([*versions, None])
+
+    async def listen() -> list[str]:
+        return [event async for event in events(lambda: next(left), [], gone)]
+
+    first, second = asyncio.run(listen())
+    assert first.startswith("data: ") and first.endswith("\n\n")
+    assert json.loads(first.removeprefix("data: "))["changed"] == {marks(versions[0])[0]: "1"}
+    assert list(json.loads(second.removeprefix("data: "))["changed"].values()) == ["2"]
+
+
+def test_a_page_without_news_hears_a_sign_of_life(monkeypatch):
+    monkeypatch.setattr("openeureka.ui.follow.BEAT", 0.0)
+    monkeypatch.setattr("openeureka.ui.follow.PAUSE", 0.0)
+    left = iter([False, True])
+
+    async def gone() -> bool:
+        return next(left)
+
+    async def listen() -> list[str]:
+        return [event async for event in events(lambda: version(a="1"), marks(version(a="1")), gone)]
+
+    assert asyncio.run(listen()) == [": here\n\n"]
