@@ -11,10 +11,9 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
-import uvicorn
 from playwright.sync_api import Browser, ConsoleMessage, Page, Request, sync_playwright
 
-from openeureka.ui import app, follow, guard, server
+from openeureka.ui import follow, guard, server
 
 from .serving import TOKEN
 
@@ -38,14 +37,11 @@ def chromium() -> Iterator[Browser]:
 def served(root: Path, port: int = 0) -> Iterator[int]:
     """The port at which the runs below a folder are served from a thread."""
     with server.listen("127.0.0.1", port) as listener:
-        config = uvicorn.Config(
-            app.build(root, TOKEN, guard.LOOPBACK), log_level="warning", lifespan="off", timeout_graceful_shutdown=1
-        )
-        serving = uvicorn.Server(config)
+        serving = server.server(root, TOKEN, guard.LOOPBACK)
         thread = threading.Thread(target=serving.run, kwargs={"sockets": [listener]})
         thread.start()
         yield listener.getsockname()[1]
-        serving.should_exit = serving.force_exit = True
+        serving.should_exit = True
         thread.join()
 
 

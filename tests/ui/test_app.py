@@ -18,7 +18,7 @@ from openeureka.store.db import LOCK, LOG
 from openeureka.testing.scripted import ScriptedModel, reply
 from openeureka.ui import app
 
-from .serving import visitor
+from .serving import awaited, visitor
 
 MORE = {*ELEMENTS.split(), "link", "form", "textarea", "article", "datalist", "progress"}
 
@@ -114,7 +114,7 @@ def test_a_page_that_is_open_is_sent_what_is_new(tmp_path):
 
 def next_news(root, known):
     """The first event that a page with these marks is sent."""
-    pages = app.Pages(root)
+    pages = app.Pages(root, lambda: False)
     scope = {"type": "http", "method": "GET", "path": "/runs/run/", "query_string": f"shown={','.join(known)}".encode()}
     scope |= {"headers": [(b"accept", b"text/event-stream")], "path_params": {"name": "run"}}
 
@@ -127,7 +127,7 @@ def next_news(root, known):
         async for event in answer.body_iterator:
             return json.loads(event.removeprefix("data: "))
 
-    return asyncio.run(listen())
+    return awaited(listen())
 
 
 def assert_inert(page: Page) -> None:

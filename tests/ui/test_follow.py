@@ -1,9 +1,10 @@
-import asyncio
 import json
 
 import pytest
 
 from openeureka.ui.follow import PAUSE, Fresh, Version, events
+
+from .serving import awaited
 
 
 def version(**parts: str) -> Version:
@@ -68,7 +69,7 @@ def test_events_tell_only_of_changes_and_end_when_nobody_listens(monkeypatch):
     async def listen() -> list[str]:
         return [event async for event in events(lambda: next(left), [], gone)]
 
-    first, second = asyncio.run(listen())
+    first, second = awaited(listen())
     assert first.startswith("data: ") and first.endswith("\n\n")
     assert json.loads(first.removeprefix("data: "))["changed"] == {marks(versions[0])[0]: "1"}
     assert list(json.loads(second.removeprefix("data: "))["changed"].values()) == ["2"]
@@ -85,4 +86,4 @@ def test_a_page_without_news_hears_a_sign_of_life(monkeypatch):
     async def listen() -> list[str]:
         return [event async for event in events(lambda: version(a="1"), marks(version(a="1")), gone)]
 
-    assert asyncio.run(listen()) == [": here\n\n"]
+    assert awaited(listen()) == [": here\n\n"]

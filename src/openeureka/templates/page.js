@@ -39,7 +39,7 @@ const eureka = (() => {
       case "dots": return { ...common, paths: () => null, points: { show: true, size: 7, fill: stroke } };
       case "dashed": return { ...common, dash: [6, 5], spanGaps: true, points: { show: false } };
       case "steps": return { ...common, paths: uPlot.paths.stepped({ align: 1 }), spanGaps: true, points: { show: false } };
-      default: return { ...common, points: { size: 5 } };
+      default: return { ...common, points: { size: 5, show: (plot, index, from, to) => to - from < 12 } };
     }
   }
 

@@ -36,9 +36,13 @@ ENTRIES = 5000
 """Lines of the list held in memory."""
 
 
-def build(root: Path, token: str, hosts: Sequence[str]) -> Starlette:
-    """The page of the runs below a folder, or of one run, for those who know the token and call it by these names."""
-    return Starlette(routes=Pages(root).routes(), middleware=guard.middleware(token, hosts))
+def build(root: Path, token: str, hosts: Sequence[str], ending: Callable[[], bool] = lambda: False) -> Starlette:
+    """The page of the runs below a folder, or of one run, for those who know the token and call it by these names.
+
+    Args:
+        ending: whether the server is about to end, which waits for those who follow.
+    """
+    return Starlette(routes=Pages(root, ending).routes(), middleware=guard.middleware(token, hosts))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,8 +65,9 @@ class Page:
 class Pages:
     """Everything below a folder."""
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, ending: Callable[[], bool]) -> None:
         self._root = root
+        self._ending = ending
         self._launcher = Launcher(root)
         self._views: Fresh[RunView] = Fresh(VIEWS)
         self._entries: Fresh[folder.Entry] = Fresh(ENTRIES)
@@ -238,7 +243,11 @@ class Pages:
         page = look()
         if "text/event-stream" in request.headers.get("accept", ""):
             shown = request.query_params.get("shown", "").split(",")
-            following = events(lambda: self._version(look()), shown, request.is_disconnected)
+
+            async def gone() -> bool:
+                return self._ending() or await request.is_disconnected()
+
+            following = events(lambda: self._version(look()), shown, gone)
             return StreamingResponse(following, media_type="text/event-stream")
         text = pages.layout(page.template, self._version(page), address=page.address, problem=problem, **page.values)
         return HTMLResponse(text, 400 if problem else 200)

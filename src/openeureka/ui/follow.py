@@ -12,6 +12,8 @@ from typing import Generic, TypeVar
 
 PAUSE = 1.0
 """[s] between two looks at a run whose page is open."""
+BLINK = 0.2
+"""[s] after which it is seen that nobody looks any more."""
 BEAT = 10.0
 """[s] after which a page is told that it is still heard of, so that a connection that broke is noticed."""
 SHARE = 0.03
@@ -84,22 +86,23 @@ async def events(
         look: the page as it is now; it may take long, which it is then asked less often.
         gone: whether nobody listens any more.
     """
-    spoken = 0.0
+    due = heard = time.monotonic()
     while not await gone():
+        if time.monotonic() < due:
+            await asyncio.sleep(min(BLINK, PAUSE))
+            continue
         begun = time.process_time()
         version = look()
-        pause = max(version.pause, (time.process_time() - begun) / SHARE)
+        due = time.monotonic() + max(version.pause, (time.process_time() - begun) / SHARE)
         changes = version.beyond(shown)
         if changes is not None:
             shown = [part.mark for part in version.parts]
             yield f"data: {json.dumps(changes)}\n\n"
-        elif time.monotonic() - spoken >= BEAT:
+        elif time.monotonic() - heard >= BEAT:
             yield ": here\n\n"
         else:
-            await asyncio.sleep(pause)
             continue
-        spoken = time.monotonic()
-        await asyncio.sleep(pause)
+        heard = time.monotonic()
 
 
 def _mark(html: str) -> str:

@@ -8,7 +8,8 @@ from typing import Any
 
 from ..config import FEEDBACKS, VIDEOS, RunConfig, as_dict
 from ..display import now as moment
-from ..report import html
+from ..report import html, tables
+from ..report.text import duration
 from ..report.view import CandidateView, PromptView, RunView
 from ..score import Outcome, human_normalised, mean, rank
 from ..store import is_held, is_run
@@ -47,12 +48,12 @@ def overview(directory: Path, run: RunView) -> Parts:
     piece = _pieces(run=run)
     entry = folder.entry("", directory)
     parts = {
-        "head": piece.head(entry, html.intent(run.config.env)),
+        "head": "",
         "now": "",
         "said": piece.said(*remarks.ear(directory)),
         "result": piece.result(),
-        "log": piece.log(folder.log(directory), entry.standing is not Standing.FINISHED),
         "table": piece.overview(),
+        "log": piece.log(folder.log(directory), entry.standing is not Standing.FINISHED),
     }
     for generation in reversed(run.generations):
         parts[f"g{generation.index}"] = piece.generation(generation)
@@ -61,9 +62,16 @@ def overview(directory: Path, run: RunView) -> Parts:
 
 
 def now(directory: Path, run: RunView) -> Parts:
-    """What a run that is at work is doing."""
-    told = moment.read(directory) if is_held(directory) else None
-    return {"now": _pieces(run=run).now(told, _places(run)) if told is not None else ""}
+    """How a run stands, and what it is doing while it is at work."""
+    piece, told = _pieces(run=run), moment.read(directory) if is_held(directory) else None
+    tiles = tables.tiles(run)
+    if told is not None:
+        left = duration(told.left) if told.left is not None else "-"
+        tiles.append(tables.Tile("time left", left, f"{duration(told.seconds)} at work"))
+    return {
+        "head": piece.head(folder.entry("", directory), html.intent(run.config.env), tiles),
+        "now": piece.now(told, _places(run)) if told is not None else "",
+    }
 
 
 def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
@@ -117,8 +125,9 @@ def unreadable(directory: Path, problem: str) -> Parts:
 
 
 def _places(run: RunView) -> dict[str, str]:
-    """What the lane of each candidate is called."""
-    return {
+    """What the lane of each candidate, and of each reward that came with the task, is called."""
+    others = {name: f"{lane.reward} reward" for name, lane in run.lanes.items() if lane.role == "baseline"}
+    return others | {
         lane_id(candidate.candidate.id, run.config.seed): html.anchor(candidate)
         for candidate in reversed(run.candidates)
         if candidate.candidate is not None
