@@ -59,15 +59,13 @@ def test_what_was_not_asked_for_longest_is_forgotten():
 def test_events_tell_only_of_changes_and_end_when_nobody_listens(monkeypatch):
     monkeypatch.setattr("openeureka.ui.follow.PAUSE", 0.0)
     versions = [version(a="1"), version(a="1"), version(a="2"), version(a="2")]
-    left = iter(versions)
+    left = list(versions)
 
     async def gone() -> bool:
-        return next(looks) is None
-
-    looks = iter([*versions, None])
+        return not left
 
     async def listen() -> list[str]:
-        return [event async for event in events(lambda: next(left), [], gone)]
+        return [event async for event in events(lambda: left.pop(0), [], gone)]
 
     first, second = awaited(listen())
     assert first.startswith("data: ") and first.endswith("\n\n")

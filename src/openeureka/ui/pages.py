@@ -87,9 +87,9 @@ def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
         at = places.index(name)
         beside = [places[at - 1] if at else "", places[at + 1] if at + 1 < len(places) else ""]
         children = [other for other in run.candidates if other.parent is not None and other.parent.place == c.place]
-        parts[name] = piece.whole(c, _prompt(run, c), [other for other in shown if other is not c], listens)
+        others = [other for other in shown if other is not c]
         parts[f"live-{name}"] = ""
-        parts[f"kin-{name}"] = piece.kin(c, children, beside)
+        parts[name] = piece.whole(c, _prompt(run, c), others, listens, children, beside)
     return parts
 
 
