@@ -32,10 +32,10 @@ def test_a_page_that_shows_nothing_known_is_sent_everything():
 
 
 def test_a_version_that_was_dear_to_make_is_looked_for_less_often(monkeypatch):
-    # 0.6 s of work at 3 % of a core are 20 s.
+    # 0.6 s of work at 2 % of a core are 30 s.
     clock = iter([0.0, 0.6])
     monkeypatch.setattr("openeureka.ui.follow.time.process_time", lambda: next(clock))
-    assert version(a="1").pause == pytest.approx(20.0)
+    assert version(a="1").pause == pytest.approx(30.0)
     monkeypatch.undo()
     assert version(a="1").pause == PAUSE
 

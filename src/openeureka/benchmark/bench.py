@@ -72,7 +72,7 @@ class Bench:
         }
         artifacts.write(self.directory, JSON, json.dumps(facts, indent=1) + "\n")
         template = html.environment().get_template("bench.html")
-        artifacts.write(self.directory, PAGE, template.render(bench=self, run=None))
+        artifacts.write(self.directory, PAGE, template.render(bench=self, run=None, best=None))
 
 
 def bench(

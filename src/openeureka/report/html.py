@@ -13,14 +13,14 @@ import hashlib
 import json
 from functools import cache
 from importlib.resources import files
+from itertools import groupby
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
-from pygments import highlight
-from pygments.formatters import HtmlFormatter
+from markupsafe import Markup, escape
 from pygments.lexers import PythonLexer
+from pygments.token import STANDARD_TYPES
 
 from ..codec import plain as data_of
 from ..config import short_name
@@ -45,6 +45,11 @@ STYLE = ("vendor/pico.min.css", "vendor/uPlot.min.css", "page.css")
 SCRIPT = ("vendor/uPlot.iife.min.js", "page.js")
 """Files that every page shares, the report too."""
 Kind = Literal["added", "removed", "kept", "place"]
+COLOURED = {
+    *("k", "kn", "kc", "ow", "nf", "nc", "s1", "s2", "sd", "se", "si", "sa"),
+    *("mi", "mf", "mh", "c1", "ch", "cm", "nb", "bp"),
+}
+"""Kinds of words, as Pygments calls them, that the style sheet has a colour for."""
 _KINDS: dict[str, Kind] = {"+": "added", "-": "removed", " ": "kept", "@": "place"}
 
 
@@ -55,6 +60,7 @@ def report(run: RunView, directory: Path) -> str:
         .get_template("report.html")
         .render(
             run=run,
+            best=run.best,
             title=short_name(run.config.env),
             intent=intent(run.config.env),
             best_video=_embedded(directory, run.videos.get("best", "")),
@@ -130,8 +136,15 @@ def source_hash(names: tuple[str, ...]) -> str:
 
 
 def code(source: str) -> Markup:
-    """A program with its words in colours; the formatter escapes it."""
-    return Markup(highlight(plain(source), PythonLexer(stripnl=False), HtmlFormatter(nowrap=True)))
+    """A program with its words in colours: text that is escaped, in spans where there is a colour."""
+    words = (
+        (STANDARD_TYPES.get(kind, ""), text) for kind, text in PythonLexer(stripnl=False).get_tokens(plain(source))
+    )
+    pieces = []
+    for kind, group in groupby(words, key=lambda word: word[0] if word[0] in COLOURED else ""):
+        text = escape("".join(word for _, word in group))
+        pieces.append(Markup('<span class="{}">{}</span>').format(kind, text) if kind else text)
+    return Markup("").join(pieces)
 
 
 def data(noun: object) -> str:

@@ -140,8 +140,9 @@ def _prompt(run: RunView, candidate: CandidateView) -> PromptView | None:
     return max(asked, key=lambda prompt: prompt.slot, default=None)
 
 
-def _pieces(**values: object) -> Any:
-    """The macros of the page, which see the values."""
+def _pieces(run: RunView | None) -> Any:
+    """The macros of the page, which see the run."""
+    values = {"run": run, "best": run.best if run is not None else None}
     helpers = {"called": _called, "parts_of": _parts_of, "held_out": _held_out, "normalised": human_normalised}
     return html.environment().get_template("ui/pieces.html").make_module(values | helpers)
 
