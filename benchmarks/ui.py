@@ -6,6 +6,9 @@ The run is scripted, its replies, curves and videos are as large as those of a r
 1000 epochs, a film for each candidate. The page is `eureka ui` in a process of its own and a tab of headless Chromium.
 It is followed while a reply is committed every 2 s, faster than models write, and then while nothing happens. Seconds
 of work are processor time, those of the tab what Chromium calls TaskDuration; a busy machine prolongs the load alone.
+
+A folder of 500 copies of a small run is listed by a server that has just begun, and once more. The report is that of
+the first run, written by itself: films of candidates are files beside it.
 """
 
 from __future__ import annotations
@@ -30,13 +33,14 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import imageio_ffmpeg
-from playwright.sync_api import CDPSession, Page, sync_playwright
+from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
 from records import today, write
 
 from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.loop import run
-from openeureka.report.view import VIDEO
+from openeureka.report import html
+from openeureka.report.view import VIDEO, RunView
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer
 from openeureka.types import LaneSpec, Prompt, Reply, TrainingResult
@@ -45,6 +49,8 @@ CONFIG = RunConfig(env="toy", model="scripted", sample=16, iteration=5, refill=0
 CANDIDATES = CONFIG.sample * CONFIG.iteration
 PACED = CANDIDATES - CONFIG.sample
 """Replies from here on, those of the last generation, are followed."""
+SMALL = RunConfig(env="toy", model="scripted", sample=2, iteration=2, refill=0, seeds=2)
+RUNS = 500
 EPOCHS, COMPONENTS, LINES = 1000, 8, 90
 
 
@@ -150,6 +156,32 @@ def share(process: int, page: Page, seconds: float) -> dict[str, float]:
     }
 
 
+def runs(root: Path, count: int) -> None:
+    """Copies of a small finished run."""
+    first = root / "run-000"
+    with Store.open(first, SMALL) as store:
+        run(SMALL, store, Paced([reply(n) for n in range(4)]), ToyChecker(), ToyTrainer(), TOY, strategies.make(SMALL))
+    for number in range(1, count):
+        shutil.copytree(first, root / f"run-{number:03}")
+
+
+def listed(browser: Browser, root: Path, count: int) -> dict[str, float]:
+    """[s] until all runs of a folder can be seen, and the processor time of the server for that."""
+    with served(root) as (process, address):
+        page = browser.new_page()
+        before = server_work(process)
+        begun = time.perf_counter()
+        page.goto(address)
+        page.locator("#runs tbody tr").nth(count - 1).wait_for(state="attached")
+        first, worked = time.perf_counter() - begun, server_work(process) - before
+        begun = time.perf_counter()
+        page.reload()
+        page.locator("#runs tbody tr").nth(count - 1).wait_for(state="attached")
+        again = time.perf_counter() - begun
+        quiet = share(process, page, 20)
+    return {"first": round(first, 2), "server": round(worked, 2), "again": round(again, 2), **quiet}
+
+
 def measure(folder: Path, pause: float, repeats: int) -> dict[str, object]:
     directory, picture, model = folder / "run", film(), Paced([reply(n) for n in range(CANDIDATES)])
     model.pause = pause
@@ -176,7 +208,17 @@ def measure(folder: Path, pause: float, repeats: int) -> dict[str, object]:
                 first.append(load(page, address))
                 worked.append(server_work(process) - before)
                 again.append(load(page, address))
+        view = RunView.read(directory)
+        begun = time.perf_counter()
+        report = html.report(view, directory)
+        wrote = time.perf_counter() - begun
+        many = folder / "many"
+        many.mkdir()
+        runs(many, RUNS)
+        listing = listed(browser, many, RUNS)
     return {
+        "report": {"megabytes": round(len(report.encode()) / 1e6, 2), "seconds": round(wrote, 2)},
+        f"list_of_{RUNS}_runs": listing,
         "load_seconds": {"first": round(statistics.median(first), 2), "again": round(statistics.median(again), 2)},
         "server_seconds_of_the_first_load": round(statistics.median(worked), 2),
         "repeats": repeats,

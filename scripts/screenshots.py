@@ -1,10 +1,14 @@
 """Renews docs/images: the page and the report of a small search, as headless Chromium shows them.
 
-python scripts/screenshots.py [RUN]     # without a run it makes one; needs the extra `dev` and Chromium
+    python scripts/screenshots.py [RUN]               # without a run it makes one; needs the extra `dev` and Chromium
+    python scripts/screenshots.py RUN --all FOLDER    # every page, light and dark, 400 and 1400 px wide, to look at
+
+With --all the folder that holds the run is what the list and the comparison show.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import re
 import shutil
@@ -14,16 +18,22 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import product
 from pathlib import Path
+from typing import Literal
 
 from playwright.sync_api import Page, ViewportSize, sync_playwright
 
 from openeureka.report.view import RunView
+from openeureka.store import is_run
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 EUREKA = [sys.executable, "-P", "-c", "from openeureka.cli.main import main; main()"]
 SEARCH = ["env=cartpole", "model=random", "sample=6", "iteration=2", "steps=150000", "seeds=1", "video=all"]
-SIZE = ViewportSize(width=1100, height=1200)
+SIZE = ViewportSize(width=1280, height=1400)
+SHOWN = ("runs", "run", "candidates", "report")
+"""What the docs show."""
+SCHEMES: tuple[Literal["light", "dark"], ...] = ("light", "dark")
 
 
 @contextmanager
@@ -39,36 +49,63 @@ def served(root: Path) -> Iterator[str]:
             process.send_signal(signal.SIGINT)
 
 
-def take(page: Page, run: Path) -> None:
-    best = RunView.read(run).best
-    assert best is not None
-    chosen = [best, *(c for c in RunView.read(run).candidates if c.parent is not None and c.result is not None)]
-    shown = "&".join(f"show={candidate.place}" for candidate in chosen[:2])
-    with served(run.parent) as address:
-        page.goto(address)
-        _shoot(page, "runs")
-        page.goto(f"{address.removesuffix('open')}runs/{run.name}/")
-        _shoot(page, "run")
-        page.goto(f"{address.removesuffix('open')}runs/{run.name}/candidates?{shown}")
-        _shoot(page, "candidates")
-    page.goto((run / "report.html").resolve().as_uri())
-    _shoot(page, "report")
+def addresses(run: Path, page: str) -> dict[str, str]:
+    """Of every page, by name; `page` is where `eureka ui` serves."""
+    view = RunView.read(run)
+    assert view.best is not None
+    chosen = [view.best, *(c for c in view.candidates if c.parent is not None and c.result is not None)]
+    refused = next((c for c in view.candidates if c.result is None), view.best)
+    runs = [path.name for path in sorted(run.parent.iterdir()) if is_run(path)][:4]
+    at = f"{page}runs/{run.name}/"
+    return {
+        "runs": page,
+        "run": at,
+        "candidate": f"{at}candidates?show={chosen[-1].place}",
+        "candidates": f"{at}candidates?" + "&".join(f"show={one.place}" for one in chosen[:2]),
+        "refused": f"{at}candidates?show={refused.place}",
+        "compare": f"{page}compare?" + "&".join(f"run={name}" for name in runs),
+        "report": (run / "report.html").resolve().as_uri(),
+    }
 
 
-def _shoot(page: Page, name: str) -> None:
-    page.wait_for_load_state("networkidle")  # films show their first picture
-    page.screenshot(path=IMAGES / f"{name}.png")
+def shoot(page: Page, address: str, file: Path, *, whole: bool) -> None:
+    page.goto(address)
+    for _ in range(20):  # what is drawn or loaded when it can be seen
+        page.mouse.wheel(0, 1000)
+        page.wait_for_timeout(50)
+    page.evaluate("scrollTo(0, 0)")
+    page.wait_for_timeout(500)
+    page.screenshot(path=file, full_page=whole)
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("run", type=Path, nargs="?")
+    parser.add_argument("--all", type=Path)
+    options = parser.parse_args()
     path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    options = ["--no-sandbox"] if os.geteuid() == 0 else []
+    words = ["--no-sandbox"] if os.geteuid() == 0 else []
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        run = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(folder) / "cartpole"
+        run = options.run or Path(folder) / "cartpole"
         if not run.exists():
             subprocess.run([*EUREKA, "run", *SEARCH, f"dir={run}"], check=True)
-        with playwright.chromium.launch(executable_path=path, args=options) as browser:
-            take(browser.new_page(viewport=SIZE), run)
+        with (
+            playwright.chromium.launch(executable_path=path, args=words) as browser,
+            served(run.parent) as entrance,
+        ):
+            page = browser.new_page(viewport=SIZE)
+            page.goto(entrance)
+            found = addresses(run, re.sub(r"//\S+@", "//", entrance.removesuffix("open")))
+            if options.all is None:
+                for name in SHOWN:
+                    shoot(page, found[name], IMAGES / f"{name}.png", whole=False)
+                return
+            options.all.mkdir(parents=True, exist_ok=True)
+            for width, scheme in product((1400, 400), SCHEMES):
+                page.set_viewport_size(ViewportSize(width=width, height=900))
+                page.emulate_media(color_scheme=scheme)
+                for name, address in found.items():
+                    shoot(page, address, options.all / f"{name}-{scheme}-{width}.png", whole=True)
 
 
 if __name__ == "__main__":

@@ -50,5 +50,5 @@ def test_a_machine_that_cannot_render_gets_everything_else(run, monkeypatch):
 
     monkeypatch.setattr(video, "render", refuse)
     assert build.build(directory, "all", "toy") == ["No video: install one."]
-    assert "Generation 0, slot 1: trained" in (directory / "report.html").read_text()
+    assert "<h2>Generation 0, slot 1</h2>" in (directory / "report.html").read_text()
     assert (directory / "best" / "policy.onnx").exists()

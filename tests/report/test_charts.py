@@ -1,11 +1,12 @@
 import dataclasses
+import json
 import math
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from openeureka.report import charts, verdict
-from openeureka.report.charts import BOTTOM, HEIGHT, LEFT, MAX_POINTS, RIGHT, TOP, WIDTH
+from openeureka.report import charts, html, verdict
+from openeureka.report.charts import MAX_POINTS
 
 from .search import BASELINES, HISTORY, finished, run, trained, view
 
@@ -17,28 +18,24 @@ def components(*curves: tuple[float | None, ...]) -> charts.Chart | None:
     return charts.components(dataclasses.replace(entry.result, curves=named))
 
 
-def test_a_curve_is_scaled_between_round_numbers():
-    chart = components((0.0, 5.0, 9.0))
-    assert chart is not None
-    # Axes: 0 1 2 epochs, 0 5 10.
-    assert [tick.label for tick in chart.y_ticks] == ["0", "5", "10"]
-    assert [tick.label for tick in chart.x_ticks] == ["0", "1", "2"]
-    middle = (LEFT + (WIDTH - LEFT - RIGHT) / 2, HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) / 2)
-    assert chart.lines[0].pieces[0][1] == middle
-
-
 def test_undefined_and_absurd_values_are_gaps():
     chart = components((1.0, None, 2.0, 1e300, 3.0))
     assert chart is not None
-    assert [len(piece) for piece in chart.lines[0].pieces] == [1, 1, 1]
+    assert chart.lines[0].values == (1.0, None, 2.0, None, 3.0)
 
 
 def test_long_curves_are_thinned_and_keep_their_end():
     chart = components(tuple(float(n) for n in range(10_001)))
     assert chart is not None
-    points = chart.lines[0].pieces[0]
-    assert len(points) <= MAX_POINTS + 1
-    assert points[-1] == (WIDTH - RIGHT, TOP)  # both axes end at 10000
+    assert len(chart.places) == len(chart.lines[0].values) <= MAX_POINTS + 1
+    assert (chart.places[-1], chart.lines[0].values[-1]) == (10_000, 10_000.0)
+
+
+def test_curves_of_different_lengths_share_places_and_each_keeps_its_end():
+    chart = components((0.0, 1.0, 2.0, 3.0), (5.0, 6.0))
+    assert chart is not None
+    assert chart.places == (0, 1, 2, 3)
+    assert [line.values for line in chart.lines] == [(0.0, 1.0, 2.0, 3.0), (5.0, 6.0, None, None)]
 
 
 def test_more_lines_than_colours_are_named():
@@ -47,15 +44,17 @@ def test_more_lines_than_colours_are_named():
     assert (len(chart.lines), chart.note) == (12, "2 more components are not drawn.")
 
 
-def test_progress_shows_candidates_the_best_so_far_and_the_baselines():
+def test_progress_shows_candidates_in_order_the_best_so_far_and_the_baselines():
     chart = charts.progress(run(HISTORY, BASELINES))
     assert chart is not None
-    assert {line.name: sum(map(len, line.pieces)) for line in chart.lines} == {
-        "candidate": 4,
-        "best so far": 3,
-        "human reward": 2,
-        "sparse reward": 2,
+    assert {line.name: line.values for line in chart.lines} == {
+        "candidate": (10.0, 30.0, None, 20.0, None, 50.0),
+        "best so far": (10.0, 30.0, 30.0, 30.0, 30.0, 50.0),
+        "human reward": (60.0,) * 6,
+        "sparse reward": (20.0,) * 6,
     }
+    assert chart.names == ("g0s0", "g0s1", "g0s2", "g1s0", "g1s1", "g2s0")
+    assert chart.bounds == (0, 3, 5)
 
 
 def test_nothing_defined_is_no_chart():
@@ -63,13 +62,42 @@ def test_nothing_defined_is_no_chart():
     assert charts.learning(view(trained(0, 0, None)), {}) is None
 
 
+def test_steps_hold_what_was_reached_until_more_is():
+    chart = charts.spending("", {"a": [(1e6, 1.0), (3e6, 2.0)], "b": [(2e6, 5.0)]}, {"human": 4.0})
+    assert chart is not None
+    assert chart.places == (1.0, 2.0, 3.0)
+    assert [line.values for line in chart.lines] == [(1.0, 1.0, 2.0), (None, 5.0, 5.0), (4.0, 4.0, 4.0)]
+
+
+def test_a_family_stands_in_columns_with_shades_from_the_lowest_f_to_the_highest():
+    parent, other = trained(0, 0, 10.0), trained(0, 1, 30.0)
+    child = dataclasses.replace(view(trained(1, 0, 20.0)), parent=other.sample)
+    shown = run(HISTORY)
+    generations = [
+        dataclasses.replace(shown.generations[0], candidates=(view(parent), view(other))),
+        dataclasses.replace(shown.generations[1], candidates=(child, view(trained(1, 1, None)))),
+    ]
+    family = charts.family(dataclasses.replace(shown, generations=tuple(generations)))
+    assert family is not None
+    found = {member.name: member for member in family.members}
+    assert {name: member.shade for name, member in found.items()} == {"g0s0": 0, "g0s1": 8, "g1s0": 4, "g1s1": None}
+    assert found["g1s0"].parent == (found["g0s1"].x, found["g0s1"].y)
+    assert all(0 < member.x < family.width and 0 < member.y < family.height for member in family.members)
+    assert charts.family(shown) is None  # nobody has a parent
+
+
 @given(st.lists(st.none() | st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=20))
-def test_every_point_lies_within_the_picture(values):
+def test_every_value_that_is_drawn_is_a_number_of_strict_json(values):
     chart = components(tuple(values))
-    for line in chart.lines if chart else ():
-        for x, y in (point for piece in line.pieces for point in piece):
-            assert math.isfinite(x) and LEFT <= x <= WIDTH - RIGHT
-            assert math.isfinite(y) and TOP <= y <= HEIGHT - BOTTOM
+    if chart is not None:
+        data = json.loads(html.data(chart), parse_constant=lambda _: 1 / 0)
+        assert len(data["places"]) == len(data["lines"][0]["values"])
+        assert all(value is None or math.isfinite(value) for value in data["lines"][0]["values"])
+
+
+def test_a_curve_as_small_as_a_word_fills_its_box():
+    assert charts.spark((0.0, 5.0, 10.0)) == "1.0,19.0 40.0,10.0 79.0,1.0"
+    assert charts.spark((None, 1.0)) == ""
 
 
 def test_what_ppo_did_is_no_component():

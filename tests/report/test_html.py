@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import dataclasses
+import hashlib
 import re
 from collections import Counter
 from html.parser import HTMLParser
@@ -21,8 +23,9 @@ from .search import BASELINES, finished, refused, run
 HOSTILE = (
     "</pre><script>alert(1)</script><img src=x onerror=alert(1)>\x1b[31mred\x1b]0;title\x07\u202egpj.\u200bexe&lt;"
 )
-ELEMENTS = """html head meta title style body h1 h2 h3 h5 p b div table tr th td figure figcaption svg line text circle
-polyline span video section details summary pre ul li code a"""
+ELEMENTS = """html head meta title style script body header nav main a span b small i p h1 h2 h3 h5 div section figure
+figcaption table thead tbody tr th td dl dt dd ul li code pre details summary button label input select option meter svg
+path circle text polyline video"""
 
 
 class Page(HTMLParser):
@@ -34,7 +37,10 @@ class Page(HTMLParser):
         self.elements: Counter[str] = Counter()
         self.attributes: list[tuple[str, str]] = []
         self.text = ""
-        self.feed(text)
+        self.bare = re.sub(r"(<(style|script)[^>]*>).*?(</\2>)", r"\1\3", text, flags=re.DOTALL)
+        """Without what the package itself put there."""
+        self.feed(self.bare)
+        self.flat = " ".join(self.text.split())
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.elements[tag] += 1
@@ -62,29 +68,30 @@ def page(directory: Path) -> Page:
 
 def assert_inert(shown: Page) -> None:
     assert set(shown.elements) <= set(ELEMENTS.split())
-    assert not [name for name, _ in shown.attributes if name.startswith("on")]
-    assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u202a-\u202e\u2066-\u2069]", shown.source)
+    assert shown.elements["script"] == 1
+    assert not [name for name, _ in shown.attributes if name.startswith("on") or name == "style"]
+    assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u202a-\u202e\u2066-\u2069]", shown.bare)
     assert all(link.startswith(("#", "lanes/", "best/", "data:video/mp4;base64,")) for link in shown.links())
 
 
 def test_the_page_holds_every_candidate_with_its_code_diff_replies_and_prompts(tmp_path):
     replies = [reply(7), "```python\ndef compute_reward(x):\n    return x\n```", reply(8), reply(9)]
     shown = page(search_in(tmp_path / "run", replies, iteration=2))
-    assert "Generation 0, slot 0: trained, F 6" in shown.text
-    assert "Generation 0, slot 1: refused" in shown.text
+    assert "Generation 0, slot 0 trained F 6" in shown.flat
+    assert "Generation 0, slot 1 refused" in shown.flat
     assert "line 1: nothing is returned [no-number]; return a number" in shown.text
     assert "-    return 7\n" in shown.text and "+    return 8\n" in shown.text
     assert "Improves on generation 0, slot 0." in shown.text
     assert "Here is the reward." in shown.text and "Do the thing." in shown.text
     assert "US$ 0.0100" in shown.text and "100 read, 10 written" in shown.text
-    assert shown.elements["section"] == 4
+    assert shown.source.count('<section class="candidate') == 4
     assert_inert(shown)
 
 
 def test_every_link_within_the_page_has_its_place(tmp_path):
     shown = page(search_in(tmp_path / "run", [reply(n) for n in (7, 8, 9, 10)], iteration=2))
     places = {f"#{value}" for name, value in shown.attributes if name == "id"}
-    assert {link for link in shown.links()} <= places
+    assert set(shown.links()) <= places
     assert "#g0s1" in shown.links()
 
 
@@ -93,6 +100,8 @@ def test_hostile_replies_programs_names_and_messages_are_text(tmp_path):
     shown = page(search_in(tmp_path / "run", [text, f"{HOSTILE} no code"], trainer=NamesComponents()))
     assert_inert(shown)
     assert shown.text.count("<script>alert(1)</script>") >= 4  # reply, code, component, message
+    charts = [value for name, value in shown.attributes if name == "data-chart"]
+    assert any("<script>alert(1)</script>" in chart for chart in charts)
     assert "red" in shown.text and "gpj.exe&lt;" in shown.text
 
 
@@ -107,16 +116,19 @@ def test_hostile_findings_and_model_names_are_text(tmp_path):
 def test_a_megabyte_of_text_is_cut_and_says_so(tmp_path):
     directory = search_in(tmp_path / "run", ["x" * 1_000_000, "\x1b]" * 500_000])
     shown = page(directory)
-    assert len(shown.source) < 200_000
+    assert len(shown.bare) < 200_000
     assert "[…] (970,000 more characters are in the files of the run)" in shown.text
 
 
-def test_nothing_is_fetched_and_nothing_runs(tmp_path):
+def test_nothing_is_fetched_and_nothing_runs_but_the_script_of_the_page(tmp_path):
     shown = Page(html.report(finished(), tmp_path))
-    policies = [value for _, value in shown.attributes if value.startswith("default-src 'none'")]
-    assert policies and "script" not in policies[0]
-    assert "script" not in shown.elements
-    assert not re.search(r"https?://", shown.source)
+    (policy,) = [value for _, value in shown.attributes if value.startswith("default-src 'none'")]
+    (script,) = re.findall(r"<script>(.*?)</script>", shown.source, re.DOTALL)
+    own = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert f"script-src 'sha256-{own}';" in policy and "unsafe" not in policy
+    assert not re.search(r"https?://", shown.bare)
+    (style,) = re.findall(r"<style>(.*?)</style>", shown.source, re.DOTALL)
+    assert "@import" not in style and set(re.findall(r"url\(.?(\w+:)", style)) == {"data:"}
 
 
 def test_the_best_video_is_in_the_page_and_others_are_beside_it(tmp_path):
@@ -125,7 +137,7 @@ def test_the_best_video_is_in_the_page_and_others_are_beside_it(tmp_path):
     assert result is not None
     (directory / "best" / "video.mp4").write_bytes(b"mp4")
     (directory / "lanes" / result.lane / "video.mp4").write_bytes(b"mp4")
-    assert page(directory).links()[:1] == ["data:video/mp4;base64,bXA0"]
+    assert page(directory).links()[1] == "data:video/mp4;base64,bXA0"
     assert f"lanes/{result.lane}/video.mp4" in page(directory).links()
     with (directory / "best" / "video.mp4").open("wb") as file:
         file.truncate(html.MAX_EMBEDDED + 1)

@@ -54,8 +54,9 @@ def test_the_report_has_a_row_per_generation_and_the_best_source():
 def test_the_report_holds_every_candidate_with_its_diff_prompts_and_replies(tmp_path):
     replies = [reply(7), "```python\ndef compute_reward(x):\n    return x\n```", reply(8), reply(9)]
     text = report(RunView.read(search_in(tmp_path / "run", replies, iteration=2)))
-    assert "Generation 0, slot 0: trained, F 6" in text
-    assert "Generation 0, slot 1: refused" in text
+    flat = " ".join(text.split())
+    assert "Generation 0, slot 0 trained F 6" in flat
+    assert "Generation 0, slot 1 refused" in flat
     assert "line 1: nothing is returned [no-number]; return a number" in text
     assert "-    return 7" in text and "+    return 8" in text
     assert "Here is the reward." in text and "Do the thing." in text

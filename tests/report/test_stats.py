@@ -1,6 +1,6 @@
 import pytest
 
-from openeureka.report.tables import best_so_far, by_generation, trained_share
+from openeureka.report.tables import by_generation, trained_share
 from openeureka.types import History, VerdictCode
 
 from .search import HISTORY
@@ -17,10 +17,6 @@ def test_a_generation_counts_slots_verdicts_replies_and_trained_slots():
 def test_a_diverged_slot_counts_in_no_mean():
     second = by_generation(HISTORY)[1]
     assert (second.trained, second.best, second.mean) == (1, 20.0, 20.0)
-
-
-def test_best_so_far_never_falls():
-    assert best_so_far(HISTORY) == (30.0, 30.0, 50.0)
 
 
 def test_trained_share_is_of_all_slots():

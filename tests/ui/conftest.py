@@ -6,13 +6,14 @@ import os
 import shutil
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
-import uvicorn
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, ConsoleMessage, Page, Request, sync_playwright
 
-from openeureka.ui import app, follow, guard, server
+from openeureka.ui import follow, guard, server
 
 from .serving import TOKEN
 
@@ -32,28 +33,47 @@ def chromium() -> Iterator[Browser]:
         browser.close()
 
 
+@contextmanager
+def served(root: Path, port: int = 0) -> Iterator[int]:
+    """The port at which the runs below a folder are served from a thread."""
+    with server.listen("127.0.0.1", port) as listener:
+        serving = server.server(root, TOKEN, guard.LOOPBACK)
+        thread = threading.Thread(target=serving.run, kwargs={"sockets": [listener]})
+        thread.start()
+        yield listener.getsockname()[1]
+        serving.should_exit = True
+        thread.join()
+
+
 @pytest.fixture
 def address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """Where the runs below `tmp_path` are served, followed without long pauses."""
     monkeypatch.setattr(follow, "PAUSE", 0.1)
     monkeypatch.setattr(follow, "SHARE", 1.0)
-    with server.listen("127.0.0.1", 0) as listener:
-        config = uvicorn.Config(app.build(tmp_path, TOKEN, guard.LOOPBACK), log_level="warning", lifespan="off")
-        serving = uvicorn.Server(config)
-        thread = threading.Thread(target=serving.run, kwargs={"sockets": [listener]})
-        thread.start()
-        yield f"http://127.0.0.1:{listener.getsockname()[1]}"
-        serving.should_exit = serving.force_exit = True
-        thread.join()
+    with served(tmp_path) as port:
+        yield f"http://127.0.0.1:{port}"
 
 
 @pytest.fixture
 def page(chromium: Browser, address: str) -> Iterator[Page]:
-    """A page that was let in; a script that fails, or a dialog that opens, fails the test."""
+    """A page that was let in. A script that fails, an error that the browser reports, a dialog that opens and a request
+    to anywhere else fail the test."""
     with chromium.new_context(base_url=address) as context:
         page = context.new_page()
         page.set_default_timeout(PATIENCE)
         trouble: list[str] = []
+
+        def heard(message: ConsoleMessage) -> None:
+            if message.type == "error" and "net::ERR_" not in message.text and "400 (" not in message.text:
+                trouble.append(message.text)
+
+        def asked(request: Request) -> None:
+            place = urlsplit(request.url)
+            if place.scheme not in ("data", "file") and place.netloc.rpartition("@")[2] != urlsplit(address).netloc:
+                trouble.append(request.url)
+
+        page.on("console", heard)
+        page.on("request", asked)
         page.on("pageerror", lambda error: trouble.append(str(error)))
         page.on("dialog", lambda dialog: trouble.append(dialog.message))
         page.goto(f"{address.replace('//', f'//{guard.USER}:{TOKEN}@')}/open")

@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+import gzip
+import re
 import subprocess
 import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Literal
 
 import imageio_ffmpeg
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 from report.scripted import search_in
 from report.test_html import NamesComponents
 
+from openeureka.config import RunConfig
+from openeureka.display import now
+from openeureka.report import html
 from openeureka.report.view import VIDEO, RunView
-from openeureka.testing.scripted import ScriptedModel, reply
-from openeureka.types import Prompt, Reply
+from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
+from openeureka.types import Prompt, Reply, TrainingProgress, Usage
 from openeureka.ui import launch
 
-from .conftest import PATIENCE
+from .conftest import PATIENCE, served
+from .serving import TOKEN
 
 expect.set_options(timeout=PATIENCE)
 
@@ -70,14 +77,14 @@ def film(directory: Path, slot: int) -> None:
 def test_a_person_follows_a_run_and_their_words_are_in_the_next_prompt(page: Page, tmp_path: Path):
     with running(tmp_path / "run", [reply(n) for n in (7, 8, 9, 5)]) as model:
         page.goto("/")
-        page.get_by_text("running").click()
-        expect(page.locator(".state")).to_have_text("running")
+        page.get_by_role("link", name="run", exact=True).click()
+        expect(page.locator(".hero .state")).to_have_text("running")
         assert page.locator("article").count() == 0
 
         model.allowed.release()
         expect(page.locator("#g0s0")).to_contain_text("drawn")  # it appeared without a reload
         model.allowed.release()
-        expect(page.locator("#g0s1")).to_contain_text("trained, F 7")
+        expect(page.locator("#g0s1")).to_contain_text("trained F 7")
         expect(page.get_by_text("The run waits for a person.")).to_be_visible()
 
         film(tmp_path / "run", slot=1)
@@ -92,11 +99,11 @@ def test_a_person_follows_a_run_and_their_words_are_in_the_next_prompt(page: Pag
         page.get_by_role("button", name="Say, and go on").click()
 
         model.allowed.release(2)
-        expect(page.locator("#g1s1")).to_contain_text("trained, F 4")
+        expect(page.locator("#g1s1")).to_contain_text("trained F 4")
         page.get_by_text("What the model was asked").first.click()
         expect(page.locator("details pre", has_text="Too jerky: <b>keep</b> the torso upright")).to_be_visible()
 
-        page.get_by_role("link", name="g1s0").click()
+        page.locator("#candidates").get_by_role("link", name="g1s0").click()
         expect(page.locator(".diff .removed")).to_have_text("-    return 8")
         expect(page.locator(".diff .added")).to_have_text("+    return 9")
     assert "Too jerky: <b>keep</b> the torso upright" in model.prompts[-1].messages[-1].content
@@ -108,7 +115,7 @@ def test_two_candidates_are_compared_and_the_better_one_gets_the_vote(page: Page
         page.goto("/runs/run/")
         expect(page.get_by_text("The run waits for a person.")).to_be_visible()
         for name in ("g0s0", "g0s1"):
-            page.locator(f"#{name}").get_by_label("compare").check()
+            page.get_by_label(f"compare {name}").check()
         page.get_by_role("button", name="Compare the chosen side by side").click()
         expect(page.locator("section.candidate")).to_have_count(2)
         page.get_by_role("button", name="Better than g0s1").click()
@@ -123,12 +130,12 @@ def test_what_a_person_types_opens_and_chooses_survives_the_news(page: Page, tmp
         page.goto("/runs/run/")
         page.get_by_label("What should be different?").fill("half a sen")
         page.get_by_text("What the model was asked").click()
-        page.locator("#g0s0").get_by_label("compare").check()
+        page.get_by_label("compare g0s0").check()
         model.allowed.release()
-        expect(page.locator("#g0s0")).to_contain_text("trained, F 6")  # its card was renewed
+        expect(page.locator("#g0s0")).to_contain_text("trained F 6")  # its card was renewed
         expect(page.get_by_label("What should be different?")).to_have_value("half a sen")
         expect(page.locator("pre", has_text="Do the thing.")).to_be_visible()
-        expect(page.locator("#g0s0").get_by_label("compare")).to_be_checked()
+        expect(page.get_by_label("compare g0s0")).to_be_checked()
         page.get_by_role("button", name="Say, and go on").click()
 
 
@@ -138,27 +145,164 @@ def test_nothing_that_others_wrote_runs(page: Page, tmp_path: Path):
         tmp_path / "<img src=x onerror=alert(1)>", [text, ATTACK, reply(1), reply(2)], trainer=NamesComponents()
     ) as model:
         model.allowed.release(2)
-        page.get_by_text("<img src=x onerror=alert(1)>", exact=True).click()
+        page.get_by_role("link", name="<img src=x onerror=alert(1)>").click()
         page.get_by_label("What should be different?").fill(ATTACK)
         expect(page.get_by_text("The run waits for a person.")).to_be_visible()
         page.get_by_role("button", name="Say", exact=True).click()
         expect(page.locator(".listens")).to_contain_text("<script>window.hacked=1</script>")  # came with the page
         page.get_by_role("button", name="Say, and go on").click()
         model.allowed.release(2)
-        expect(page.locator("#g1s1")).to_contain_text("trained, F 1")  # came by following
-        page.get_by_role("link", name="g0s0").click()
+        expect(page.locator("#g1s1")).to_contain_text("trained F 1")  # came by following
+        page.locator("#candidates").get_by_role("link", name="g0s0").first.click()
         expect(page.get_by_text("Reward code")).to_be_visible()
         assert page.evaluate("window.hacked") is None
         assert page.locator("img").count() == 0 and page.locator("script").count() == 1
 
 
-def test_a_page_that_has_lost_its_server_says_so_until_it_is_back(page: Page, tmp_path: Path):
+def test_a_page_that_has_lost_its_server_says_so_until_it_is_back(chromium: Browser, tmp_path: Path):
     search_in(tmp_path / "run", [reply(7), reply(8)])
+    with chromium.new_context() as context:
+        page = context.new_page()
+        with served(tmp_path) as port:
+            page.goto(f"http://eureka:{TOKEN}@127.0.0.1:{port}/open")
+            page.goto(f"http://127.0.0.1:{port}/runs/run/")
+            expect(page.get_by_text("This page no longer hears from eureka ui.")).to_be_hidden()
+        expect(page.get_by_text("This page no longer hears from eureka ui.")).to_be_visible()
+        with served(tmp_path, port):
+            expect(page.get_by_text("This page no longer hears from eureka ui.")).to_be_hidden()
+
+
+def test_lanes_are_followed_while_they_train(page: Page, tmp_path: Path):
+    release = threading.Event()
+
+    class Trains(ToyTrainer):
+        """Half-way until it is released."""
+
+        def train(self, env, lanes, budget):
+            for epoch in range(1, 6):
+                scores = {lane.id: float(epoch) for lane in lanes}
+                yield TrainingProgress(epoch=epoch, epochs=9, env_steps_per_second=1234.0, fitness=scores)
+            release.wait(60)
+            yield from super().train(env, lanes, budget)
+
+    directory, config = tmp_path / "run", RunConfig(env="toy", sample=2, iteration=1)
+    recorder = now.Recorder(directory, config, Usage())
+    settings = {"trainer": Trains(), "observer": recorder}
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(now, "PAUSE", 0.0)
+        thread = threading.Thread(target=search_in, args=(directory, [reply(7), reply(8)]), kwargs=settings)
+        thread.start()
+        try:
+            page.goto("/")
+            page.get_by_role("link", name="run", exact=True).click()
+            expect(page.get_by_text("Epoch 5 of 9, 1,234 steps/s")).to_be_visible()
+            expect(page.locator(".chart", has_text="F of every lane as it trains").locator("canvas")).to_be_visible()
+            page.locator("#candidates").get_by_role("link", name="g0s0").click()
+            expect(page.get_by_text("It is being trained")).to_be_visible()
+        finally:
+            release.set()
+            thread.join()
+        expect(page.get_by_text("It is being trained")).to_be_hidden()
+
+
+@pytest.fixture
+def searched(tmp_path: Path) -> Path:
+    """A finished search of two generations, one of its rewards refused."""
+    return search_in(tmp_path / "run", [reply(7), "no code", reply(8), reply(3)], iteration=2)
+
+
+def test_a_chart_tells_what_is_under_the_pointer_zooms_hides_and_leads_on(page: Page, searched: Path):
     page.goto("/runs/run/")
-    page.context.set_offline(True)
-    expect(page.get_by_text("This page no longer hears from eureka ui.")).to_be_visible()
-    page.context.set_offline(False)
-    expect(page.get_by_text("This page no longer hears from eureka ui.")).to_be_hidden()
+    chart = page.locator(".chart", has_text="F when played")
+    plot = chart.locator(".u-over")
+    box = plot.bounding_box()
+    assert box is not None
+    plot.hover(position={"x": 0.9 * box["width"], "y": box["height"] / 2})
+    expect(chart.locator(".tip")).to_contain_text("g1s1")
+    expect(chart.locator(".tip")).to_contain_text("candidate: 2\nbest so far: 7")
+    chart.get_by_role("button", name="human reward").click()
+    expect(chart.get_by_role("button", name="human reward")).to_have_attribute("aria-pressed", "false")
+    plot.hover(position={"x": 0.91 * box["width"], "y": box["height"] / 2})
+    expect(chart.locator(".tip")).not_to_contain_text("human reward")
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 50)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.95 * box["width"], box["y"] + 50)
+    page.mouse.up()  # zoomed: g1s1, which was at 0.85 of the width, is now left of it
+    plot.hover(position={"x": 0.7 * box["width"], "y": box["height"] / 2})
+    expect(chart.locator(".tip")).to_contain_text("g1s1")
+    plot.click(position={"x": 0.7 * box["width"], "y": box["height"] / 2})
+    expect(page).to_have_url(re.compile(r"candidates\?show=g1s1$"))
+
+
+def test_candidates_are_sorted_filtered_and_found_by_their_family(page: Page, searched: Path):
+    page.goto("/runs/run/")
+    names = page.locator("#candidates tbody tr:visible td:nth-child(2)")
+    expect(names).to_have_text(["g0s0", "g0s1", re.compile("g1s0"), "g1s1"])
+    page.get_by_role("button", name="F played").click()
+    expect(names).to_have_text([re.compile("g1s0"), "g0s0", "g1s1", "g0s1"])  # 7, 6, 2 and none
+    page.get_by_role("button", name="F played").click()
+    expect(names).to_have_text(["g1s1", "g0s0", re.compile("g1s0"), "g0s1"])
+    page.locator(".tools").get_by_label("State").select_option("refused")
+    expect(names).to_have_text(["g0s1"])
+    page.locator(".tree").get_by_role("link", name="g1s1").click()
+    expect(page.get_by_text("Improves on generation 0, slot 0.")).to_be_visible()
+    page.get_by_role("link", name="beside its parent g0s0").click()
+    expect(page.locator("section.candidate")).to_have_count(2)
+
+
+def test_runs_are_compared_by_what_they_found_and_how_they_differ(page: Page, tmp_path: Path):
+    search_in(tmp_path / "one", [reply(7), reply(8)])
+    search_in(tmp_path / "two", [reply(7), reply(12), reply(3), reply(4)], iteration=2)
+    page.goto("/")
+    expect(page.locator(".board tbody tr td:first-child")).to_have_text(["two", "one"])  # 11.01 and 7.01, held out
+    for name in ("one", "two"):
+        page.get_by_label(f"compare {name}").check()
+    page.get_by_role("button", name="Compare the chosen runs").click()
+    expect(page.locator("#compared tbody tr")).to_have_count(2)
+    expect(page.get_by_role("row", name="iteration 2 1")).to_be_visible()
+    expect(page.locator(".chart canvas")).to_be_visible()
+
+
+def test_a_choice_of_light_or_dark_is_kept(page: Page):
+    ground = "getComputedStyle(document.documentElement).backgroundColor"
+    before = page.evaluate(ground)
+    page.get_by_role("button", name="Light or dark").click()
+    chosen = page.evaluate(ground)
+    assert chosen != before
+    page.reload()
+    assert page.evaluate(ground) == chosen
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_no_page_breaks_a_rule_of_accessibility(page: Page, searched: Path, scheme: Literal["light", "dark"]):
+    axe = gzip.decompress((Path(__file__).parent / "axe.min.js.gz").read_bytes()).decode()
+    (searched / "report.html").write_text(html.report(RunView.read(searched), searched))
+    page.emulate_media(color_scheme=scheme)
+    pages = ["/", "/runs/run/", "/runs/run/candidates?show=g1s0&show=g0s1", "/compare?run=run"]
+    for address in [*pages, (searched / "report.html").as_uri()]:
+        page.goto(address)
+        page.evaluate(axe)
+        broken = page.evaluate(
+            "axe.run().then(({violations}) => violations.map(v => [v.id, v.nodes.map(n => n.html)]))"
+        )
+        assert not broken, (address, broken)
+
+
+@pytest.mark.parametrize("width", [400, 1400])
+def test_no_page_is_wider_than_its_window(page: Page, searched: Path, width: int):
+    page.set_viewport_size({"width": width, "height": 900})
+    for address in ("/", "/runs/run/", "/runs/run/candidates?show=g1s0", "/compare?run=run"):
+        page.goto(address)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width, address
+
+
+def test_the_report_works_by_itself_from_its_file(page: Page, searched: Path):
+    file = searched / "report.html"
+    file.write_text(html.report(RunView.read(searched), searched))
+    page.goto(file.as_uri())
+    expect(page.locator(".chart", has_text="F when played").locator("canvas")).to_be_visible()
+    page.get_by_role("button", name="F played").click()
+    expect(page.locator("#candidates tbody tr:first-child td:first-child")).to_contain_text("g1s0")
 
 
 def test_a_run_is_started_from_the_form(page: Page, monkeypatch: pytest.MonkeyPatch):

@@ -1,6 +1,10 @@
+import json
+
 import pytest
 
-from openeureka.ui.follow import PAUSE, Fresh, Version
+from openeureka.ui.follow import PAUSE, Fresh, Version, events
+
+from .serving import awaited
 
 
 def version(**parts: str) -> Version:
@@ -28,10 +32,10 @@ def test_a_page_that_shows_nothing_known_is_sent_everything():
 
 
 def test_a_version_that_was_dear_to_make_is_looked_for_less_often(monkeypatch):
-    # 0.6 s of work at 3 % of a core are 20 s.
+    # 0.6 s of work at 2 % of a core are 30 s.
     clock = iter([0.0, 0.6])
     monkeypatch.setattr("openeureka.ui.follow.time.process_time", lambda: next(clock))
-    assert version(a="1").pause == pytest.approx(20.0)
+    assert version(a="1").pause == pytest.approx(30.0)
     monkeypatch.undo()
     assert version(a="1").pause == PAUSE
 
@@ -50,3 +54,34 @@ def test_what_was_not_asked_for_longest_is_forgotten():
     made = {key: fresh.get(key, (), lambda _: "again") for key in ("a", "c")}
     assert made == {"a": "first", "c": "first"}
     assert fresh.get("b", (), lambda _: "again") == "again"
+
+
+def test_events_tell_only_of_changes_and_end_when_nobody_listens(monkeypatch):
+    monkeypatch.setattr("openeureka.ui.follow.PAUSE", 0.0)
+    versions = [version(a="1"), version(a="1"), version(a="2"), version(a="2")]
+    left = list(versions)
+
+    async def gone() -> bool:
+        return not left
+
+    async def listen() -> list[str]:
+        return [event async for event in events(lambda: left.pop(0), [], gone)]
+
+    first, second = awaited(listen())
+    assert first.startswith("data: ") and first.endswith("\n\n")
+    assert json.loads(first.removeprefix("data: "))["changed"] == {marks(versions[0])[0]: "1"}
+    assert list(json.loads(second.removeprefix("data: "))["changed"].values()) == ["2"]
+
+
+def test_a_page_without_news_hears_a_sign_of_life(monkeypatch):
+    monkeypatch.setattr("openeureka.ui.follow.BEAT", 0.0)
+    monkeypatch.setattr("openeureka.ui.follow.PAUSE", 0.0)
+    left = iter([False, True])
+
+    async def gone() -> bool:
+        return next(left)
+
+    async def listen() -> list[str]:
+        return [event async for event in events(lambda: version(a="1"), marks(version(a="1")), gone)]
+
+    assert awaited(listen()) == [": here\n\n"]

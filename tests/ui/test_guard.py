@@ -2,7 +2,16 @@ import pytest
 
 from .serving import TOKEN, stranger, visitor
 
-PATHS = ["/", "/style.css", "/follow.js", "/runs/x/", "/runs/x/candidates", "/runs/x/best/video.mp4", "/nothing"]
+PATHS = [
+    "/",
+    "/style.css",
+    "/page.js",
+    "/compare",
+    "/runs/x/",
+    "/runs/x/candidates",
+    "/runs/x/best/video.mp4",
+    "/nothing",
+]
 
 
 @pytest.mark.parametrize("path", PATHS)

@@ -8,8 +8,6 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
-
 from ..config import RunConfig
 from ..errors import ConfigError, EurekaError, Interrupted
 from ..report import html
@@ -74,8 +72,7 @@ class Bench:
         }
         artifacts.write(self.directory, JSON, json.dumps(facts, indent=1) + "\n")
         template = html.environment().get_template("bench.html")
-        page = template.render(bench=self, run=None, style=Markup(html.text("report.css")), page=PAGE)
-        artifacts.write(self.directory, PAGE, page)
+        artifacts.write(self.directory, PAGE, template.render(bench=self, run=None, best=None))
 
 
 def bench(

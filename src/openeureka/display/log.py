@@ -1,4 +1,5 @@
-"""The log of a run: what a person sees who looks at its directory, or at the page, and not at its terminal."""
+"""What a person sees of a run who looks at its directory, or at the page, and not at its terminal: lines on how it
+went, and what it is doing now."""
 
 from __future__ import annotations
 
@@ -13,11 +14,13 @@ from rich.console import Console
 
 from ..config import RunConfig
 from ..errors import EurekaError, StoreError
+from ..observer import Observer
 from ..store import artifacts
-from ..store.db import LOG
+from ..store.db import LOG, NOW
 from ..text import plain
 from ..types import Usage
 from .live import PlainView
+from .now import Recorder
 
 WIDTH = 120
 
@@ -40,8 +43,20 @@ class _LogFile(io.TextIOWrapper):
 
 
 @contextmanager
-def logged(directory: Path, config: RunConfig, usage: Usage) -> Iterator[list[PlainView]]:
-    """An observer that writes `run.log`, where that can be written and the process does not print to it already."""
+def logged(directory: Path, config: RunConfig, usage: Usage) -> Iterator[list[Observer]]:
+    """Observers that keep what the run is doing while it is at work, and write `run.log`, where that can be written and
+    the process does not print to it already."""
+    recorder = Recorder(directory, config, usage)
+    try:
+        with _lines(directory, config, usage) as lines:
+            yield [recorder, *lines]
+    finally:
+        with suppress(StoreError):
+            artifacts.remove(directory, NOW)
+
+
+@contextmanager
+def _lines(directory: Path, config: RunConfig, usage: Usage) -> Iterator[list[Observer]]:
     raw = _opened(directory)
     if raw is None:
         yield []

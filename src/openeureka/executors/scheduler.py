@@ -77,16 +77,19 @@ class Tally:
     running: dict[Population, TrainingProgress] = field(default_factory=dict)
     done: int = 0
     fitness: dict[str, float | None] = field(default_factory=dict)
+    latest: dict[str, Mapping[str, float | None]] = field(default_factory=dict)
 
     def add(self, population: Population, progress: TrainingProgress) -> TrainingProgress:
         """Epochs add up over the populations; the rate is that of all that are under way."""
         self.running[population] = progress
         self.fitness |= progress.fitness
+        self.latest |= progress.latest
         return TrainingProgress(
             epoch=self.done * progress.epochs + sum(part.epoch for part in self.running.values()),
             epochs=self.populations * progress.epochs,
             env_steps_per_second=sum(part.env_steps_per_second for part in self.running.values()),
             fitness=dict(self.fitness),
+            latest=dict(self.latest),
             nodes=self._nodes(),
         )
 

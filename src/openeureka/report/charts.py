@@ -1,124 +1,135 @@
-"""Curves as data for small SVG pictures: scaled, thinned, and with round numbers on the axes."""
+"""Curves, and the family tree of a search, as data for pictures that a page draws."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
+from typing import Literal
 
-from ..types import TrainingResult
-from .tables import best_so_far
-from .text import number
+from ..score import rank
+from ..text import one_line
+from ..types import Place, TrainingResult
 from .view import CandidateView, RunView
 
-WIDTH, HEIGHT = 420, 190
-LEFT, RIGHT, TOP, BOTTOM = 52, 8, 8, 22
 MAX_POINTS = 150
-"""Points drawn of a longer curve: no screen shows more in this width."""
+"""Points kept of a longer curve: no screen shows more in the width of a chart."""
 MAX_LINES = 12
+"""As many as there are colours."""
 TOO_LARGE = 1e30
 """Values from here on are left out, like undefined ones: no axis could show them beside others."""
-_FLAT = 1e-9
-"""A range this small beside its values is drawn as a level line."""
+DIGITS = 5
+"""Significant ones of a value; a report holds thousands of them."""
+SPARK = 40
+"""Points of a curve that is as small as a word."""
+SHADES = 9
+"""Colours of the scale of F, from the lowest to the highest."""
 
 Curve = Sequence[float | None]
 Point = tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class Tick:
-    """A mark on an axis."""
-
-    place: float
-    """[px]"""
-    label: str
+Kind = Literal["line", "dots", "dashed", "steps"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """One curve, or with `dots` one cloud of points; in pixels."""
+    """One curve over the places of its chart."""
 
     name: str
     color: int
     """Number of a colour of the style sheet."""
-    pieces: tuple[tuple[Point, ...], ...]
-    """Broken where the curve is undefined."""
-    dots: bool = False
-    dashed: bool = False
+    values: tuple[float | None, ...]
+    kind: Kind = "line"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chart:
-    """Lines over a pair of axes, in pixels."""
+    """Lines over common places."""
 
     title: str
     x_label: str
+    places: tuple[float, ...]
     lines: tuple[Line, ...]
-    x_ticks: tuple[Tick, ...]
-    y_ticks: tuple[Tick, ...]
+    names: tuple[str, ...] = ()
+    """What each place is called, where those are candidates."""
+    bounds: tuple[int, ...] = ()
+    """Places at which a generation begins."""
     note: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Series:
-    """A line before it is scaled."""
-
-    name: str
-    points: tuple[tuple[float, float | None], ...]
-    color: int
-    dots: bool = False
-    dashed: bool = False
+# --- of a run ---------------------------------------------------------------------------------------------------------
 
 
 def progress(run: RunView) -> Chart | None:
-    """F of every candidate by generation, the best so far, and the rewards that came with the task."""
-    dots = tuple((float(c.generation), c.score) for c in run.candidates if c.score is not None)
-    best = tuple((float(index), value) for index, value in enumerate(best_so_far(run.history)))
-    scores = {name: run.baseline_score(name) for name in run.baselines}
-    last = float(max(1, len(run.generations) - 1))
-    series = [
-        _Series(name="candidate", points=dots, color=0, dots=True),
-        _Series(name="best so far", points=best, color=0),
+    """The score of every candidate in order, the best so far, and the rewards that came with the task."""
+    shown = run.candidates
+    scores = tuple(candidate.score for candidate in shown)
+    levels = {name: run.baseline_score(name) for name in run.baselines}
+    lines = [
+        Line(name="candidate", values=_rounded(scores), color=0, kind="dots"),
+        Line(name="best so far", values=_rounded(_best_so_far(scores)), color=0, kind="steps"),
         *(
-            _Series(name=f"{name} reward", points=((0.0, score), (last, score)), color=color, dashed=True)
-            for color, (name, score) in enumerate(scores.items(), start=1)
+            Line(name=f"{name} reward", values=_rounded([value] * len(shown)), color=color, kind="dashed")
+            for color, (name, value) in enumerate(levels.items(), start=1)
         ),
     ]
-    title = "F when played" if run.ranks == "played" else "F in training"
-    return _chart(f"{title}, every candidate", "generation", series)
+    begins = [index for index, candidate in enumerate(shown) if not index or candidate.slot < shown[index - 1].slot]
+    return _chart(
+        "F when played" if run.ranks == "played" else "F in training",
+        "candidate",
+        range(len(shown)),
+        lines,
+        names=tuple(str(candidate.place) for candidate in shown),
+        bounds=tuple(begins),
+    )
 
 
 def learning(candidate: CandidateView, baselines: Mapping[str, TrainingResult]) -> Chart | None:
     """F during the candidate's training, beside the other rewards'."""
     if candidate.result is None:
         return None
-    own = _Series(name="this reward", points=_points(candidate.result.curves.get("fitness", ())), color=0)
-    others = [
-        _Series(name=f"{name} reward", points=_points(result.curves.get("fitness", ())), color=color, dashed=True)
-        for color, (name, result) in enumerate(baselines.items(), start=1)
-    ]
-    return _chart("F in training", "epoch", [own, *others])
+    curves = {"this reward": candidate.result.curves.get("fitness", ())}
+    curves |= {f"{name} reward": result.curves.get("fitness", ()) for name, result in baselines.items()}
+    return _curves("F in training", curves, dashed=tuple(curves)[1:])
 
 
 def trainings(results: Mapping[str, TrainingResult]) -> Chart | None:
     """F during several trainings, by name."""
-    series = [
-        _Series(name=name, points=_points(result.curves.get("fitness", ())), color=color)
-        for color, (name, result) in enumerate(list(results.items())[:MAX_LINES])
-    ]
-    return _chart("F in training", "epoch", series, _undrawn(len(results), "trainings"))
+    curves = {name: result.curves.get("fitness", ()) for name, result in results.items()}
+    return _curves("F in training", curves, "trainings")
 
 
 def components(result: TrainingResult | None) -> Chart | None:
     """Each component's mean per step."""
     prefix = "component/"
     curves = result.curves if result is not None else {}
-    names = [name for name in curves if name.startswith(prefix)]
-    series = [
-        _Series(name=name.removeprefix(prefix), points=_points(curves[name]), color=color)
-        for color, name in enumerate(names[:MAX_LINES])
-    ]
-    return _chart("Components, mean per step", "epoch", series, _undrawn(len(names), "components"))
+    named = {name.removeprefix(prefix): curve for name, curve in curves.items() if name.startswith(prefix)}
+    return _curves("Components, mean per step", named, "components")
+
+
+def under_way(
+    places: Sequence[float], curves: Mapping[str, Curve], title: str = "F of every lane as it trains"
+) -> Chart | None:
+    """Curves of lanes that are being trained, by epoch."""
+    return _chart(title, "epoch", places, _lines(curves), note=_undrawn(len(curves), "lines"))
+
+
+def best_by_candidate(runs: Mapping[str, RunView]) -> Chart | None:
+    """The best score so far of several searches, by the candidates that each had drawn."""
+    curves = {
+        name: tuple(
+            value if math.isfinite(value) else None
+            for value in accumulate((rank(c.score) for c in run.candidates), max)
+        )
+        for name, run in runs.items()
+    }
+    longest = max(map(len, curves.values()), default=0)
+    lines = _lines({name: (*curve, *[None] * (longest - len(curve))) for name, curve in curves.items()}, kind="steps")
+    return _chart("Best F so far", "candidates drawn", range(1, longest + 1), lines, note=_undrawn(len(curves), "runs"))
+
+
+def _best_so_far(scores: Sequence[float | None]) -> tuple[float | None, ...]:
+    return tuple(value if math.isfinite(value) else None for value in accumulate(map(rank, scores), max))
 
 
 def spending(title: str, lines: Mapping[str, Sequence[Point]], levels: Mapping[str, float]) -> Chart | None:
@@ -128,98 +139,176 @@ def spending(title: str, lines: Mapping[str, Sequence[Point]], levels: Mapping[s
         lines: by name, environment steps and the value from there on, in order; in the colours of their places.
         levels: by name, a value that needed none.
     """
-    last = max((steps for points in lines.values() for steps, _ in points), default=0.0) / 1e6
-    series = [
-        _Series(name=name, points=_stairs(points, last), color=color % MAX_LINES)
+    places = sorted({steps for points in lines.values() for steps, _ in points})
+    if not places or not places[-1]:
+        return None
+    drawn = [
+        Line(name=name, values=_rounded(_reached(points, places)), color=color % MAX_LINES, kind="steps")
         for color, (name, points) in enumerate(lines.items())
     ]
-    series += [
-        _Series(name=name, points=((0.0, value), (last, value)), color=2, dashed=True) for name, value in levels.items()
+    drawn += [
+        Line(name=name, values=_rounded([value] * len(places)), color=2, kind="dashed")
+        for name, value in levels.items()
     ]
-    return _chart(title, "million environment steps", series, whole=False) if last else None
+    return _chart(title, "million environment steps", [steps / 1e6 for steps in places], drawn)
 
 
-def _stairs(points: Sequence[Point], last: float) -> tuple[tuple[float, float | None], ...]:
-    """Both ends of each step, in millions; the last one's is that of the picture."""
-    ends = [*(steps / 1e6 for steps, _ in points[1:]), last]
-    return tuple((x, value) for (steps, value), end in zip(points, ends, strict=False) for x in (steps / 1e6, end))
+def _reached(points: Sequence[Point], places: Iterable[float]) -> list[float | None]:
+    return [next((value for steps, value in reversed(points) if steps <= place), None) for place in places]
 
 
-def _undrawn(count: int, what: str) -> str:
-    return f"{count - MAX_LINES} more {what} are not drawn." if count > MAX_LINES else ""
+def spark(curve: Curve, width: float = 80.0, height: float = 20.0) -> str:
+    """The points of a polyline in a box of this size [px]; empty for a curve without two defined values."""
+    kept = [(x, value) for x in _kept(len(curve), SPARK) if (value := _drawable(curve[x])) is not None]
+    if len(kept) < 2:
+        return ""
+    low, high = min(value for _, value in kept), max(value for _, value in kept)
+    last, span = kept[-1][0] or 1, (high - low) or 1.0
+    return " ".join(
+        f"{1 + x / last * (width - 2):.1f},{height - 1 - (value - low) / span * (height - 2):.1f}" for x, value in kept
+    )
 
 
-def _points(curve: Curve) -> tuple[tuple[float, float | None], ...]:
-    """Epoch and value; of a long curve every n-th and the last."""
-    stride = max(1, math.ceil(len(curve) / MAX_POINTS))
-    kept = [*range(0, len(curve), stride)]
-    if kept and kept[-1] != len(curve) - 1:
-        kept.append(len(curve) - 1)
-    return tuple((float(epoch), _drawable(curve[epoch])) for epoch in kept)
+# --- curves to charts -------------------------------------------------------------------------------------------------
+
+
+def _curves(title: str, curves: Mapping[str, Curve], what: str = "", dashed: Sequence[str] = ()) -> Chart | None:
+    """Curves over epochs, thinned alike."""
+    drawn = dict(list(curves.items())[:MAX_LINES])
+    longest = max(map(len, drawn.values()), default=0)
+    places = sorted({*_kept(longest), *(len(curve) - 1 for curve in drawn.values() if curve)})
+    thinned = {name: [curve[x] if x < len(curve) else None for x in places] for name, curve in drawn.items()}
+    return _chart(title, "epoch", places, _lines(thinned, dashed), note=_undrawn(len(curves), what))
+
+
+def _kept(length: int, most: int = MAX_POINTS) -> list[int]:
+    """Of a long curve every n-th place and the last."""
+    kept = [*range(0, length, max(1, math.ceil(length / most)))]
+    return kept if not kept or kept[-1] == length - 1 else [*kept, length - 1]
+
+
+def _lines(curves: Mapping[str, Curve], dashed: Sequence[str] = (), kind: Kind = "line") -> list[Line]:
+    return [
+        Line(name=name, values=_rounded(values), color=color, kind="dashed" if name in dashed else kind)
+        for color, (name, values) in enumerate(list(curves.items())[:MAX_LINES])
+    ]
+
+
+def _rounded(values: Iterable[float | None]) -> tuple[float | None, ...]:
+    return tuple(float(f"{v:.{DIGITS}g}") if (v := _drawable(value)) is not None else None for value in values)
 
 
 def _drawable(value: float | None) -> float | None:
     return value if value is not None and abs(value) < TOO_LARGE else None
 
 
-def _chart(title: str, x_label: str, series: Sequence[_Series], note: str = "", *, whole: bool = True) -> Chart | None:
-    """The chart; None when no value is defined.
+def _undrawn(count: int, what: str) -> str:
+    return f"{count - MAX_LINES} more {what} are not drawn." if count > MAX_LINES else ""
 
-    Args:
-        whole: whether x counts something.
-    """
-    defined = [(x, y) for one in series for x, y in one.points if y is not None]
+
+def _chart(
+    title: str,
+    x_label: str,
+    places: Iterable[float],
+    lines: Iterable[Line],
+    *,
+    names: tuple[str, ...] = (),
+    bounds: tuple[int, ...] = (),
+    note: str = "",
+) -> Chart | None:
+    """The chart of those lines that have a value; None without any. Names are made safe to show."""
+    defined = tuple(
+        Line(name=one_line(line.name, 60), values=line.values, color=line.color, kind=line.kind)
+        for line in lines
+        if any(value is not None for value in line.values)
+    )
     if not defined:
         return None
-    xs, ys = _axis([x for x, _ in defined], whole=whole), _axis([y for _, y in defined])
-    lines = tuple(
-        Line(name=one.name, color=one.color, pieces=_pieces(one.points, xs, ys), dots=one.dots, dashed=one.dashed)
-        for one in series
-    )
     return Chart(
-        title=title,
-        x_label=x_label,
-        lines=tuple(line for line in lines if line.pieces),
-        x_ticks=tuple(Tick(_x(value, xs), number(value)) for value in xs),
-        y_ticks=tuple(Tick(_y(value, ys), number(value)) for value in ys),
-        note=note,
+        title=title, x_label=x_label, places=tuple(places), lines=defined, names=names, bounds=bounds, note=note
     )
 
 
-def _pieces(
-    points: Iterable[tuple[float, float | None]], xs: Sequence[float], ys: Sequence[float]
-) -> tuple[tuple[Point, ...], ...]:
-    pieces: list[list[Point]] = [[]]
-    for x, y in points:
-        if y is None:
-            pieces.append([])
-        else:
-            pieces[-1].append((_x(x, xs), _y(y, ys)))
-    return tuple(tuple(piece) for piece in pieces if piece)
+# --- the family -------------------------------------------------------------------------------------------------------
 
 
-def _axis(values: Sequence[float], *, whole: bool = False) -> list[float]:
-    """Three to six equidistant round numbers that span the values."""
-    low, high = min(values), max(values)
-    size = max(abs(low), abs(high))
-    if high - low <= _FLAT * size or size < 1 / TOO_LARGE:
-        margin = 0.5 * size if size > 1 / TOO_LARGE else 1.0
-        low, high = (low, high + 1) if whole else (low - margin, high + margin)
-    step = _round_up((high - low) / 4)
-    step = max(1.0, step) if whole else step
-    first, last = math.floor(low / step), math.ceil(high / step)
-    return [step * index for index in range(first, last + 1)]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Member:
+    """A candidate in the family tree, in pixels."""
+
+    name: str
+    place: Place
+    x: float
+    y: float
+    shade: int | None
+    """0 to SHADES - 1, from the lowest F to the highest; None without one."""
+    parent: tuple[float, float] | None
+    """Where the one stands that it improves on."""
 
 
-def _round_up(value: float) -> float:
-    """The next of 1, 2 or 5 times a power of ten."""
-    power = 10.0 ** math.floor(math.log10(value))
-    return next(factor * power for factor in (1, 2, 5, 10) if factor * power >= value * (1 - 1e-9))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Family:
+    """Who came from whom: a column a generation."""
+
+    members: tuple[Member, ...]
+    heads: tuple[tuple[float, str], ...]
+    """Where the name of each column stands, and the name."""
+    width: float
+    height: float
+    low: float | None
+    high: float | None
+    """F of the lowest and the highest shade."""
 
 
-def _x(value: float, axis: Sequence[float]) -> float:
-    return round(LEFT + (value - axis[0]) / (axis[-1] - axis[0]) * (WIDTH - LEFT - RIGHT), 1)
+COLUMN, ROW, MARGIN, HEAD = 120.0, 22.0, 16.0, 22.0
+"""[px] of the family tree."""
 
 
-def _y(value: float, axis: Sequence[float]) -> float:
-    return round(HEIGHT - BOTTOM - (value - axis[0]) / (axis[-1] - axis[0]) * (HEIGHT - TOP - BOTTOM), 1)
+def family(run: RunView) -> Family | None:
+    """The family tree; None where nobody has a parent yet."""
+    if not any(candidate.parent for candidate in run.candidates):
+        return None
+    scores = [score for candidate in run.candidates if (score := _drawable(candidate.score)) is not None]
+    low, high = (min(scores), max(scores)) if scores else (None, None)
+    at: dict[Place, tuple[float, float]] = {}
+    members: list[Member] = []
+
+    def height(candidate: CandidateView) -> float:
+        """Of its parent."""
+        return at.get(candidate.parent.place, (0.0, 0.0))[1] if candidate.parent is not None else 0.0
+
+    for column, generation in enumerate(run.generations):
+        # Children stand in the order of their parents, so that few lines cross.
+        ordered = sorted(
+            generation.candidates, key=lambda c: at.get(c.parent.place, (0.0, 0.0))[1] if c.parent else 0.0
+        )
+        for row, candidate in enumerate(ordered):
+            x, y = MARGIN + column * COLUMN, HEAD + MARGIN + row * ROW
+            at[candidate.place] = x, y
+            members.append(
+                Member(
+                    name=str(candidate.place),
+                    place=candidate.place,
+                    x=x,
+                    y=y,
+                    shade=_shade(candidate.score, low, high),
+                    parent=at.get(candidate.parent.place) if candidate.parent is not None else None,
+                )
+            )
+    tallest = max(len(generation.candidates) for generation in run.generations)
+    return Family(
+        members=tuple(members),
+        heads=tuple(
+            (MARGIN - 7 + column * COLUMN, f"generation {g.index}") for column, g in enumerate(run.generations)
+        ),
+        width=2 * MARGIN + (len(run.generations) - 1) * COLUMN + 60,
+        height=HEAD + 2 * MARGIN + (tallest - 1) * ROW,
+        low=low,
+        high=high,
+    )
+
+
+def _shade(score: float | None, low: float | None, high: float | None) -> int | None:
+    if _drawable(score) is None or score is None or low is None or high is None:
+        return None
+    return round((score - low) / (high - low) * (SHADES - 1)) if high > low else SHADES - 1

@@ -1,28 +1,35 @@
 """`report.html`, a whole run in one file that needs no network; and the templates that it shares with `eureka ui`.
 
 All text of models, programs and trainings is inert: a template engine escapes every value, terminal and direction
-controls are taken out on the way, long texts are cut, and the page forbids scripts and requests altogether.
+controls are taken out on the way, long texts are cut, and the page forbids requests and every script but its own, which
+is known by its hash.
 """
 
 from __future__ import annotations
 
 import base64
 import difflib
+import hashlib
+import json
 from functools import cache
 from importlib.resources import files
+from itertools import groupby
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
+from pygments.lexers import PythonLexer
+from pygments.token import STANDARD_TYPES
 
+from ..codec import plain as data_of
 from ..config import short_name
 from ..errors import TaskError
 from ..store import artifacts
 from ..tasks import registry
 from ..text import plain
 from ..types import Sample
-from . import charts, tables, verdict
+from . import charts, hints, tables, verdict
 from .text import duration, number, scored
 from .view import CandidateView, RunView
 
@@ -34,7 +41,15 @@ CONTEXT = 3
 """Unchanged lines shown around a change."""
 MAX_CHARACTERS = 40_000
 """A longer program was refused for its size; comparing it would take minutes."""
+STYLE = ("vendor/pico.min.css", "vendor/uPlot.min.css", "page.css")
+SCRIPT = ("vendor/uPlot.iife.min.js", "page.js")
+"""Files that every page shares, the report too."""
 Kind = Literal["added", "removed", "kept", "place"]
+COLOURED = {
+    *("k", "kn", "kc", "ow", "nf", "nc", "s1", "s2", "sd", "se", "si", "sa"),
+    *("mi", "mf", "mh", "c1", "ch", "cm", "nb", "bp"),
+}
+"""Kinds of words, as Pygments calls them, that the style sheet has a colour for."""
 _KINDS: dict[str, Kind] = {"+": "added", "-": "removed", " ": "kept", "@": "place"}
 
 
@@ -45,7 +60,7 @@ def report(run: RunView, directory: Path) -> str:
         .get_template("report.html")
         .render(
             run=run,
-            style=Markup(text("report.css")),
+            best=run.best,
             title=short_name(run.config.env),
             intent=intent(run.config.env),
             best_video=_embedded(directory, run.videos.get("best", "")),
@@ -83,22 +98,58 @@ def environment() -> Environment:
         lstrip_blocks=True,
         finalize=_inert,
     )
-    environment.filters |= {"cut": cut, "number": number, "scored": scored, "duration": duration}
+    filters = {"cut": cut, "number": number, "scored": scored, "duration": duration, "code": code, "data": data}
+    environment.filters |= filters
     environment.globals |= {
         "tables": tables,
         "verdict": verdict,
         "charts": charts,
+        "hints": hints.hints,
+        "shares": hints.shares,
+        "together": together,
+        "source_hash": source_hash,
+        "STYLE": STYLE,
+        "SCRIPT": SCRIPT,
         "changes": changes,
         "anchor": anchor,
         "name": tables.name,
     }
-    environment.globals |= LIMITS | {key: getattr(charts, key) for key in ("WIDTH", "HEIGHT", "LEFT", "RIGHT")}
+    environment.globals |= LIMITS
     return environment
 
 
 def text(name: str) -> str:
     """A file of the folder as it is."""
     return (files("openeureka") / "templates" / name).read_text(encoding="utf-8")
+
+
+@cache
+def together(names: tuple[str, ...]) -> Markup:
+    """Files of the folder as one, to stand in a page as they are."""
+    return Markup("\n".join(map(text, names)))
+
+
+@cache
+def source_hash(names: tuple[str, ...]) -> str:
+    """What a content security policy knows the same by."""
+    return "sha256-" + base64.b64encode(hashlib.sha256(together(names).encode()).digest()).decode()
+
+
+def code(source: str) -> Markup:
+    """A program with its words in colours: text that is escaped, in spans where there is a colour."""
+    words = (
+        (STANDARD_TYPES.get(kind, ""), text) for kind, text in PythonLexer(stripnl=False).get_tokens(plain(source))
+    )
+    pieces = []
+    for kind, group in groupby(words, key=lambda word: word[0] if word[0] in COLOURED else ""):
+        text = escape("".join(word for _, word in group))
+        pieces.append(Markup('<span class="{}">{}</span>').format(kind, text) if kind else text)
+    return Markup("").join(pieces)
+
+
+def data(noun: object) -> str:
+    """A noun for a script of the page, as JSON."""
+    return json.dumps(data_of(noun), separators=(",", ":"))
 
 
 def _inert(value: object) -> object:

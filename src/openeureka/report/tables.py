@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from .. import baselines
 from ..config import RunConfig, as_dict
@@ -25,6 +26,34 @@ class Table:
     rows: Sequence[Sequence[str]]
     note: str = ""
     """A sentence that says how to read it."""
+
+
+class Tile(NamedTuple):
+    """One number of the head of a run."""
+
+    name: str
+    value: str
+    more: str = ""
+
+
+def tiles(run: RunView) -> list[Tile]:
+    """The run in a few numbers."""
+    steps = f"{sum(result.env_steps for result in run.results.values()):,}"
+    trainings = Tile("trainings", str(len(run.results)), f"{steps} environment steps")
+    if not run.searched:
+        return [trainings]
+    slots, human = run.candidates, run.baseline_score("human") if "human" in run.baselines else None
+    how = "when played" if run.ranks == "played" else "in training"
+    found = [
+        Tile("generations", f"{len(run.history.generations)} of {run.config.generations}"),
+        Tile("candidates", str(len(slots)), f"{sum(c.score is not None for c in slots)} with a score"),
+        Tile("best F", number(run.best.score if run.best else None), f"{run.best.place}, {how}" if run.best else ""),
+        Tile("human reward", number(human), f"F {how}" if human is not None else ""),
+    ]
+    if run.outcome is not None and run.outcome.normalised is not None:
+        found.append(Tile("score, held out", number(run.outcome.normalised, 3), "0: sparse, 1: human reward"))
+    tokens = run.usage.prompt_tokens + run.usage.completion_tokens
+    return [*found, trainings, Tile("cost", f"US$ {run.usage.cost_usd:.4f}", f"{tokens:,} tokens")]
 
 
 def search(run: RunView) -> Table:
@@ -351,18 +380,6 @@ def _of(generation: Generation, env_steps: int) -> GenerationStats:
         best=generation.best.score if generation.best else None,
         mean=mean(scores),
     )
-
-
-def best_so_far(history: History) -> tuple[float | None, ...]:
-    """Highest score up to and including each generation."""
-    best: float | None = None
-    curve = []
-    for generation in history.generations:
-        score = generation.best.score if generation.best else None
-        if score is not None:
-            best = score if best is None else max(best, score)
-        curve.append(best)
-    return tuple(curve)
 
 
 def trained_share(history: History) -> float | None:

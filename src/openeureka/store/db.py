@@ -28,6 +28,8 @@ FILENAME = "run.sqlite"
 LOCK = "run.lock"
 LOG = "run.log"
 """How a run goes, in lines."""
+NOW = "run.now.json"
+"""What a run is doing, while it is at work."""
 STOP = "run.stop"
 """There while somebody wants the run to stop."""
 AGAIN = "start it again with the same `eureka run` command."
@@ -41,7 +43,8 @@ _COUNTS = {"generation", "slot", "attempt", "attempts", "over_generation", "over
 _TYPES: Mapping[str, tuple[type, ...]] = {"TEXT": (str,), "INTEGER": (int,), "REAL": (float, int)}
 
 _GLANCE = """
-WITH finished AS (SELECT lane FROM entries UNION SELECT lane FROM lanes WHERE role IN ('given', 'tuned'))
+WITH finished AS (SELECT lane FROM entries UNION SELECT lane FROM lanes WHERE role IN ('given', 'tuned')),
+    judged AS (SELECT reward, fitness FROM evaluations JOIN lanes USING (lane) WHERE role = 'final')
 SELECT
     (SELECT COUNT(DISTINCT generation) FROM entries) AS generations,
     COALESCE(
@@ -55,6 +58,11 @@ SELECT
     (SELECT COUNT(*) FROM evaluations JOIN lanes USING (lane) JOIN given ON given.candidate = lanes.reward
         WHERE given.name <> 'original') AS tuned,
     (SELECT COUNT(*) FROM best_policy) AS polished,
+    (SELECT COUNT(*) FROM results) AS trainings,
+    (SELECT AVG(fitness) FROM judged WHERE reward = (SELECT candidate FROM entries JOIN crown USING (generation, slot)))
+        AS held_out,
+    (SELECT AVG(fitness) FROM judged WHERE reward = 'human') AS human,
+    (SELECT AVG(fitness) FROM judged WHERE reward = 'sparse') AS sparse,
     TOTAL(cost_usd) AS cost_usd,
     CAST(TOTAL(prompt_tokens) AS INTEGER) AS prompt_tokens,
     CAST(TOTAL(completion_tokens) AS INTEGER) AS completion_tokens
@@ -239,8 +247,9 @@ class Database:
         """Counts and sums over the run, without its texts and curves."""
         with explained(self.directory):
             row = self._connection.execute(_GLANCE).fetchone()
-        if not _fits("fitness", "REAL", row["fitness"], True):
-            raise changed_row(self.directory, f"{row['fitness']!r:.40} is no F")
+        for name in ("fitness", "held_out", "human", "sparse"):
+            if not _fits(name, "REAL", row[name], True):
+                raise changed_row(self.directory, f"{row[name]!r:.40} is no F")
         return row
 
     def close(self) -> None:

@@ -338,6 +338,10 @@ class Store:
             evaluations=row["evaluations"],
             tuned=row["tuned"],
             polished=bool(row["polished"]),
+            trainings=row["trainings"],
+            held_out=row["held_out"],
+            human=row["human"],
+            sparse=row["sparse"],
             usage=_usage(row),
         )
 

@@ -211,7 +211,10 @@ class Population:
     def _progress(self, epochs_per_second: float) -> TrainingProgress:
         best = {spec.id: peak.value if peak else None for spec, peak in zip(self.specs, self.best_fitness, strict=True)}
         rate = epochs_per_second * self.horizon * self.worlds * self.lanes
-        return TrainingProgress(epoch=self.epoch, epochs=self.until, env_steps_per_second=rate, fitness=best)
+        latest = {spec.id: _newest(curves) for spec, curves in zip(self.specs, self.curves.curves, strict=True)}
+        return TrainingProgress(
+            epoch=self.epoch, epochs=self.until, env_steps_per_second=rate, fitness=best, latest=latest
+        )
 
     def _result(self, lane: int, seconds: float) -> TrainingResult:
         peak, peak_reward = self.best_fitness[lane], self.best_reward[lane]
@@ -235,6 +238,12 @@ class Population:
             paused=pausing.save(pausing.cut(self, lane)) if paused else None,
             message=message,
         )
+
+
+def _newest(curves: Mapping[str, Sequence[float | None]]) -> dict[str, float | None]:
+    """What is followed of a lane while it trains."""
+    followed = {name: curve for name, curve in curves.items() if name.startswith(("fitness", "reward", "component/"))}
+    return {name: curve[-1] for name, curve in followed.items() if curve}
 
 
 class Peak:

@@ -44,7 +44,7 @@ def unpack_lanes(frame: Frame) -> tuple[str, list[LaneSpec], TrainBudget]:
 
 def pack(message: TrainingProgress | TrainingResult) -> Frame:
     if isinstance(message, TrainingProgress):
-        return Frame({"progress": plain(message)})
+        return Frame({"progress": defined(message)})
     paused = {PAUSED: message.paused} if message.paused is not None else {}
     return Frame({"result": defined(message.holding({}))}, message.policies | paused)
 

@@ -175,4 +175,11 @@ class Glance:
     """Those of them that rewards with fitted numbers have."""
     polished: bool
     """Whether the best policy is carried on and judged."""
+    trainings: int
+    """Those that are done."""
+    held_out: float | None
+    """F of the best reward in its final trainings, held out, mean over seeds; None before they are judged."""
+    human: float | None
+    sparse: float | None
+    """The same of the rewards that come with the task, where the run trained them."""
     usage: Usage

@@ -174,6 +174,8 @@ class TrainingProgress:
     env_steps_per_second: float
     fitness: Mapping[str, Finite | None]
     """Best F so far per lane id."""
+    latest: Mapping[str, Mapping[Name, Finite | None]] = field(default_factory=dict[str, Mapping[str, "Finite | None"]])
+    """Newest value of `fitness`, `reward` and each `component/<name>` per lane id."""
     nodes: Mapping[str, NodeShare] = field(default_factory=dict[str, NodeShare])
     """What each machine of a cluster does of it, by name; empty on one machine."""
 

@@ -6,15 +6,15 @@ Handlers work in the thread of the server: one person looks, and what has not ch
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from urllib.parse import parse_qsl, quote
+from urllib.parse import parse_qsl, quote, urlencode
 
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import FileResponse, HTMLResponse, JSONResponse, RedirectResponse, Response
+from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from ..errors import EurekaError
@@ -23,20 +23,26 @@ from ..report.view import RunView
 from ..store import artifacts, is_run, say
 from ..store.directory import ask_to_stop
 from . import folder, guard, pages, remarks
-from .follow import Fingerprint, Fresh, Parts, Version
+from .follow import Fingerprint, Fresh, Parts, Version, events
 from .launch import Launcher
 
 ENTRANCE = "/open"
 """The address that is printed, with the token."""
-VIEWS = 4
-"""Runs held in memory, each with its curves and texts."""
+VIEWS = 8
+"""Runs held in memory, each with its curves and texts; as many may be compared."""
 PAGES = 32
 """Pages held in memory as they were shown last."""
+ENTRIES = 5000
+"""Lines of the list held in memory."""
 
 
-def build(root: Path, token: str, hosts: Sequence[str]) -> Starlette:
-    """The page of the runs below a folder, or of one run, for those who know the token and call it by these names."""
-    return Starlette(routes=Pages(root).routes(), middleware=guard.middleware(token, hosts))
+def build(root: Path, token: str, hosts: Sequence[str], ending: Callable[[], bool] = lambda: False) -> Starlette:
+    """The page of the runs below a folder, or of one run, for those who know the token and call it by these names.
+
+    Args:
+        ending: whether the server is about to end, which waits for those who follow.
+    """
+    return Starlette(routes=Pages(root, ending).routes(), middleware=guard.middleware(token, hosts))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,25 +52,33 @@ class Page:
     template: str
     address: str
     fingerprint: Fingerprint
-    """Of all that it shows."""
+    """Of what `render` shows."""
     render: Callable[[], Parts]
-    values: Mapping[str, object]
+    values: Mapping[str, object] = field(default_factory=dict[str, object])
     """For what surrounds the parts."""
+    moment: Fingerprint = ()
+    """Of what `live` shows."""
+    live: Callable[[], Parts] = dict
+    """Parts that change as fast as a run trains, to stand in the place of those of the same names."""
 
 
 class Pages:
     """Everything below a folder."""
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, ending: Callable[[], bool]) -> None:
         self._root = root
+        self._ending = ending
         self._launcher = Launcher(root)
         self._views: Fresh[RunView] = Fresh(VIEWS)
+        self._entries: Fresh[folder.Entry] = Fresh(ENTRIES)
+        self._parts: Fresh[Parts] = Fresh(PAGES)
         self._versions: Fresh[Version] = Fresh(PAGES)
 
     def routes(self) -> list[Route]:
         return [
             Route("/", self.runs),
             Route(ENTRANCE, _entrance),
+            Route("/compare", self.compare),
             Route("/start", self.start, methods=["POST"]),
             Route("/runs/{name}/", self.overview),
             Route("/runs/{name}/candidates", self.candidates),
@@ -72,29 +86,35 @@ class Pages:
             Route("/runs/{name}/stop", self.stop, methods=["POST"]),
             Route("/runs/{name}/resume", self.resume, methods=["POST"]),
             Route("/runs/{name}/{path:path}", self.film),
-            Route("/style.css", _constant("text/css", "report.css", "ui/page.css")),
-            Route("/follow.js", _constant("text/javascript", "ui/follow.js")),
+            Route("/style.css", _constant("text/css", *html.STYLE)),
+            Route("/page.js", _constant("text/javascript", *html.SCRIPT, "ui/follow.js")),
         ]
 
     async def runs(self, request: Request) -> Response:
         if is_run(self._root):
             return RedirectResponse(_address(*folder.runs(self._root)), 303)
-        return self._answer(request, self._list())
+        return self._answer(request, self._list)
 
     async def start(self, request: Request) -> Response:
         try:
             name = self._launcher.start(await _form(request))
         except EurekaError as error:
-            return self._answer(request, self._list(), str(error))
+            return self._answer(request, self._list, str(error))
         return RedirectResponse(_address(name), 303)
 
     async def overview(self, request: Request) -> Response:
-        return self._answer(request, self._about(request, "run.html", pages.overview))
+        return self._answer(request, partial(self._overview, request))
 
     async def candidates(self, request: Request) -> Response:
         names = request.query_params.getlist("show")
-        rest = f"candidates?{request.url.query}"
-        return self._answer(request, self._about(request, "candidates.html", partial(pages.side_by_side, names), rest))
+        rest = "candidates?" + urlencode([("show", name) for name in names])
+        shown = partial(
+            self._about, request, "candidates.html", partial(pages.side_by_side, names), pages.trained, rest
+        )
+        return self._answer(request, shown)
+
+    async def compare(self, request: Request) -> Response:
+        return self._answer(request, partial(self._compared, request.query_params.getlist("run")))
 
     async def say(self, request: Request) -> Response:
         form = await _form(request)
@@ -112,7 +132,7 @@ class Pages:
         try:
             act(directory)
         except EurekaError as error:
-            return self._answer(request, self._about(request, "run.html", pages.overview), str(error))
+            return self._answer(request, partial(self._overview, request), str(error))
         return RedirectResponse(_address(name), 303)
 
     async def film(self, request: Request) -> Response:
@@ -128,16 +148,51 @@ class Pages:
         return FileResponse(directory / path, media_type="video/mp4")
 
     def _list(self) -> Page:
-        found = folder.runs(self._root)
+        found = {name: (directory, folder.glanced(directory)) for name, directory in folder.runs(self._root).items()}
+
+        def entry(name: str) -> folder.Entry:
+            directory, fingerprint = found[name]
+            return self._entries.get(name, fingerprint, lambda _: folder.entry(name, directory))
+
         return Page(
             template="runs.html",
             address="/",
-            fingerprint=tuple((name, folder.fingerprint(directory)) for name, directory in found.items()),
-            render=lambda: pages.listing([folder.entry(*run) for run in found.items()]),
+            fingerprint=tuple((name, fingerprint) for name, (_, fingerprint) in found.items()),
+            render=lambda: pages.listing([entry(name) for name in found]),
             values=pages.start_form(),
         )
 
-    def _about(self, request: Request, template: str, render: Callable[[Path, RunView], Parts], rest: str = "") -> Page:
+    def _compared(self, names: Sequence[str]) -> Page:
+        """Some runs of the folder; unknown ones are left out, and those that are too many."""
+        found = folder.runs(self._root)
+        chosen = {name: found[name] for name in dict.fromkeys(names) if name in found}
+        chosen = dict(list(chosen.items())[:VIEWS])
+        fingerprints = {name: folder.fingerprint(directory) for name, directory in chosen.items()}
+
+        def parts() -> Parts:
+            views: dict[str, RunView] = {}
+            for name, directory in chosen.items():
+                try:
+                    views[name] = self._view(name, directory, fingerprints[name])
+                except EurekaError:
+                    continue  # the list says why
+            return pages.compared(views)
+
+        address = "/compare?" + urlencode([("run", name) for name in chosen])
+        fingerprint = tuple(fingerprints.items())
+        return Page(template="compare.html", address=address, fingerprint=fingerprint, render=parts)
+
+    def _overview(self, request: Request) -> Page:
+        return self._about(request, "run.html", pages.overview, pages.now)
+
+    def _about(
+        self,
+        request: Request,
+        template: str,
+        render: Callable[[Path, RunView], Parts],
+        live: Callable[[Path, RunView], Parts],
+        rest: str = "",
+    ) -> Page:
         """A page of one run; `rest` is what follows the run's own address."""
         name, directory = self._named(request)
         fingerprint = folder.fingerprint(directory)
@@ -148,8 +203,21 @@ class Pages:
             except EurekaError as error:
                 return pages.unreadable(directory, str(error))
 
-        address = f"{_address(name)}{rest}"
-        return Page(template=template, address=address, fingerprint=fingerprint, render=parts, values={"title": name})
+        def moving() -> Parts:
+            try:
+                return live(directory, self._view(name, directory, fingerprint))
+            except EurekaError:
+                return {}
+
+        return Page(
+            template=template,
+            address=f"{_address(name)}{rest}",
+            fingerprint=fingerprint,
+            render=parts,
+            values={"title": name},
+            moment=folder.moment(directory),
+            live=moving,
+        )
 
     def _named(self, request: Request) -> tuple[str, Path]:
         """A run of the folder; names are looked up and never made into paths."""
@@ -162,16 +230,27 @@ class Pages:
     def _view(self, name: str, directory: Path, fingerprint: Fingerprint) -> RunView:
         return self._views.get(name, fingerprint, lambda earlier: RunView.read(directory, earlier))
 
-    def _answer(self, request: Request, page: Page, problem: str = "") -> Response:
-        """The page; to one that is open already, what has changed of the parts that it shows."""
-        version = self._versions.get(page.address, page.fingerprint, lambda _: Version.make(page.render))
-        shown = request.headers.get("X-Shown")
-        if shown is None:
-            text = pages.layout(page.template, version, address=page.address, problem=problem, **page.values)
-            return HTMLResponse(text, 400 if problem else 200)
-        changes = version.beyond(shown.split(","))
-        pause = {"X-Pause": f"{version.pause:.1f}"}
-        return Response(status_code=204, headers=pause) if changes is None else JSONResponse(changes, headers=pause)
+    def _version(self, page: Page) -> Version:
+        def parts() -> Parts:
+            still = self._parts.get(page.address, page.fingerprint, lambda _: page.render())
+            moving = page.live()
+            return {**still, **{name: html for name, html in moving.items() if name in still}}
+
+        return self._versions.get(page.address, (page.fingerprint, page.moment), lambda _: Version.make(parts))
+
+    def _answer(self, request: Request, look: Callable[[], Page], problem: str = "") -> Response:
+        """The page; to one that is open already, what changes of the parts that it shows, as it changes."""
+        page = look()
+        if "text/event-stream" in request.headers.get("accept", ""):
+            shown = request.query_params.get("shown", "").split(",")
+
+            async def gone() -> bool:
+                return self._ending() or await request.is_disconnected()
+
+            following = events(lambda: self._version(look()), shown, gone)
+            return StreamingResponse(following, media_type="text/event-stream")
+        text = pages.layout(page.template, self._version(page), address=page.address, problem=problem, **page.values)
+        return HTMLResponse(text, 400 if problem else 200)
 
 
 def _address(name: str) -> str:

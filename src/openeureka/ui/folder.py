@@ -11,7 +11,7 @@ from ..config import RunConfig
 from ..errors import StoreError
 from ..runs.run import finished
 from ..store import Store, artifacts, is_held, is_run
-from ..store.db import FILENAME, LOG
+from ..store.db import FILENAME, LOG, NOW
 from ..types import Glance
 from .follow import Fingerprint
 
@@ -54,6 +54,12 @@ def _changed(directory: Path) -> tuple[int, str]:
     return max(_stat(directory / name)[0] for name in _CHANGING), directory.name
 
 
+def glanced(directory: Path) -> Fingerprint:
+    """Differs after every commit, and at both ends of a process: all that the list shows of a run."""
+    changing = (_stat(directory / name) for name in (FILENAME, f"{FILENAME}-wal"))
+    return (is_held(directory), *changing)
+
+
 def fingerprint(directory: Path) -> Fingerprint:
     """Differs after every commit, film, line of the log and end of the process; costs a stat for each lane.
 
@@ -63,6 +69,11 @@ def fingerprint(directory: Path) -> Fingerprint:
     files = [directory / name for name in (*_CHANGING, "best", "polished")]
     files += lanes.iterdir() if lanes.is_dir() else ()
     return (is_held(directory), *sorted((path.name, *_stat(path)) for path in files))
+
+
+def moment(directory: Path) -> Fingerprint:
+    """Differs when the run says anew what it is doing."""
+    return _stat(directory / NOW)
 
 
 def _stat(path: Path) -> tuple[int, int]:

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
+import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-PAUSE = 2.0
-"""[s] between two looks of a page."""
-SHARE = 0.03
+PAUSE = 1.0
+"""[s] between two looks at a run whose page is open."""
+BLINK = 0.2
+"""[s] after which it is seen that nobody looks any more."""
+BEAT = 10.0
+"""[s] after which a page is told that it is still heard of, so that a connection that broke is noticed."""
+SHARE = 0.02
 """Of one core, which following may take while a run changes all the time."""
 Fingerprint = tuple[object, ...]
 """Differs when what it stands for has changed."""
@@ -53,7 +59,7 @@ class Version:
 
     parts: tuple[Part, ...]
     pause: float
-    """[s] that a page should wait before it looks again: the longer, the more this version cost to make."""
+    """[s] until somebody looks again: the longer, the more this version cost to make."""
 
     @staticmethod
     def make(render: Callable[[], Parts]) -> Version:
@@ -69,6 +75,34 @@ class Version:
             "order": [(part.name, part.mark) for part in self.parts],
             "changed": {part.mark: part.html for part in self.parts if part.mark not in marks},
         }
+
+
+async def events(
+    look: Callable[[], Version], shown: Sequence[str], gone: Callable[[], Awaitable[bool]]
+) -> AsyncIterator[str]:
+    """Server-sent events that lead an open page from the parts with these marks to every later version.
+
+    Args:
+        look: the page as it is now; it may take long, which it is then asked less often.
+        gone: whether nobody listens any more.
+    """
+    due = heard = time.monotonic()
+    while not await gone():
+        if time.monotonic() < due:
+            await asyncio.sleep(min(BLINK, PAUSE))
+            continue
+        begun = time.process_time()
+        version = look()
+        due = time.monotonic() + max(version.pause, (time.process_time() - begun) / SHARE)
+        changes = version.beyond(shown)
+        if changes is not None:
+            shown = [part.mark for part in version.parts]
+            yield f"data: {json.dumps(changes)}\n\n"
+        elif time.monotonic() - heard >= BEAT:
+            yield ": here\n\n"
+        else:
+            continue
+        heard = time.monotonic()
 
 
 def _mark(html: str) -> str:

@@ -12,14 +12,15 @@ from __future__ import annotations
 import base64
 import binascii
 import secrets
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Sequence
 from urllib.parse import urlsplit
 
+from starlette.datastructures import MutableHeaders
 from starlette.middleware import Middleware
-from starlette.middleware.base import BaseHTTPMiddleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 """Names that only this machine has for itself, as an address holds them."""
@@ -29,7 +30,7 @@ USER = "eureka"
 """The name before the token in the address; any other would do."""
 _HEADERS = {
     "Content-Security-Policy": (
-        "default-src 'none'; script-src 'self'; style-src 'self'; media-src 'self'; connect-src 'self'; "
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src data:; media-src 'self'; connect-src 'self'; "
         "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
     ),
     "X-Content-Type-Options": "nosniff",
@@ -38,25 +39,29 @@ _HEADERS = {
     "Cache-Control": "no-store",
 }
 
-Handler = Callable[[Request], Awaitable[Response]]
-
 
 def middleware(token: str, hosts: Sequence[str]) -> list[Middleware]:
     """What every request passes; `hosts` are the names under which the page may be called, or `*`."""
     return [
         Middleware(TrustedHostMiddleware, allowed_hosts=list(hosts), www_redirect=False),
-        Middleware(BaseHTTPMiddleware, dispatch=_Gate(token)),
+        Middleware(_Gate, token=token),
     ]
 
 
 class _Gate:
-    def __init__(self, token: str) -> None:
-        self._token = token
+    def __init__(self, app: ASGIApp, token: str) -> None:
+        self._app, self._token = app, token
 
-    async def __call__(self, request: Request, serve: Handler) -> Response:
-        response = self._refusal(request) or await serve(request)
-        response.headers.update(_HEADERS)
-        return response
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def guarded(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                MutableHeaders(scope=message).update(_HEADERS)
+            await send(message)
+
+        if scope["type"] != "http":  # nothing else is served
+            return
+        refusal = self._refusal(Request(scope))
+        await (refusal or self._app)(scope, receive, guarded)
 
     def _refusal(self, request: Request) -> Response | None:
         if not self._knows(_password(request.headers.get("authorization", ""))):

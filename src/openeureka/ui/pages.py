@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..config import FEEDBACKS, VIDEOS, RunConfig
-from ..report import html
+from ..config import FEEDBACKS, VIDEOS, RunConfig, as_dict
+from ..display import now as moment
+from ..report import html, tables
+from ..report.text import duration
 from ..report.view import CandidateView, PromptView, RunView
-from ..store import is_run
+from ..score import Outcome, human_normalised, mean, rank
+from ..store import is_held, is_run
 from ..tasks import registry
+from ..types import lane_id
 from . import folder, remarks
 from .folder import Entry, Standing
 from .follow import Parts, Version
@@ -28,25 +32,46 @@ def start_form() -> dict[str, object]:
 
 
 def listing(entries: Sequence[Entry]) -> Parts:
-    """A line for each run."""
-    piece = _pieces()
-    return {"titles": piece.titles(bool(entries)), **{f"run/{entry.name}": piece.entry(entry) for entry in entries}}
+    """A line for each run, and for each task those whose best reward is judged, the best first."""
+    piece = _pieces(run=None)
+    boards: dict[str, list[Entry]] = {}
+    for entry in entries:
+        if entry.glance is not None and entry.config is not None and entry.glance.held_out is not None:
+            boards.setdefault(entry.config.env, []).append(entry)
+    for board in boards.values():
+        board.sort(key=lambda entry: -rank(entry.glance.held_out if entry.glance else None))
+    return {"runs": piece.runs(entries), "boards": piece.boards(dict(sorted(boards.items())))}
 
 
 def overview(directory: Path, run: RunView) -> Parts:
-    """A whole run: how it stands, and a card for each candidate."""
+    """A whole run: how it stands, all candidates, and a card for each."""
     piece = _pieces(run=run)
     entry = folder.entry("", directory)
     parts = {
-        "head": piece.head(entry, html.intent(run.config.env)),
+        "head": "",
+        "now": "",
         "said": piece.said(*remarks.ear(directory)),
-        "log": piece.log(folder.log(directory), entry.standing is not Standing.FINISHED),
         "result": piece.result(),
+        "table": piece.overview(),
+        "log": piece.log(folder.log(directory), entry.standing is not Standing.FINISHED),
     }
     for generation in reversed(run.generations):
         parts[f"g{generation.index}"] = piece.generation(generation)
         parts |= {html.anchor(candidate): piece.card(candidate) for candidate in generation.candidates}
     return parts
+
+
+def now(directory: Path, run: RunView) -> Parts:
+    """How a run stands, and what it is doing while it is at work."""
+    piece, told = _pieces(run=run), moment.read(directory) if is_held(directory) else None
+    tiles = tables.tiles(run)
+    if told is not None:
+        left = duration(told.left) if told.left is not None else "-"
+        tiles.append(tables.Tile("time left", left, f"{duration(told.seconds)} at work"))
+    return {
+        "head": piece.head(folder.entry("", directory), html.intent(run.config.env), tiles),
+        "now": piece.now(told, _places(run)) if told is not None else "",
+    }
 
 
 def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
@@ -55,18 +80,58 @@ def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
     shown = [known[name] for name in dict.fromkeys(names) if name in known]
     piece = _pieces(run=run)
     listens = remarks.ear(directory).listens
-    return {
-        html.anchor(c): piece.whole(c, _prompt(run, c), [other for other in shown if other is not c], listens)
-        for c in shown
+    places = list(known)
+    parts: dict[str, str] = {}
+    for c in shown:
+        name = html.anchor(c)
+        at = places.index(name)
+        beside = [places[at - 1] if at else "", places[at + 1] if at + 1 < len(places) else ""]
+        children = [other for other in run.candidates if other.parent is not None and other.parent.place == c.place]
+        others = [other for other in shown if other is not c]
+        parts[f"live-{name}"] = ""
+        parts[name] = piece.whole(c, _prompt(run, c), others, listens, children, beside)
+    return parts
+
+
+def trained(directory: Path, run: RunView) -> Parts:
+    """The curves of candidates that are being trained."""
+    told = moment.read(directory) if is_held(directory) else None
+    if told is None:
+        return {}
+    piece, places = _pieces(run=run), _places(run)
+    found = {lane: curves for lane, curves in told.curves.items() if lane in places and lane not in run.results}
+    return {f"live-{places[lane]}": piece.live(told.places, curves) for lane, curves in found.items()}
+
+
+def compared(views: Mapping[str, RunView]) -> Parts:
+    """Several runs: what they found, their curves, and the settings in which they differ."""
+    settings = {name: as_dict(view.config) for name, view in views.items()}
+    keys = next(iter(settings.values()), {})
+    differing = {
+        key: [str(one[key]) for one in settings.values()]
+        for key in keys
+        if len({str(one[key]) for one in settings.values()}) > 1
     }
+    piece = _pieces(run=None)
+    return {"runs": piece.compared(views), "settings": piece.differing(list(views), differing)}
 
 
 def unreadable(directory: Path, problem: str) -> Parts:
     """A run that cannot be shown, as one that was started and has no store yet."""
     if not is_run(directory):
         problem = "The run has not begun; what it printed so far says why."
-    piece = _pieces()
+    piece = _pieces(run=None)
     return {"problem": piece.problem(problem), "log": piece.log(folder.log(directory), True)}
+
+
+def _places(run: RunView) -> dict[str, str]:
+    """What the lane of each candidate, and of each reward that came with the task, is called."""
+    others = {name: f"{lane.reward} reward" for name, lane in run.lanes.items() if lane.role == "baseline"}
+    return others | {
+        lane_id(candidate.candidate.id, run.config.seed): html.anchor(candidate)
+        for candidate in reversed(run.candidates)
+        if candidate.candidate is not None
+    }
 
 
 def _prompt(run: RunView, candidate: CandidateView) -> PromptView | None:
@@ -75,6 +140,22 @@ def _prompt(run: RunView, candidate: CandidateView) -> PromptView | None:
     return max(asked, key=lambda prompt: prompt.slot, default=None)
 
 
-def _pieces(**values: object) -> Any:
-    """The macros of the page, which see the values."""
-    return html.environment().get_template("ui/pieces.html").make_module(values)
+def _pieces(run: RunView | None) -> Any:
+    """The macros of the page, which see the run."""
+    values = {"run": run, "best": run.best if run is not None else None}
+    helpers = {"called": _called, "parts_of": _parts_of, "held_out": _held_out, "normalised": human_normalised}
+    return html.environment().get_template("ui/pieces.html").make_module(values | helpers)
+
+
+def _called(curves: Mapping[str, moment.Curves], places: Mapping[str, str]) -> dict[str, tuple[float | None, ...]]:
+    """F of each lane, by what people call it."""
+    return {places.get(lane, lane): own.get("fitness", ()) for lane, own in curves.items()}
+
+
+def _parts_of(curves: moment.Curves) -> moment.Curves:
+    """Those of the components."""
+    return {name.removeprefix("component/"): curve for name, curve in curves.items() if name.startswith("component/")}
+
+
+def _held_out(outcome: Outcome | None) -> float | None:
+    return mean(outcome.method.scores) if outcome is not None else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import secrets
 import socket
+from collections.abc import Sequence
 from pathlib import Path
 
 import uvicorn
@@ -18,12 +19,24 @@ def serve(root: Path, host: str, port: int) -> None:
     with listen(host, port) as listener:
         print(f"Open http://{guard.USER}:{token}@{_in_address(host)}:{listener.getsockname()[1]}{app.ENTRANCE}")
         print("Ctrl-C ends the page; runs go on.", flush=True)
-        page = app.build(root, token, names(host))
-        config = uvicorn.Config(page, log_level="warning", ws="none", lifespan="off", timeout_graceful_shutdown=1)
+        serving = server(root, token, names(host))
         try:
-            uvicorn.Server(config).run(sockets=[listener])
+            serving.run(sockets=[listener])
         except KeyboardInterrupt:
             pass  # the way to end it
+
+
+def server(root: Path, token: str, hosts: Sequence[str]) -> uvicorn.Server:
+    """One whose followers end with it."""
+
+    def ending() -> bool:
+        return found.should_exit
+
+    page = app.build(root, token, hosts, ending)
+    found = uvicorn.Server(
+        uvicorn.Config(page, log_level="warning", ws="none", lifespan="off", timeout_graceful_shutdown=2)
+    )
+    return found
 
 
 def listen(host: str, port: int) -> socket.socket:

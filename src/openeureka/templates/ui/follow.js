@@ -1,61 +1,72 @@
-// Asks now and then what has changed, and puts it in the place of what was there.
+// Hears what has changed, and puts it in the place of what was there.
 "use strict";
 
-const main = document.querySelector("main");
+const parts = document.getElementById("parts");
+const lost = document.getElementById("lost");
 
 // A browser that fetches the first picture of eighty films at once takes seconds: each waits until it can be seen.
 const films = new IntersectionObserver((entries) => {
   for (const { isIntersecting, target } of entries) if (isIntersecting) target.preload = "metadata";
 });
-const awaitFilms = () => main.querySelectorAll("video[preload=none]").forEach((film) => films.observe(film));
+const awaitFilms = () => parts.querySelectorAll("video[preload=none]").forEach((film) => films.observe(film));
 
-/** What a person has unfolded or chosen in a part stays so when the part is renewed. */
-function keep(old, renewed) {
+/** What a person has unfolded, chosen or zoomed into in a part stays so when the part is renewed. */
+function keep(old, part) {
   const unfolded = [...old.querySelectorAll("details")];
-  [...renewed.querySelectorAll("details")].forEach((details, index) => { details.open = unfolded[index]?.open ?? details.open; });
+  [...part.querySelectorAll("details")].forEach((details, index) => { details.open = unfolded[index]?.open ?? details.open; });
   const chosen = new Set([...old.querySelectorAll("input:checked")].map((box) => box.value));
-  for (const box of renewed.querySelectorAll("input[type=checkbox]")) box.checked = chosen.has(box.value);
-}
-
-function renew({ order, changed }) {
-  const shown = new Map([...main.children].map((part) => [part.dataset.part, part]));
-  order.forEach(([name, mark], index) => {
-    const part = shown.get(name) ?? document.createElement("div");
-    if (part.dataset.mark !== mark) {
-      const fresh = document.createElement("template");
-      fresh.innerHTML = changed[mark];
-      keep(part, fresh.content);
-      part.replaceChildren(fresh.content);
-      Object.assign(part.dataset, { part: name, mark });
-    }
-    // Moving a part would stop its video: only what is out of place is moved.
-    if (main.children[index] !== part) main.insertBefore(part, main.children[index] ?? null);
-  });
-  while (main.children.length > order.length) main.lastElementChild.remove();
-  awaitFilms();
-}
-
-async function look() {
-  const marks = [...main.children].map((part) => part.dataset.mark);
-  const answer = await fetch(new URL(main.dataset.address, location.origin), { headers: { "X-Shown": marks.join(",") } });
-  if (!answer.ok) throw new Error(answer.statusText);
-  if (answer.status === 200) renew(await answer.json());
-  return Number(answer.headers.get("X-Pause"));
-}
-
-async function follow(pause) {
-  const lost = document.getElementById("lost");
-  for (;;) {
-    await new Promise((wake) => setTimeout(wake, 1000 * pause));
-    if (document.hidden) continue;
-    try {
-      pause = await look();
-      lost.hidden = true;
-    } catch {
-      lost.hidden = false;
-    }
+  for (const box of part.querySelectorAll("input[type=checkbox]")) box.checked = chosen.has(box.value);
+  const charts = [...old.querySelectorAll(".chart")].filter(eureka.isDrawn);
+  for (const fresh of part.querySelectorAll(".chart")) {
+    const title = fresh.querySelector("figcaption").textContent;
+    const index = charts.findIndex((chart) => chart.querySelector("figcaption").textContent === title);
+    if (index < 0) continue;
+    const [chart] = charts.splice(index, 1), data = fresh.dataset.chart;
+    fresh.replaceWith(chart);
+    if (chart.dataset.chart !== data) eureka.update(chart, data);
   }
 }
 
+function renew({ order, changed }) {
+  const shown = new Map([...parts.children].map((part) => [part.dataset.part, part]));
+  order.forEach(([name, mark], index) => {
+    const part = shown.get(name) ?? document.createElement("div");
+    // Moving a part would stop its video: only what is out of place is moved.
+    if (parts.children[index] !== part) parts.insertBefore(part, parts.children[index] ?? null);
+    if (part.dataset.mark === mark) return;
+    const old = document.createElement("div");
+    const fresh = document.createElement("template");
+    fresh.innerHTML = changed[mark];
+    old.append(...part.childNodes);
+    part.replaceChildren(fresh.content);
+    Object.assign(part.dataset, { part: name, mark });
+    keep(old, part);
+    eureka.dress(part);
+  });
+  while (parts.children.length > order.length) parts.lastElementChild.remove();
+  awaitFilms();
+}
+
+let source = null;
+
+/** Browsers hold few connections to one server: a tab that nobody looks at gives its own back. */
+function follow() {
+  source?.close();
+  source = null;
+  if (document.hidden) return;
+  const address = new URL(parts.dataset.address, location.origin);
+  address.searchParams.set("shown", [...parts.children].map((part) => part.dataset.mark).join(","));
+  source = new EventSource(address);
+  source.onopen = () => { lost.hidden = true; };
+  source.onmessage = ({ data }) => renew(JSON.parse(data));
+  source.onerror = () => {
+    source?.close();
+    lost.hidden = false;
+    setTimeout(follow, 2000);
+  };
+}
+
+document.addEventListener("visibilitychange", follow);
+addEventListener("pagehide", () => source?.close());
 awaitFilms();
-follow(Number(main.dataset.pause));
+follow();

@@ -1,0 +1,143 @@
+"""What a run is doing now, in a small file of its directory that is replaced every few seconds: for the page.
+
+A store holds what is finished. Curves of lanes that still train, and the time left, interest nobody once the run is
+over; the file goes with it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..codec import DecodeError, decode, defined, encode
+from ..config import RunConfig
+from ..errors import StoreError
+from ..observer import NullObserver, Phase
+from ..store import artifacts
+from ..store.db import NOW
+from ..types import Generation, NodeShare, Reply, TrainingProgress, Usage
+from ..types.bounds import Count, Finite, Name
+from .live import Tally
+
+PAUSE = 2.0
+"""[s] between two writings while a training goes on."""
+MOST = 80
+"""Points kept of a curve; of a longer one every second goes, and those to come are that much farther apart."""
+
+Curves = Mapping[Name, tuple[Finite | None, ...]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Now:
+    """What a run is doing."""
+
+    doing: str
+    """In words."""
+    generation: Count
+    seconds: Finite
+    """[s] since the process began."""
+    left: Finite | None
+    """[s] of the search that are left; None before the first generation is done."""
+    writing: Count = 0
+    """Slots that the model writes for."""
+    usage: Usage = field(default_factory=Usage)
+    epoch: Count = 0
+    epochs: Count = 0
+    env_steps_per_second: Finite = 0.0
+    nodes: Mapping[Name, NodeShare] = field(default_factory=dict[str, NodeShare])
+    places: tuple[Count, ...] = ()
+    """Epochs of the values in `curves`."""
+    curves: Mapping[Name, Curves] = field(default_factory=dict[str, Curves])
+    """By lane id, those under way: F, `reward` and each `component/<name>`."""
+
+
+def read(directory: Path) -> Now | None:
+    """What a run is doing; None where it does not say, or what is there is no such thing: it may come from anybody."""
+    try:
+        data = artifacts.read(directory, NOW)
+        return decode(Now, data) if data is not None else None
+    except (DecodeError, StoreError):
+        return None
+
+
+class Recorder(NullObserver):
+    """Keeps the file. A search does not stop for it where the disk is full: the store will speak of that."""
+
+    def __init__(self, directory: Path, config: RunConfig, usage: Usage) -> None:
+        self._directory = directory
+        self._tally = Tally(config, usage)
+        self._asked: set[int] = set()
+        self._written = 0.0
+        self._clear()
+
+    def _clear(self) -> None:
+        self._progress: TrainingProgress | None = None
+        self._places: list[int] = []
+        self._curves: dict[str, dict[str, list[float | None]]] = {}
+        self._apart = 1
+
+    def phase(self, generation: int, name: Phase) -> None:
+        self._tally.phase(generation, name)
+        self._asked.clear()
+        self._clear()
+        self._write()
+
+    def asked(self, slots: Sequence[int]) -> None:
+        self._asked = set(slots)
+        self._write()
+
+    def reply(self, generation: int, slot: int, reply: Reply) -> None:
+        self._tally.usage += reply.usage
+        self._asked.discard(slot)
+        self._write()
+
+    def progress(self, progress: TrainingProgress) -> None:
+        self._progress = progress
+        if not self._places or progress.epoch - self._places[-1] >= self._apart:
+            self._add(progress)
+        if time.monotonic() - self._written >= PAUSE:
+            self._write()
+
+    def generation(self, generation: Generation) -> None:
+        self._tally.generation_done(generation)
+
+    def _add(self, progress: TrainingProgress) -> None:
+        """A value of each curve; one that begins late has none before."""
+        if len(self._places) >= MOST:
+            self._apart = max(1, 2 * (self._places[-1] - self._places[0]) // len(self._places))
+            del self._places[1::2]
+            for curves in self._curves.values():
+                for values in curves.values():
+                    del values[1::2]
+        newest = {lane: {"fitness": best, **progress.latest.get(lane, {})} for lane, best in progress.fitness.items()}
+        for lane, values in newest.items():
+            for name, value in values.items():
+                curve = self._curves.setdefault(lane, {}).setdefault(name, [])
+                curve += [None] * (len(self._places) - len(curve)) + [value]
+        self._places.append(progress.epoch)
+
+    def _write(self) -> None:
+        self._written, made = time.monotonic(), self._progress
+        count = len(self._places)
+        now = Now(
+            doing=self._tally.doing,
+            generation=self._tally.index,
+            seconds=self._written - self._tally.started,
+            left=self._tally.remaining(),
+            writing=len(self._asked),
+            usage=self._tally.usage,
+            epoch=made.epoch if made else 0,
+            epochs=made.epochs if made else 0,
+            env_steps_per_second=made.env_steps_per_second if made else 0.0,
+            nodes=made.nodes if made else {},
+            places=tuple(self._places),
+            curves={
+                lane: {name: (*values, *[None] * (count - len(values))) for name, values in curves.items()}
+                for lane, curves in self._curves.items()
+            },
+        )
+        with suppress(StoreError):
+            artifacts.write(self._directory, NOW, encode(defined(now)))

@@ -1,0 +1,222 @@
+// Charts, tables that sort and filter, and the choice of light or dark: for every page, and for the report.
+"use strict";
+
+const eureka = (() => {
+  // --- light or dark -------------------------------------------------------------------------------------------------
+
+  const root = document.documentElement;
+  const kept = { // a file that is opened by itself may have no storage
+    get: () => { try { return localStorage.getItem("theme"); } catch { return null; } },
+    set: (theme) => { try { localStorage.setItem("theme", theme); } catch { /* it is the choice of this page alone */ } },
+  };
+  const wishes = matchMedia("(prefers-color-scheme: dark)");
+  if (kept.get()) root.dataset.theme = kept.get();
+
+  function turn() {
+    root.dataset.theme = (root.dataset.theme ?? (wishes.matches ? "dark" : "light")) === "dark" ? "light" : "dark";
+    kept.set(root.dataset.theme);
+    repaint();
+  }
+
+  // --- charts --------------------------------------------------------------------------------------------------------
+
+  const HEIGHT = 230;
+  const drawn = new Map(); // figure -> { plot, chart, hidden }
+
+  function short(value) {
+    if (value == null) return "–";
+    const size = Math.abs(value);
+    return size !== 0 && (size < 1e-3 || size >= 1e6) ? value.toExponential(2) : String(Number(value.toPrecision(4)));
+  }
+
+  const called = (chart, place) => chart.names[place] ?? `${chart.x_label} ${short(chart.places[place])}`;
+  const columns = (chart) => [chart.places, ...chart.lines.map((line) => line.values)];
+  const alike = (a, b) => JSON.stringify(a.lines.map((l) => [l.name, l.kind, l.color])) === JSON.stringify(b.lines.map((l) => [l.name, l.kind, l.color]));
+
+  function series(line, stroke) {
+    const common = { label: line.name, stroke, width: 1.75 };
+    switch (line.kind) {
+      case "dots": return { ...common, paths: () => null, points: { show: true, size: 7, fill: stroke } };
+      case "dashed": return { ...common, dash: [6, 5], spanGaps: true, points: { show: false } };
+      case "steps": return { ...common, paths: uPlot.paths.stepped({ align: 1 }), spanGaps: true, points: { show: false } };
+      default: return { ...common, points: { size: 5, show: (plot, index, from, to) => to - from < 12 } };
+    }
+  }
+
+  function axes(chart, ink, line) {
+    const common = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1, size: 4 }, font: "11px system-ui, sans-serif" };
+    const x = { ...common, size: 30, space: 60, values: (_, splits) => splits.map((split) => (split == null ? "" : short(split))) };
+    if (chart.bounds.length) {
+      x.splits = () => chart.bounds;
+      x.filter = (_, splits) => splits;
+      x.values = (_, splits) => splits.map((place) => (chart.names[place] ?? "").replace(/^g(\d+)s.*$/, "gen. $1"));
+    }
+    const y = { ...common, size: (_, values) => 16 + 6.5 * Math.max(3, ...(values ?? []).map((value) => value.length)), values: (_, splits) => splits.map(short) };
+    return [x, y];
+  }
+
+  /** A box beside the pointer says what stands there. */
+  function tip(chart) {
+    const box = document.createElement("div");
+    box.className = "tip";
+    box.hidden = true;
+    return {
+      hooks: {
+        init: (plot) => plot.over.append(box),
+        setCursor: (plot) => {
+          const place = plot.cursor.idx;
+          box.hidden = place == null || plot.cursor.left < 0;
+          if (box.hidden) return;
+          const said = plot.series.slice(1).map((one, index) => [one.show, one.label, plot.data[index + 1][place]]);
+          box.textContent = [called(chart(), place), ...said.filter(([show, , value]) => show && value != null).map(([, label, value]) => `${label}: ${short(value)}`)].join("\n");
+          const right = plot.cursor.left > plot.over.clientWidth / 2;
+          box.style.left = right ? "" : `${plot.cursor.left + 12}px`;
+          box.style.right = right ? `${plot.over.clientWidth - plot.cursor.left + 12}px` : "";
+          box.style.top = "4px";
+        },
+      },
+    };
+  }
+
+  function legend(figure, state) {
+    const list = figure.querySelector(".legend") ?? figure.appendChild(Object.assign(document.createElement("div"), { className: "legend" }));
+    list.replaceChildren(...state.chart.lines.map((line, index) => {
+      const button = document.createElement("button");
+      const sign = document.createElement("i");
+      sign.className = `h${line.color} ${line.kind}`;
+      button.type = "button";
+      button.append(sign, line.name);
+      button.setAttribute("aria-pressed", String(!state.hidden.has(line.name)));
+      button.addEventListener("click", () => {
+        const show = state.hidden.delete(line.name) || !state.hidden.add(line.name);
+        button.setAttribute("aria-pressed", String(show));
+        state.plot.setSeries(index + 1, { show });
+      });
+      return button;
+    }));
+    return [...list.querySelectorAll("i")].map((sign) => getComputedStyle(sign).color);
+  }
+
+  function draw(figure) {
+    const state = drawn.get(figure) ?? { hidden: new Set() };
+    state.plot?.destroy();
+    state.chart = JSON.parse(figure.dataset.chart);
+    const place = figure.querySelector(".plot");
+    const colors = legend(figure, state);
+    const ink = getComputedStyle(figure.querySelector("figcaption")).color, line = getComputedStyle(figure).outlineColor;
+    const options = {
+      width: place.clientWidth || 400,
+      height: HEIGHT,
+      scales: { x: { time: false, range: state.chart.names.length ? (_, low, high) => [low - .6, high + .6] : undefined } },
+      legend: { show: false },
+      cursor: { drag: { x: true, y: false }, points: { size: 7 } },
+      axes: axes(state.chart, ink, line),
+      series: [{}, ...state.chart.lines.map((one, index) => ({ ...series(one, colors[index]), show: !state.hidden.has(one.name) }))],
+      plugins: [tip(() => state.chart)],
+    };
+    state.plot = new uPlot(options, columns(state.chart), place);
+    drawn.set(figure, state);
+    follows(figure, state);
+  }
+
+  /** A click on a candidate leads to it; the end of a drag, which zooms, does not. */
+  function follows(figure, state) {
+    if (!figure.dataset.at) return;
+    let from = 0;
+    state.plot.over.addEventListener("mousedown", (event) => { from = event.clientX; });
+    state.plot.over.addEventListener("click", (event) => {
+      const name = state.chart.names[state.plot.cursor.idx];
+      if (name && Math.abs(event.clientX - from) < 4) location.href = figure.dataset.at + name;
+    });
+  }
+
+  const repaint = () => { for (const figure of drawn.keys()) if (figure.isConnected) draw(figure); else drawn.delete(figure); };
+  wishes.addEventListener("change", repaint);
+
+  const seen = new IntersectionObserver((entries) => {
+    for (const { isIntersecting, target } of entries) {
+      if (!isIntersecting) continue;
+      seen.unobserve(target);
+      if (!drawn.has(target)) draw(target);
+    }
+  }, { rootMargin: "300px" });
+  const fits = new ResizeObserver((entries) => {
+    for (const { target } of entries) {
+      const plot = drawn.get(target.closest(".chart"))?.plot;
+      if (plot && target.clientWidth && plot.width !== target.clientWidth) plot.setSize({ width: target.clientWidth, height: HEIGHT });
+    }
+  });
+
+  /** New numbers for a chart that is drawn: what a person zoomed into or hid stays so. */
+  function update(figure, data) {
+    const state = drawn.get(figure);
+    figure.dataset.chart = data;
+    const chart = JSON.parse(data);
+    if (!alike(chart, state.chart)) return draw(figure);
+    const { min, max } = state.plot.scales.x;
+    const whole = state.chart.places;
+    const zoomed = min > whole[0] || max < whole.at(-1);
+    state.chart = chart;
+    state.plot.setData(columns(chart), !zoomed);
+    if (zoomed) state.plot.redraw();
+  }
+
+  // --- tables --------------------------------------------------------------------------------------------------------
+
+  const orders = new Map(); // table id -> { column, down }
+
+  function sort(table) {
+    const order = orders.get(table.id);
+    if (!order) return;
+    const key = (row) => { const cell = row.cells[order.column]; return cell.dataset.value ?? cell.textContent.trim(); };
+    const number = (text) => (text === "" || text === "-" || Number.isNaN(Number(text)) ? null : Number(text));
+    const rows = [...table.tBodies[0].rows].map((row) => [key(row), row]);
+    const counts = rows.some(([text]) => number(text) !== null);
+    rows.sort(([a], [b]) => {
+      if (!counts) return (order.down ? -1 : 1) * a.localeCompare(b);
+      const [x, y] = [number(a), number(b)]; // what has no number comes last, whichever way
+      return x === null || y === null ? (x === null) - (y === null) : (order.down ? y - x : x - y);
+    });
+    table.tBodies[0].append(...rows.map(([, row]) => row));
+    [...table.tHead.rows[0].cells].forEach((cell, index) => {
+      if (index === order.column) cell.setAttribute("aria-sort", order.down ? "descending" : "ascending");
+      else cell.removeAttribute("aria-sort");
+    });
+  }
+
+  function filter(table) {
+    const tools = document.querySelectorAll(`[data-filter="${table.id}"]`);
+    for (const row of table.tBodies[0].rows) {
+      row.hidden = [...tools].some(({ value, dataset: { column } }) => {
+        const text = (column ? row.querySelector(`[data-column="${column}"]`)?.textContent.trim() : row.textContent) ?? "";
+        return value && !(column ? text === value : text.toLowerCase().includes(value.toLowerCase()));
+      });
+    }
+  }
+
+  document.addEventListener("click", (event) => {
+    const button = event.target.closest?.("button.sort");
+    if (!button) return;
+    const cell = button.closest("th"), table = cell.closest("table");
+    const before = orders.get(table.id);
+    // Numbers are most often looked at from the highest down.
+    orders.set(table.id, { column: cell.cellIndex, down: before?.column === cell.cellIndex ? !before.down : "down" in button.dataset });
+    sort(table);
+  });
+  document.addEventListener("input", ({ target }) => {
+    const table = target.dataset?.filter && document.getElementById(target.dataset.filter);
+    if (table) filter(table);
+  });
+
+  // --- whatever came into the page -----------------------------------------------------------------------------------
+
+  function dress(part) {
+    for (const figure of part.querySelectorAll(".chart")) if (!drawn.has(figure)) { seen.observe(figure); fits.observe(figure.querySelector(".plot")); }
+    for (const table of part.querySelectorAll("table.all")) { sort(table); filter(table); }
+  }
+
+  addEventListener("beforeprint", () => document.querySelectorAll(".chart").forEach((figure) => { if (!drawn.has(figure) && figure.checkVisibility()) draw(figure); }));
+  document.getElementById("theme")?.addEventListener("click", turn);
+  dress(document);
+  return { dress, update, isDrawn: (figure) => drawn.has(figure) };
+})();
