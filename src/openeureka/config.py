@@ -64,6 +64,8 @@ class RunConfig:
     """Of the model's samples: higher ones differ more."""
     curriculum: str = ""
     """Stages to train each candidate through: one of the task's own, or a YAML file; empty means the task alone."""
+    randomise: str = "none"
+    """How worlds of training differ: `none`, `mild`, `wide`, or a YAML file of ranges."""
     tune: int = 0
     """Trainings that fit the numbers of the best reward after the search, its structure kept; 0 means none."""
     polish: int = 0
@@ -159,6 +161,8 @@ class TrainConfig:
     """Comma-separated: `human`, `sparse` or the path of a reward file."""
     curriculum: str = ""
     """Stages to train each reward through: one of the task's own, or a YAML file; empty means the task alone."""
+    randomise: str = "none"
+    """How worlds of training differ: `none`, `mild`, `wide`, or a YAML file of ranges."""
     seeds: int = 1
     """Trainings per reward."""
     seed: int = 0
@@ -233,11 +237,12 @@ _FILES = {
     "env": r"(.+\.py)([:+].*)?",
     "init": r"(?!human\Z)(.+)()",
     "curriculum": r"(.+\.ya?ml)()",
+    "randomise": r"(.+\.ya?ml)()",
 }
 
 
 def absolute(key: str, value: str) -> str:
-    """The whole path of a file that `env`, `init` or `curriculum` names, so that it is found from any directory."""
+    """The whole path of a file that a setting names, so that it is found from any directory."""
     match = re.fullmatch(_FILES.get(key, "(?!)"), value)
     return f"{Path(match[1]).expanduser().resolve()}{match[2] or ''}" if match else value
 

@@ -29,6 +29,7 @@ from .run import Run
 
 class _Shared(TypedDict, total=False):
     curriculum: str | Path
+    randomise: str | Path
     seed: int
     seeds: int
     steps: int | float

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ..config import RunConfig
 from ..types import StateSpec, TaskContext
-from . import curriculum
+from . import curriculum, ranges
 from .record import STARTS
 from .registry import get
 from .source import prune
@@ -46,7 +46,8 @@ def informed(known: TaskContext, recorded: Mapping[str, Tensor | float | int], c
     states = {name: value for name, value in recorded.items() if isinstance(value, Tensor)}
     starts = [*_scalars(task.spec, states), *_points(task.spec, states)]
     heading = [f"At the start of an episode, in {STARTS} of them:"] if starts else []
-    return replace(known, facts=(_episode(task), _training(task, config), _discount(task), *heading, *starts))
+    said = (_episode(task), _training(task, config), _discount(task), *_worlds(config))
+    return replace(known, facts=(*said, *heading, *starts))
 
 
 def _episode(task: type[Task]) -> str:
@@ -66,6 +67,11 @@ def _training(task: type[Task], config: RunConfig) -> str:
         f"A policy trains for {steps:,} steps in all: {epochs} epochs of {recipe.horizon} steps in each of {worlds} "
         "environments."
     )
+
+
+def _worlds(config: RunConfig) -> list[str]:
+    drawn = ranges.find(config.env, config.randomise)
+    return [f"Worlds of training differ, a factor being one on the model's own value: {drawn}."] if drawn else []
 
 
 def _discount(task: type[Task]) -> str:
