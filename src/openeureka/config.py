@@ -50,6 +50,8 @@ class RunConfig:
     """`best` (the best so far is the parent), `eureka` (as published) or `pkg.mod:Name` of your own."""
     init: str = ""
     """Begin with a given reward: `human`, or the path of a reward file; empty means with the model's own."""
+    safety: str = ""
+    """What the reward must also see to, in words for the model: `torques below 40 N m, smooth joints`."""
     feedback: str = "none"
     """`none`, or `human`: after each generation wait for what a person says of it."""
     feedback_timeout: float = 0.0

@@ -63,6 +63,7 @@ class SearchSettings(_Shared, total=False):
     search: str
     schedule: str
     init: str | Path
+    safety: str
     feedback: str
     feedback_timeout: float
     judge: str

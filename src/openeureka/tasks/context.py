@@ -9,6 +9,7 @@ from itertools import combinations
 from torch import Tensor
 
 from ..config import RunConfig
+from ..text import plain
 from ..types import StateSpec, TaskContext
 from . import curriculum, ranges
 from .record import STARTS
@@ -37,7 +38,8 @@ def context(env: str) -> TaskContext:
 
 
 def informed(known: TaskContext, recorded: Mapping[str, Tensor | float | int], config: RunConfig) -> TaskContext:
-    """With the facts of a search: how long episodes and trainings are, what ends them and where they start.
+    """With the facts of a search: how long episodes and trainings are, what ends them and where they start, what is
+    drawn and what safety asks for.
 
     Args:
         recorded: as `record.record_states` gives them, start states first; of what is missing nothing is told.
@@ -47,7 +49,8 @@ def informed(known: TaskContext, recorded: Mapping[str, Tensor | float | int], c
     starts = [*_scalars(task.spec, states), *_points(task.spec, states)]
     heading = [f"At the start of an episode, in {STARTS} of them:"] if starts else []
     said = (_episode(task), _training(task, config), _discount(task), *_worlds(config))
-    return replace(known, facts=(*said, *heading, *starts))
+    safety = f", and to do so safely: {plain(config.safety)}" if config.safety else ""
+    return replace(known, description=known.description + safety, facts=(*said, *heading, *starts))
 
 
 def _episode(task: type[Task]) -> str:
