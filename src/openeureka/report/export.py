@@ -122,7 +122,7 @@ def deployed(policy: Policy, task: type[Task]) -> dict[str, bytes]:
         "policy.onnx": to_onnx(policy, robot),
         "deploy.yaml": (_HEAD + about).encode(),
         "scene.xml": spec.to_xml().encode(),
-        "sim2sim.py": files(__package__).joinpath("sim2sim.py").read_bytes(),
+        "sim2sim.py": files("openeureka.report").joinpath("sim2sim.py").read_bytes(),
     }
 
 
