@@ -46,9 +46,10 @@ def chosen(config: RunConfig) -> Baselines | None:
     """
     if config.baselines != "known":
         return None
-    found = known(config.env, _held_out(config)) if not config.curriculum else None
+    plain = not config.curriculum and config.randomise == "none"
+    found = known(config.env, _held_out(config)) if plain else None
     if found is None or not (found.human.training and found.sparse.training):
-        what = f"{config.env} with a curriculum" if config.curriculum else config.env
+        what = config.env if plain else f"{config.env} with {'a curriculum' if config.curriculum else 'randomise='}"
         raise ConfigError(f"The baselines of {what} were not measured beforehand; use baselines=train.")
     return found
 

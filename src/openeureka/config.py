@@ -51,6 +51,8 @@ class RunConfig:
     """`best` (the best so far is the parent), `eureka` (as published) or `pkg.mod:Name` of your own."""
     init: str = ""
     """Begin with a given reward: `human`, or the path of a reward file; empty means with the model's own."""
+    safety: str = ""
+    """What the reward must also see to, in words for the model: `torques below 40 N m, smooth joints`."""
     feedback: str = "none"
     """`none`, or `human`: after each generation wait for what a person says of it."""
     feedback_timeout: float = 0.0
@@ -65,6 +67,8 @@ class RunConfig:
     """Of the model's samples: higher ones differ more."""
     curriculum: str = ""
     """Stages to train each candidate through: one of the task's own, or a YAML file; empty means the task alone."""
+    randomise: str = "none"
+    """How worlds of training differ: `none`, `mild`, `wide`, or a YAML file of ranges."""
     tune: int = 0
     """Trainings that fit the numbers of the best reward after the search, its structure kept; 0 means none."""
     polish: int = 0
@@ -160,6 +164,8 @@ class TrainConfig:
     """Comma-separated: `human`, `sparse` or the path of a reward file."""
     curriculum: str = ""
     """Stages to train each reward through: one of the task's own, or a YAML file; empty means the task alone."""
+    randomise: str = "none"
+    """How worlds of training differ: `none`, `mild`, `wide`, or a YAML file of ranges."""
     seeds: int = 1
     """Trainings per reward."""
     seed: int = 0
@@ -234,11 +240,12 @@ _FILES = {
     "env": r"((?:python:)?)(.+\.py)([:+].*)?",
     "init": r"()(?!human\Z)(.+)()",
     "curriculum": r"()(.+\.ya?ml)()",
+    "randomise": r"()(.+\.ya?ml)()",
 }
 
 
 def absolute(key: str, value: str) -> str:
-    """The whole path of a file that `env`, `init` or `curriculum` names, so that it is found from any directory."""
+    """The whole path of a file that a setting names, so that it is found from any directory."""
     match = re.fullmatch(_FILES.get(key, "(?!)"), value)
     return f"{match[1]}{Path(match[2]).expanduser().resolve()}{match[3] or ''}" if match else value
 

@@ -15,17 +15,19 @@ SETTINGS = ["env=cartpole", "model=scripted", "sample=1", "iteration=1", "seeds=
 
 
 class StagedTrainer(ToyTrainer):
-    """Notes task and lane of every training; Ctrl-C in the last stage while `stops`."""
+    """Notes task, lane and ranges of every training; Ctrl-C in the last stage while `stops`."""
 
     def __init__(self) -> None:
         super().__init__()
         self.stages: list[str] = []
+        self.ranges: list[str] = []
         self.stops = False
 
     def train(self, env, lanes, budget):
         if self.stops and env == LAST:
             raise KeyboardInterrupt
         self.stages += [f"{env} {lane.id[-8:]}" for lane in lanes]
+        self.ranges.append(str(budget.randomise))
         yield from super().train(env, lanes, budget)
 
 
@@ -81,9 +83,24 @@ def test_a_search_that_is_resumed_elsewhere_goes_on_with_the_stage_under_way(
     assert [stage.split()[0] for stage in toy.stages[3:]] == [EASY] * 2 + [LAST] * 2  # the best and the human reward
 
 
+def test_ranges_reach_every_stage_also_when_a_run_is_resumed_elsewhere(
+    toy: StagedTrainer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    Path("ranges.yaml").write_text("mass: [0.8, 1.2]\n")
+    toy.stops = True
+    assert run("train", "reward=human", "curriculum=stages.yaml", "randomise=ranges.yaml", "dir=out") == 130
+    toy.stops = False
+    os.mkdir("elsewhere")
+    monkeypatch.chdir("elsewhere")
+    assert run("resume", str(tmp_path / "out")) == 0
+    assert toy.ranges == ["mass 0.8 to 1.2 factor"] * 2
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
+        (["randomise=wild"], "There are no ranges `wild`. Did you mean `wide`?"),
+        (["randomise=mild", "baselines=known"], "cartpole with randomise= were not measured beforehand"),
         (["curriculum=pen_spinning"], "`cartpole` has no curriculum `pen_spinning`."),
         (["curriculum=stages.yaml", "baselines=known"], "cartpole with a curriculum were not measured beforehand"),
     ],

@@ -247,3 +247,15 @@ def test_a_curriculum_is_told_as_the_steps_of_all_its_stages():
     config = RunConfig(env="shadow_hand_spin", curriculum="pen_spinning")
     facts = informed(context(config.env), record_states(config.env, worlds=4, steps=3, keep=2), config).facts
     assert facts[1] == "A policy trains for 60,000,000 steps in all, over the stages of a curriculum."
+
+
+def test_safety_is_part_of_what_the_model_is_asked_for():
+    told = informed(context("anymal"), {}, RunConfig(env="anymal", safety="torques below\x07 40 N m"))
+    assert told.description.endswith("target velocities, and to do so safely: torques below 40 N m")
+    assert informed(context("anymal"), {}, RunConfig(env="anymal")).description == context("anymal").description
+
+
+def test_the_model_is_told_how_worlds_differ_where_they_do():
+    said = [informed(context("ant"), {}, RunConfig(env="ant", randomise=name)).facts for name in ("none", "mild")]
+    (fact,) = set(said[1]) - set(said[0])
+    assert "mass 0.9 to 1.1 factor, friction 0.8 to 1.2 factor" in fact and "delay 0 to 0.02 s" in fact

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..errors import RewardFileError
+from ..errors import RewardFileError, TaskError
 from ..store import artifacts
 from ..tasks import registry
 from ..training.policy import Policy
@@ -13,7 +13,7 @@ from .view import VIDEO, RunView
 
 
 def build(directory: Path, wanted: str = "", env: str = "") -> list[str]:
-    """Write the policy.onnx of best/ and polished/, the videos that are missing, TensorBoard events and report.html.
+    """Write policy.onnx and what runs it into best/ and polished/, missing videos, TensorBoard events and report.html.
 
     Args:
         wanted: videos of `all` policies, the `best` or `none`; empty means what the run began with.
@@ -53,7 +53,8 @@ def policy_files(directory: Path, folder: str, wanted: str, env: str) -> str:
     if data is None:
         return ""
     try:
-        artifacts.write(directory, f"{folder}/policy.onnx", export.to_onnx(Policy.from_bytes(data)))
+        for name, content in _programs(Policy.from_bytes(data), env).items():
+            artifacts.write(directory, f"{folder}/{name}", content)
         if wanted == "none" or artifacts.exists(directory, f"{folder}/{VIDEO}"):
             return ""
         if not env:
@@ -62,6 +63,15 @@ def policy_files(directory: Path, folder: str, wanted: str, env: str) -> str:
     except (RewardFileError, video.VideoUnavailable) as error:
         return str(error)
     return ""
+
+
+def _programs(policy: Policy, env: str) -> dict[str, bytes]:
+    """Files that run a policy elsewhere; of a task that is not at hand the network alone."""
+    try:
+        task = registry.get(env) if env else None
+    except TaskError:
+        task = None
+    return export.deployed(policy, task) if task is not None else {"policy.onnx": export.to_onnx(policy)}
 
 
 _STRANGE = (

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from importlib.resources import files
 from io import BytesIO
 
 import numpy as np
 import onnx
+import yaml
 from onnx import TensorProto, helper, numpy_helper
 
 # The classes of these two modules are made at import time, where no type checker sees them.
@@ -14,6 +16,9 @@ from tensorboard.compat.proto.event_pb2 import Event  # pyright: ignore[reportAt
 from tensorboard.compat.proto.summary_pb2 import Summary  # pyright: ignore[reportAttributeAccessIssue]
 from tensorboard.summary.writer.record_writer import RecordWriter
 
+from ..codec import plain
+from ..tasks.deployment import Interface, interface
+from ..tasks.task import Task
 from ..training.normalize import EPSILON, LIMIT
 from ..training.policy import Policy
 from ..types import TrainingResult
@@ -24,11 +29,14 @@ EVENTS = "events.out.tfevents.0"
 """TensorBoard recognises event files by `tfevents` in their name."""
 
 
-def to_onnx(policy: Policy) -> bytes:
+def to_onnx(policy: Policy, robot: Interface | None = None) -> bytes:
     """The deterministic policy: `observation` (N, O) float32, as the task makes it, to `action` (N, A) in [-1, 1].
 
     Of C choices `action` is (N, C) int64: the index of the option of each. Normalisation is inside: (x - mean) /
     sqrt(var + 1e-5) clamped at +-5, then ELU layers and a linear head.
+
+    Args:
+        robot: what the file's metadata say beside the task's name: text, lists with commas.
 
     Raises:
         RewardFileError: when its tensors are those of no network.
@@ -82,9 +90,51 @@ def to_onnx(policy: Policy) -> bytes:
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], producer_name="openeureka")
     model.ir_version = 8  # the one that came with this opset
-    helper.set_model_props(model, {"env": policy.env})
+    helper.set_model_props(model, {"env": policy.env} | (_said(robot) if robot is not None else {}))
     onnx.checker.check_model(model)
     return model.SerializeToString()
+
+
+def _said(robot: Interface) -> dict[str, str]:
+    found = {name: value if isinstance(value, list | tuple) else [value] for name, value in plain(robot).items()}
+    return {name: ",".join(str(value) for value in values) for name, values in found.items()}
+
+
+def deployed(policy: Policy, task: type[Task]) -> dict[str, bytes]:
+    """Files beside policy.onnx by name, that one included: what runs the policy without openeureka.
+
+    Of a task that says nothing of its observation deploy.yaml says so, and is alone.
+    """
+    if task.deployment is None:
+        return {"policy.onnx": to_onnx(policy), "deploy.yaml": _NOT_SAID.format(env=task.env).encode()}
+    policy.expect(task.num_observations, task.num_actions)
+    robot = interface(
+        task.env,
+        task.deployment,
+        task.compile_model(),
+        control_dt=task.control_dt,
+        clip=task.clip_observations,
+    )
+    spec = task.timed_model()
+    spec.compile()
+    about = yaml.safe_dump(plain(robot), sort_keys=False, default_flow_style=None, width=110)
+    return {
+        "policy.onnx": to_onnx(policy, robot),
+        "deploy.yaml": (_HEAD + about).encode(),
+        "scene.xml": spec.to_xml().encode(),
+        "sim2sim.py": files("openeureka.report").joinpath("sim2sim.py").read_bytes(),
+    }
+
+
+_NOT_SAID = (
+    "# `{env}` does not say what its observation is made of, so no other program can make it: give the task's class a\n"
+    "# `deployment` (openeureka.tasks.deployment).\nenv: {env}\n"
+)
+_HEAD = """# What runs policy.onnx on a robot. Lists are in the order of actions or of the observation; units are SI.
+# target angle = default_joint_pos + action_scale * action; torque = joint_stiffness * (target - angle)
+# - joint_damping * rate, at most torque_limit. The observation's terms, in order, times observation_scales, are
+# clipped; normalisation is inside policy.onnx. sim2sim.py does all of it.
+"""
 
 
 def to_events(

@@ -24,11 +24,12 @@ from ..report.build import build
 from ..report.filming import Filming
 from ..sandbox.client import Sandbox
 from ..store import StageFiles, Store, is_run, read_config, read_replies
-from ..tasks import curriculum
+from ..tasks import curriculum, ranges
 from ..tasks.context import context, informed
 from ..tasks.record import record_states
 from ..tasks.registry import get
 from ..training.curriculum import CurriculumTrainer
+from ..training.randomised import RandomisedTrainer
 from ..types import Candidate, TaskContext, Trainer, Usage, Verdict
 from . import trust
 from .stopping import continuable, stoppable, stopped
@@ -220,10 +221,11 @@ def comparing(config: RunConfig, directory: Path, host: Host) -> Iterator[Lanes]
 
 
 def trainer_of(config: RunConfig, directory: Path) -> Trainer:
-    """Trains the task alone, or through the stages of a curriculum, kept in the directory.
+    """Trains the task alone, or through the stages of a curriculum, kept in the directory; in worlds that differ, where
+    that is wanted.
 
     Raises:
-        ConfigError: for an executor, a device or a curriculum that does not exist or does not fit.
+        ConfigError: for an executor, a device, a curriculum or ranges that do not exist or do not fit.
     """
     options: dict[str, object] = {
         "device": config.device,
@@ -232,6 +234,8 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
     }
     options |= {"address": config.address} if config.address else {}
     trainer: Trainer = EXECUTORS.make(config.executor, **options)
+    if (drawn := ranges.find(config.env, config.randomise)) is not None:
+        trainer = RandomisedTrainer(trainer, drawn)
     if not config.curriculum:
         return trainer
     stages = curriculum.find(config.env, config.curriculum)

@@ -29,6 +29,7 @@ from .run import Run
 
 class _Shared(TypedDict, total=False):
     curriculum: str | Path
+    randomise: str | Path
     seed: int
     seeds: int
     steps: int | float
@@ -62,6 +63,7 @@ class SearchSettings(_Shared, total=False):
     search: str
     schedule: str
     init: str | Path
+    safety: str
     feedback: str
     feedback_timeout: float
     judge: str

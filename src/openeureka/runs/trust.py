@@ -30,6 +30,7 @@ _EFFECTS = {
     "executor": "is run with your rights",
     "address": "is sent what is trained, and what answers there can run code with your rights",
     "curriculum": "is read, and the tasks that it names are run with your rights",
+    "randomise": "is read",
     "init": "is read, and sent to the model",
     "model": "is loaded, or asked for rewards, which may cost money",
     "base_url": "is sent the prompts and your key",
@@ -39,7 +40,7 @@ _EFFECTS = {
 
 def claims(config: object) -> dict[str, str]:
     """The settings of a run or a training that reach outside it, by key; paths are whole."""
-    env, search, executor, address, curriculum, init, model, base_url, price = (
+    env, search, executor, address, curriculum, randomise, init, model, base_url, price = (
         str(getattr(config, key, "")) for key in _EFFECTS
     )
     found = {
@@ -48,6 +49,7 @@ def claims(config: object) -> dict[str, str]:
         "executor": "" if EXECUTORS.installed(executor) else executor,
         "address": "" if address in ("auto", "local") else address,
         "curriculum": absolute("curriculum", curriculum) if curriculum.endswith((".yaml", ".yml")) else "",
+        "randomise": absolute("randomise", randomise) if randomise.endswith((".yaml", ".yml")) else "",
         "init": "" if init == "human" else _whole(init),
         "model": "" if model in ("local", "random", NO_MODEL) else _model(model),
         "base_url": base_url,

@@ -90,7 +90,7 @@ class Simulator(Worlds):
 
     @abstractmethod
     def expand(self, field: str) -> Tensor:
-        """Per-world values (N, ...) of an MjModel field, used from the next call on."""
+        """Per-world values (N, ...) of an MjModel field, or of `opt.<field>`, used from the next call on."""
 
     @abstractmethod
     def snapshot(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:

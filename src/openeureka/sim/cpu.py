@@ -115,14 +115,16 @@ class CpuSimulator(Simulator):
             mirror.numpy()[worlds] = array[worlds]
 
     def _push_model(self) -> None:
-        changed = False
-        for array, mirror in self._expanded.values():
+        derived = np.zeros(self.num_worlds, dtype=bool)
+        for name, (array, mirror) in self._expanded.items():
             values = mirror.numpy()
-            if not np.array_equal(values, array.astype(np.float32)):
-                array[:] = values
-                changed = True
-        if changed:
-            self._batch.set_const()
+            changed = (values != array.astype(np.float32)).reshape(self.num_worlds, -1).any(axis=1)
+            if changed.any():
+                array[changed] = values[changed]
+                if name in mujoco.MjModel._setconst_inputs or name.startswith("opt."):
+                    derived |= changed
+        if derived.any():
+            self._batch.set_const(np.flatnonzero(derived))
 
     def _note_bad(self, failed: list[int]) -> None:
         """Compare warning counters with those last seen; MuJoCo itself resets a world whose state is not finite."""

@@ -1,28 +1,83 @@
-"""Worlds that are a little heavier or more slippery than the model says."""
+"""Worlds whose models differ: factors on fields of MjModel, world by world."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping
 
+import mujoco
+import numpy as np
 import torch
+from torch import Tensor
 
-from ..types import Dynamics
 from .base import Simulator
 
-FIELDS = {"mass": ("body_mass", "body_inertia"), "friction": ("geom_friction",)}
-"""MjModel fields that each factor of `Dynamics` scales. Inertia goes with mass, as if the material were denser."""
+Masks = dict[str, np.ndarray]
+"""Fields of MjModel, and which of their entries a factor scales."""
+FACTORS = (
+    *("mass", "inertia", "friction", "strength", "stiffness", "drive_damping"),
+    *("joint_damping", "armature", "gravity"),
+)
+"""What can differ between the models of worlds; meanings are those of `types.Dynamics`."""
 
 
-def perturb(sim: Simulator, lanes: Sequence[Dynamics]) -> None:
-    """Scale the models of L lanes of equally many worlds; call it once, before the first reset.
+def scaled(model: mujoco.MjModel, factor: str) -> Masks:
+    """The entries that a factor scales; none of them is other than 0 where it would change nothing."""
+    whole = {
+        "mass": ("body_mass", "body_inertia"),
+        "inertia": ("body_inertia",),
+        "joint_damping": ("dof_damping",),
+        "armature": ("dof_armature",),
+        "gravity": ("opt.gravity",),
+    }
+    if factor in whole:
+        return {field: _value(model, field) != 0 for field in whole[factor]}
+    if factor == "friction":
+        touches = (model.geom_contype | model.geom_conaffinity) != 0
+        return {"geom_friction": np.repeat(touches[:, None], 3, axis=1)}
+    # A drive's force is gain * control + bias, bias 0 for a motor; of a position drive gain and -bias[1] are kp and
+    # -bias[2] is kv, of a velocity drive gain and -bias[2] are kv.
+    gain, bias = (np.zeros_like(field, dtype=bool) for field in (model.actuator_gainprm, model.actuator_biasprm))
+    position, damped = model.actuator_biasprm[:, 1] != 0, model.actuator_biasprm[:, 2] != 0
+    if factor == "strength":
+        gain[:, 0], bias[:, :3] = True, True
+        limits = np.repeat(model.actuator_forcelimited[:, None] != 0, 2, axis=1)
+        return {"actuator_gainprm": gain, "actuator_biasprm": bias, "actuator_forcerange": limits}
+    gain[:, 0], bias[:, 1], bias[:, 2] = {
+        "stiffness": (position, position, False),
+        "drive_damping": (~position & damped, False, damped),
+    }[factor]
+    return {"actuator_gainprm": gain, "actuator_biasprm": bias}
 
-    A field that no lane changes stays shared by all worlds.
+
+def acts(model: mujoco.MjModel, factor: str) -> bool:
+    """Whether a factor changes anything of a model."""
+    return any(mask.any() for mask in scaled(model, factor).values())
+
+
+class Perturbed:
+    """Keeps a simulator's model scaled. Fields that no factor names stay shared by all worlds.
+
+    Args:
+        factors: those that will be written.
     """
-    for name, fields in FIELDS.items():
-        factors = torch.tensor([getattr(dynamics, name) for dynamics in lanes], device=sim.device)
-        if bool((factors == 1.0).all()):
-            continue
-        each = factors.repeat_interleave(sim.num_worlds // len(lanes))
-        for field in fields:
-            values = sim.expand(field)
-            values *= each.view(-1, *[1] * (values.dim() - 1))
+
+    def __init__(self, sim: Simulator, factors: Collection[str]) -> None:
+        self._masks: dict[str, dict[str, Tensor]] = {}
+        for factor in factors:
+            for field, mask in scaled(sim.model, factor).items():
+                self._masks.setdefault(field, {})[factor] = torch.as_tensor(mask, device=sim.device)
+        self._fields = {field: sim.expand(field) for field in self._masks}
+        self._own = {field: values.clone() for field, values in self._fields.items()}
+
+    def write(self, factors: Mapping[str, Tensor], worlds: Tensor) -> None:
+        """Scale the models of the worlds (N,) bool by factors (N,); a `forward` of them must follow."""
+        for field, values in self._fields.items():
+            wide = [-1, *[1] * (values.dim() - 1)]
+            new = self._own[field]
+            for factor, mask in self._masks[field].items():
+                new = torch.where(mask, new * factors[factor].view(wide), new)
+            values.copy_(torch.where(worlds.view(wide), new, values))
+
+
+def _value(model: mujoco.MjModel, field: str) -> np.ndarray:
+    return model.opt.gravity if field == "opt.gravity" else getattr(model, field)

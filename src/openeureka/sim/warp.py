@@ -6,6 +6,7 @@ It also runs on the CPU (`device=warp-cpu`), far slower than `cpu.py`: so the tw
 from __future__ import annotations
 
 import copy
+from operator import attrgetter
 
 import mujoco
 import mujoco_warp as mjw  # pyright: ignore[reportMissingImports]
@@ -94,8 +95,8 @@ class WarpSimulator(Simulator):
             for name in (field, *_DERIVED):
                 self._widen(name)
             self._graphs.clear()  # they hold the addresses of the old arrays
-            values = wp.to_torch(getattr(self._model, field))
-            values = values.view(self.num_worlds, *np.shape(getattr(self.model, field)))
+            values = wp.to_torch(attrgetter(field)(self._model))
+            values = values.view(self.num_worlds, *np.shape(attrgetter(field)(self.model)))
             self._expanded[field] = (values, values._version)
         return self._expanded[field][0]
 
@@ -141,7 +142,7 @@ class WarpSimulator(Simulator):
     def snapshot(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         model, data = copy.copy(self.model), mujoco.MjData(self.model)
         for field, (values, _) in self._expanded.items():
-            getattr(model, field)[:] = values[world].cpu().numpy()
+            attrgetter(field)(model)[:] = values[world].cpu().numpy()
         if self._expanded:
             mujoco.mj_setConst(model, data)
         for name in _MEMORY:
@@ -229,14 +230,15 @@ class WarpSimulator(Simulator):
 
     def _widen(self, field: str) -> None:
         """Give an array that all worlds share a row for each."""
-        shared = getattr(self._model, field)
+        shared = attrgetter(field)(self._model)
         if shared.shape[0] == self.num_worlds:
             return
         with wp.ScopedDevice(self._device):
             wide = wp.zeros((self.num_worlds, *shared.shape[1:]), dtype=shared.dtype)
         if wide.size:
             wp.to_torch(wide).copy_(wp.to_torch(shared))
-        setattr(self._model, field, wide)
+        owner, _, name = field.rpartition(".")
+        setattr(getattr(self._model, owner) if owner else self._model, name, wide)
 
     def _note_bad(self) -> None:
         sound = torch.ones_like(self.bad)

@@ -9,8 +9,9 @@ from itertools import combinations
 from torch import Tensor
 
 from ..config import RunConfig
+from ..text import plain
 from ..types import StateSpec, TaskContext
-from . import curriculum
+from . import curriculum, ranges
 from .record import STARTS
 from .registry import get
 from .source import prune
@@ -37,7 +38,8 @@ def context(env: str) -> TaskContext:
 
 
 def informed(known: TaskContext, recorded: Mapping[str, Tensor | float | int], config: RunConfig) -> TaskContext:
-    """With the facts of a search: how long episodes and trainings are, what ends them and where they start.
+    """With the facts of a search: how long episodes and trainings are, what ends them and where they start, what is
+    drawn and what safety asks for.
 
     Args:
         recorded: as `record.record_states` gives them, start states first; of what is missing nothing is told.
@@ -46,7 +48,9 @@ def informed(known: TaskContext, recorded: Mapping[str, Tensor | float | int], c
     states = {name: value for name, value in recorded.items() if isinstance(value, Tensor)}
     starts = [*_scalars(task.spec, states), *_points(task.spec, states)]
     heading = [f"At the start of an episode, in {STARTS} of them:"] if starts else []
-    return replace(known, facts=(_episode(task), _training(task, config), _discount(task), *heading, *starts))
+    said = (_episode(task), _training(task, config), _discount(task), *_worlds(config))
+    safety = f", and to do so safely: {plain(config.safety)}" if config.safety else ""
+    return replace(known, description=known.description + safety, facts=(*said, *heading, *starts))
 
 
 def _episode(task: type[Task]) -> str:
@@ -66,6 +70,11 @@ def _training(task: type[Task], config: RunConfig) -> str:
         f"A policy trains for {steps:,} steps in all: {epochs} epochs of {recipe.horizon} steps in each of {worlds} "
         "environments."
     )
+
+
+def _worlds(config: RunConfig) -> list[str]:
+    drawn = ranges.find(config.env, config.randomise)
+    return [f"Worlds of training differ, a factor being one on the model's own value: {drawn}."] if drawn else []
 
 
 def _discount(task: type[Task]) -> str:

@@ -133,8 +133,7 @@ class BatchedEnv:
         """Advance all worlds by one action (N, A): clamped to [-1, 1], or the greatest value of each choice."""
         task = self.task
         task.actions = chosen(actions, task.choices) if task.choices else actions.clamp(-1.0, 1.0)
-        task.apply_action(task.actions)
-        task.advance()
+        self._advance(task.actions)
         task.progress += 1
 
         bad = self.sim.bad.clone()
@@ -153,6 +152,11 @@ class BatchedEnv:
         self._bad += bad.sum()
         self._whole = self._whole | done
         return Step(observation, final, state, terminated, timed_out, score, ended, length, bad)
+
+    def _advance(self, actions: Tensor) -> None:
+        """Simulate one control step under these actions."""
+        self.task.apply_action(actions)
+        self.task.advance()
 
     def _score(self, state: State, ended: Tensor, bad: Tensor) -> Score:
         """F of this step; worlds whose physics broke down have no weight in it, and all have F 0 in a mere preview."""

@@ -12,14 +12,17 @@ import json
 import re
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from ..errors import TaskError, nearest
+from ..types import Ranges
 from . import faults
 from .env import BatchedEnv
+from .randomise import RandomisedEnv
 from .task import Task
 
 _SUITE = "openeureka.suite"
@@ -168,7 +171,14 @@ def _import_file(path: Path) -> ModuleType:
 
 
 def make(
-    env: str, *, worlds: int, lane_seeds: Sequence[int] = (0,), device: str = "cpu", threads: int = 0
+    env: str,
+    *,
+    worlds: int,
+    lane_seeds: Sequence[int] = (0,),
+    device: str = "cpu",
+    threads: int = 0,
+    ranges: Sequence[Ranges] = (),
 ) -> BatchedEnv:
-    """Build the simulation of len(lane_seeds) * worlds worlds."""
-    return BatchedEnv(get(env), worlds=worlds, lane_seeds=lane_seeds, device=device, threads=threads)
+    """Build the simulation of len(lane_seeds) * worlds worlds; with ranges, one a lane, they differ."""
+    build = partial(RandomisedEnv, ranges=ranges) if ranges else BatchedEnv
+    return build(get(env), worlds=worlds, lane_seeds=lane_seeds, device=device, threads=threads)

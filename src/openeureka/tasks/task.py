@@ -20,6 +20,7 @@ from ..sim import Simulator, open_simulator
 from ..sim.capacity import Capacity
 from ..types import RewardGraph, StateSpec
 from . import human
+from .deployment import Deployment
 from .noise import WorldNoise
 
 State = Mapping[str, Any]
@@ -139,6 +140,8 @@ class Task(ABC):
     """What the language model reads in place of the task's own code; empty for that."""
     draws_itself: ClassVar[bool] = False
     """Whether MuJoCo has no part in it: its masses cannot be changed, and its worlds draw their own pictures."""
+    deployment: ClassVar[Deployment | None] = None
+    """What a robot's computer must know to run a policy; None where it cannot make the observation."""
     human: ClassVar[str | Path] = ""
     """The reward its original authors wrote: a reward program, or the file that holds it. Empty where the task has a
     method `human_reward` instead, which no search can begin with."""
@@ -253,11 +256,17 @@ class Task(ABC):
         return cls.episode_length - cls.time_out_early
 
     @classmethod
-    def compile_model(cls) -> mujoco.MjModel:
-        """Compile `model()` at this task's timestep. Raises TaskError where MuJoCo refuses it."""
+    def timed_model(cls) -> mujoco.MjSpec:
+        """`model()` with the timestep and the shared solver options."""
         spec = cls.model()
         spec.option.timestep = cls.control_dt / cls.substeps
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        return spec
+
+    @classmethod
+    def compile_model(cls) -> mujoco.MjModel:
+        """Compile `model()` at this task's timestep. Raises TaskError where MuJoCo refuses it."""
+        spec = cls.timed_model()
         try:
             return spec.compile()
         except ValueError as error:  # as for a mesh that is not there

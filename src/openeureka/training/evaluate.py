@@ -9,9 +9,8 @@ from collections.abc import Callable, Mapping
 import torch
 from torch import Tensor
 
-from ..sim.perturb import perturb
 from ..tasks import registry
-from ..types import NOMINAL, Dynamics, Evaluation
+from ..types import NOMINAL, Dynamics, Evaluation, Ranges
 from .policy import Player, Policy
 
 HELD_OUT_SEED = 1 << 32
@@ -56,11 +55,15 @@ def evaluate(
     if not policies:
         return scores
     lanes, worlds = len(policies), episodes or EPISODES
+    world = {lane: (dynamics or {}).get(lane, NOMINAL) for lane in policies}
     simulation = registry.make(
-        env, worlds=worlds, lane_seeds=[seed + HELD_OUT_SEED] * lanes, device=device, threads=threads
+        env,
+        worlds=worlds,
+        lane_seeds=[seed + HELD_OUT_SEED] * lanes,
+        device=device,
+        threads=threads,
+        ranges=[Ranges(one, one) for one in world.values()] if others - unplayed else (),
     )
-    if others - unplayed:
-        perturb(simulation.sim, [(dynamics or {}).get(lane, NOMINAL) for lane in policies])
     play = Player([Policy.from_bytes(data) for data in policies.values()], simulation.sim.device)
     observation = simulation.reset()
     running = torch.ones(simulation.num_worlds, dtype=torch.bool, device=observation.device)

@@ -46,7 +46,11 @@ def cut(population: Population, lane: int) -> State:
         "env": {
             **{name: worlds(env[name]) for name in ("whole", "draws")},
             "task": {name: worlds(env["task"][name]) for name in (*task.memory, "progress", "actions")},
-            "sim": {name: worlds(value) for name, value in env["sim"].items()},
+            **{
+                part: {name: worlds(value) for name, value in env[part].items()}
+                for part in ("sim", "random")
+                if part in env
+            },
         },
         "ppo": {
             **{name: own(ppo[name]) for name in ("network", "active", "learning_rate")},

@@ -54,7 +54,10 @@ class Population:
         self.epochs = max(1, (budget.env_steps or task.recipe.env_steps) // (self.worlds * self.horizon))
         self.until = max(1, round(budget.until * self.epochs))
         seeds = [spec.seed for spec in specs]
-        self.env = registry.make(env, worlds=self.worlds, lane_seeds=seeds, device=device, threads=threads)
+        ranges = [budget.randomise] * self.lanes if budget.randomise is not None else []
+        self.env = registry.make(
+            env, worlds=self.worlds, lane_seeds=seeds, device=device, threads=threads, ranges=ranges
+        )
         self.device = self.env.sim.device
         self.rewards = LaneRewards(self.env.task, [spec.program for spec in specs], self.worlds, bonus=budget.bonus)
         self.ppo = PPO(seeds, task.num_observations, task.num_actions, task.recipe, self.device, task.choices)

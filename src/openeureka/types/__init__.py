@@ -3,15 +3,14 @@
 World axis N, lane axis L and worlds per lane n are used throughout; N = L * n.
 """
 
+from .dynamics import NOMINAL, Dynamics, Ranges
 from .remarks import Place, Remark, RemarkKind
 from .replies import GIVEN, Attempt, Message, Prompt, Reply, Usage
 from .rewards import Arg, Candidate, CandidateId, Finding, Node, Part, RewardGraph, Verdict, VerdictCode
 from .search import Generation, Glance, History, Opinion, PromptPlan, Sample, Scored
 from .tasks import StateKind, StateSpec, StateUse, StateVar, TaskContext
 from .training import (
-    NOMINAL,
     Checkpoint,
-    Dynamics,
     Evaluation,
     Lane,
     LaneSpec,
@@ -56,6 +55,7 @@ __all__ = [
     "PolicyId",
     "Prompt",
     "PromptPlan",
+    "Ranges",
     "Remark",
     "RemarkKind",
     "Reply",

@@ -8,6 +8,7 @@ from enum import StrEnum
 from typing import Literal, NamedTuple, Protocol
 
 from .bounds import Count, Finite, Name, Share
+from .dynamics import Dynamics, Ranges
 from .rewards import RewardGraph
 
 RewardProgram = RewardGraph | Literal["human", "sparse"]
@@ -86,6 +87,8 @@ class TrainBudget:
     """Share of a lane's steps after which it pauses; 1 is the end."""
     bonus: bool = False
     """Add the task's `success_bonus` to generated rewards, as the original does."""
+    randomise: Ranges | None = None
+    """What the worlds of training are drawn from; None for the task's own alone."""
 
 
 class TrainingState(StrEnum):
@@ -178,20 +181,6 @@ class TrainingProgress:
     """Newest value of `fitness`, `reward` and each `component/<name>` per lane id."""
     nodes: Mapping[str, NodeShare] = field(default_factory=dict[str, NodeShare])
     """What each machine of a cluster does of it, by name; empty on one machine."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Dynamics:
-    """Factors on what a task's model says of the world; 1 is the task as it is."""
-
-    mass: Finite = 1.0
-    """On every body's mass and inertia."""
-    friction: Finite = 1.0
-    """On every contact's friction."""
-
-
-NOMINAL = Dynamics()
-"""The task's own world."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

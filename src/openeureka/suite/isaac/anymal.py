@@ -9,6 +9,7 @@ import mujoco
 import torch
 from torch import Tensor
 
+from ...tasks.deployment import Deployment, Term
 from ...tasks.rotations import root_state, rotate, rotate_inverse
 from ...tasks.sensors import add_contact_sensor
 from ...tasks.task import Recipe, Score, State, Task, mean_over_steps
@@ -121,6 +122,22 @@ class Anymal(Task):
                 use="zero_centred",
             ),
         )
+    )
+    deployment = Deployment(
+        observation=(
+            Term("base_linear_velocity", (lin_vel_scale,)),
+            Term("base_angular_velocity", (ang_vel_scale,)),
+            Term("gravity_forward", (1.0,)),
+            Term("commands", (lin_vel_scale, lin_vel_scale, ang_vel_scale)),
+            Term("joint_offsets", (dof_pos_scale,)),
+            Term("joint_velocities", (dof_vel_scale,)),
+            Term("last_action", (1.0,)),
+        ),
+        default_pose=DEFAULT_ANGLES,
+        action_scale=TARGET_RANGE,
+        commands=tuple(
+            (name, -most, most) for name, most in zip(("forward", "left", "yaw_rate"), MAX_COMMAND, strict=True)
+        ),
     )
     # The original takes 98 M steps with 4096 worlds; fewer worlds and a smaller network learn from fewer steps.
     recipe = Recipe(

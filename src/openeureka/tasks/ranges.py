@@ -1,0 +1,126 @@
+"""What `randomise=` names, checked before anything is trained."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, cast
+
+import mujoco
+import yaml
+
+from ..errors import ConfigError, nearest
+from ..sim.perturb import FACTORS, acts
+from ..types import NOMINAL, Ranges
+from ..types.dynamics import QUANTITIES, SCALES, Dynamics
+from .registry import get
+from .task import Task
+
+Pairs = Mapping[str, tuple[float, float]]
+
+NONE = "none"
+NAMED: Mapping[str, Pairs] = {
+    "mild": {
+        "mass": (0.9, 1.1),
+        "friction": (0.8, 1.2),
+        "strength": (0.9, 1.1),
+        "delay": (0.0, 0.02),
+        "noise": (0.0, 0.02),
+    },
+    "wide": {
+        "mass": (0.7, 1.3),
+        "friction": (0.7, 1.3),
+        "strength": (0.7, 1.3),
+        "delay": (0.0, 0.04),
+        "noise": (0.0, 0.05),
+        "push": (0.0, 0.5),
+    },
+}
+"""By name; of these a task takes what changes anything of it."""
+
+
+def find(env: str, randomise: str) -> Ranges | None:
+    """The ranges of a name or of a YAML file; None for `none`.
+
+    Raises:
+        ConfigError: when there are none, one makes no sense, or would change nothing of the task.
+    """
+    if randomise == NONE:
+        return None
+    task = get(env)
+    if task.draws_itself:
+        raise ConfigError(
+            f"MuJoCo has no part in `{task.env}`, so nothing of it can be randomised; use randomise=none."
+        )
+    model = task.compile_model()
+    if randomise in NAMED:
+        return ranges({name: pair for name, pair in NAMED[randomise].items() if not useless(task, model, name)})
+    if not randomise.endswith((".yaml", ".yml")):
+        raise ConfigError(
+            f"There are no ranges `{randomise}`.{nearest(randomise, NAMED)} `randomise` is none, {', '.join(NAMED)} or "
+            "a YAML file."
+        )
+    pairs = _read(Path(randomise))
+    for name in pairs:
+        if why := useless(task, model, name):
+            raise ConfigError(f"`{name}` in {randomise} changes nothing of `{task.env}`, {why}; leave it out.")
+    return ranges(pairs)
+
+
+def ranges(pairs: Pairs) -> Ranges:
+    """Those of some quantities; the others are as the task has them."""
+    low, high = (Dynamics(**{name: pair[end] for name, pair in pairs.items()}) for end in (0, 1))
+    return Ranges(low, high)
+
+
+def checked(name: str, value: object, where: str) -> tuple[float, float]:
+    """Low and high of a quantity.
+
+    Raises:
+        ConfigError: for an unknown one, or what is no range of it.
+    """
+    if name not in QUANTITIES:
+        raise ConfigError(
+            f"{where} has an unknown `{name}`.{nearest(name, QUANTITIES)} It may have {', '.join(SCALES)}."
+        )
+    pair: list[Any] = cast(list[Any], value) if isinstance(value, list) else [value, value]
+    scale = SCALES[name]
+    if (
+        len(pair) != 2
+        or not all(type(end) in (int, float) and math.isfinite(end) for end in pair)
+        or not scale.least <= pair[0] <= pair[1] <= scale.most
+    ):
+        raise ConfigError(
+            f"`{name}: {value!s:.60}` in {where} is no range; write the lowest and the highest {scale.unit}, from "
+            f"{scale.least:g} to {scale.most:g}, such as `{name}: {_example(name)}`."
+        )
+    return float(pair[0]), float(pair[1])
+
+
+def _example(name: str) -> list[float]:
+    own = float(getattr(NOMINAL, name))
+    return [round(0.8 * own, 3), round(1.2 * own, 3)] if own else [0.0, {"delay": 0.04, "push": 0.5}.get(name, 0.05)]
+
+
+def _read(path: Path) -> dict[str, tuple[float, float]]:
+    try:
+        found = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"Cannot read the ranges {path}: {error.strerror}.") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ConfigError(f"The ranges {path} are not YAML: {' '.join(str(error).split())}.") from None
+    if not (isinstance(found, dict) and found):
+        raise ConfigError(f"{path} holds no ranges, such as `mass: [0.8, 1.2]`.")
+    return {str(name): checked(str(name), value, str(path)) for name, value in cast(dict[Any, Any], found).items()}
+
+
+def useless(task: type[Task], model: mujoco.MjModel, name: str) -> str:
+    """Why a quantity changes nothing of a task; empty where it does."""
+    if name in FACTORS and not acts(model, name):
+        return "whose model has nothing of the kind"
+    if name in ("push", "push_every") and not (model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any():
+        return "which has no floating base"
+    if name == "delay" and task.choices:
+        return "whose actions are choices"
+    return ""
