@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -66,8 +67,8 @@ def test_a_finished_run_a_replayed_one_and_what_is_shown_of_them_hold_no_secret(
         assert eureka("report", f"{tmp_path}/{directory}") == 0
         assert leaking(tmp_path / directory) == []
         page = (tmp_path / directory / "report.html").read_text()
-        assert "Bearer ***" in page and "<script" not in page
-        assert not DRIVES & set(page)
+        assert "Bearer ***" in page and page.count("<script") == 1  # its own, known by its hash
+        assert not DRIVES & set(re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL))
     assert "return 3.0" in printed(capsys)
     assert endpoint.keys and set(endpoint.keys) != {""}, "the endpoint itself got a key"
 

@@ -40,4 +40,4 @@ def test_few_calls_of_ours_lie_between_the_command_and_a_step_of_physics(monkeyp
     # Of a reward that no graph of the task's is, as a toy's, the worker dies; the human one gets to the physics.
     # In cli and runs once, then loop, lanes, scheduler, transport.
     assert sent[0] == ["run", "search", "run", "train", "train", "call"]
-    assert "main _train train step advance step" in capsys.readouterr().err
+    assert "main _train train step _advance advance step" in capsys.readouterr().err

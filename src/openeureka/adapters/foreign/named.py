@@ -6,7 +6,6 @@ import functools
 import json
 import math
 import re
-import sys
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, cast
 
@@ -17,6 +16,7 @@ from torch import Tensor
 
 from ...errors import TaskError
 from ...types import RewardGraph, StateUse, StateVar
+from ...worker import interpreter
 from ..gym import documents
 from ..gym.named import dealt
 from ..gym.spaces import Actions, Part, actions
@@ -48,7 +48,7 @@ def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[GymTask
         WorkerError: when it dies, or takes too long.
     """
     given, left = dealt({key: value for key, value in settings.items() if key != "python"})
-    python = settings.get("python", sys.executable)
+    python = settings.get("python", interpreter()[0])
     return _task(env, env.partition(":")[0], name, python, json.dumps(given), settings.get("fitness", "")), left
 
 
