@@ -279,9 +279,7 @@ def family(run: RunView) -> Family | None:
 
     for column, generation in enumerate(run.generations):
         # Children stand in the order of their parents, so that few lines cross.
-        ordered = sorted(
-            generation.candidates, key=lambda c: at.get(c.parent.place, (0.0, 0.0))[1] if c.parent else 0.0
-        )
+        ordered = sorted(generation.candidates, key=height)
         for row, candidate in enumerate(ordered):
             x, y = MARGIN + column * COLUMN, HEAD + MARGIN + row * ROW
             at[candidate.place] = x, y

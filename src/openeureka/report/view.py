@@ -191,7 +191,7 @@ class RunView:
                 config=config,
                 history=history,
                 entries={entry.sample.place: entry for g in history.generations for entry in g.entries},
-                parents=store.parents(),
+                parents={} if config.model == "random" else store.parents(),  # chance reads no parent
                 attempts=store.attempts(),
                 ranking=strategies.Ranking(history),
                 results=results,
