@@ -235,23 +235,25 @@ class TestRayExecutor(TrainerConformance):
 
     def test_a_second_search_need_not_wait_for_the_end_of_the_first(self) -> None:
         self.nodes.complete()
-        told: list[tuple[str, object]] = []
+        ended: list[str] = []
 
         def train(name: str, count: int) -> None:
             lanes = [LaneSpec(id=f"{name}-s{seed}", program="human", seed=seed) for seed in range(count)]
-            told.extend((name, message) for message in self.make().train("cartpole", lanes, BRIEF))
+            messages = self.make().train("cartpole", lanes, BRIEF)
+            ended.extend(name for message in messages if isinstance(message, TrainingResult))
 
-        first = Thread(target=train, args=("first", 6))  # two rounds of three nodes
-        second = Thread(target=train, args=("second", 3))
+        first = Thread(target=train, args=("first", 4))  # two rounds on three nodes
+        second = Thread(target=train, args=("second", 1))
         first.start()
         while first.is_alive() and not self.nodes.shares():
             time.sleep(0.1)
+        held, *_ = self.nodes.shares()
+        os.kill(held, signal.SIGSTOP)  # one of its places takes as long as the second search
         second.start()
-        first.join()
         second.join()
-        ended = [name for name, message in told if isinstance(message, TrainingResult)]
-        assert sorted(ended) == ["first"] * 6 + ["second"] * 3
-        assert ended.index("second") < 8 - ended[::-1].index("first")
+        os.kill(held, signal.SIGCONT)
+        first.join()
+        assert ended[-1] == "first" and sorted(ended) == ["first"] * 4 + ["second"]
 
     def test_a_node_with_other_versions_is_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
         here = ray_node.versions()

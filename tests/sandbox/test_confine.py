@@ -123,7 +123,20 @@ def test_a_program_that_never_ends_is_ended(sandbox: Sandbox, monkeypatch: pytes
     monkeypatch.setattr(client, "SECONDS", 0.3)
     started = time.monotonic()
     assert run(sandbox, "while True:\n    pass").code is VerdictCode.TIMEOUT
-    assert time.monotonic() - started < 1.5
+    assert time.monotonic() - started < 0.3 * server.PATIENCE + 1.2
+
+
+def test_a_program_that_waits_is_ended_too(sandbox: Sandbox, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client, "SECONDS", 0.3)
+    started = time.monotonic()
+    assert run(sandbox, "import time; time.sleep(60)").code is VerdictCode.TIMEOUT
+    assert 0.3 * server.PATIENCE < time.monotonic() - started < 0.3 * server.PATIENCE + 1.2
+
+
+def test_a_program_that_others_hold_up_has_its_time(sandbox: Sandbox, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client, "SECONDS", 0.5)
+    verdict = run(sandbox, "import time; time.sleep(0.3)")
+    assert verdict.code is VerdictCode.ACCEPTED and verdict.seconds > 0.5
 
 
 def test_an_exit_status_is_no_verdict(sandbox: Sandbox) -> None:

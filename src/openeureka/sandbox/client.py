@@ -19,7 +19,7 @@ from . import confine, server
 from .answer import Answer
 
 SECONDS = 2.0
-"""A candidate's time, by the wall clock, for everything it does in its child."""
+"""Processor time of each of a candidate's two children: the program's, and its graph's."""
 _START_SECONDS = 120.0
 _GRACE_SECONDS = 5.0
 _MAX_LINE = 100_000
@@ -141,7 +141,7 @@ class Sandbox:
             worker = self._worker or self._start()
             try:
                 worker.send({"source": source, "seconds": SECONDS})
-                return worker.receive(SECONDS + _GRACE_SECONDS)
+                return worker.receive(2 * SECONDS * server.PATIENCE + _GRACE_SECONDS)
             except WorkerTimeout:
                 self.close()
                 return None

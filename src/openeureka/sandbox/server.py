@@ -36,8 +36,8 @@ from .confine import confine
 
 LENGTH = struct.Struct("<I")
 MAX_FINDINGS = 20
-LEAST_SECONDS = 1.0
-"""For a graph, however long its program took."""
+PATIENCE = 4
+"""Seconds on the clock for each of processor time that a child may use: a machine with other work is not its fault."""
 MAX_ANSWER = 4 << 20
 _HUGE, _MADV_HUGEPAGE, _MADV_COLLAPSE = 2 << 20, 14, 25
 _WARM_UP = """
@@ -129,6 +129,26 @@ def _findings(findings: Sequence[Finding], returns: int | None = None) -> tuple[
     )
 
 
+class _Allowance:
+    """Processor time that a child may use. What it waits for counts a little, so that it cannot wait for ever.
+
+    Where the kernel tells nobody how long a process has run, every second on the clock counts as one.
+    """
+
+    def __init__(self, pid: int, seconds: float) -> None:
+        self._pid, self._seconds, self._started = pid, seconds, time.monotonic()
+
+    def left(self) -> float:
+        """Seconds left, 0 or less when it is used up."""
+        passed = time.monotonic() - self._started
+        try:
+            fields = Path(f"/proc/{self._pid}/stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            return self._seconds - passed
+        used = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        return self._seconds - max(used, passed / PATIENCE)
+
+
 class _Child:
     """A confined process that answers once.
 
@@ -156,7 +176,7 @@ class _Child:
             _write(self._request, request)
             os.close(self._request)
             self._request = -1
-            kind, answer = _read_answer(self._answer, time.monotonic() + seconds)
+            kind, answer = _read_answer(self._answer, _Allowance(self._pid, seconds))
         except BrokenPipeError:
             pass
         if kind == "crashed":
@@ -214,13 +234,14 @@ def _write(pipe: int, data: bytes) -> None:
         left = left[os.write(pipe, left) :]
 
 
-def _read_answer(pipe: int, deadline: float) -> tuple[str, bytes]:
+def _read_answer(pipe: int, allowance: _Allowance) -> tuple[str, bytes]:
     """`answer` and its bytes, or `timeout`, `crashed` or `oversized`."""
     received = bytearray()
     while True:
-        left = deadline - time.monotonic()
-        if left <= 0 or not select.select([pipe], [], [], left)[0]:
+        if (left := allowance.left()) <= 0:
             return "timeout", b""
+        if not select.select([pipe], [], [], left)[0]:
+            continue
         chunk = os.read(pipe, 1 << 16)
         if not chunk:
             return "crashed", b""
@@ -245,7 +266,6 @@ def _kill(pid: int) -> int:
 
 def _judge(program: gate.Program, bench: _Bench, seconds: float) -> tuple[str, _Outcome]:
     """What became of a program, and in which child: `program` or `graph`."""
-    deadline = time.monotonic() + seconds
     first = _Child(lambda: _probe(program, bench), confined=bench.confined)
     # Made now, so that on a second core it is confined by the time it is asked.
     second = _Child(lambda: _examine(_input(), bench), confined=bench.confined)
@@ -253,7 +273,7 @@ def _judge(program: gate.Program, bench: _Bench, seconds: float) -> tuple[str, _
     if outcome.kind != "answer":
         second.end()
         return "program", outcome
-    return "graph", second.finish(max(LEAST_SECONDS, deadline - time.monotonic()), outcome.answer)
+    return "graph", second.finish(seconds, outcome.answer)
 
 
 def main() -> None:
