@@ -11,6 +11,7 @@ from typing import Any, Literal
 from .config import RunConfig
 from .errors import ConfigError
 from .score import Arm, Baselines
+from .tasks import ranges
 
 Peak = Literal["fitness", "reward"]
 
@@ -46,7 +47,7 @@ def chosen(config: RunConfig) -> Baselines | None:
     """
     if config.baselines != "known":
         return None
-    plain = not config.curriculum and config.randomise == "none"
+    plain = not config.curriculum and config.randomise == ranges.NONE
     found = known(config.env, _held_out(config)) if plain else None
     if found is None or not (found.human.training and found.sparse.training):
         what = config.env if plain else f"{config.env} with {'a curriculum' if config.curriculum else 'randomise='}"

@@ -14,6 +14,7 @@ from .schedule import RUNGS, WHOLE, Rung, leaders, why
 from .score import level, played, standing
 from .store import Store
 from .strategies import SearchStrategy
+from .tasks import ranges
 from .types import (
     CandidateId,
     Evaluation,
@@ -147,6 +148,7 @@ class Lanes:
                 worlds=self.config.worlds,
                 until=rung.share,
                 bonus=self.config.bonus == "original",
+                randomise=ranges.find(self.config.env, self.config.randomise),
             )
             for event in self.trainer.train(self.config.env, missing, budget) if missing else ():
                 if isinstance(event, TrainingProgress):

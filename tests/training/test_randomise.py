@@ -6,16 +6,19 @@ from pathlib import Path
 import pytest
 import torch
 
+from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
+from openeureka.lanes import Lanes
+from openeureka.observer import NullObserver
+from openeureka.store import Store
 from openeureka.tasks import registry
 from openeureka.tasks.randomise import RandomisedEnv
 from openeureka.tasks.ranges import NAMED, find, ranges
 from openeureka.testing.scripted import ToyTrainer
 from openeureka.training import population
 from openeureka.training.population import Population
-from openeureka.training.randomised import RandomisedTrainer
 from openeureka.training.wire import pack_lanes, unpack_lanes
-from openeureka.types import NOMINAL, LaneSpec, Ranges, TrainBudget, TrainingProgress, TrainingResult
+from openeureka.types import NOMINAL, Lane, LaneSpec, Ranges, TrainBudget, TrainingProgress, TrainingResult
 from openeureka.types.dynamics import QUANTITIES
 
 SAME = Ranges(NOMINAL, NOMINAL)
@@ -165,16 +168,21 @@ def test_where_worlds_are_reset_by_mask_they_are_drawn_the_same():
     assert resets
 
 
-def test_ranges_reach_a_worker_and_the_trainer_of_a_run():
+def test_ranges_reach_a_worker():
     budget = dataclasses.replace(SMALL, randomise=HARD)
     assert unpack_lanes(pack_lanes("cartpole", [LaneSpec(id="a", program="human")], budget))[2] == budget
 
+
+def test_every_lane_of_a_run_has_its_ranges(tmp_path: Path):
     class Noting(ToyTrainer):
         def train(self, env, lanes, budget):
-            assert budget.randomise == HARD
+            assert budget.randomise == find("cartpole", "mild") is not None
             return super().train(env, lanes, budget)
 
-    assert list(RandomisedTrainer(Noting(), HARD).train("cartpole", [LaneSpec(id="a", program="human")], SMALL))
+    config = RunConfig(env="cartpole", model="random", randomise="mild")
+    with Store.open(tmp_path / "run", config) as store:
+        lane = Lane("human", 0, "baseline")
+        assert Lanes(config, store, Noting(), NullObserver()).train([(lane, "human")])
 
 
 def test_a_name_takes_what_the_task_has():

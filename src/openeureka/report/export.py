@@ -108,15 +108,8 @@ def deployed(policy: Policy, task: type[Task]) -> dict[str, bytes]:
     if task.deployment is None:
         return {"policy.onnx": to_onnx(policy), "deploy.yaml": _NOT_SAID.format(env=task.env).encode()}
     policy.expect(task.num_observations, task.num_actions)
-    robot = interface(
-        task.env,
-        task.deployment,
-        task.compile_model(),
-        control_dt=task.control_dt,
-        clip=task.clip_observations,
-    )
-    spec = task.timed_model()
-    spec.compile()
+    spec, model = task.compiled()
+    robot = interface(task.env, task.deployment, model, control_dt=task.control_dt, clip=task.clip_observations)
     about = yaml.safe_dump(plain(robot), sort_keys=False, default_flow_style=None, width=110)
     return {
         "policy.onnx": to_onnx(policy, robot),

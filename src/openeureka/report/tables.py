@@ -38,8 +38,9 @@ class Tile(NamedTuple):
 
 def tiles(run: RunView) -> list[Tile]:
     """The run in a few numbers."""
-    steps = f"{sum(result.env_steps for result in run.results.values()):,}"
-    trainings = Tile("trainings", str(len(run.results)), f"{steps} environment steps")
+    others = run.results.keys() - set(run.history.lanes)
+    steps = sum(added for _, added in run.history.spent()) + sum(run.results[lane].env_steps for lane in others)
+    trainings = Tile("trainings", str(len(run.results)), f"{steps:,} environment steps")
     if not run.searched:
         return [trainings]
     slots, human = run.candidates, run.baseline_score("human") if "human" in run.baselines else None

@@ -29,7 +29,6 @@ from ..tasks.context import context, informed
 from ..tasks.record import record_states
 from ..tasks.registry import get
 from ..training.curriculum import CurriculumTrainer
-from ..training.randomised import RandomisedTrainer
 from ..types import Candidate, TaskContext, Trainer, Usage, Verdict
 from . import trust
 from .stopping import continuable, stoppable, stopped
@@ -221,8 +220,7 @@ def comparing(config: RunConfig, directory: Path, host: Host) -> Iterator[Lanes]
 
 
 def trainer_of(config: RunConfig, directory: Path) -> Trainer:
-    """Trains the task alone, or through the stages of a curriculum, kept in the directory; in worlds that differ, where
-    that is wanted.
+    """Trains the task alone, or through the stages of a curriculum, kept in the directory.
 
     Raises:
         ConfigError: for an executor, a device, a curriculum or ranges that do not exist or do not fit.
@@ -234,8 +232,7 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
     }
     options |= {"address": config.address} if config.address else {}
     trainer: Trainer = EXECUTORS.make(config.executor, **options)
-    if (drawn := ranges.find(config.env, config.randomise)) is not None:
-        trainer = RandomisedTrainer(trainer, drawn)
+    ranges.find(config.env, config.randomise)  # refuses what is none, before anything is trained
     if not config.curriculum:
         return trainer
     stages = curriculum.find(config.env, config.curriculum)

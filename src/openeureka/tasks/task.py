@@ -256,24 +256,23 @@ class Task(ABC):
         return cls.episode_length - cls.time_out_early
 
     @classmethod
-    def timed_model(cls) -> mujoco.MjSpec:
-        """`model()` with the timestep and the shared solver options."""
+    def compiled(cls) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
+        """`model()` and what it compiles to, at this task's timestep. Raises TaskError where MuJoCo refuses it."""
         spec = cls.model()
         spec.option.timestep = cls.control_dt / cls.substeps
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        return spec
-
-    @classmethod
-    def compile_model(cls) -> mujoco.MjModel:
-        """Compile `model()` at this task's timestep. Raises TaskError where MuJoCo refuses it."""
-        spec = cls.timed_model()
         try:
-            return spec.compile()
+            return spec, spec.compile()
         except ValueError as error:  # as for a mesh that is not there
             text = " ".join(str(error).split())
             raise TaskError(
                 f"{inspect.getsourcefile(cls)}: the model of `{cls.__name__}` does not compile: {text}"
             ) from error
+
+    @classmethod
+    def compile_model(cls) -> mujoco.MjModel:
+        """What the worlds of the task run."""
+        return cls.compiled()[1]
 
 
 def mean_over_steps(value: Tensor) -> Score:
