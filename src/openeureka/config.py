@@ -40,7 +40,7 @@ class RunConfig:
     env: str = "cartpole"
     """A name of `eureka envs`, `FILE.py`, `pkg.mod:Class` or, of Gymnasium, `gym:ID`."""
     model: str = "local"
-    """`local`, `local:PATH.gguf`, `random`, `replay:RUN`, or the name of a model at an OpenAI-compatible endpoint."""
+    """`local`, `local:PATH.gguf`, `random`, `replay:RUN` or `FILE.json`, or the name of a model at an endpoint."""
     base_url: str = ""
     """OpenAI-compatible endpoint; empty means the one the openai package uses."""
     sample: int = 0
@@ -241,6 +241,7 @@ _FILES = {
     "init": r"()(?!human\Z)(.+)()",
     "curriculum": r"()(.+\.ya?ml)()",
     "randomise": r"()(.+\.ya?ml)()",
+    "model": r"(replay:|local:(?!hub:))(.+)()",
 }
 
 

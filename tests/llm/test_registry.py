@@ -1,3 +1,6 @@
+import json
+from pathlib import Path
+
 import pytest
 
 from openeureka.config import RunConfig
@@ -52,6 +55,29 @@ def test_a_missing_weights_file_is_said_when_it_is_needed(tmp_path):
 def test_an_import_string_that_leads_nowhere_is_one_sentence(model: str):
     with pytest.raises(ConfigError, match="cannot be imported"):
         open_model(RunConfig(model=model))
+
+
+def test_a_file_of_replies_gives_them_in_order(tmp_path: Path):
+    file = tmp_path / "ant.json"
+    file.write_text(json.dumps({"model": "strong", "replies": ["one", "two", "three"]}))
+    model, prompt = open_model(RunConfig(model=f"replay:{file}"), held=1), Prompt(messages=(Message("user", "any"),))
+    assert [(reply.text, reply.model) for reply in model.sample(prompt, n=2, seed=0)] == [
+        ("two", "strong"),
+        ("three", "strong"),
+    ]
+    with pytest.raises(ModelError, match="holds 3 replies"):
+        list(model.sample(prompt, n=1, seed=0))
+    with pytest.raises(ConfigError, match="leave feedback=human out"):
+        open_model(RunConfig(model=f"replay:{file}", feedback="human", iteration=2))
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"model": "a", "replies": "b"}', '{"model": "a", "replies": [1]}'])
+def test_a_file_of_anything_else_is_refused(tmp_path: Path, text: str):
+    (tmp_path / "ant.json").write_text(text)
+    with pytest.raises(ConfigError, match="is no file of replies: it must hold"):
+        open_model(RunConfig(model=f"replay:{tmp_path}/ant.json"))
+    with pytest.raises(ConfigError, match="Cannot read the replies"):
+        open_model(RunConfig(model=f"replay:{tmp_path}/none.json"))
 
 
 def test_a_replay_must_name_a_run(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import importlib
+import json
 import os
 import re
 from collections.abc import Iterator, Sequence
@@ -27,8 +28,9 @@ KINDS = ("local", "random", "replay")
 def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
     """The model that `config.model` names. Costly things (weights, processes, sockets) wait for the first sample.
 
-    `local`, `local:PATH.gguf`, `local:hub:OWNER/REPO/FILE.gguf`, `random`, `replay:RUN`, an import string
-    `pkg.mod:factory` of a function from RunConfig to a model, or the name of a model at an OpenAI-compatible endpoint.
+    `local`, `local:PATH.gguf`, `local:hub:OWNER/REPO/FILE.gguf`, `random`, `replay:RUN`, `replay:FILE.json`, an import
+    string `pkg.mod:factory` of a function from RunConfig to a model, or the name of a model at an OpenAI-compatible
+    endpoint.
 
     Args:
         held: replies that the run already has; a replaying model goes on after them.
@@ -42,7 +44,7 @@ def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
     if config.model == "random":
         return RandomModel()
     if kind == "replay":
-        return _replay(rest, held)
+        return _replay(config, rest, held)
     if rest and not config.base_url and "." in kind:
         return _imported(config)
     return _endpoint(config)
@@ -56,14 +58,38 @@ def _local(config: RunConfig, where: str) -> LanguageModel:
     return LocalModel(find, name=config.model, temperature=config.temperature, threads=config.threads)
 
 
-def _replay(run: str, held: int) -> LanguageModel:
+def _replay(config: RunConfig, where: str, held: int) -> LanguageModel:
     from ..store import read_config, read_replies
 
-    if not run:
-        raise ConfigError("`model=replay:` must name the directory of a run, for example model=replay:outputs/RUN.")
-    recorded = read_config(run).model
-    style = "grammar" if recorded.partition(":")[0] in ("local", "random") else "free"
-    return ReplayModel(read_replies(run), style, held=held)
+    if not where:
+        raise ConfigError(
+            "`model=replay:` must name the directory of a run, for example model=replay:outputs/RUN, or a JSON file."
+        )
+    if not where.endswith(".json"):
+        recorded = read_config(where).model
+        style = "grammar" if recorded.partition(":")[0] in ("local", "random") else "free"
+        return ReplayModel(read_replies(where), style, held=held)
+    if config.hearings:
+        raise ConfigError(f"{where} holds replies and nobody's remarks: leave feedback=human out.")
+    return ReplayModel(archived(Path(where)), "free", held=held)
+
+
+def archived(path: Path) -> list[Reply]:
+    """The replies of a JSON file, `{"model": NAME, "replies": [TEXT, ...]}`, in their order.
+
+    Raises:
+        ConfigError: when it is none.
+    """
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        name, texts = found["model"], found["replies"]
+    except OSError as error:
+        raise ConfigError(f"Cannot read the replies in {path}: {error.strerror}.") from None
+    except (ValueError, LookupError, TypeError):
+        name, texts = None, None
+    if not isinstance(name, str) or not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
+        raise ConfigError(f'{path} is no file of replies: it must hold {{"model": NAME, "replies": [TEXT, ...]}}.')
+    return [Reply(text=text, model=name) for text in texts]
 
 
 def _endpoint(config: RunConfig) -> LanguageModel:
@@ -122,8 +148,8 @@ class ReplayModel:
         for _ in range(n):
             if self._next >= len(self._replies):
                 raise ModelError(
-                    f"The replayed run holds {len(self._replies)} replies and this one needs more; give it the same "
-                    "env, sample, iteration, search and seed."
+                    f"What is replayed holds {len(self._replies)} replies and this run needs more; give it the same "
+                    "env, sample, iteration, refill, search and seed."
                 )
             reply = self._replies[self._next]
             self._next += 1

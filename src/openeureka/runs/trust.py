@@ -51,7 +51,7 @@ def claims(config: object) -> dict[str, str]:
         "curriculum": absolute("curriculum", curriculum) if curriculum.endswith((".yaml", ".yml")) else "",
         "randomise": absolute("randomise", randomise) if randomise.endswith((".yaml", ".yml")) else "",
         "init": "" if init == "human" else _whole(init),
-        "model": "" if model in ("local", "random", NO_MODEL) else _model(model),
+        "model": "" if model in ("local", "random", NO_MODEL) else absolute("model", model),
         "base_url": base_url,
         "price": price,
     }
@@ -60,12 +60,6 @@ def claims(config: object) -> dict[str, str]:
 
 def _whole(path: str) -> str:
     return str(Path(path).expanduser().resolve()) if path else ""
-
-
-def _model(name: str) -> str:
-    kind, _, rest = name.partition(":")
-    local = kind in ("local", "replay") and rest and not rest.startswith("hub:")
-    return f"{kind}:{_whole(rest)}" if local else name
 
 
 def remember(config: object) -> None:
