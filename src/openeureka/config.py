@@ -245,10 +245,10 @@ _FILES = {
 }
 
 
-def absolute(key: str, value: str) -> str:
-    """The whole path of a file that a setting names, so that it is found from any directory."""
+def absolute(key: str, value: str, folder: Path = Path()) -> str:
+    """The whole path of a file that a setting names from a folder, so that it is found from any directory."""
     match = re.fullmatch(_FILES.get(key, "(?!)"), value)
-    return f"{match[1]}{Path(match[2]).expanduser().resolve()}{match[3] or ''}" if match else value
+    return f"{match[1]}{(folder / Path(match[2]).expanduser()).resolve()}{match[3] or ''}" if match else value
 
 
 def elsewhere(settings: Mapping[str, object]) -> dict[str, object]:

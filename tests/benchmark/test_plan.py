@@ -42,11 +42,13 @@ def test_all_arms_of_a_seed_come_before_the_next_seed(tmp_path):
 
 
 def test_files_are_found_from_where_the_plan_is(tmp_path):
-    text = "{tasks: [my/task.py], seeds: [0], arms: {own: {init: mine.py}, people: {init: human}}}"
+    arms = "{own: {init: mine.py, model: 'replay:../a.json'}, people: {init: human}}"
+    text = f"{{tasks: [my/task.py], seeds: [0], arms: {arms}}}"
     read = load(written(tmp_path, text))
     assert read.tasks == (f"{tmp_path}/my/task.py",)
     own, people = (read.config(cell) for cell in read.cells())
     assert (own.init, people.init) == (f"{tmp_path}/mine.py", "human")
+    assert (own.model, people.model) == (f"replay:{tmp_path.parent}/a.json", "local")
     assert next(read.cells()).name == "task-own-0"
 
 

@@ -133,12 +133,12 @@ def plan(found: object, folder: Path | None = None) -> Plan:
     if not isinstance(found, Mapping):
         raise ConfigError("A plan is a mapping with `tasks`, `seeds` and `arms`.")
     readers: dict[str, Callable[[str, object], Any]] = {
-        "tasks": lambda key, value: tuple(_located(folder, "env", task) for task in _listed(key, value, str)),
+        "tasks": lambda key, value: tuple(absolute("env", task, folder) for task in _listed(key, value, str)),
         "seeds": lambda key, value: tuple(_listed(key, value, int)),
         "arms": lambda key, value: _named(key, value, folder),
         "settings": lambda key, value: _settings(key, value, folder),
         "per_task": lambda key, value: {
-            _located(folder, "env", task): changes for task, changes in _named(key, value, folder).items()
+            absolute("env", task, folder): changes for task, changes in _named(key, value, folder).items()
         },
     }
     for key in found:
@@ -178,7 +178,7 @@ def _settings(where: str, value: object, folder: Path) -> Settings:
         if not isinstance(given, (str, int, float, Path)):
             raise ConfigError(f"`{where}` sets `{key}` to `{given!s:.60}`; a setting takes a text or a number.")
         text = f"{given:.0f}" if isinstance(given, float) and given.is_integer() else str(given)
-        words.append(f"{key}={_located(folder, str(key), text)}")
+        words.append(f"{key}={absolute(str(key), text, folder)}")
     try:
         read = parse(RunConfig, words)
     except ConfigError as error:
@@ -186,12 +186,6 @@ def _settings(where: str, value: object, folder: Path) -> Settings:
     if "model" in value and read.model == NO_MODEL:
         raise ConfigError(f"`{where}` sets model={NO_MODEL}, and a bench compares searches.")
     return {str(key): getattr(read, str(key)) for key in value}
-
-
-def _located(folder: Path, key: str, value: str) -> str:
-    """The whole path of a file that a setting names, from where the plan is."""
-    is_file = absolute(key, value) != value and not value.startswith("~")
-    return absolute(key, str(folder / value)) if is_file else absolute(key, value)
 
 
 # --- what a directory holds of an earlier plan -----------------------------------------------------------------------

@@ -1,0 +1,163 @@
+"""A strong model's rewards against the human ones, task by task: docs/reference/headline.md.
+
+    python benchmarks/headline.py              # what is missing of benchmarks/plans/headline.yaml; hours to days
+    python benchmarks/headline.py --env ant    # one task
+    python benchmarks/headline.py --left       # what is missing, and about how long it will take
+
+A row is a search from committed replies: eight rewards, the human and the sparse one train, the leading rewards race
+with fresh seeds, and what wins is judged in held-out episodes. What a search found is kept twice: figures in
+`benchmarks/results/headline.json`, and the store of its run in `benchmarks/headline/TASK.sqlite.xz`, from which the
+page and the report of the run are made again. Runs are under `outputs/headline/`; one that was killed goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import lzma
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ledger import Script
+from records import machine, read, write
+
+from openeureka.benchmark import bench
+from openeureka.benchmark.plan import Cell, Plan, load
+from openeureka.config import short_name
+from openeureka.llm.registry import archived
+from openeureka.report.text import number, spread
+from openeureka.report.view import RunView
+from openeureka.score import clipped, mean, rank
+from openeureka.store.db import FILENAME
+
+ROOT = Path(__file__).parents[1]
+PLAN = ROOT / "benchmarks" / "plans" / "headline.yaml"
+ARCHIVE = ROOT / "benchmarks" / "headline"
+RESULTS = ROOT / "benchmarks" / "results" / "headline.json"
+BASELINES = ROOT / "benchmarks" / "results" / "baselines.json"
+OUTPUTS = ROOT / "outputs" / "headline"
+TRAININGS = 20
+"""Lanes of a row, about: ten in the search, and three fresh seeds of what races."""
+
+TITLES = (
+    *("task", "steps", "generated, F held out", "human", "sparse"),
+    *("generated less human, 95 % interval", "the generated one is", "score", "clipped"),
+)
+ENDINGS = ("better", "level", "worse", "one seed", "both at zero")
+Record = dict[str, Any]
+
+
+def measure(whole: Plan, env: str) -> None:
+    """Search on one task, or go on with it, and keep what it found."""
+    (cell,) = (cell for cell in whole.cells() if cell.task == env)
+    one = replace(whole, tasks=(env,), per_task={env: whole.per_task[env]})
+    found: list[bench.Bench] = []
+    bench.run(one, OUTPUTS / env, Script(), found.append, print)
+    for name, error in found[-1].failures.items():
+        raise SystemExit(f"{name}: {error}")
+    store = OUTPUTS / env / cell.name / FILENAME
+    ARCHIVE.mkdir(exist_ok=True)
+    (ARCHIVE / f"{env}.sqlite.xz").write_bytes(lzma.compress(store.read_bytes(), preset=9))
+    write(RESULTS, {**read(RESULTS), env: outcome(store.parent, cell, found[-1])})
+
+
+def outcome(directory: Path, cell: Cell, found: bench.Bench) -> Record:
+    """What came of a finished search."""
+    run, (result,) = RunView.read(directory), found.results
+    ends = run.outcome
+    assert ends is not None and run.best is not None
+    apart = ends.difference
+    return {
+        "model": archived(Path(run.config.model.removeprefix("replay:")))[0].model,
+        "steps": run.config.steps,
+        "all_steps": result.steps,
+        "minutes": round(result.minutes, 1),
+        **machine("cpu"),
+        "seed": cell.seed,
+        "crowned": str(run.best.place),
+        "generated": list(ends.method.held_out),
+        "runners_up": {str(place): list(arm.held_out) for place, arm in ends.rivals.items()},
+        "human": list(ends.human.held_out),
+        "sparse": list(ends.sparse.held_out),
+        "difference": [apart.value, apart.low, apart.high] if apart is not None else None,
+        "score": ends.normalised,
+        "correlation_with_human": ends.correlation,
+    }
+
+
+def ending(row: Record) -> str:
+    """How a row ends; a tie of zeros is undecided, as it says nothing of either reward."""
+    values = [value for name in ("generated", "human") for value in row[name] if value is not None]
+    if not any(values):
+        return "both at zero"
+    if row["difference"] is None:
+        return "one seed"
+    _, low, high = row["difference"]
+    return "better" if low > 0 else "worse" if high < 0 else "level"
+
+
+def rows(measured: Mapping[str, Record]) -> list[list[str]]:
+    """A row a task, in the order of the plan."""
+    return [
+        [
+            short_name(env),
+            f"{row['steps']:,}",
+            spread(row["generated"]),
+            spread(row["human"]),
+            spread(row["sparse"]),
+            _interval(row["difference"]),
+            ending(row),
+            number(row["score"], 3),
+            number(clipped(row["score"]), 3),
+        ]
+        for env in load(PLAN).tasks
+        if (row := measured.get(env)) is not None
+    ]
+
+
+def _interval(difference: list[float] | None) -> str:
+    if difference is None:
+        return "-"
+    value, low, high = (number(end, 3) for end in difference)
+    return f"{value} ({low} to {high})"
+
+
+def summary(measured: Mapping[str, Record]) -> str:
+    """The rows in a sentence."""
+    ends = Counter(map(ending, measured.values()))
+    means = [(mean(row["generated"]), mean(row["human"])) for row in measured.values() if ending(row) != "both at zero"]
+    above = sum(rank(own) >= rank(human) for own, human in means)
+    counted = ", ".join(f"{name} {ends[name]}" for name in ENDINGS if ends[name])
+    return (
+        f"{len(measured)} of {len(load(PLAN).tasks)} tasks are measured. The generated reward against the human one: "
+        f"{counted}. Its mean is at or above the human one on {above} of the {len(means)} that are not both at zero."
+    )
+
+
+def left(measured: Mapping[str, Record]) -> str:
+    """What is missing, a line a task, and about how long it takes by what its baselines took."""
+    whole, known, total, lines = load(PLAN), read(BASELINES), 0.0, list[str]()
+    for env in (env for env in whole.tasks if env not in measured):
+        trained = next(iter(known[env]["lanes"].values()))
+        took = trained["training"]["minutes"] / (trained["training"]["lanes"] * trained["env_steps"])
+        minutes = TRAININGS * whole.per_task[env]["steps"] * took
+        total += minutes
+        lines.append(f"{short_name(env):<32} {minutes / 60:5.1f} h")
+    return "\n".join([*lines, f"{len(lines)} tasks, {total / 60:.0f} h"])
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--env", nargs="+")
+    parser.add_argument("--left", action="store_true")
+    options = parser.parse_args()
+    whole = load(PLAN)
+    if options.left:
+        print(left(read(RESULTS)))
+    else:
+        for env in options.env or whole.tasks:
+            if env not in read(RESULTS):
+                measure(whole, env)
+        print(summary(read(RESULTS)))
