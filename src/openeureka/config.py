@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -19,6 +20,7 @@ NO_MODEL = "none"
 """`model` of a run that searches for nothing: given rewards train, and are compared."""
 BONUSES = ("none", "original")
 SCHEDULES = ("full", "halving")
+OBSERVES = ("all", "measurable")
 VIDEOS = ("all", "best", "none")
 FEEDBACKS = ("none", "human")
 _LONGEST = 4096
@@ -53,6 +55,8 @@ class RunConfig:
     """Begin with a given reward: `human`, or the path of a reward file; empty means with the model's own."""
     safety: str = ""
     """What the reward must also see to, in words for the model: `torques below 40 N m, smooth joints`."""
+    limits: str = ""
+    """The most of costs that a policy may have when it plays, or its reward cannot win: `torque=40 falls=0.1`."""
     feedback: str = "none"
     """`none`, or `human`: after each generation wait for what a person says of it."""
     feedback_timeout: float = 0.0
@@ -69,6 +73,8 @@ class RunConfig:
     """Stages to train each candidate through: one of the task's own, or a YAML file; empty means the task alone."""
     randomise: str = "none"
     """How worlds of training differ: `none`, `mild`, `wide`, or a YAML file of ranges."""
+    observe: str = "all"
+    """What policies see: `all` of the observation, or what is `measurable` on a robot."""
     tune: int = 0
     """Trainings that fit the numbers of the best reward after the search, its structure kept; 0 means none."""
     polish: int = 0
@@ -133,14 +139,31 @@ class RunConfig:
             "schedule": SCHEDULES,
             "baselines": ("train", "known"),
             "video": VIDEOS,
+            "observe": OBSERVES,
         }
         for key, allowed in choices.items():
             if getattr(self, key) not in allowed:
                 raise ConfigError(f"`{key}` must be one of {', '.join(allowed)}, not `{getattr(self, key)}`.")
         if self.curriculum and self.schedule != "full":
             raise ConfigError(f"`schedule={self.schedule}` goes with no `curriculum=`; leave one of them out.")
+        if self.limited and (self.search == "eureka" or self.model == NO_MODEL):
+            raise ConfigError("`limits` needs a search that lets policies play; use it with search=best.")
         if self.judge == "votes" and self.feedback != "human":
             raise ConfigError("`judge=votes` needs someone who votes; add feedback=human.")
+
+    @property
+    def limited(self) -> dict[str, float]:
+        """`limits` by the name of a cost."""
+        found: dict[str, float] = {}
+        for word in self.limits.replace(",", " ").split():
+            name, _, most = word.partition("=")
+            try:
+                found[name] = float(most)
+            except ValueError:
+                found[name] = math.nan
+            if not 0.0 <= found[name] < math.inf:
+                raise ConfigError(f"`{word:.80}` in `limits` is no limit; write a cost and its most: torque=40.")
+        return found
 
     @property
     def generations(self) -> int:
@@ -166,6 +189,8 @@ class TrainConfig:
     """Stages to train each reward through: one of the task's own, or a YAML file; empty means the task alone."""
     randomise: str = "none"
     """How worlds of training differ: `none`, `mild`, `wide`, or a YAML file of ranges."""
+    observe: str = "all"
+    """What policies see: `all` of the observation, or what is `measurable` on a robot."""
     seeds: int = 1
     """Trainings per reward."""
     seed: int = 0

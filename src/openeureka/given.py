@@ -53,7 +53,7 @@ def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
         raise StoreError(
             f"{store.directory} holds no rewards yet; start it again with the same `eureka train` command."
         )
-    known = store.lanes.all().values()
+    known = [lane for lane in store.lanes.all().values() if lane.role == "given"]
     wanted: list[Wanted] = [(lane, rewards[lane.reward]) for lane in known if lane.reward in rewards]
     wanted += deal(rewards.items(), seeds(lanes.config), "given") if more is None else more
     lanes.observer.phase(0, "train")
@@ -66,6 +66,8 @@ def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
     fitness = {lane: score.fitness for lane, score in scores.items()}
     arms: dict[str, list[str]] = {}
     for lane, record in store.lanes.all().items():
+        if record.role != "given":
+            continue
         arms.setdefault(record.reward, []).append(lane)
     best = max(arms, key=lambda name: rank(mean([fitness.get(lane) for lane in arms[name]])))
     lane = max(arms[best], key=lambda lane: rank(fitness.get(lane)))

@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from .types import NOMINAL, Dynamics, Evaluation, Peak, TrainingResult
+from .score import NO_LIMITS, breach
+from .types import NOMINAL, Dynamics, Evaluation, Limits, Peak, TrainingResult
 
 DRIFT = 0.2
 """Share of the range of F over training that training on for the reward may cost."""
@@ -37,6 +38,7 @@ class Kind(StrEnum):
     DRIFT = "own reward rises while F falls"
     CONCENTRATION = "F rests on few moments"
     FRAGILITY = "fails in a slightly changed world"
+    LIMITS = "breaks a limit that its search kept"
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,12 +112,14 @@ def _two(result: TrainingResult) -> bool:
     return first is not None and last is not None and last.epoch > first.epoch
 
 
-def signs(lanes: Sequence[Tried]) -> tuple[Sign, ...]:
+def signs(lanes: Sequence[Tried], limits: Limits = NO_LIMITS) -> tuple[Sign, ...]:
     """What speaks against a reward, given its final trainings.
 
-    Drift and concentration count when at least half of the trainings show them: one seed in three may be an accident.
+    Drift, concentration and broken limits count when at least half of the trainings show them: one seed in three may be
+    an accident.
     """
     found = [_majority(Kind.DRIFT, lanes, drift), _majority(Kind.CONCENTRATION, lanes, concentration)]
+    found.append(_majority(Kind.LIMITS, lanes, lambda lane: _breach(lane, limits)))
     found += [Sign(Kind.FRAGILITY, sentence) for lane in lanes if (sentence := fragility(lane))]
     return tuple(sign for sign in found if sign is not None)
 
@@ -159,6 +163,12 @@ def concentration(lane: Tried) -> str:
         f"the highest twentieth of what counts for held-out F, over {lane.held_out.episodes} episodes, makes "
         f"{share:.0%} of it."
     )
+
+
+def _breach(lane: Tried, limits: Limits) -> str:
+    """What held-out play costs beyond the limits."""
+    broke = breach(lane.held_out, limits)
+    return f"held out, {broke}." if broke else ""
 
 
 def fragility(lane: Tried) -> str:

@@ -11,7 +11,7 @@ from .errors import WorkerError
 from .hacking import Trial
 from .observer import Observer
 from .schedule import RUNGS, WHOLE, Rung, leaders, why
-from .score import level, played, standing
+from .score import broken, level, played, standing
 from .store import Store
 from .strategies import SearchStrategy
 from .tasks import ranges
@@ -20,6 +20,7 @@ from .types import (
     Evaluation,
     Lane,
     LaneSpec,
+    Observe,
     Peak,
     RewardProgram,
     Role,
@@ -137,10 +138,12 @@ class Lanes:
             if lane.id in known:
                 self.store.lanes.forget(lane.id)  # killed just before it could
             else:
-                twins.setdefault(f"{lane.seed} {lane.start} {program}", []).append(self._spec(lane, program))
+                spec = self._spec(lane, program)
+                twins.setdefault(f"{lane.seed} {lane.start} {spec.randomise} {program}", []).append(spec)
         sharing = {group[0].id: group for group in twins.values()}
         going = {group[0].id: group[0] for group in twins.values()}
         rivals = [lane.id for lane in lanes if lane.role == "candidate"]
+        observe: Observe = "measurable" if self.config.observe == "measurable" else "all"
         for number, rung in enumerate((*RUNGS[self.config.schedule], WHOLE), start=1):
             missing, failed = self._due(number, rung, going, rivals), list[TrainingResult]()
             budget = TrainBudget(
@@ -149,6 +152,7 @@ class Lanes:
                 until=rung.share,
                 bonus=self.config.bonus == "original",
                 randomise=ranges.find(self.config.env, self.config.randomise),
+                observe=observe,
             )
             for event in self.trainer.train(self.config.env, missing, budget) if missing else ():
                 if isinstance(event, TrainingProgress):
@@ -168,7 +172,8 @@ class Lanes:
         return {lane.id: results[lane.id] for lane in lanes}
 
     def _spec(self, lane: Lane, program: RewardProgram) -> LaneSpec:
-        spec = LaneSpec(id=lane.id, program=program, seed=lane.seed)
+        drawn = self.store.ranges()[lane.ranges] if lane.ranges else None
+        spec = LaneSpec(id=lane.id, program=program, seed=lane.seed, randomise=drawn)
         if lane.start is None:
             return spec
         log, policy = self.store.lanes, lane.start.policy
@@ -244,14 +249,16 @@ class Lanes:
         self._look(0, ids, strategy.peaks)
         records, beside = self.store.lanes.all(), dict(BASELINES)
         rivals = [lane for lane in ids if records[lane].role == "given" or records[lane].reward not in beside]
-        self._look(1, level(self._scores(rivals)), strategy.peaks)
+        lawful = {lane: s for lane, s in self._scores(rivals).items() if not broken(s, self.config.limited)}
+        self._look(1, level(lawful), strategy.peaks)
         scores = self._scores(ids)
         self.observer.played(scores)
         return scores
 
     def _scores(self, ids: Iterable[str]) -> dict[str, Evaluation]:
         plays = self.store.lanes.plays()
-        return {lane: played(plays[lane]) for lane in ids if lane in plays}
+        limits = self.config.limited
+        return {lane: played(plays[lane], limits) for lane in ids if lane in plays}
 
     def _look(self, look: int, ids: Sequence[str], peaks: Sequence[Peak]) -> None:
         """Let those play that have not yet, in this look, side by side on the same start states."""
@@ -277,7 +284,8 @@ class Lanes:
     def standing(self, ids: Iterable[str], strategy: SearchStrategy) -> dict[str, Peak]:
         """Which of its policies stands for each lane: that which plays best, or the first where none was played."""
         plays = self.store.lanes.plays()
-        return {lane: standing(plays.get(lane), strategy.peaks[0]) for lane in ids}
+        limits = self.config.limited
+        return {lane: standing(plays.get(lane), strategy.peaks[0], limits) for lane in ids}
 
     def evaluate(self, ids: Mapping[str, Peak]) -> dict[str, Evaluation]:
         """Held-out scores by lane id, each of the named policy; a lane without it has none."""
@@ -288,8 +296,13 @@ class Lanes:
         self.store.lanes.save_evaluations([dataclasses.replace(score, peak=ids[score.lane]) for score in scores])
         return {lane: score for lane, score in self.store.lanes.evaluations().items() if lane in ids}
 
-    def try_out(self, trials: Iterable[Trial]) -> None:
-        """Take the scores that the store does not hold yet, on the start states of `evaluate`."""
+    def try_out(self, trials: Iterable[Trial], *, choosing: bool = False, episodes: int = 0) -> None:
+        """Take the scores that the store does not hold yet, on the start states of `evaluate`.
+
+        Args:
+            choosing: on start states that are kept for choosing instead.
+            episodes: of each trial; 0 for as many as a final score needs.
+        """
         known = self.store.lanes.trials()
         missing = {
             f"{trial.lane} {trial.name}": trial for trial in trials if trial.name not in known.get(trial.lane, {})
@@ -299,7 +312,9 @@ class Lanes:
         dynamics = {key: missing[key].dynamics for key in playing}
         if not playing:
             return
-        for score in self.trainer.evaluate(self.config.env, playing, seed=self._held_out, dynamics=dynamics):
+        seed = self.config.seed + CHOOSING if choosing else self._held_out
+        play = self.trainer.evaluate(self.config.env, playing, seed=seed, episodes=episodes, dynamics=dynamics)
+        for score in play:
             trial = missing[score.lane]
             self.store.lanes.save_trial(trial.name, dataclasses.replace(score, lane=trial.lane, peak=trial.peak))
 

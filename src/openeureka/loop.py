@@ -65,7 +65,7 @@ def run(
         entries: list[Scored] = []
         for sample in samples:
             lane = lane_id(sample.verdict.candidate, config.seed)
-            feedback = reflect(sample, results.get(lane), model.style, scores.get(lane))
+            feedback = reflect(sample, results.get(lane), model.style, scores.get(lane), config.limited)
             entries.append(Scored(sample=sample, result=results.get(lane), played=scores.get(lane), feedback=feedback))
         history = strategy.tell(history.replayed(scores), entries)
         best = Ranking(history).best
@@ -96,6 +96,10 @@ def conclude(
     observer.phase(config.generations, "final")
     best = race.crown(history, lanes, strategy)
     if best is None:
+        nearest = Ranking(history).nearest or Ranking(history).best
+        if nearest is not None and nearest.result is not None:  # nobody wins, and that is told in numbers
+            observer.phase(config.generations, "evaluate")
+            lanes.evaluate(lanes.standing([nearest.result.lane], strategy))
         return None
     observer.phase(config.generations, "evaluate")
     arms = lanes.final(race.contenders(history))

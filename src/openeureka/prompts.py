@@ -11,6 +11,7 @@ What programs, models and trainings wrote is data: it is cleaned and capped befo
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from typing import Literal
@@ -57,6 +58,57 @@ def repair(prompt: Prompt, reply: str, verdict: Verdict) -> Prompt:
     request = _template("repair").format(findings=clean(findings or f"- {verdict.code}", MAX_FEEDBACK))
     turn = (Message("assistant", clean(reply, MAX_PROGRAM)), Message("user", request))
     return Prompt(messages=(*prompt.messages, *turn), grammar=prompt.grammar, prefill=prompt.prefill)
+
+
+def ranges(
+    *,
+    task: str,
+    robot: str,
+    note: str,
+    sweep: Sequence[str],
+    quantities: Mapping[str, tuple[str, float, float]],
+    ends: Mapping[str, tuple[Sequence[float], Sequence[float]]],
+) -> Prompt:
+    """What asks for ranges that worlds of training are drawn from.
+
+    Args:
+        robot: its description, in lines.
+        note: how to read the lines of `sweep`, which say where a policy still works.
+        quantities: unit, least and most by name.
+        ends: what the grammar offers for the lowest and for the highest value of each.
+    """
+    text = _template("robust").format(
+        task=task,
+        robot=plain(robot),
+        note=note,
+        sweep="\n".join(sweep),
+        quantities="\n".join(
+            f"- {name} [{unit}], {low:g} to {high:g}" for name, (unit, low, high) in quantities.items()
+        ),
+        example="\n".join(f"{name}: [{low[-2:][0]:g}, {high[:2][-1]:g}]" for name, (low, high) in [*ends.items()][:3]),
+    )
+    return Prompt(messages=(Message("user", text),), grammar=_table(ends))
+
+
+def ranges_again(prompt: Prompt, reply: str, reason: str) -> Prompt:
+    """The prompt, ranges that were refused, and why."""
+    request = f"These ranges cannot be used: {clean(reason, MAX_BRIEF_FEEDBACK)}\n\nAnswer with the whole table."
+    turn = (Message("assistant", clean(reply, MAX_PROGRAM)), Message("user", request))
+    return Prompt(messages=(*prompt.messages, *turn), grammar=prompt.grammar, prefill=prompt.prefill)
+
+
+def _table(ends: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> str:
+    """GBNF of a table with a line for each quantity."""
+    names = {name: name.replace("_", "-") for name in ends}
+    rules = [f"root ::= {' '.join(names.values())}"]
+    for name, (low, high) in ends.items():
+        rule = names[name]
+        rules.append(f'{rule} ::= "{name}: [" {rule}-low ", " {rule}-high "]\\n"')
+        rules += [
+            f"{rule}-{end} ::= " + " | ".join(f'"{v:g}"' for v in own)
+            for end, own in zip(("low", "high"), (low, high), strict=True)
+        ]
+    return "\n".join(rules) + "\n"
 
 
 def clean(text: str, limit: int) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from . import baselines
 from .config import RunConfig
 from .lanes import Lanes, beside, deal, final_lanes, final_seeds, programs
-from .score import Outcome, compare, difference, level, mean, rank
+from .score import Outcome, broken, compare, difference, level, mean, pooled, rank
 from .strategies import Ranking, SearchStrategy
 from .types import Evaluation, History, Place, Scored, TrainingResult
 
@@ -34,6 +34,7 @@ def contenders(history: History) -> tuple[Scored, ...]:
         return (best,) if best is not None else ()
     entries = [entry for generation in history.generations for entry in generation.entries]
     able = {e.sample.verdict.candidate: e for e in entries if e.sample.verdict.candidate not in ranking.rejected}
+    able = {name: entry for name, entry in able.items() if not broken(entry.played, history.limits)}
     close = level({name: entry.played for name, entry in able.items() if entry.played is not None})
     ordered = sorted((able[name] for name in close), key=lambda entry: -rank(entry.score))
     different: dict[str, Scored] = {}
@@ -44,7 +45,8 @@ def contenders(history: History) -> tuple[Scored, ...]:
 
 
 def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | None:
-    """The best of the contenders by the played F of fresh trainings; None when nothing ever trained.
+    """The best of the contenders by the played F of fresh trainings; None when nothing ever trained, or each breaks a
+    limit, on average over its fresh trainings.
 
     All of them and the human reward train with two seeds. Then, a seed at a time and `config.seeds` at most, those that
     are not yet shown to be worse than the leader, and the human reward, until one is left whose difference to it is
@@ -71,10 +73,17 @@ def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | 
         }
         if known is not None:
             scores["human"] = list(known.human.scores)
+        names = [name for name in names if _lawful(history, [played[lane] for lane in finals[name] if lane in played])]
+        if not names:
+            return None
         names = running(scores, names)
         if len(names) == 1 and sure(scores, names[0], "human"):
             break
     return arms[names[0]]
+
+
+def _lawful(history: History, plays: Sequence[Evaluation]) -> bool:
+    return not plays or not broken(pooled(plays), history.limits)
 
 
 def crowned(history: History, place: Place | None) -> Scored | None:

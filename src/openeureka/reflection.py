@@ -10,7 +10,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
-from .types import Evaluation, Sample, TrainingResult, TrainingState
+from .score import NO_LIMITS, broken
+from .types import Evaluation, Limits, Sample, TrainingResult, TrainingState
 
 Style = Literal["free", "grammar"]
 Curves = Mapping[str, Sequence[float | None]]
@@ -26,7 +27,13 @@ _EARLY_AND_LATE = (
 _RANKS = "; rewards are ranked by the score when played instead"
 
 
-def reflect(sample: Sample, result: TrainingResult | None, style: Style, played: Evaluation | None = None) -> str:
+def reflect(
+    sample: Sample,
+    result: TrainingResult | None,
+    style: Style,
+    played: Evaluation | None = None,
+    limits: Limits = NO_LIMITS,
+) -> str:
     """Feedback on one slot: the findings where its program was refused, else what its training showed.
 
     The style `grammar` is for small models: fewer points, shorter numbers, no explanation.
@@ -34,20 +41,23 @@ def reflect(sample: Sample, result: TrainingResult | None, style: Style, played:
     Args:
         played: what the policy scored when it was played, if that ranks. Those that lead play more episodes later, so
             the number itself is for the prompt to say.
+        limits: the most that it may cost.
     """
     if result is None:
         return refusal(sample)
     if result.state is TrainingState.FAILED:
         return "No policy could be trained with this reward function."  # the reason is about this machine, not for it
     if style == "grammar":
-        return "\n".join([*_ending(result), *summary(result.curves, points=4, brief=True)])
+        return "\n".join([*_ending(result), *summary(result.curves, points=4, brief=True), *_costs(played, limits)])
     introduction = _INTRODUCTION.format(
         epochs=_epochs(result.curves),
         interval=_interval(result.curves, points=10),
         ranks=_RANKS if played is not None else "",
     )
     parts = _parts(result.curves) if played is not None else []
-    return "\n".join([*_ending(result), introduction, *summary(result.curves, points=10), *parts])
+    return "\n".join(
+        [*_ending(result), introduction, *summary(result.curves, points=10), *parts, *_costs(played, limits)]
+    )
 
 
 def refusal(sample: Sample) -> str:
@@ -74,6 +84,17 @@ def _parts(curves: Curves) -> list[str]:
     names = [name.removeprefix("component_early/") for name in curves if name.startswith("component_early/")]
     means = ", ".join(f"{name} {mean('early', name)} then {mean('late', name)}" for name in names)
     return [f"{_EARLY_AND_LATE}: {means}"] if means else []
+
+
+def _costs(played: Evaluation | None, limits: Limits) -> list[str]:
+    """A line on the costs that have a limit."""
+    if played is None or not limits:
+        return []
+    told = ", ".join(
+        f"{name} {_number(played.costs.get(name), brief=False)} of at most {most:g}" for name, most in limits.items()
+    )
+    end = " It breaks a limit, so it cannot win: mind what it breaks first." if broken(played, limits) else ""
+    return [f"Costs of its policy when played: {told}.{end}"]
 
 
 def _ending(result: TrainingResult) -> list[str]:

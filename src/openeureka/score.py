@@ -7,10 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 
-from .types import Evaluation, Peak, Place, Scored, TrainingResult
+from .types import COSTS, Evaluation, Limits, Peak, Place, Scored, TrainingResult
 
 ERRORS = 2.0
 """Standard errors that two scores must be apart before one counts as the higher."""
+
+
+NO_LIMITS: Limits = {}
 
 
 def mean(values: Sequence[float | None]) -> float | None:
@@ -55,17 +58,37 @@ def pooled(looks: Sequence[Evaluation]) -> Evaluation:
         error=math.hypot(*errors) / episodes if looks[0].error is not None else None,
         episode_length=total([look.episode_length for look in defined]) or 0.0,
         episodes=episodes,
+        costs={name: total([look.costs.get(name) for look in defined]) or 0.0 for name in looks[0].costs},
     )
 
 
-def played(plays: Mapping[Peak, Sequence[Evaluation]]) -> Evaluation:
-    """What a lane scores: that of its policies which plays best counts; of equals the first."""
-    return max((pooled(looks) for looks in plays.values()), key=lambda score: rank(score.fitness))
+def broken(score: Evaluation | None, limits: Limits) -> tuple[str, ...]:
+    """The limits that a policy breaks, by name; what was not measured breaks none."""
+    costs = score.costs if score is not None else NO_LIMITS
+    return tuple(name for name, most in limits.items() if costs.get(name, -math.inf) > most)
 
 
-def standing(plays: Mapping[Peak, Sequence[Evaluation]] | None, otherwise: Peak) -> Peak:
+def excess(score: Evaluation, limits: Limits) -> float:
+    """By how much a policy is beyond its limits: shares of them, in all."""
+    return math.fsum((score.costs[name] - limits[name]) / (limits[name] or 1.0) for name in broken(score, limits))
+
+
+def breach(score: Evaluation | None, limits: Limits) -> str:
+    """`torque 45.2 N m, above 40`: what a policy breaks; empty where nothing."""
+    costs = score.costs if score is not None else NO_LIMITS
+    units = {name: f" {COSTS[name].unit}" if name in COSTS and COSTS[name].unit != "share" else "" for name in limits}
+    return "; ".join(f"{name} {costs[name]:.3g}{units[name]}, above {limits[name]:g}" for name in broken(score, limits))
+
+
+def played(plays: Mapping[Peak, Sequence[Evaluation]], limits: Limits = NO_LIMITS) -> Evaluation:
+    """What a lane scores: that of its policies which plays best counts, one that keeps the limits before others; of
+    equals the first."""
+    return max(map(pooled, plays.values()), key=lambda score: (not broken(score, limits), rank(score.fitness)))
+
+
+def standing(plays: Mapping[Peak, Sequence[Evaluation]] | None, otherwise: Peak, limits: Limits = NO_LIMITS) -> Peak:
     """Which of its policies stands for a lane: that which plays best, or another where none was played."""
-    return (played(plays).peak if plays else None) or otherwise
+    return (played(plays, limits).peak if plays else None) or otherwise
 
 
 def level(scores: Mapping[str, Evaluation]) -> list[str]:

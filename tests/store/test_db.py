@@ -11,6 +11,7 @@ from openeureka.store.db import MIGRATIONS, Database
 TABLES = (
     "run", "prompts", "replies", "verdicts", "results", "entries", "evaluations", "remarks", "heard", "trials",
     "plays", "crown", "lanes", "given", "slots", "attempts", "rungs", "best_policy",
+    "ranges", "proposals",
 )  # fmt: skip
 REPLY = {
     "generation": 0,
@@ -108,6 +109,8 @@ def test_a_finished_row_never_changes(tmp_path: Path, database: Database, table:
         "attempts": {"generation": 0, "attempt": 0, "slot": 0},
         "rungs": {"lane": "a-s0", "rung": 1, "went_on": 1, "episodes": 1},
         "best_policy": {"id": 1, "lane": "a-s0", "peak": "last"},
+        "ranges": {"name": "r0", "ranges": "{}"},
+        "proposals": {name: value for name, value in REPLY.items() if name != "generation"} | {"messages": "[]"},
     }
     database.put("results", rows["results"])
     if table == "rungs":

@@ -28,6 +28,7 @@ from .settings import (
     PageConfig,
     PlayConfig,
     ReportConfig,
+    RobustConfig,
     describe,
 )
 
@@ -170,6 +171,17 @@ def tune(words: Settings = None, as_json: Json = False) -> None:
     from .tune import tune
 
     tune(words or [], as_json=as_json)
+
+
+@app.command(epilog=describe(RobustConfig))
+def robust(words: Words = None) -> None:
+    """Have a model propose how worlds of training differ, and train the best reward for worlds that nobody saw.
+
+    Example: eureka robust outputs/2026-01-31_12-00-00_anymal sample=8
+    """
+    from .tune import robust
+
+    robust(words or [])
 
 
 @app.command(epilog=describe(BenchConfig))

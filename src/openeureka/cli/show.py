@@ -12,11 +12,12 @@ from ..config import as_dict, parse
 from ..display.live import verdict_line
 from ..display.progress import working
 from ..polished import Polished
-from ..report import tables
+from ..report import costs, robust, tables
 from ..report.build import build
 from ..report.text import columns, number, scored, spread
 from ..report.verdict import meaning, of_polishing, of_tuning, verdict
 from ..report.view import CandidateView, GenerationView, RunView
+from ..robust import Robust
 from ..runs import trust
 from ..runs.run import lanes
 from ..score import Arm, Outcome
@@ -45,12 +46,14 @@ def show(directory: Path, *, as_json: bool = False) -> None:
     if not run.searched:
         scores = tables.given(run)
         print(f"{columns([scores.titles, *scores.rows])}\n\n{scores.note}\n{plain(verdict(run))}")
+        print("".join(_costs(run)))
         return
     strengths = run.ranking.strengths
     slots = [_slot(entry, strengths) for generation in run.history.generations for entry in generation.entries]
     votes = ["votes"] if strengths else []
     titles = ("generation", "slot", "candidate", "try", "F played", "F in training", *votes, "verdict")
     print(plain(columns([titles, *slots])))
+    print("".join(_costs(run)))
     print("".join(_heard(generation) for generation in run.history.generations))
     print(plain("\n".join(summary(run))))
     if run.best is not None and run.best.candidate is not None:
@@ -61,6 +64,12 @@ def _heard(generation: Generation) -> str:
     """What a person said after a generation, an indented line each."""
     lines = plain(tables.said(generation.remarks)[:MAX_SAID]).splitlines()
     return "".join([f"\nAfter generation {generation.index}:", *(f"\n  {line}" for line in lines)]) if lines else ""
+
+
+def _costs(run: RunView) -> list[str]:
+    """Costs of the policies that were played, where their task has some."""
+    found = costs.table(run)
+    return ["\n", "\n".join(_lines(found))] if found.rows else []
 
 
 def _slot(entry: Scored, strengths: Mapping[CandidateId, float]) -> tuple[str, ...]:
@@ -81,10 +90,13 @@ def summary(run: RunView) -> list[str]:
         lines += [verdict(run), meaning(run)]
         lines += [run.known.sentence()] if run.known is not None else []
         lines += [f"Suspected reward hacking: {sign.kind}. {sign.sentence}" for sign in run.signs]
+    elif lost := costs.nobody(run):
+        lines.append(lost)
     elif len(run.history.generations) < run.config.generations:
         lines.append(f"{len(run.history.generations)} of {run.config.generations} generations are done.")
     lines += ["", "The best reward with fitted numbers:", "", *_fitted(found), ""] if (found := run.tuned) else []
     lines += ["", "The best policy, as it is:", "", *_carried_on(run, on), ""] if (on := run.polished) else []
+    lines += ["", *robust_lines(run.robust), ""] if run.robust is not None else []
     tokens = run.usage.prompt_tokens + run.usage.completion_tokens
     return [*lines, f"Spent: {tokens:,} tokens, US$ {run.usage.cost_usd:.4f}"]
 
@@ -93,6 +105,16 @@ def tuned(run: RunView) -> list[str]:
     """What the fitting of a reward's numbers has found, as aligned text."""
     found = run.tuned
     return [*_fitted(found), meaning(run)] if found is not None else ["No reward has been trained yet."]
+
+
+def robust_lines(found: Robust) -> list[str]:
+    """What ranges made of the policy, as aligned text."""
+    return [
+        *_lines(robust.arms(found)),
+        *_lines(robust.worlds(found)),
+        *_lines(robust.carried(found)),
+        robust.verdict(found),
+    ]
 
 
 def _fitted(found: Tuned) -> list[str]:
@@ -224,10 +246,11 @@ def _slot_facts(slot: CandidateView) -> dict[str, object]:
     }
 
 
-def _scores(played: Evaluation | None, result: TrainingResult | None) -> dict[str, float | None]:
+def _scores(played: Evaluation | None, result: TrainingResult | None) -> dict[str, object]:
     return {
         "played_fitness": played.fitness if played is not None else None,
         "played_error": played.error if played is not None else None,
+        "costs": dict(played.costs) if played is not None else {},
         "fitness": result.fitness if result is not None else None,
     }
 

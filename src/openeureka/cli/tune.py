@@ -1,4 +1,4 @@
-"""`eureka tune`."""
+"""`eureka tune` and `eureka robust`: what is done with a reward that is found."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from contextlib import nullcontext, redirect_stdout
 from pathlib import Path
 
 from ..config import RunConfig, TuneConfig, parse
+from ..display.progress import working
+from ..report.build import build
 from ..report.view import RunView
 from ..runs import compose, trust
 from ..runs.rewards import to_tune
@@ -16,7 +18,9 @@ from ..store.directory import output_directory
 from ..tasks.registry import get
 from ..text import plain
 from ..types import Candidate, Verdict
+from .settings import RobustConfig, only_path, split
 from .show import facts, tuned
+from .show import robust_lines as lines
 from .terminal import Terminal
 
 
@@ -34,6 +38,26 @@ def tune(words: Sequence[str], *, as_json: bool = False) -> None:
         run = go_on(typed.run(), directory, reward)
     if as_json:
         print(json.dumps({"directory": str(directory), **facts(run)}, indent=2))
+
+
+def robust(words: Sequence[str]) -> None:
+    """Do what is missing to make the best policy of a run robust, write the report and print what was found."""
+    settings, paths = split(words)
+    directory = only_path(paths, "eureka robust outputs/<time>_anymal")
+    trusted = [word.removeprefix("trust=") for word in settings if word.startswith("trust=")]
+    settings = [word for word in settings if not word.startswith("trust=")]
+    config = parse(RobustConfig, settings).changed(compose.stored(directory))
+    typed = {word.partition("=")[0] for word in settings}
+    trust.agree(config, directory, typed=typed, trusted=Path(trusted[-1]) if trusted else None)
+    compose.robust(config, directory, Terminal())
+    with working("Writing the report"):
+        problems = build(directory, env=config.env)
+    found = RunView.read(directory).robust
+    if found is not None:
+        print("\n".join(["", *lines(found)]))
+    for problem in problems:
+        print(plain(problem))
+    print(f"\nThe policy and its ranges are in {directory / 'robust'}; begin with report.html")
 
 
 def go_on(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] | None) -> RunView:

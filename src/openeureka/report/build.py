@@ -13,7 +13,7 @@ from .view import VIDEO, RunView
 
 
 def build(directory: Path, wanted: str = "", env: str = "") -> list[str]:
-    """Write policy.onnx and what runs it into best/ and polished/, missing videos, TensorBoard events and report.html.
+    """Write the policy files of best/, polished/ and robust/, missing videos, TensorBoard events and report.html.
 
     Args:
         wanted: videos of `all` policies, the `best` or `none`; empty means what the run began with.
@@ -30,7 +30,7 @@ def build(directory: Path, wanted: str = "", env: str = "") -> list[str]:
     wanted = wanted or run.config.video
     env = env or (run.config.env if registry.installed(run.config.env) else "")
     problems = [
-        *(policy_files(directory, folder, wanted, env) for folder in ("best", "polished")),
+        *(policy_files(directory, folder, wanted, env) for folder in ("best", "polished", "robust")),
         _candidates(directory, run, wanted, env),
     ]
     run = RunView.read(directory)  # now with videos

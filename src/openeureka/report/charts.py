@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from itertools import accumulate
 from typing import Literal
 
+from ..robust import Robust
 from ..score import rank
 from ..text import one_line
 from ..types import Place, TrainingResult
+from ..types.dynamics import SCALES
 from .view import CandidateView, RunView
 
 MAX_POINTS = 150
@@ -55,6 +57,21 @@ class Chart:
     bounds: tuple[int, ...] = ()
     """Places at which a generation begins."""
     note: str = ""
+
+
+def carried(found: Robust) -> list[Chart]:
+    """F over each quantity that was changed alone, before and after."""
+    after = {one.name: one for one in found.after}
+    charts: list[Chart] = []
+    for one in found.before:
+        places = tuple(value for value, _, _ in one.points)
+        lines = [Line(name="before", values=_rounded([fitness for _, fitness, _ in one.points]), color=1)]
+        if one.name in after:
+            values = [fitness for _, fitness, _ in after[one.name].points]
+            lines.append(Line(name="after", values=_rounded(values), color=0))
+        unit = SCALES[one.name].unit
+        charts.append(Chart(title="F", x_label=f"{one.name} [{unit}]", places=places, lines=tuple(lines)))
+    return charts
 
 
 # --- of a run ---------------------------------------------------------------------------------------------------------

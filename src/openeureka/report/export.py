@@ -32,6 +32,8 @@ EVENTS = "events.out.tfevents.0"
 def to_onnx(policy: Policy, robot: Interface | None = None) -> bytes:
     """The deterministic policy: `observation` (N, O) float32, as the task makes it, to `action` (N, A) in [-1, 1].
 
+    O counts what the policy sees: unseen columns are left out.
+
     Of C choices `action` is (N, C) int64: the index of the option of each. Normalisation is inside: (x - mean) /
     sqrt(var + 1e-5) clamped at +-5, then ELU layers and a linear head.
 
@@ -44,9 +46,11 @@ def to_onnx(policy: Policy, robot: Interface | None = None) -> bytes:
     policy.expect()
     tensors = {name: value.cpu().double().numpy() for name, value in policy.tensors.items()}
     count = policy.actions
+    seen = [column for column in range(policy.observations) if column not in policy.unseen]
+    tensors |= {"w0": tensors["w0"][seen]}
     constants = {
-        "mean": tensors["observation_mean"],
-        "scale": 1.0 / np.sqrt(tensors["observation_var"] + EPSILON),
+        "mean": tensors["observation_mean"][:, seen],
+        "scale": 1.0 / np.sqrt(tensors["observation_var"][:, seen] + EPSILON),
         "low": np.array(-LIMIT),
         "high": np.array(LIMIT),
         "head_w": tensors["head_w"][:, :count],  # without the value
@@ -84,7 +88,7 @@ def to_onnx(policy: Policy, robot: Interface | None = None) -> bytes:
     graph = helper.make_graph(
         nodes,
         "policy",
-        [helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["N", policy.observations])],
+        [helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["N", len(seen)])],
         [action],
         [*(numpy_helper.from_array(value.astype(np.float32), name) for name, value in constants.items()), *exact],
     )
@@ -109,7 +113,14 @@ def deployed(policy: Policy, task: type[Task]) -> dict[str, bytes]:
         return {"policy.onnx": to_onnx(policy), "deploy.yaml": _NOT_SAID.format(env=task.env).encode()}
     policy.expect(task.num_observations, task.num_actions)
     spec, model = task.compiled()
-    robot = interface(task.env, task.deployment, model, control_dt=task.control_dt, clip=task.clip_observations)
+    robot = interface(
+        task.env,
+        task.deployment,
+        model,
+        control_dt=task.control_dt,
+        clip=task.clip_observations,
+        unseen=policy.unseen,
+    )
     about = yaml.safe_dump(plain(robot), sort_keys=False, default_flow_style=None, width=110)
     return {
         "policy.onnx": to_onnx(policy, robot),

@@ -37,7 +37,9 @@ def missing(directory: Path) -> dict[str, bytes]:
         results = store.lanes.results()
         lanes = [lane for lane in lanes if lane in results and not artifacts.exists(directory, _place(lane))]
         plays = store.lanes.plays()
-        policies = {lane: store.lanes.policy(lane, standing(plays.get(lane), "fitness")) for lane in lanes}
+        policies = {
+            lane: store.lanes.policy(lane, standing(plays.get(lane), "fitness", store.config.limited)) for lane in lanes
+        }
     return {lane: policy for lane, policy in policies.items() if policy is not None}
 
 

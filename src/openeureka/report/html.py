@@ -29,7 +29,7 @@ from ..store import artifacts
 from ..tasks import registry
 from ..text import plain
 from ..types import Sample
-from . import charts, hints, tables, verdict
+from . import charts, costs, hints, robust, tables, verdict
 from .text import duration, number, scored
 from .view import CandidateView, RunView
 
@@ -104,6 +104,8 @@ def environment() -> Environment:
         "tables": tables,
         "verdict": verdict,
         "charts": charts,
+        "costs": costs,
+        "robust": robust,
         "hints": hints.hints,
         "shares": hints.shares,
         "together": together,

@@ -90,7 +90,8 @@ def given(run: RunView) -> Table:
     scale, note = _scale(run)
     rows = []
     for name, arm in run.given.items():
-        lanes = [lane.id for lane in run.lanes.values() if lane.reward == name and lane.id in run.results]
+        own = [lane for lane in run.lanes.values() if lane.reward == name and lane.role == "given"]
+        lanes = [lane.id for lane in own if lane.id in run.results]
         results = [run.results[lane] for lane in lanes]
         lengths = [run.evaluations[lane].episode_length for lane in lanes if lane in run.evaluations]
         rows.append(
@@ -243,7 +244,11 @@ def scale(outcome: Outcome) -> str:
 def exploits(run: RunView) -> Table:
     """What was looked at to tell a fulfilled reward from an exploited one, and what was found."""
     found = {sign.kind: sign.sentence for sign in run.signs}
-    rows = [(kind, "SUSPECTED" if kind in found else "not seen", found.get(kind, "")) for kind in Kind]
+    rows = [
+        (kind, "SUSPECTED" if kind in found else "not seen", found.get(kind, ""))
+        for kind in Kind
+        if kind is not Kind.LIMITS or run.config.limited
+    ]
     note = "Signs of reward hacking in the final trainings (docs/concepts/reward-hacking.md); a sign is no proof."
     return Table(("sign", "", "numbers"), rows, note)
 
@@ -255,7 +260,8 @@ def worlds(run: RunView) -> Table:
         for lane in run.tried
         if not WORLDS.keys().isdisjoint(lane.trials)
         for name, score in {"as the task has it": lane.held_out, **lane.trials}.items()
-        if name not in PEAKS.values() and score.episodes  # none where a task has no other world
+        if (name in WORLDS or score is lane.held_out) and name not in PEAKS.values()
+        if score.episodes  # none where a task has no other world
     ]
     return Table(("world", "F, held out, and its standard error"), rows)
 

@@ -12,6 +12,7 @@ from ..score import Arm, Difference, Estimate, difference, mean, rank
 from ..tasks import registry
 from ..tasks.context import context
 from ..tuned import ORIGINAL, Tuned
+from .costs import nobody
 from .text import number, scored
 from .view import RunView
 
@@ -84,6 +85,8 @@ def _of_given(arms: Mapping[str, Arm]) -> str:
 def _of_search(run: RunView) -> str:
     """From held-out scores of fresh trainings."""
     outcome = run.outcome
+    if lost := nobody(run):
+        return lost
     if run.best is None:
         return "No reward has been trained yet."
     if outcome is None:

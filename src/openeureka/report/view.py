@@ -8,11 +8,12 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Literal
 
-from .. import baselines, hacking, polished, race, score, strategies, tuned
+from .. import baselines, hacking, polished, race, robust, score, strategies, tuned
 from ..config import NO_MODEL, RunConfig
 from ..hacking import Sign, Tried
 from ..lanes import BASELINES, beside, final_lanes, final_seeds
 from ..polished import Polished
+from ..robust import Robust
 from ..sampling import NO_PROGRAM
 from ..score import Arm, Baselines, Outcome
 from ..store import Store, artifacts
@@ -171,6 +172,8 @@ class RunView:
     """The candidate that the final trainings confirmed."""
     best_policy: PolicyId | None = None
     """The best policy as it is, where one was carried on."""
+    robust: Robust | None = None
+    """How a policy was made that works in hard worlds; None where none was."""
     unheard: tuple[Remark, ...] = ()
     """What a person said that no prompt has taken up yet."""
     texts: Mapping[str, Candidate] = field(default_factory=dict)
@@ -186,7 +189,7 @@ class RunView:
             results = store.lanes.results(earlier.results if earlier is not None else {})
             config, history = store.config, store.history(results)
             videos = _videos(directory, results)
-            played = {lane: score.played(plays) for lane, plays in store.lanes.plays().items()}
+            played = {lane: score.played(plays, config.limited) for lane, plays in store.lanes.plays().items()}
             reader = _Reader(
                 config=config,
                 history=history,
@@ -212,6 +215,7 @@ class RunView:
                 ranks="training" if config.search == "eureka" else store.ranks,
                 crown=store.crown(),
                 best_policy=store.lanes.best_policy(),
+                robust=robust.read(store, results),
                 unheard=store.remarks.unheard(),
                 texts=store.texts(),
                 videos=videos,
@@ -315,12 +319,12 @@ class RunView:
     @property
     def signs(self) -> tuple[Sign, ...]:
         """What suggests that the best reward is exploited rather than fulfilled."""
-        return hacking.signs(self.tried)
+        return hacking.signs(self.tried, self.config.limited)
 
 
 def _videos(directory: Path, results: Mapping[str, TrainingResult]) -> dict[str, str]:
     places = {lane: f"lanes/{lane}/{VIDEO}" for lane in results} | {
-        name: f"{name}/{VIDEO}" for name in ("best", "polished")
+        name: f"{name}/{VIDEO}" for name in ("best", "polished", "robust")
     }
     return {name: place for name, place in places.items() if artifacts.exists(directory, place)}
 

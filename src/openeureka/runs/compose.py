@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
@@ -22,9 +22,11 @@ from ..observer import Observer, Observers
 from ..person import Desk
 from ..report.build import build
 from ..report.filming import Filming
+from ..robust import GRID, Robot
+from ..robust import robust as make_robust
 from ..sandbox.client import Sandbox
 from ..store import StageFiles, Store, is_run, read_config, read_replies
-from ..tasks import curriculum, ranges
+from ..tasks import costs, curriculum, ranges
 from ..tasks.context import context, informed
 from ..tasks.record import record_states
 from ..tasks.registry import get
@@ -118,6 +120,7 @@ def _parts(config: RunConfig, directory: Path, host: Host, model: LanguageModel 
     """What a search is made of, as long as it is at work."""
     known = context(config.env)
     baselines.chosen(config)
+    costs.check(config.env, config.limited)
     begun = is_run(directory)
     if config.init and not begun:
         sampling.given(config)
@@ -204,6 +207,42 @@ def tune(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] |
         return build(directory, config.video, config.env)
 
 
+def robust(config: RunConfig, directory: Path, host: Host) -> None:
+    """Do what is missing to make the best policy of a run robust; its report is for the caller to write.
+
+    Args:
+        config: the run's, with what this command changes: the model, how many proposals it makes, where they train.
+
+    Raises:
+        ConfigError: for a task of which nothing can be changed, or a run without a model.
+        EurekaError: as `search` does.
+    """
+    task = get(config.env)
+    if task.draws_itself:
+        raise ConfigError(f"MuJoCo has no part in `{task.env}`, so nothing of it can be changed.")
+    if config.model == NO_MODEL:
+        raise ConfigError("The run has no model: name one, as in model=gpt-5, or model=random for chance.")
+    trainer, known = trainer_of(config, directory), task.compile_model()
+    model = open_model(config)
+    robot = Robot(
+        task=task.description,
+        description=ranges.described(task, known),
+        quantities=tuple(name for name in GRID if not ranges.useless(task, known, name)),
+        uniform=ranges.uniform(task, known),
+        read=lambda text: ranges.written(task, known, text, "the reply"),
+    )
+    began = stored(directory)
+    with (
+        closing(model),
+        Store.open(directory, began) as store,
+        continuable(host.again(directory)),
+        stoppable(directory),
+        logged(directory, config, store.usage()) as log,
+        host.view(config, directory, store.usage()) as view,
+    ):
+        make_robust(Lanes(config, store, trainer, Observers(*log, view)), model, robot)
+
+
 @contextmanager
 def comparing(config: RunConfig, directory: Path, host: Host) -> Iterator[Lanes]:
     """The lanes of a run of given rewards, begun or gone on with, as long as it is at work."""
@@ -233,6 +272,8 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
     options |= {"address": config.address} if config.address else {}
     trainer: Trainer = EXECUTORS.make(config.executor, **options)
     ranges.find(config.env, config.randomise)  # refuses what is none, before anything is trained
+    if config.observe != "all" and not (task := get(config.env)).unmeasured:
+        raise ConfigError(f"All that `{task.env}` observes counts as measurable: leave observe=measurable out.")
     if not config.curriculum:
         return trainer
     stages = curriculum.find(config.env, config.curriculum)

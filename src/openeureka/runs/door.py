@@ -30,6 +30,7 @@ from .run import Run
 class _Shared(TypedDict, total=False):
     curriculum: str | Path
     randomise: str | Path
+    observe: str
     seed: int
     seeds: int
     steps: int | float
@@ -64,6 +65,7 @@ class SearchSettings(_Shared, total=False):
     schedule: str
     init: str | Path
     safety: str
+    limits: str
     feedback: str
     feedback_timeout: float
     judge: str

@@ -73,6 +73,7 @@ class LaneView:
             "env_steps": result.env_steps if result is not None else 0,
             "seconds": result.seconds if result is not None else 0.0,
             "message": result.message if result is not None else "",
+            **{f"cost/{name}": value for name, value in (played.costs if played is not None else {}).items()},
         }
 
 

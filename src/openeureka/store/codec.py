@@ -11,7 +11,9 @@ from typing import Any
 from ..codec import DecodeError, decode, defined, encode, shaped
 from ..text import safe_text
 from ..types import Evaluation, Lane, Message, Peak, Remark, TrainingResult, Verdict
+from ..types.bounds import Finite, Name
 
+Costs = Mapping[Name, Finite]
 EVERY_EPOCH = ("fitness", "episode_length", "reward", "human_reward")
 """Curves that have a value, or None, for each epoch."""
 
@@ -43,7 +45,7 @@ def encode_lane(lane: Lane) -> dict[str, Any]:
     if lane.start is not None:
         policy = lane.start.policy
         row |= {"start_lane": policy.lane, "start_peak": policy.peak, "start_fresh": lane.start.fresh}
-    return row
+    return row | ({"ranges": lane.ranges} if lane.ranges else {})
 
 
 def decode_lane(row: Mapping[str, Any]) -> Lane:
@@ -51,6 +53,8 @@ def decode_lane(row: Mapping[str, Any]) -> Lane:
     columns = {name: row[name] for name in ("reward", "seed", "role")}
     if row["start_lane"] is not None:
         columns["start"] = {"policy": (row["start_lane"], row["start_peak"]), "fresh": row["start_fresh"]}
+    if row["ranges"] is not None:
+        columns["ranges"] = row["ranges"]
     lane = shaped(Lane, columns)
     if lane.id != row["lane"]:
         raise DecodeError(f"{row['lane']!r:.40} is no lane")
@@ -144,4 +148,11 @@ def decode_remark(row: Mapping[str, Any]) -> Remark:
 
 def encode_evaluation(evaluation: Evaluation) -> dict[str, Any]:
     """A row: its fields, undefined numbers as None."""
-    return defined(evaluation)
+    return defined(evaluation) | {"costs": encode(evaluation.costs) if evaluation.costs else None}
+
+
+def decode_evaluation(row: Mapping[str, Any]) -> Evaluation:
+    """Inverse of `encode_evaluation`. Raises DecodeError for costs that are none."""
+    columns = dict(row)
+    columns["costs"] = decode(Costs, row["costs"]) if row["costs"] is not None else {}
+    return Evaluation(**columns)

@@ -66,7 +66,8 @@ SELECT
     TOTAL(cost_usd) AS cost_usd,
     CAST(TOTAL(prompt_tokens) AS INTEGER) AS prompt_tokens,
     CAST(TOTAL(completion_tokens) AS INTEGER) AS completion_tokens
-FROM replies
+FROM (SELECT cost_usd, prompt_tokens, completion_tokens FROM replies
+    UNION ALL SELECT cost_usd, prompt_tokens, completion_tokens FROM proposals)
 """
 
 

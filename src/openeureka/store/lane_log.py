@@ -7,6 +7,7 @@ import sqlite3
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from ..codec import DecodeError, defined, shaped
 from ..errors import StoreError, WorkerError
@@ -15,6 +16,7 @@ from ..worker import framed, unframed
 from . import artifacts
 from .codec import (
     decode_digest,
+    decode_evaluation,
     decode_lane,
     decode_result,
     digest,
@@ -104,6 +106,16 @@ class LaneLog:
                 artifacts.remove(self._directory, f"{folder}/{made}")
         artifacts.write(self._directory, kept, data)
 
+    def exposed(self, folder: str) -> PolicyId | None:
+        """Whose policy a folder holds a copy of; None where it holds none of this run's."""
+        data = artifacts.read(self._directory, f"{folder}/policy.safetensors")
+        peaks: tuple[Peak, ...] = ("reward", "last", "fitness")
+        for row in self._database.rows("results") if data is not None else ():
+            for peak in peaks:
+                if self._database.decoded(decode_digest, row["result"], peak) == digest(data or b""):
+                    return PolicyId(row["lane"], peak)
+        return None
+
     def save_best_policy(self, policy: PolicyId) -> None:
         """Keep which policy is the best of all, judged as it is."""
         self._database.put("best_policy", {"id": 1, **policy._asdict()})
@@ -117,7 +129,10 @@ class LaneLog:
         self._database.put("evaluations", *map(encode_evaluation, scores))
 
     def evaluations(self) -> dict[str, Evaluation]:
-        return {row["lane"]: Evaluation(**dict(row)) for row in self._database.rows("evaluations")}
+        return {row["lane"]: self._evaluation(dict(row)) for row in self._database.rows("evaluations")}
+
+    def _evaluation(self, row: dict[str, Any]) -> Evaluation:
+        return self._database.decoded(decode_evaluation, row)
 
     def save_plays(self, look: int, scores: Iterable[Evaluation]) -> None:
         """Keep what policies of lanes scored when they were played to choose by, the first time or again."""
@@ -130,7 +145,7 @@ class LaneLog:
             score = dict(row)
             del score["look"]
             own = found.setdefault(row["lane"], {})
-            own[row["peak"]] = (*own.get(row["peak"], ()), Evaluation(**score))
+            own[row["peak"]] = (*own.get(row["peak"], ()), self._evaluation(score))
         return found
 
     def save_rung(self, rung: int, standings: Iterable[Standing]) -> None:
@@ -144,7 +159,7 @@ class LaneLog:
         for row in self._database.rows("rungs", order=("rung", "rowid")):
             score = dict(row)
             rung, went_on = score.pop("rung"), bool(score.pop("went_on"))
-            found.setdefault(row["lane"], {})[rung] = Standing(Evaluation(**score), went_on)
+            found.setdefault(row["lane"], {})[rung] = Standing(self._evaluation(score), went_on)
         return found
 
     def pause(self, rung: int, result: TrainingResult) -> None:
@@ -180,7 +195,7 @@ class LaneLog:
         for row in self._database.rows("trials"):
             score = dict(row)
             name = score.pop("name")
-            found.setdefault(row["lane"], {})[name] = Evaluation(**score)
+            found.setdefault(row["lane"], {})[name] = self._evaluation(score)
         return found
 
 

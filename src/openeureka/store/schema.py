@@ -191,6 +191,31 @@ CREATE TABLE best_policy (                       -- judged as it is, whatever ma
 );
 """
 
+_COSTS = "".join(
+    f"ALTER TABLE {table} ADD COLUMN costs TEXT;  -- beside F; NULL: none were measured\n"
+    for table in ("evaluations", "plays", "trials", "rungs")
+)
+
+_ROBUST = """
+ALTER TABLE lanes ADD COLUMN ranges TEXT;        -- by name, what its worlds are drawn from; NULL: as in the run
+CREATE TABLE ranges (
+    name TEXT PRIMARY KEY,
+    ranges TEXT NOT NULL
+);
+CREATE TABLE proposals (             -- what a model was asked for ranges, and what it replied
+    slot INTEGER NOT NULL,
+    attempt INTEGER NOT NULL,
+    messages TEXT NOT NULL,
+    text TEXT NOT NULL,
+    model TEXT NOT NULL,
+    prompt_tokens INTEGER NOT NULL,
+    completion_tokens INTEGER NOT NULL,
+    cost_usd REAL NOT NULL,
+    seconds REAL NOT NULL,
+    PRIMARY KEY (slot, attempt)
+);
+"""
+
 MIGRATIONS: list[str] = [
     _TABLES + _immutable("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations"),
     _REMARKS + _immutable("remarks", "heard"),
@@ -201,6 +226,8 @@ MIGRATIONS: list[str] = [
     _LANES,
     _RUNGS + _immutable("rungs"),
     _STARTS + _immutable("best_policy"),
+    _COSTS,
+    _ROBUST + _immutable("ranges", "proposals"),
 ]
 """Script n brings a file from schema n to n + 1. Published scripts are never edited, only followed by new ones."""
 

@@ -31,6 +31,7 @@ from ..types import (
     Place,
     PolicyId,
     Prompt,
+    Ranges,
     Reply,
     Sample,
     Scored,
@@ -249,7 +250,29 @@ class Store:
 
     def usage(self) -> Usage:
         """Tokens and money spent so far, over all resumptions."""
-        return sum((reply.usage for reply in self.replies()), Usage())
+        return sum((reply.usage for reply in (*self.replies(), *self.proposals().values())), Usage())
+
+    def save_proposal(self, slot: int, attempt: int, asked: Prompt, reply: Reply) -> None:
+        """Keep what a model replied that was asked for ranges, before anything else happens to it."""
+        said = {"text": safe_text(reply.text), "model": safe_text(reply.model), "seconds": reply.seconds}
+        row = {"slot": slot, "attempt": attempt, "messages": _plain(asked.messages)}
+        self._database.put("proposals", row | said | dataclasses.asdict(reply.usage))
+
+    def proposals(self) -> dict[tuple[int, int], Reply]:
+        """Those replies, by slot and attempt."""
+        rows = self._database.rows("proposals", order=("slot", "attempt"))
+        return {(row["slot"], row["attempt"]): _reply(row) for row in rows}
+
+    def save_ranges(self, ranges: Mapping[str, Ranges]) -> None:
+        """Keep what lanes draw their worlds from, by name, as far as the run does not know the name."""
+        known = self.ranges()
+        fresh = {name: own for name, own in ranges.items() if name not in known}
+        self._database.put("ranges", *({"name": name, "ranges": encode(own)} for name, own in fresh.items()))
+
+    def ranges(self) -> dict[str, Ranges]:
+        """What `save_ranges` kept, in its order."""
+        rows = self._database.rows("ranges")
+        return {row["name"]: self._database.decoded(decode, Ranges, row["ranges"]) for row in rows}
 
     # --- verdicts ----------------------------------------------------------------------------------------------------
 
@@ -300,7 +323,8 @@ class Store:
     def history(self, results: Mapping[str, TrainingResult] | None = None) -> History:
         """Every finished generation; `results` are those of the run, where the caller has them."""
         results = self.lanes.results() if results is None else results
-        scores = {lane: played(plays) for lane, plays in self.lanes.plays().items()}
+        limits = self.config.limited
+        scores = {lane: played(plays, limits) for lane, plays in self.lanes.plays().items()}
         generations: dict[int, list[Scored]] = {}
         for row in self._database.rows("entries", order=("generation", "slot")):
             generations.setdefault(row["generation"], []).append(self._scored(row, results, scores))
@@ -309,7 +333,7 @@ class Store:
         finished = [
             Generation(index, tuple(own), self.remarks.heard(index) or ()) for index, own in generations.items()
         ]
-        return History(tuple(finished), "votes" if self.config.judge == "votes" else "fitness")
+        return History(tuple(finished), "votes" if self.config.judge == "votes" else "fitness", limits)
 
     def _scored(
         self, row: sqlite3.Row, results: Mapping[str, TrainingResult], scores: Mapping[str, Evaluation]
@@ -364,6 +388,11 @@ class Store:
         if program is not None:
             artifacts.write(self.directory, "best/reward.py", program.source)
         self.lanes.expose("best", policy)
+
+    def save_robust(self, ranges: str, policy: PolicyId) -> None:
+        """Fill `robust/` with a policy and, as YAML, the ranges that made it."""
+        self.lanes.expose("robust", policy)
+        artifacts.write(self.directory, "robust/ranges.yaml", ranges)
 
 
 def _restored(text: str) -> RunConfig:

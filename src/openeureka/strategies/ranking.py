@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Hashable, Iterable, Sequence
 from typing import NamedTuple, TypeVar
 
+from ..score import broken, excess
 from ..types import CandidateId, Generation, History, Place, RemarkKind, Scored
 
 Item = TypeVar("Item", bound=Hashable)
@@ -28,7 +29,7 @@ class Ranking:
     """The order of a history's entries. Equal programs share all that a person said of any of them."""
 
     def __init__(self, history: History) -> None:
-        self._generations = history.generations
+        self._generations, self._limits = history.generations, history.limits
         self._entries = {e.sample.place: e for generation in history.generations for e in generation.entries}
         self._votes = [vote for generation in history.generations for vote in self._compared(generation)]
         self.strengths = strengths(self._votes)
@@ -43,8 +44,17 @@ class Ranking:
 
     @property
     def best(self) -> Scored | None:
-        """The first of all; of equals the earlier one. None when nothing trained or all of it was rejected."""
+        """The first of all; of equals the earlier one. None when nothing trained, or all of it was rejected or breaks a
+        limit."""
         return self._best(self._entries.values())
+
+    @property
+    def nearest(self) -> Scored | None:
+        """Where every policy breaks a limit, the one that is least beyond it."""
+        entries = [e for e in self._entries.values() if e.played is not None and self._stands(e)]
+        if not self._limits or self.best is not None:
+            return None
+        return min(entries, key=lambda e: excess(e.played, self._limits) if e.played else math.inf, default=None)
 
     @property
     def winners(self) -> tuple[Scored, ...]:
@@ -68,6 +78,9 @@ class Ranking:
         return max(filter(self._may_win, entries), key=self._worth, default=None)
 
     def _may_win(self, entry: Scored) -> bool:
+        return self._stands(entry) and not broken(entry.played, self._limits)
+
+    def _stands(self, entry: Scored) -> bool:
         trained = entry.trained if self.by_votes else entry.score is not None
         return trained and entry.sample.verdict.candidate not in self.rejected
 

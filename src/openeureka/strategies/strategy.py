@@ -66,7 +66,7 @@ class Best:
 
     def ask(self, history: History, rng: Random) -> Sequence[PromptPlan]:
         ranking = Ranking(history)
-        parent = ranking.favourite or ranking.best
+        parent = ranking.favourite or ranking.best or ranking.nearest
         if parent is None:
             return [replace(_plan(self.samples, [], history, ranking), informed=True)]
         others = {winner.sample.candidate: winner for winner in ranking.winners}

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ..config import RunConfig
 from ..text import plain
-from ..types import StateSpec, TaskContext
+from ..types import COSTS, StateSpec, TaskContext
 from . import curriculum, ranges
 from .record import STARTS
 from .registry import get
@@ -48,7 +48,14 @@ def informed(known: TaskContext, recorded: Mapping[str, Tensor | float | int], c
     states = {name: value for name, value in recorded.items() if isinstance(value, Tensor)}
     starts = [*_scalars(task.spec, states), *_points(task.spec, states)]
     heading = [f"At the start of an episode, in {STARTS} of them:"] if starts else []
-    said = (_episode(task), _training(task, config), _discount(task), *_worlds(config))
+    said = (
+        _episode(task),
+        _training(task, config),
+        _discount(task),
+        *_worlds(config),
+        *_unseen(task, config),
+        *_limits(config),
+    )
     safety = f", and to do so safely: {plain(config.safety)}" if config.safety else ""
     return replace(known, description=known.description + safety, facts=(*said, *heading, *starts))
 
@@ -75,6 +82,16 @@ def _training(task: type[Task], config: RunConfig) -> str:
 def _worlds(config: RunConfig) -> list[str]:
     drawn = ranges.find(config.env, config.randomise)
     return [f"Worlds of training differ, a factor being one on the model's own value: {drawn}."] if drawn else []
+
+
+def _unseen(task: type[Task], config: RunConfig) -> list[str]:
+    names = ", ".join(f"`{name}`" for name, _ in task.unmeasured) if config.observe != "all" else ""
+    return [f"The policy does not observe {names}, which no sensor tells; a reward may use it."] if names else []
+
+
+def _limits(config: RunConfig) -> list[str]:
+    most = [f"{name} {most:g} {COSTS[name].unit} ({COSTS[name].meaning})" for name, most in config.limited.items()]
+    return [f"A policy may cost at most, or its reward cannot win: {'; '.join(most)}."] if most else []
 
 
 def _discount(task: type[Task]) -> str:

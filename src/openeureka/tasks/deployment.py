@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Literal
 
 import mujoco
@@ -78,22 +80,35 @@ class Interface:
     command_high: tuple[float, ...]
 
 
-def interface(env: str, wanted: Deployment, model: mujoco.MjModel, *, control_dt: float, clip: float) -> Interface:
+def interface(
+    env: str,
+    wanted: Deployment,
+    model: mujoco.MjModel,
+    *,
+    control_dt: float,
+    clip: float,
+    unseen: Collection[int] = (),
+) -> Interface:
     """What a policy's file says beside its network.
 
     Args:
         control_dt: [s] between two actions.
         clip: of observations.
+        unseen: columns of the task's observation that the policy does not look at; terms made of them are left out.
     """
     joints = [int(joint) for joint in model.actuator_trnid[:, 0]]
     count = len(joints)
     sizes = {"commands": len(wanted.commands)} | dict.fromkeys(
         ("joint_offsets", "joint_velocities", "last_action"), count
     )
-    parts = [sizes.get(term.source, 3) for term in wanted.observation]
+    every = [sizes.get(term.source, 3) for term in wanted.observation]
+    ends = list(accumulate(every))
+    spans = [range(end - size, end) for size, end in zip(every, ends, strict=True)]
+    kept = [index for index, span in enumerate(spans) if not all(column in unseen for column in span)]
+    terms, parts = [wanted.observation[index] for index in kept], [every[index] for index in kept]
     scales = [
         scale
-        for term, size in zip(wanted.observation, parts, strict=True)
+        for term, size in zip(terms, parts, strict=True)
         for scale in (term.scale * size if len(term.scale) == 1 else term.scale)
     ]
     return Interface(
@@ -106,7 +121,7 @@ def interface(env: str, wanted: Deployment, model: mujoco.MjModel, *, control_dt
         joint_damping=tuple((-model.actuator_biasprm[:, 2]).tolist()),
         torque_limit=tuple(model.actuator_forcerange[:, 1].tolist()),
         action_scale=(wanted.action_scale,) * count,
-        observation_names=tuple(term.source for term in wanted.observation),
+        observation_names=tuple(term.source for term in terms),
         observation_sizes=tuple(parts),
         observation_scales=tuple(scales),
         observation_clip=clip,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import torch
@@ -56,6 +56,7 @@ class BatchedEnv:
 
     Attributes:
         scored: compute the score of each step; else it is zero, so that a task can be watched before its F is written.
+        watch: called when a step is simulated, before anything is reset.
         masked: reset by mask, which never waits for a GPU to say which worlds are done; by index where that is cheaper.
     """
 
@@ -66,6 +67,7 @@ class BatchedEnv:
         self.sim = task.simulate(self.num_worlds, device, threads)
         self.task = task(self.sim, WorldNoise(lane_seeds, worlds, self.sim.device))
         self.scored = True
+        self.watch: Callable[[], object] | None = None
         self.masked = device != "cpu"
         self._bad = torch.zeros((), dtype=torch.int64, device=self.sim.device)
         self._whole = torch.ones(self.num_worlds, dtype=torch.bool, device=self.sim.device)
@@ -134,6 +136,8 @@ class BatchedEnv:
         task = self.task
         task.actions = chosen(actions, task.choices) if task.choices else actions.clamp(-1.0, 1.0)
         self._advance(task.actions)
+        if self.watch is not None:
+            self.watch()
         task.progress += 1
 
         bad = self.sim.bad.clone()

@@ -14,6 +14,7 @@ from ..errors import ConfigError, nearest
 from ..sim.perturb import FACTORS, acts
 from ..types import NOMINAL, Ranges
 from ..types.dynamics import QUANTITIES, SCALES, Dynamics
+from .anatomy import driven_joints
 from .registry import get
 from .task import Task
 
@@ -55,17 +56,72 @@ def find(env: str, randomise: str) -> Ranges | None:
         )
     model = task.compile_model()
     if randomise in NAMED:
-        return ranges({name: pair for name, pair in NAMED[randomise].items() if not useless(task, model, name)})
+        return _taken(task, model, NAMED[randomise])
     if not randomise.endswith((".yaml", ".yml")):
         raise ConfigError(
             f"There are no ranges `{randomise}`.{nearest(randomise, NAMED)} `randomise` is none, {', '.join(NAMED)} or "
             "a YAML file."
         )
-    pairs = _read(Path(randomise))
+    path = Path(randomise)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"Cannot read the ranges {path}: {error.strerror}.") from None
+    except UnicodeDecodeError:
+        raise ConfigError(f"The ranges {path} are not YAML: they are no text in UTF-8.") from None
+    return written(task, model, text, str(path))
+
+
+def written(task: type[Task], model: mujoco.MjModel, text: str, where: str) -> Ranges:
+    """The ranges that a text in YAML says, a quantity a line.
+
+    Args:
+        where: what the text is called.
+
+    Raises:
+        ConfigError: for anything else, and for what would change nothing of the task.
+    """
+    try:
+        found = yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError) as error:
+        raise ConfigError(f"The ranges {where} are not YAML: {' '.join(str(error).split())[:200]}.") from None
+    if not (isinstance(found, dict) and found):
+        raise ConfigError(f"{where} holds no ranges, such as `mass: [0.8, 1.2]`.")
+    pairs = {str(name): checked(str(name), value, where) for name, value in cast(dict[Any, Any], found).items()}
     for name in pairs:
         if why := useless(task, model, name):
-            raise ConfigError(f"`{name}` in {randomise} changes nothing of `{task.env}`, {why}; leave it out.")
+            raise ConfigError(f"`{name}` in {where} changes nothing of `{task.env}`, {why}; leave it out.")
     return ranges(pairs)
+
+
+def uniform(task: type[Task], model: mujoco.MjModel) -> Ranges:
+    """`wide`, as far as the task has it."""
+    return _taken(task, model, NAMED["wide"])
+
+
+def _taken(task: type[Task], model: mujoco.MjModel, pairs: Pairs) -> Ranges:
+    return ranges({name: pair for name, pair in pairs.items() if not useless(task, model, name)})
+
+
+def described(task: type[Task], model: mujoco.MjModel) -> str:
+    """A robot in lines: its bodies' masses, its joints and drives, and how often it acts."""
+    masses = ", ".join(f"{model.body(b).name} {model.body_mass[b]:.3g}" for b in range(1, model.nbody))
+    joints = ", ".join(model.joint(joint).name for joint in driven_joints(model))
+    damping, armature = model.dof_damping, model.dof_armature
+    drives = [
+        f"  {model.actuator(a).name}: gain {model.actuator_gainprm[a, 0]:.3g}, gear {model.actuator_gear[a, 0]:.3g}, "
+        f"bias {', '.join(f'{value:.3g}' for value in model.actuator_biasprm[a, :3])}"
+        for a in range(model.nu)
+    ]
+    return "\n".join(
+        (
+            f"Mass {model.body_mass.sum():.4g} kg in all: {masses}.",
+            f"Driven joints: {joints}. Damping {damping.min():.3g} to {damping.max():.3g} N m s/rad, armature "
+            f"{armature.min():.3g} to {armature.max():.3g} kg m2.",
+            f"It acts every {task.control_dt:.3g} s. Drives, whose force is gain * control + bias, as MuJoCo has it:",
+            *drives,
+        )
+    )
 
 
 def ranges(pairs: Pairs) -> Ranges:
@@ -101,18 +157,6 @@ def checked(name: str, value: object, where: str) -> tuple[float, float]:
 def _example(name: str) -> list[float]:
     own = float(getattr(NOMINAL, name))
     return [round(0.8 * own, 3), round(1.2 * own, 3)] if own else [0.0, {"delay": 0.04, "push": 0.5}.get(name, 0.05)]
-
-
-def _read(path: Path) -> dict[str, tuple[float, float]]:
-    try:
-        found = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"Cannot read the ranges {path}: {error.strerror}.") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"The ranges {path} are not YAML: {' '.join(str(error).split())}.") from None
-    if not (isinstance(found, dict) and found):
-        raise ConfigError(f"{path} holds no ranges, such as `mass: [0.8, 1.2]`.")
-    return {str(name): checked(str(name), value, str(path)) for name, value in cast(dict[Any, Any], found).items()}
 
 
 def useless(task: type[Task], model: mujoco.MjModel, name: str) -> str:

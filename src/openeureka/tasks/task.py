@@ -18,7 +18,7 @@ from ..errors import TaskError
 from ..reward.graph import CompiledReward
 from ..sim import Simulator, open_simulator
 from ..sim.capacity import Capacity
-from ..types import RewardGraph, StateSpec
+from ..types import Observe, RewardGraph, StateSpec
 from . import human
 from .deployment import Deployment
 from .noise import WorldNoise
@@ -138,6 +138,8 @@ class Task(ABC):
     """Attributes, tensors (N, ...), that `reset` writes; those of a class that this one builds on among them."""
     source: ClassVar[str] = ""
     """What the language model reads in place of the task's own code; empty for that."""
+    unmeasured: ClassVar[tuple[tuple[str, range], ...]] = ()
+    """What no sensor of the robot tells: state variables, and their columns of the observation."""
     draws_itself: ClassVar[bool] = False
     """Whether MuJoCo has no part in it: its masses cannot be changed, and its worlds draw their own pictures."""
     deployment: ClassVar[Deployment | None] = None
@@ -254,6 +256,12 @@ class Task(ABC):
     def time_limit(cls) -> int:
         """Steps after which an episode is cut off: the `progress` at which a time-out is raised."""
         return cls.episode_length - cls.time_out_early
+
+    @classmethod
+    def unseen(cls, observe: Observe) -> tuple[int, ...]:
+        """Columns of the observation that a policy does not see."""
+        hidden = cls.unmeasured if observe == "measurable" else ()
+        return tuple(column for _, columns in hidden for column in columns)
 
     @classmethod
     def compiled(cls) -> tuple[mujoco.MjSpec, mujoco.MjModel]:

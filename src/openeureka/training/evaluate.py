@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ..tasks import registry
+from ..tasks.costs import Meter
 from ..types import NOMINAL, Dynamics, Evaluation, Ranges
 from .policy import Player, Policy
 
@@ -37,7 +38,7 @@ def evaluate(
     """Score every policy of one task side by side, on the same start states.
 
     Each world plays one episode; what it does after a reset counts for nothing. F is averaged as the task defines it,
-    over those episodes.
+    over those episodes; so are costs, which are measured in the same plays.
 
     Args:
         policies: lane id to safetensors bytes; equal network shapes.
@@ -64,6 +65,7 @@ def evaluate(
         threads=threads,
         ranges=[Ranges(one, one) for one in world.values()] if others - unplayed else (),
     )
+    meter = Meter(simulation)
     play = Player([Policy.from_bytes(data) for data in policies.values()], simulation.sim.device)
     observation = simulation.reset()
     running = torch.ones(simulation.num_worlds, dtype=torch.bool, device=observation.device)
@@ -78,15 +80,18 @@ def evaluate(
         weight = step.score.weight * running
         contributions.append(step.score.value * weight)
         total += torch.stack([contributions[-1], weight, running])
+        meter.add(step, running)
         running &= ~step.done
         observation = step.observation
         after_step()
     simulation.check()
     sums, parts = (x.unflatten(1, (lanes, worlds)).transpose(0, 1) for x in (total, torch.stack(contributions)))
-    return scores + [_evaluation(lane, *played) for lane, *played in zip(policies, sums, parts, strict=True)]
+    costs = meter.read(lanes)
+    played = zip(policies, sums, parts, costs, strict=True)
+    return scores + [_evaluation(*one) for one in played]
 
 
-def _evaluation(lane: str, sums: Tensor, contributions: Tensor) -> Evaluation:
+def _evaluation(lane: str, sums: Tensor, contributions: Tensor, costs: Mapping[str, float]) -> Evaluation:
     """One lane's score from the sums (3, n) of value times weight, weight and steps of each world, and the
     contributions (steps, n) to the first of them."""
     value, weight, steps = sums
@@ -103,6 +108,7 @@ def _evaluation(lane: str, sums: Tensor, contributions: Tensor) -> Evaluation:
         episodes=worlds,
         error=error,
         concentration=concentration(contributions),
+        costs=costs,
     )
 
 

@@ -13,6 +13,9 @@ from torch.nn import functional
 
 from .normalize import ALL
 
+CRITIC = "critic_"
+"""Begins the names of what is the value's alone."""
+
 
 class Output(NamedTuple):
     """What the networks of L lanes make of B observations each."""
@@ -31,6 +34,9 @@ class StackedActorCritic:
     All parameters are views of `flat` (L, P), so that an optimiser and a checkpoint are single tensor operations. Lanes
     of equal seed start from equal weights: PyTorch's default linear initialisation, those of the action means times
     `head`, biases 0, standard deviation `noise`.
+
+    Of `unseen` columns of the observation the action knows nothing: their weights are 0 and stay so. The value then has
+    a trunk of its own, of the same size, which sees them (asymmetric actor-critic, arXiv 1710.06542).
     """
 
     def __init__(
@@ -43,10 +49,16 @@ class StackedActorCritic:
         choices: Sequence[int] = (),
         noise: float = 1.0,
         head: float = 1.0,
+        unseen: Sequence[int] = (),
     ) -> None:
         self.lanes, self.actions = len(seeds), actions
         self.sizes = (observations, *hidden)
         own = shapes(observations, actions, hidden, choices)
+        self.unseen = tuple(unseen)
+        if unseen:
+            own |= {f"{CRITIC}{name}": shape for name, shape in shapes(observations, 0, hidden, [1]).items()}
+            self._seen = torch.ones(observations, device=device)
+            self._seen[list(unseen)] = 0.0
         initial = {seed: _initial(own, seed) for seed in set(seeds)}
         self.flat = torch.stack([initial[seed] for seed in seeds]).to(device)
         self.parameters: dict[str, Tensor] = {}
@@ -58,15 +70,24 @@ class StackedActorCritic:
             offset += size
         self.log_std.detach().fill_(math.log(noise))
         self.parameters["head_w"].detach()[..., :actions] *= head
+        if unseen:
+            self.parameters["w0"].detach()[:, list(unseen)] = 0.0
 
     def __call__(self, x: Tensor, lanes: slice = ALL) -> Output:
         """Evaluate normalised observations (L, B, O) of these lanes."""
+        if not self.unseen:
+            heads = self._heads(x, lanes)
+            return Output(heads[..., : self.actions], heads[..., self.actions])
+        heads = self._heads(x * self._seen, lanes)
+        return Output(heads[..., : self.actions], self._heads(x, lanes, CRITIC)[..., 0])
+
+    def _heads(self, x: Tensor, lanes: slice, whose: str = "") -> Tensor:
         p = self.parameters
         for layer in range(len(self.sizes) - 1):
+            weight, bias = p[f"{whose}w{layer}"][lanes], p[f"{whose}b{layer}"][lanes]
             # In place, because then the gradient comes from the result and needs no second exponential.
-            x = functional.elu(torch.baddbmm(p[f"b{layer}"][lanes], x, p[f"w{layer}"][lanes]), inplace=True)
-        heads = torch.baddbmm(p["head_b"][lanes], x, p["head_w"][lanes])
-        return Output(heads[..., : self.actions], heads[..., self.actions])
+            x = functional.elu(torch.baddbmm(bias, x, weight), inplace=True)
+        return torch.baddbmm(p[f"{whose}head_b"][lanes], x, p[f"{whose}head_w"][lanes])
 
     @property
     def log_std(self) -> Tensor:

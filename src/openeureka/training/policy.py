@@ -13,7 +13,7 @@ from torch import Tensor
 
 from ..errors import RewardFileError
 from .heads import head
-from .network import StackedActorCritic, shapes
+from .network import CRITIC, StackedActorCritic, shapes
 from .normalize import normalize
 from .ppo import PPO
 
@@ -34,12 +34,15 @@ class Policy:
     tensors: Mapping[str, Tensor]
     choices: tuple[int, ...] = ()
     """Options of each choice; empty where actions are continuous."""
+    unseen: tuple[int, ...] = ()
+    """Columns of the observation that it does not look at: their weights are 0. Its value has a trunk of its own then,
+    under the same names after `critic_`."""
 
     @staticmethod
     def of(env: str, ppo: PPO, lane: int) -> Policy:
         """A copy of one lane as it is now."""
         statistics = {name: tensor[lane].clone() for name, tensor in _statistics(ppo).items()}
-        return Policy(env, ppo.network.lane(lane) | statistics, ppo.choices)
+        return Policy(env, ppo.network.lane(lane) | statistics, ppo.choices, ppo.network.unseen)
 
     def put(self, ppo: PPO, lane: int, *, fresh: float = 0.0, rescaled: bool = False) -> None:
         """Let a lane go on from here: weights, exploration and all statistics; the optimiser begins anew.
@@ -54,6 +57,7 @@ class Policy:
         """
         own = ppo.network.lane(lane)
         mixed = {name: self.tensors[name].to(value).lerp(value, fresh) for name, value in own.items()}
+        mixed |= {name: self.tensors[name].to(value) for name, value in own.items() if name.startswith(CRITIC)}
         for name in ("head_w", "head_b"):
             mixed[name][..., -1] = self.tensors[name][..., -1]
         ppo.network.load_lane(lane, mixed)
@@ -65,6 +69,7 @@ class Policy:
         # One entry: safetensors writes several in no fixed order, and equal policies shall be equal files.
         header = {"format": FORMAT, "env": self.env, "hidden": self.hidden, "activation": "elu"}
         header |= {"choices": self.choices} if self.choices else {}
+        header |= {"unseen": self.unseen} if self.unseen else {}
         tensors = {name: value.cpu().contiguous() for name, value in self.tensors.items()}
         return save(tensors, {"openeureka": json.dumps(header)})
 
@@ -81,7 +86,10 @@ class Policy:
             choices = header.get("choices", [])
             if not (isinstance(choices, list) and all(type(options) is int and options > 0 for options in choices)):
                 raise TypeError("choices are no numbers")
-            return Policy(header["env"], load(data), tuple(choices))
+            unseen = header.get("unseen", [])
+            if not (isinstance(unseen, list) and all(type(column) is int and column >= 0 for column in unseen)):
+                raise TypeError("unseen are no columns")
+            return Policy(header["env"], load(data), tuple(choices), tuple(unseen))
         except (SafetensorError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise RewardFileError(
                 f"This is not a policy file of openeureka ({error!r:.80}); pass policy=FILE."
@@ -100,7 +108,12 @@ class Policy:
         sizes = (observations or self.observations, actions or self.actions)
         whole = all(tuple(t.shape) == wanted[name] and t.is_floating_point() for name, t in found.items())
         split = not self.choices or sum(self.choices) == self.actions
-        if not whole or not split or sizes != (self.observations, self.actions):
+        if (
+            not whole
+            or not split
+            or any(column >= self.observations for column in self.unseen)
+            or sizes != (self.observations, self.actions)
+        ):
             raise RewardFileError(
                 "The policy is none of a network for this task; name the one it was trained on by env=."
             )

@@ -13,8 +13,10 @@ from torch import Tensor
 from ..tasks import registry
 from ..tasks.env import Step
 from ..types import (
+    NOMINAL,
     Checkpoint,
     LaneSpec,
+    Ranges,
     TrainBudget,
     TrainingProgress,
     TrainingResult,
@@ -54,13 +56,22 @@ class Population:
         self.epochs = max(1, (budget.env_steps or task.recipe.env_steps) // (self.worlds * self.horizon))
         self.until = max(1, round(budget.until * self.epochs))
         seeds = [spec.seed for spec in specs]
-        ranges = [budget.randomise] * self.lanes if budget.randomise is not None else []
+        drawn = [spec.randomise or budget.randomise for spec in specs]
+        ranges = [own or Ranges(NOMINAL, NOMINAL) for own in drawn] if any(drawn) else []
         self.env = registry.make(
             env, worlds=self.worlds, lane_seeds=seeds, device=device, threads=threads, ranges=ranges
         )
         self.device = self.env.sim.device
         self.rewards = LaneRewards(self.env.task, [spec.program for spec in specs], self.worlds, bonus=budget.bonus)
-        self.ppo = PPO(seeds, task.num_observations, task.num_actions, task.recipe, self.device, task.choices)
+        self.ppo = PPO(
+            seeds,
+            task.num_observations,
+            task.num_actions,
+            task.recipe,
+            self.device,
+            task.choices,
+            task.unseen(budget.observe),
+        )
         for lane, spec in enumerate(self.specs):
             if spec.start is not None:
                 Policy.from_bytes(spec.start).put(self.ppo, lane, fresh=spec.fresh, rescaled=spec.rescaled)
@@ -161,13 +172,13 @@ class Population:
         self.ppo.load_state_dict(saved["ppo"])
         self.curves.load_state_dict(saved["curves"])
         self.best_fitness, self.best_reward = (
-            [
-                peak and Peak(peak["epoch"], peak["value"], Policy(self.env_name, peak["policy"], self.ppo.choices))
-                for peak in peaks
-            ]
+            [peak and Peak(peak["epoch"], peak["value"], self._policy(peak["policy"])) for peak in peaks]
             for peaks in saved["peaks"]
         )
         self.messages, self.trained = saved["messages"], saved["trained"]
+
+    def _policy(self, tensors: Mapping[str, Tensor]) -> Policy:
+        return Policy(self.env_name, tensors, self.ppo.choices, self.ppo.network.unseen)
 
     def _seconds(self) -> float:
         return self._before + time.monotonic() - self._started

@@ -80,6 +80,7 @@ class PPO:
 
     Args:
         choices: options of each choice where actions are discrete; `actions` is then their sum.
+        unseen: columns of the observation that the value alone may know.
 
     Attributes:
         statistics: (L, 5), a column for each of `STATISTICS`, of the last update: means over its minibatches, the
@@ -94,12 +95,15 @@ class PPO:
         recipe: Recipe,
         device: torch.device,
         choices: Sequence[int] = (),
+        unseen: Sequence[int] = (),
     ) -> None:
         self.recipe, self.device, self.choices = recipe, device, tuple(choices)
         self.head = head(choices)
         lanes = len(seeds)
         start = {"noise": recipe.noise, "head": recipe.head}
-        self.network = StackedActorCritic(seeds, observations, actions, recipe.hidden, device, choices, **start)
+        self.network = StackedActorCritic(
+            seeds, observations, actions, recipe.hidden, device, choices, **start, unseen=unseen
+        )
         self.observations = RunningNorm(lanes, observations, device)
         self.values = RunningNorm(lanes, 1, device)
         self.active = torch.ones(lanes, dtype=torch.bool, device=device)

@@ -3,6 +3,7 @@
 World axis N, lane axis L and worlds per lane n are used throughout; N = L * n.
 """
 
+from .costs import COSTS, Limits
 from .dynamics import NOMINAL, Dynamics, Ranges
 from .remarks import Place, Remark, RemarkKind
 from .replies import GIVEN, Attempt, Message, Prompt, Reply, Usage
@@ -15,6 +16,7 @@ from .training import (
     Lane,
     LaneSpec,
     NodeShare,
+    Observe,
     Peak,
     PolicyId,
     RewardProgram,
@@ -30,6 +32,7 @@ from .training import (
 )
 
 __all__ = [
+    "COSTS",
     "GIVEN",
     "NOMINAL",
     "Arg",
@@ -45,9 +48,11 @@ __all__ = [
     "History",
     "Lane",
     "LaneSpec",
+    "Limits",
     "Message",
     "Node",
     "NodeShare",
+    "Observe",
     "Opinion",
     "Part",
     "Peak",

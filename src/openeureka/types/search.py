@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from .costs import Limits
 from .remarks import Place, Remark
 from .replies import Usage
 from .rewards import Candidate, Verdict
@@ -76,6 +77,8 @@ class History:
 
     generations: tuple[Generation, ...] = ()
     judge: Literal["fitness", "votes"] = "fitness"
+    limits: Limits = field(default_factory=dict[str, float], hash=False)
+    """Whose policy breaks one of these cannot win."""
 
     def grown(self, entries: Sequence[Scored]) -> History:
         """With one more generation."""

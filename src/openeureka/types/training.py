@@ -16,6 +16,8 @@ RewardProgram = RewardGraph | Literal["human", "sparse"]
 Peak = Literal["fitness", "reward", "last"]
 """Which of a lane's policies: where F was highest in training, where its own reward was, or the one at the end."""
 
+Observe = Literal["all", "measurable"]
+
 
 class PolicyId(NamedTuple):
     """One of the policies of a run."""
@@ -24,9 +26,10 @@ class PolicyId(NamedTuple):
     peak: Peak
 
 
-Role = Literal["candidate", "baseline", "final", "given", "tuned", "polish"]
+Role = Literal["candidate", "baseline", "final", "given", "tuned", "polish", "robust"]
 """Why a lane is trained: for a slot of a generation; to compare those with; with a fresh seed at the end; because
-somebody gave the reward and wants no search; to fit the numbers of one; or to carry a policy on."""
+somebody gave the reward and wants no search; to fit the numbers of one; to carry a policy on; or in worlds that differ,
+to be robust in others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,10 +51,12 @@ class Lane:
     seed: Count
     role: Role
     start: Start | None = None
+    ranges: str = ""
+    """Name of what its worlds are drawn from, where that is its own and not the run's."""
 
     @property
     def id(self) -> str:
-        return lane_id(self.reward, self.seed)
+        return lane_id(self.reward, self.seed) + (f"-{self.ranges}" if self.ranges else "")
 
 
 def lane_id(reward: str, seed: int) -> str:
@@ -73,6 +78,8 @@ class LaneSpec:
     """Share of the seed's fresh weights that `start` is mixed with."""
     rescaled: bool = False
     """Whether `start` was trained under another reward: how large returns are is then learnt anew."""
+    randomise: Ranges | None = None
+    """What its worlds are drawn from, in place of the budget's."""
     paused: bytes | None = field(default=None, repr=False)
     """State of this very training where it paused (`TrainingResult.paused`), to go on from; None begins anew."""
 
@@ -89,6 +96,8 @@ class TrainBudget:
     """Add the task's `success_bonus` to generated rewards, as the original does."""
     randomise: Ranges | None = None
     """What the worlds of training are drawn from; None for the task's own alone."""
+    observe: Observe = "all"
+    """What policies see: the whole observation, or what a robot's sensors tell. The critic sees all of it."""
 
 
 class TrainingState(StrEnum):
@@ -197,6 +206,8 @@ class Evaluation:
     """Share of the positive contributions to F that the highest twentieth of them makes; None without any."""
     peak: Peak | None = None
     """Which of the lane's policies it is; None where an older version did not say."""
+    costs: Mapping[Name, Finite] = field(default_factory=dict[str, float], hash=False)
+    """What it costs, by the names in `COSTS`; those that its task has."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -123,6 +123,7 @@ class Anymal(Task):
             ),
         )
     )
+    unmeasured = (("base_linear_velocity", range(0, 3)),)
     deployment = Deployment(
         observation=(
             Term("base_linear_velocity", (lin_vel_scale,)),

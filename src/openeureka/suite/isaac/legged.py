@@ -27,6 +27,7 @@ class Runner(Task):
 
     score_unit = "m/s"
     memory = ("prev_potentials",)
+    unmeasured = (("torso_height", range(0, 1)), ("torso_velocity", range(1, 4)))
     feet: ClassVar[tuple[str, ...]]
     """Bodies whose contact wrenches are state, in order."""
     start_height: ClassVar[float]

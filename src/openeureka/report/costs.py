@@ -1,0 +1,66 @@
+"""What policies cost beside F, and which limits they break."""
+
+from __future__ import annotations
+
+from ..config import NO_MODEL
+from ..lanes import BASELINES
+from ..score import breach, broken
+from ..types import COSTS, Evaluation, lane_id
+from .tables import Table
+from .text import number, scored
+from .view import RunView
+
+
+def table(run: RunView) -> Table:
+    """A row for each policy that was played, candidates before baselines; no rows where nothing is measured."""
+    scores = _scores(run)
+    limits = run.config.limited
+    names = [name for name in COSTS if any(name in score.costs for score in scores.values())]
+    rows = [
+        (
+            called,
+            scored(score),
+            *(
+                f"{number(score.costs.get(name), 3)}{' BROKEN' if name in broken(score, limits) else ''}"
+                for name in names
+            ),
+        )
+        for called, score in scores.items()
+    ]
+    titles = ("costs when played", "F", *(_title(name, limits.get(name)) for name in names))
+    note = "; ".join(f"{name}: {COSTS[name].meaning}" for name in names)
+    return Table(titles, rows if names else [], f"{note}." if note else "")
+
+
+def facts(score: Evaluation | None) -> list[tuple[str, str]]:
+    """A row for each cost of one policy."""
+    costs = score.costs if score is not None else {}
+    return [(f"{name} [{COSTS[name].unit}]", number(value, 3)) for name, value in costs.items() if name in COSTS]
+
+
+def nobody(run: RunView) -> str:
+    """Why no reward won, where limits are the reason; empty where one did or the search is not done."""
+    limits = run.config.limited
+    if not limits or run.crown is not None or not run.evaluations:
+        return ""
+    nearest = run.ranking.nearest
+    if nearest is not None:
+        broke = breach(nearest.played, limits)
+        return f"No reward won: every policy breaks a limit. The nearest is {nearest.sample.place}: {broke}."
+    if run.ranking.best is not None:
+        return "No reward won: trained again with fresh seeds, every one of the best breaks a limit."
+    return ""
+
+
+def _scores(run: RunView) -> dict[str, Evaluation]:
+    if run.config.model == NO_MODEL:
+        lanes = {name: name for name, lane in run.lanes.items() if lane.role == "given"}
+    else:
+        lanes = {str(c.place): c.result.lane for c in run.candidates if c.result is not None}
+        lanes |= {f"{name} reward": lane_id(name, run.config.seed) for name, _ in BASELINES}
+    return {called: run.played[lane] for called, lane in lanes.items() if lane in run.played}
+
+
+def _title(name: str, limit: float | None) -> str:
+    most = f", at most {limit:g}" if limit is not None else ""
+    return f"{name} [{COSTS[name].unit}]{most}"

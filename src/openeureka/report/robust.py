@@ -1,0 +1,73 @@
+"""What ranges made of the best policy: tables, and a sentence."""
+
+from __future__ import annotations
+
+from ..robust import PLAIN, UNIFORM, Robust, RobustArm
+from .tables import Table
+from .text import number, scored
+
+
+def verdict(found: Robust) -> str:
+    """Whether the ranges that were proposed made a policy that is better in hard worlds, and what it costs."""
+    arms = {arm.name: arm for arm in found.arms}
+    ours, plain = arms.get(found.ours), arms[PLAIN]
+    if ours is None or ours.hard is None or plain.hard is None:
+        return "Not decided yet: `eureka robust DIR` goes on with it."
+    word = "better" if ours.hard > plain.hard else "no better"
+    others = f"{number(plain.hard)} of the policy before"
+    if (uniform := arms.get(UNIFORM)) is not None and uniform.hard is not None:
+        others += f" and {number(uniform.hard)} with uniform ranges"
+    nominal = f"{_nominal(ours)} against {_nominal(plain)} before"
+    return f"In hard worlds the policy is {word}: F {number(ours.hard)} against {others}. In its own world: {nominal}."
+
+
+def arms(found: Robust) -> Table:
+    """A row for each policy."""
+    rows = [
+        (
+            f"{arm.name}, chosen" if arm.name == found.ours else arm.name,
+            str(arm.ranges) if arm.ranges is not None else "none",
+            number(arm.chosen_by),
+            number(arm.hard),
+            scored(arm.nominal),
+        )
+        for arm in found.arms
+    ]
+    note = (
+        "F is a mean over hard worlds, which no policy was trained for and no model was shown. Proposals are chosen on "
+        "start states of their own; what is held out was seen by nobody."
+    )
+    titles = (
+        "ranges",
+        "what worlds are drawn from",
+        "F, chosen by",
+        "F in hard worlds, held out",
+        "F in its own world",
+    )
+    return Table(titles, rows, note)
+
+
+def worlds(found: Robust) -> Table:
+    """Held-out F in each hard world, of the policies that were judged."""
+    judged = [arm for arm in found.arms if arm.worlds]
+    names = dict.fromkeys(name for arm in judged for name in arm.worlds)
+    rows = [(name, *(scored(arm.worlds.get(name)) for arm in judged)) for name in names]
+    return Table(("hard world", *(arm.name for arm in judged)), rows)
+
+
+def carried(found: Robust) -> Table:
+    """From where to where each policy works, one quantity at a time."""
+    after = {one.name: one for one in found.after}
+    rows = [
+        (one.name, _span(one.low, one.high), _span(after[one.name].low, after[one.name].high) if after else "-")
+        for one in found.before
+    ]
+    return Table(("keeps 75 % of what was learnt", "before", "after"), rows)
+
+
+def _span(low: float | None, high: float | None) -> str:
+    return f"{low:g} to {high:g}" if low is not None and high is not None else "-"
+
+
+def _nominal(arm: RobustArm) -> str:
+    return scored(arm.nominal)

@@ -1,0 +1,118 @@
+"""Costs beside F, and limits to them, in a search of fakes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from report.scripted import search_in
+
+from openeureka.config import RunConfig
+from openeureka.errors import ConfigError
+from openeureka.hacking import Kind
+from openeureka.report import costs, tables
+from openeureka.report.verdict import verdict
+from openeureka.report.view import RunView
+from openeureka.runs.run import Run
+from openeureka.score import played
+from openeureka.store import Store
+from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
+from openeureka.types import Evaluation
+
+
+@dataclass
+class Costly(ToyTrainer):
+    """A policy of worth w takes a torque of 10 w; in the end, on held-out episodes, some more."""
+
+    more: float = 0.0
+
+    def evaluate(self, env: str, policies: Any, *, seed: int, **options: Any) -> Iterator[Evaluation]:
+        late = self.more if 1_000_000 < seed < 2_000_000 else 0.0
+        for score in super().evaluate(env, policies, seed=seed, **options):
+            torque = 10 * float(policies[score.lane]) + late
+            yield replace(score, costs={"torque": torque, "falls": 0.25})
+
+
+def test_a_reward_whose_policy_breaks_a_limit_cannot_win(tmp_path: Path) -> None:
+    free = RunView.read(search_in(tmp_path / "free", [reply(7), reply(8)], trainer=Costly()))
+    run = RunView.read(
+        search_in(tmp_path / "run", [reply(7), reply(8)], trainer=Costly(), limits="torque=75 falls=0.5")
+    )
+    assert free.best is not None and free.best.played is not None and free.best.played.fitness == 7.0
+    assert run.best is not None and run.best.played is not None and run.best.played.fitness == 6.0
+    assert run.crown == run.best.place and run.outcome is not None and run.outcome.rivals == {}
+    assert not [lane for lane in run.lanes.values() if lane.role == "final" and lane.reward == free.best.candidate.id]  # type: ignore[union-attr]
+    found = costs.table(run)
+    assert found.titles == ("costs when played", "F", "torque [N m], at most 75", "falls [share], at most 0.5")
+    assert [row[0] for row in found.rows] == ["g0s0", "g0s1", "human reward", "sparse reward"]
+    assert [row[2] for row in found.rows] == ["70", "80 BROKEN", "100 BROKEN", "50"]
+    assert costs.facts(run.best.played) == [("torque [N m]", "70"), ("falls [share]", "0.25")]
+    (row,) = (row for row in Run(tmp_path / "run").rows() if row["place"] == "g0s1" and row["role"] == "candidate")
+    assert row["cost/torque"] == 80.0
+
+
+def test_without_limits_the_search_is_what_it_was_and_its_costs_are_kept(tmp_path: Path) -> None:
+    plain = search_in(tmp_path / "plain", [reply(7), reply(8), reply(6), reply(9)], iteration=2)
+    measured = search_in(tmp_path / "measured", [reply(7), reply(8), reply(6), reply(9)], iteration=2, trainer=Costly())
+    with Store.view(plain) as one, Store.view(measured) as other:
+        assert one.prompts() == other.prompts()
+        assert [e.feedback for g in one.history().generations for e in g.entries] == [
+            e.feedback for g in other.history().generations for e in g.entries
+        ]
+        assert one.crown() == other.crown() and played(other.lanes.plays()["human-s0"]).costs["torque"] == 100.0
+    assert costs.table(RunView.read(plain)).rows == []
+    assert not any(row[0] == Kind.LIMITS for row in tables.exploits(RunView.read(plain)).rows)
+
+
+def test_where_all_break_a_limit_nobody_wins_and_the_nearest_is_improved(tmp_path: Path) -> None:
+    model = ScriptedModel([reply(9), reply(8), reply(8.5), reply(7.8)])
+    directory = search_in(
+        tmp_path / "run", [], model=model, trainer=Costly(), iteration=2, limits="torque=75", feedback="none"
+    )
+    asked = model.prompts[-1].messages
+    assert "return 8\n" in asked[-2].content and "return 9" not in asked[-2].content
+    assert "torque 80.00 of at most 75. It breaks a limit" in asked[-1].content
+    run = RunView.read(directory)
+    assert run.best is None and run.crown is None
+    assert verdict(run) == "No reward won: every policy breaks a limit. The nearest is g1s1: torque 78 N m, above 75."
+    assert Run(directory).finished and not (directory / "best").exists()
+
+
+def test_a_reward_that_breaks_a_limit_with_fresh_seeds_does_not_win(tmp_path: Path) -> None:
+    """Seed 1 adds 0.01 to the worth: 7.495 keeps 75 in the search, and 7.505 does not."""
+    run = RunView.read(search_in(tmp_path / "run", [reply(7.495), reply(5)], trainer=Costly(), limits="torque=75"))
+    assert run.crown is None and "trained again with fresh seeds" in verdict(run)
+    assert Run(tmp_path / "run").finished
+
+
+def test_a_winner_that_breaks_a_limit_in_the_end_is_flagged(tmp_path: Path) -> None:
+    trainer = Costly(more=20.0)
+    run = RunView.read(search_in(tmp_path / "run", [reply(7), reply(5)], trainer=trainer, limits="torque=75"))
+    assert [sign.kind for sign in run.signs] == [Kind.LIMITS]
+    assert "torque 90.1 N m, above 75" in run.signs[0].sentence
+
+
+def test_of_a_lane_s_policies_one_that_keeps_the_limits_stands_for_it() -> None:
+    def play(peak: Any, fitness: float, torque: float) -> Evaluation:
+        return Evaluation(
+            lane="a", fitness=fitness, episode_length=1.0, episodes=4, peak=peak, costs={"torque": torque}
+        )
+
+    plays = {"reward": [play("reward", 3.0, 90.0)], "last": [play("last", 2.0, 60.0), play("last", 2.0, 80.0)]}
+    assert played(plays).peak == "reward" and played(plays, {"torque": 75.0}).peak == "last"  # type: ignore[arg-type]
+    assert played(plays, {"torque": 75.0}).costs == {"torque": 70.0}  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("limits", ["torque", "torque=", "torque=nan", "torque=-1", "torque=4O"])
+def test_what_is_no_limit_is_refused(limits: str) -> None:
+    with pytest.raises(ConfigError, match="is no limit; write a cost and its most"):
+        RunConfig(limits=limits)
+
+
+def test_limits_need_a_search_that_plays() -> None:
+    with pytest.raises(ConfigError, match="search=best"):
+        RunConfig(limits="torque=40", search="eureka")
+    assert RunConfig(limits="torque=40, falls=0.1").limited == {"torque": 40.0, "falls": 0.1}

@@ -1,0 +1,64 @@
+"""What a policy costs while it plays."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from openeureka.errors import ConfigError
+from openeureka.tasks import costs, registry
+from openeureka.tasks.costs import Meter
+
+LEGGED = (
+    *("torque", "torque_peak", "torque_rate", "joint_limits", "speed", "power"),
+    *("contact_force", "falls"),
+)
+
+
+@pytest.mark.parametrize(
+    ("env", "names"),
+    [
+        ("anymal", LEGGED),
+        ("cartpole", LEGGED[:6]),  # it neither touches anything nor falls
+        ("quadcopter", (*LEGGED[:6], "falls")),
+    ],
+)
+def test_a_task_has_the_costs_that_its_model_gives(env: str, names: tuple[str, ...]) -> None:
+    assert costs.measured(registry.get(env).compile_model()) == names
+
+
+def test_numbers_are_those_of_the_simulation() -> None:
+    """Two lanes of two worlds; the third world has ended before its second step."""
+    env = registry.make("anymal", worlds=2, lane_seeds=[0, 0], threads=1)
+    meter = Meter(env)
+    env.reset()
+    running = torch.ones(4, dtype=torch.bool)
+    force, pressed = env.sim.bind("qfrc_actuator"), env.sim.bind("qfrc_constraint")
+    torques, contacts = [], []
+    for index in range(3):
+        step = env.step(torch.full((4, 12), 0.5 if index else -0.5))
+        meter.add(step, running)
+        assert not step.done.any()  # so the fields are still those that were measured
+        torques.append(force[:, 6:].clone())
+        contacts.append(pressed[:, :3].norm(dim=1).clone())
+        running[2] = False
+    first, second = meter.read(2)
+    assert tuple(first) == LEGGED
+    every = torch.stack(torques).abs().amax(2)
+    rates = torch.stack(torques).diff(dim=0).abs().amax(2) / 0.02
+    assert first["torque"] == pytest.approx(float(every[:, :2].mean()), rel=1e-5)
+    assert second["torque"] == pytest.approx(float((every[0, 2] + every[:, 3].sum()) / 4), rel=1e-5)
+    assert first["torque_peak"] == pytest.approx(float(every[:, :2].amax(0).mean()), rel=1e-5)
+    assert first["torque_rate"] == pytest.approx(float(rates[:, :2].sum() / 6), rel=1e-5)
+    assert first["contact_force"] == pytest.approx(
+        float(torch.stack(contacts)[:, :2].amax(0).mean()), rel=1e-4, abs=1e-4
+    )
+    assert first["falls"] == 0.0 and 0.0 <= first["joint_limits"] <= 1.0 and first["power"] > 0.0
+
+
+def test_an_unknown_limit_says_what_the_task_has() -> None:
+    with pytest.raises(ConfigError, match=r"no cost `torqe` to limit. Did you mean `torque`\? It has torque \[N m\], "):
+        costs.check("cartpole", {"torqe": 40.0})
+    with pytest.raises(ConfigError, match="`cartpole` has no cost `falls`"):
+        costs.check("cartpole", {"falls": 0.1})
+    costs.check("anymal", {"falls": 0.1})
