@@ -94,6 +94,9 @@ def test_the_proposal_that_plays_best_in_hard_worlds_is_kept_with_its_ranges(sea
     assert (searched / "robust" / "ranges.yaml").read_text() == "mass: [0.4, 1.6]\n"
     assert (searched / "robust" / "policy.safetensors").read_bytes() == b"8.0/1.2000000000000002"
     assert told.verdict(found).startswith("In hard worlds the policy is better: F ")
+    unsure = {name: replace(score, error=9.0) for name, score in ours.worlds.items()}
+    blurred = replace(found, arms=(plain, replace(ours, worlds=unsure)))
+    assert told.verdict(blurred).startswith("Not decided in hard worlds: F ")
     mass = charts.carried(found)[0]
     assert mass.x_label == "mass [factor]" and [line.name for line in mass.lines] == ["before", "after"]
     assert dict(zip(mass.places, mass.lines[0].values, strict=True))[1.5] == pytest.approx(2.01)

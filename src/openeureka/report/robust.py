@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 from ..robust import PLAIN, UNIFORM, Robust, RobustArm
+from ..score import gain, pooled
 from .tables import Table
 from .text import number, scored
+from .verdict import interval
 
 
 def verdict(found: Robust) -> str:
     """Whether the ranges that were proposed made a policy that is better in hard worlds, and what it costs."""
-    arms = {arm.name: arm for arm in found.arms}
-    ours, plain = arms.get(found.ours), arms[PLAIN]
+    by_name = {arm.name: arm for arm in found.arms}
+    ours, plain, uniform = by_name.get(found.ours), by_name[PLAIN], by_name.get(UNIFORM)
     if ours is None or ours.hard is None or plain.hard is None:
         return "Not decided yet: `eureka robust DIR` goes on with it."
-    word = "better" if ours.hard > plain.hard else "no better"
-    others = f"{number(plain.hard)} of the policy before"
-    if (uniform := arms.get(UNIFORM)) is not None and uniform.hard is not None:
-        others += f" and {number(uniform.hard)} with uniform ranges"
-    nominal = f"{_nominal(ours)} against {_nominal(plain)} before"
-    return f"In hard worlds the policy is {word}: F {number(ours.hard)} against {others}. In its own world: {nominal}."
+    more = gain(pooled([*ours.worlds.values()]), pooled([*plain.worlds.values()]))
+    between = f"F {number(ours.hard)} against {number(plain.hard)} of the policy before"
+    if uniform is not None and uniform.hard is not None:
+        between += f" and {number(uniform.hard)} with uniform ranges"
+    nominal = f"In its own world: {_nominal(ours)} against {_nominal(plain)} before"
+    if more is None or more.low is None:
+        return f"Not decided in hard worlds: {between}. {nominal}."
+    told = f"{between}; {interval(more)}. {nominal}. One training each"
+    if not more.sure:
+        return f"Not decided in hard worlds: {told}."
+    return f"In hard worlds the policy is {'better' if more.value > 0 else 'worse'}: {told}."
 
 
 def arms(found: Robust) -> Table:

@@ -39,8 +39,8 @@ def of_tuning(found: Tuned | None) -> str:
         return f"Not decided: {between}. One seed says nothing of the next; seeds=3 would say more."
     if difference.sure:
         word = "better" if difference.value > 0 else "worse"
-        return f"The tuned numbers are {word} than those before: {between}; {_interval(difference)}."
-    return f"Not decided: {between}; {_interval(difference)}. {_needed(difference, len(after.scores))}"
+        return f"The tuned numbers are {word} than those before: {between}; {interval(difference)}."
+    return f"Not decided: {between}; {interval(difference)}. {_needed(difference, len(after.scores))}"
 
 
 def of_polishing(found: Polished) -> str:
@@ -53,7 +53,7 @@ def of_polishing(found: Polished) -> str:
     gain = found.gain
     if gain is None or gain.low is None:
         return f"Not decided: {between}."
-    told = f"{between}; {_interval(gain)}"
+    told = f"{between}; {interval(gain)}"
     if not gain.sure:
         return f"Not decided: {told}."
     return f"The policy carried on is {'better' if gain.value > 0 else 'worse'}: {told}."
@@ -75,9 +75,9 @@ def _of_given(arms: Mapping[str, Arm]) -> str:
     if found is None:
         return f"Not decided between {ordered[0]} and {ordered[1]}: {between}. One seed says nothing of the next."
     if found.sure:
-        return f"{ordered[0]} is better than {ordered[1]}: {between}; {_interval(found)}."
+        return f"{ordered[0]} is better than {ordered[1]}: {between}; {interval(found)}."
     return (
-        f"Not decided between {ordered[0]} and {ordered[1]}: {between}; {_interval(found)}. "
+        f"Not decided between {ordered[0]} and {ordered[1]}: {between}; {interval(found)}. "
         f"{_needed(found, len(best.scores))}"
     )
 
@@ -101,10 +101,10 @@ def _of_search(run: RunView) -> str:
     if found is None:
         return f"Not decided: {between}. One seed says nothing of the next; seeds=3 would say more."
     if found.sure and found.value > 0:
-        return f"The generated reward is better than the human one: {between}; {_interval(found)}."
+        return f"The generated reward is better than the human one: {between}; {interval(found)}."
     if found.sure:
-        return f"The generated reward is worse than the human one: {between}; {_interval(found)}."
-    return f"Not decided: {between}; {_interval(found)}. {_needed(found, len(generated.scores))}"
+        return f"The generated reward is worse than the human one: {between}; {interval(found)}."
+    return f"Not decided: {between}; {interval(found)}. {_needed(found, len(generated.scores))}"
 
 
 def meaning(run: RunView) -> str:
@@ -160,7 +160,8 @@ def _arm(arm: Arm) -> str:
     return f"{number(middle)} ± {number(error, 2)} ({count})"
 
 
-def _interval(found: Difference | Estimate) -> str:
+def interval(found: Difference | Estimate) -> str:
+    """A difference and its ends."""
     return f"difference {found.value:+.3g}, 95 % interval {found.low:+.3g} to {found.high:+.3g}"
 
 
