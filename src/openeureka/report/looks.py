@@ -106,8 +106,7 @@ def _ground(spec: mujoco.MjSpec, low: float, radius: float) -> None:
         width=512,
         height=512,
     )
-    side = 2.0 ** round(np.log2(2.0 * radius / TILES))
-    repeat = 0.5 / side  # a texture is two tiles wide
+    repeat = 0.5 / tile_side(radius)  # a texture is two tiles wide
     floor = spec.add_material(name=_FLOOR, texrepeat=[repeat, repeat], texuniform=True, specular=0.1, shininess=0.1)
     floor.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = _FLOOR
     planes = [geom for geom in spec.worldbody.geoms if geom.type == _PLANE]
@@ -117,6 +116,11 @@ def _ground(spec: mujoco.MjSpec, low: float, radius: float) -> None:
         if not plane.material:
             plane.material, plane.size = _FLOOR, [0.0, 0.0, 0.1]
         plane.castshadow = False  # on nothing but itself, in specks
+
+
+def tile_side(radius: float) -> float:
+    """[m] of a tile of the ground around a scene of this radius [m]."""
+    return 2.0 ** round(math.log2(2.0 * radius / TILES))
 
 
 def _light(spec: mujoco.MjSpec, centre: np.ndarray, radius: float, azimuth: float) -> None:

@@ -39,6 +39,7 @@ class _Shared(TypedDict, total=False):
     threads: int
     executor: str
     address: str
+    log: str
     dir: str | Path
     unsafe_no_sandbox: bool
 
