@@ -2,30 +2,35 @@
 
 python scripts/contact_sheet.py                        # needs OpenGL, MUJOCO_GL=egl without a display
 python scripts/contact_sheet.py --env shadow_hand_pen --out pen.png
+python scripts/contact_sheet.py --films sheet.png      # four moments of an encoded film of each, about 15 minutes
+
+With --films it says what each film cost, and how far from the middle what moves came; the picture's edge is at 1.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
 os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo reads it when it is imported
 
-import mujoco
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from openeureka.report import video
 from openeureka.report.stage import Stage
 from openeureka.tasks import registry
 
 OUT = Path(__file__).parents[1] / "docs" / "images" / "tasks.png"
 COLUMNS = 5
-WIDTH, HEIGHT, CAPTION = 360, 270, 28  # [pixels] of a tile's picture and of the line below it
+WIDTH, HEIGHT, CAPTION = 384, 216, 28  # [pixels] of a tile's picture and of the line below it
 OVERSAMPLING = 2
 COLOURS = 256
 SECONDS = 0.15  # of random control
+FILM, MOMENTS = 3.0, 4  # [s], pictures of it
 
 
 def tile(env: str) -> Image.Image:
@@ -33,24 +38,22 @@ def tile(env: str) -> Image.Image:
     stage = Stage(env, "random", seed=0)
     for _ in range(max(1, round(SECONDS / stage.dt))):
         stage.step()
-    picture = Image.new("RGB", (WIDTH, HEIGHT + CAPTION), "white")
-    picture.paste(Image.fromarray(photograph(stage)).resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS))
-    pen = ImageDraw.Draw(picture)
+    with stage.painter(OVERSAMPLING * WIDTH, OVERSAMPLING * HEIGHT) as paint:
+        return framed(paint(), env)
+
+
+def framed(picture: np.ndarray, env: str) -> Image.Image:
+    """A picture as small as a tile, with a name below."""
+    whole = Image.new("RGB", (WIDTH, HEIGHT + CAPTION), "white")
+    whole.paste(Image.fromarray(picture).resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS))
+    pen = ImageDraw.Draw(whole)
     pen.text((WIDTH / 2, HEIGHT + CAPTION / 2), env, "black", ImageFont.load_default(17), anchor="mm")
-    return picture
+    return whole
 
 
-def photograph(stage: Stage) -> np.ndarray:
-    """What the task's camera sees, large enough to be smoothed."""
-    stage.model.vis.global_.offwidth, stage.model.vis.global_.offheight = OVERSAMPLING * WIDTH, OVERSAMPLING * HEIGHT
-    with mujoco.Renderer(stage.model, OVERSAMPLING * HEIGHT, OVERSAMPLING * WIDTH) as renderer:
-        renderer.update_scene(stage.data, stage.camera)
-        return renderer.render()
-
-
-def sheet(tiles: Sequence[Image.Image]) -> Image.Image:
-    """Tiles in rows of COLUMNS, with a palette: a third of the size, and no eye sees it."""
-    columns = min(COLUMNS, len(tiles))
+def sheet(tiles: Sequence[Image.Image], most: int = COLUMNS) -> Image.Image:
+    """Tiles in rows, with a palette: a third of the size, and no eye sees it."""
+    columns = min(most, len(tiles))
     width, height = tiles[0].size
     whole = Image.new("RGB", (columns * width, -(-len(tiles) // columns) * height), "white")
     for index, picture in enumerate(tiles):
@@ -58,14 +61,35 @@ def sheet(tiles: Sequence[Image.Image]) -> Image.Image:
     return whole.quantize(COLOURS, kmeans=2)
 
 
+def filmed(env: str) -> list[Image.Image]:
+    """Moments of a film of a task, as they are decoded, with its name and what it cost below."""
+    begun = time.process_time() + sum(os.times()[2:4])
+    encoded = video.render(env, "random", seconds=FILM)
+    spent = time.process_time() + sum(os.times()[2:4]) - begun
+    pictures = video.frames(encoded)
+    stage, reach = Stage(env, "random", seed=0), []
+    for _ in range(round(FILM / stage.dt)):
+        reach.append(stage.director.sees(stage.data))
+        stage.step()
+    cost = f"{1000 * spent / len(pictures):.0f} ms of a core a picture, {len(encoded) / 1e6:.2f} MB"
+    print(f"{env}: {cost}, reach {min(reach):.2f} to {max(reach):.2f}", flush=True)
+    return [framed(pictures[(len(pictures) - 1) * index // (MOMENTS - 1)], env) for index in range(MOMENTS)]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--env", action="append", choices=registry.names(), help="a task; may be repeated")
     parser.add_argument("--out", type=Path, default=OUT)
+    parser.add_argument("--films", type=Path)
     options = parser.parse_args()
-    options.out.parent.mkdir(parents=True, exist_ok=True)
-    sheet([tile(env) for env in options.env or registry.names()]).save(options.out, optimize=True)
-    print(f"{options.out}: {options.out.stat().st_size / 1e6:.2f} MB")
+    envs = options.env or registry.names()
+    out = options.films or options.out
+    out.parent.mkdir(parents=True, exist_ok=True)
+    if options.films:
+        sheet([picture for env in envs for picture in filmed(env)], MOMENTS).save(out)
+    else:
+        sheet([tile(env) for env in envs]).save(out, optimize=True)
+    print(f"{out}: {out.stat().st_size / 1e6:.2f} MB")
 
 
 if __name__ == "__main__":

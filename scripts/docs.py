@@ -18,7 +18,7 @@ import python_page
 from typer.testing import CliRunner
 
 from openeureka.cli.main import app
-from openeureka.report.text import spread
+from openeureka.report.text import sparkline, spread
 from openeureka.tasks import registry
 
 ROOT = Path(__file__).parents[1]
@@ -67,7 +67,6 @@ No key is needed: the replies are in `benchmarks/headline/` and `benchmarks/choo
     mkdir -p outputs/ant && xz -dc benchmarks/headline/ant.sqlite.xz > outputs/ant/run.sqlite
     eureka report outputs/ant video=none
 """
-BLOCKS = "▁▂▃▄▅▆▇█"
 TREE = "<!-- tree -->\n", "<!-- /tree -->\n"
 SCORES = ROOT / "docs" / "concepts" / "scores.md"
 CHOOSING = ROOT / "benchmarks" / "results" / "choosing.json"
@@ -130,20 +129,11 @@ def _baseline(lanes: Sequence[Mapping[str, Any]]) -> str:
         spread([lane["fitness_at_first"] for lane in lanes]),
         spread([lane["fitness_max_over_epochs"] for lane in lanes]),
         spread([lane["held_out_at_peak_of_fitness"]["fitness"] for lane in lanes]),
-        _sparkline(lanes[0]["curves"]["fitness"]),
+        sparkline(curve := lanes[0]["curves"]["fitness"][::2], len(curve)),
         f"{training['minutes']:.0f}, {training['lanes']}",
         training["date"],
     )
     return " | ".join(cells)
-
-
-def _sparkline(curve: Sequence[float | None]) -> str:
-    """Every second point; a gap where F was undefined."""
-    defined = [value for value in curve if value is not None]
-    if not defined:
-        return "-"
-    low, step = min(defined), (max(defined) - min(defined)) / (len(BLOCKS) - 1) or 1.0
-    return "".join(" " if value is None else BLOCKS[round((value - low) / step)] for value in curve[::2])
 
 
 def first_runs() -> str:

@@ -22,6 +22,7 @@ BONUSES = ("none", "original")
 SCHEDULES = ("full", "halving")
 OBSERVES = ("all", "measurable")
 VIDEOS = ("all", "best", "none")
+LOGS = ("", "wandb", "mlflow", "tensorboard")
 FEEDBACKS = ("none", "human")
 _LONGEST = 4096
 """Characters of a setting: those of the longest path."""
@@ -109,6 +110,8 @@ class RunConfig:
     """`train` the human and the sparse reward along, or take what openeureka has `known` of them beforehand."""
     video: str = "best"
     """`all` trained policies, the `best` or `none`; with feedback=human `all` unless set."""
+    log: str = ""
+    """Mirror the run to `wandb`, `mlflow` or `tensorboard`; empty means nowhere, and no network."""
     dir: str = ""
     """Run directory; empty means `outputs/<time>_<env>`."""
     unsafe_no_sandbox: bool = False
@@ -140,10 +143,13 @@ class RunConfig:
             "baselines": ("train", "known"),
             "video": VIDEOS,
             "observe": OBSERVES,
+            "log": LOGS,
         }
         for key, allowed in choices.items():
             if getattr(self, key) not in allowed:
-                raise ConfigError(f"`{key}` must be one of {', '.join(allowed)}, not `{getattr(self, key)}`.")
+                raise ConfigError(
+                    f"`{key}` must be one of {', '.join(filter(None, allowed))}, not `{getattr(self, key)}`."
+                )
         if self.curriculum and self.schedule != "full":
             raise ConfigError(f"`schedule={self.schedule}` goes with no `curriculum=`; leave one of them out.")
         if self.limited and (self.search == "eureka" or self.model == NO_MODEL):
@@ -209,6 +215,8 @@ class TrainConfig:
     """Where lanes run: `local`, on this machine, `ray`, on a cluster, or `pkg.mod:Name` of your own."""
     address: str = ""
     """Of the Ray cluster: `auto`, the one that this machine is part of, `HOST:PORT`, or `local`, one of its own."""
+    log: str = ""
+    """Mirror the run to `wandb`, `mlflow` or `tensorboard`; empty means nowhere, and no network."""
     dir: str = ""
     """Run directory; empty means `outputs/<time>_train_<env>`. One that holds such a run is continued."""
     unsafe_no_sandbox: bool = False

@@ -1,4 +1,5 @@
 import io
+import time
 
 import pytest
 from rich.console import Console
@@ -94,6 +95,32 @@ def test_the_table_shows_verdict_and_fitness_of_each_slot_and_all_tokens():
     assert "refused: line 1:" in rows["1"]
     assert "1,334 tokens" in text  # 100 of an earlier process and 1234 of this one
     assert "epoch 1 of 4, 5,000 steps/s" in text
+
+
+@pytest.mark.parametrize("width", [80, 160])
+def test_the_table_fits_and_shows_how_f_went(width):
+    console = Console(file=io.StringIO(), force_terminal=True, width=width, height=50)
+    with view(CONFIG, Usage(), console) as shown:
+        play(shown)
+        for epoch in range(100):
+            shown.progress(
+                TrainingProgress(epoch=epoch, epochs=100, env_steps_per_second=1.0, fitness={LANE: float(epoch)})
+            )
+        frame = Console(file=io.StringIO(), width=width)
+        frame.print(shown.render())
+    assert isinstance(frame.file, io.StringIO)
+    row = next(line for line in frame.file.getvalue().splitlines() if line.startswith("0"))
+    assert len(row.rstrip()) <= width and "▁" in row and "█" in row and "300 ± 12" in row
+
+
+def test_the_log_of_a_long_training_is_short(monkeypatch):
+    out, now = io.StringIO(), [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    with view(CONFIG, Usage(), Console(file=out, width=60)) as shown:
+        for second in range(4 * 3600):
+            now[0] = 1.0 + second
+            shown.progress(TrainingProgress(epoch=1 + second, epochs=14400, env_steps_per_second=1.0, fitness={}))
+    assert 10 < len(out.getvalue().splitlines()) < 50
 
 
 @pytest.mark.parametrize("shown", [plain_text, terminal_text])

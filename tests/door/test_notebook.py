@@ -28,7 +28,7 @@ def test_the_notebook_runs_from_its_first_cell_to_its_last(tmp_path):
     except video.VideoUnavailable:
         code = [cell for cell in code if "run.play" not in cell]
     else:
-        code.append("assert frames.shape == (30, 480, 640, 3) and frames.dtype == 'uint8'")
+        code.append("assert frames.shape == (30, 720, 1280, 3) and frames.dtype == 'uint8'")
     code.append("assert run.finished and run.report.is_file() and policy([[0.0] * 4] * 3).shape == (3, 1)")
     done = subprocess.run(
         [sys.executable, "-c", "\n".join(code)], cwd=tmp_path, capture_output=True, text=True, timeout=500

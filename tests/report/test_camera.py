@@ -1,7 +1,8 @@
 import mujoco
 import pytest
 
-from openeureka.report.camera import camera
+from openeureka.report.camera import MARGIN, Camera
+from openeureka.report.stage import Stage
 from openeureka.tasks import registry
 from openeureka.tasks.task import View
 
@@ -19,9 +20,13 @@ TWO_CUBES = """
 
 
 def look(model: mujoco.MjModel, view: View = ALONG_X) -> mujoco.MjvCamera:
+    return director(model, view).eye
+
+
+def director(model: mujoco.MjModel, view: View = ALONG_X) -> Camera:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    return camera(model, data, view)
+    return Camera(model, data, view, aspect=4 / 3)
 
 
 def test_everything_that_moves_just_fits():
@@ -29,12 +34,12 @@ def test_everything_that_moves_just_fits():
     # The boxes reach 4 m to either side of (3, 0, 5) and 0.5 m towards the camera. At a field of view of 90 degrees, a
     # picture is twice as high as it is far, and 4/3 of that wide: the near faces are 4 / (4/3) = 3 m off.
     assert eye.lookat == pytest.approx([3.0, 0.0, 5.0])
-    assert eye.distance == pytest.approx(3.5)
+    assert eye.distance == pytest.approx(3.5 * MARGIN)
 
 
 def test_a_tall_scene_is_fitted_by_its_height():
     upright = TWO_CUBES.replace("3 -3.5 5", "3 0 1.5").replace("3 3.5 5", "3 0 8.5")
-    assert look(mujoco.MjModel.from_xml_string(upright)).distance == pytest.approx(4.5)
+    assert look(mujoco.MjModel.from_xml_string(upright)).distance == pytest.approx(4.5 * MARGIN)
 
 
 def test_a_robot_that_can_leave_is_followed_and_two_hands_are_not():
@@ -88,5 +93,46 @@ def test_a_swept_view_has_an_arm_in_sight_wherever_it_turns():
 
 def _followed(env: str) -> str | None:
     model = registry.get(env).compile_model()
-    eye = look(model)
+    eye = director(model).hand_over()
     return model.body(eye.trackbodyid).name if eye.type == mujoco.mjtCamera.mjCAMERA_TRACKING else None
+
+
+def moved(to: float) -> tuple[Camera, mujoco.MjData]:
+    """A driven cart, 0.1 s after it came so much farther along y [m]."""
+    model = mujoco.MjModel.from_xml_string("""
+    <mujoco><worldbody><body><joint name="rail" type="slide" axis="0 1 0"/><geom type="box" size=".5 .5 .5"/></body>
+    </worldbody><actuator><motor joint="rail"/></actuator></mujoco>
+    """)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    found = Camera(model, data, ALONG_X)
+    data.qpos[0] = to
+    mujoco.mj_forward(model, data)
+    found.follow(data, 0.1)
+    return found, data
+
+
+def test_the_camera_eases_after_what_moves_and_never_lets_it_out():
+    found, data = moved(0.5)
+    assert 0.0 < found.eye.lookat[1] < 0.5
+    assert found.sees(data) <= 1.0 + 1e-9
+    for _ in range(200):
+        found.follow(data, 0.1)
+    assert found.eye.lookat[1] == pytest.approx(0.5, abs=1e-3)
+    assert found.sees(data) == pytest.approx(1 / MARGIN, abs=0.05)
+
+
+def test_a_scene_that_begins_anew_is_cut_to():
+    found, _ = moved(50.0)
+    assert found.eye.lookat[1] == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize("env", ["cartpole", "ant", "quadcopter", "shadow_hand_swing_cup"])
+def test_what_moves_fills_the_picture_and_stays_in_it(env: str):
+    stage = Stage(env, "random", seed=0)
+    reach = []
+    for _ in range(round(2.0 / stage.dt)):
+        reach.append(stage.director.sees(stage.data))
+        stage.step()
+    assert max(reach) <= 1.0 + 1e-6
+    assert min(reach) > 0.5

@@ -1,4 +1,5 @@
 import imageio_ffmpeg
+import numpy as np
 import pytest
 
 from openeureka.report import video
@@ -18,6 +19,17 @@ def test_a_second_of_cartpole_is_a_video_of_one_second(tmp_path):
     path.write_bytes(render("cartpole", "random", seconds=1.0))
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
     assert (frames, round(seconds)) == (30, 1)
+
+
+def test_two_policies_play_side_by_side_under_their_captions_in_any_browser():
+    needs_rendering()
+    film = render("cartpole", "zero", beside="zero", captions=("a", "b"), seconds=0.1)
+    assert b"avc1" in film and film.index(b"moov") < film.index(b"mdat")  # H.264, played before all of it is there
+    pictures = video.frames(film)
+    assert pictures.shape == (3, 720, 1280, 3)
+    left, right = np.split(pictures[0].astype(int), 2, axis=1)
+    assert np.abs(left[80:] - right[80:]).mean() < 3  # they begin alike
+    assert (left[16:60, 16:60] != right[16:60, 16:60]).any()
 
 
 def test_without_opengl_one_sentence_says_what_to_install(monkeypatch):

@@ -8,17 +8,21 @@ from pathlib import Path
 from ..config import parse, short_name
 from ..display.progress import working
 from ..errors import ConfigError
-from ..report import viewer
+from ..report import filming, viewer
 from ..report.screen import draws_itself
 from ..report.stage import Stage
 from ..report.video import render
 from ..runs import trust
-from ..store import artifacts
+from ..store import artifacts, is_run
+from ..text import one_line
 from ..training.policy import Policy
 from .settings import PlayConfig, only_path, split
 
 AGENTS = ("random", "zero")
 POLISHED = "polished"
+HUMAN = "human"
+CAPTION = 40
+"""Characters that half a picture has room for."""
 
 
 def play(words: Sequence[str], *, web: bool = False) -> None:
@@ -26,7 +30,7 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
     write a video and say where it is."""
     settings, paths = split(words)
     config = parse(PlayConfig, settings)
-    in_window = not web and not config.out and viewer.has_display()
+    in_window = not (web or config.out or config.beside) and viewer.has_display()
     directory = only_path(paths, "eureka play DIR") if paths else None
     if directory is None and not config.policy:
         raise ConfigError("Name what to play: a run directory, or policy=FILE, random or zero.")
@@ -51,8 +55,17 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
         return
     target = Path(config.out or f"{short_name(env)}.mp4")
     folder, name = (directory, "play.mp4") if directory and not config.out else (target.parent, target.name)
+    beside = _beside(directory, config.beside)
+    captions = tuple(map(_caption, (config.policy or "best reward", config.beside))) if beside is not None else ()
     with working(f"Filming {config.seconds:g} s"):
-        video = render(env, policy, seconds=config.seconds, seed=config.seed)
+        video = render(
+            env,
+            policy,
+            beside=beside,
+            captions=tuple(map(_caption, captions)),
+            seconds=config.seconds,
+            seed=config.seed,
+        )
     artifacts.write(folder, name, video)
     print(f"Wrote {folder / name}")
 
@@ -70,6 +83,20 @@ def _of_run(directory: Path, wanted: str) -> bytes:
             f"Cannot read the policy {path}: No such file; name a run directory or policy=FILE, random or zero."
         )
     return policy
+
+
+def _beside(directory: Path | None, wanted: str) -> bytes | str | None:
+    """The other policy of a film."""
+    if wanted != HUMAN:
+        return wanted if wanted in AGENTS else _read(Path(wanted)) if wanted else None
+    policy = filming.human(directory) if directory is not None and is_run(directory) else None
+    if policy is None:
+        raise ConfigError("beside=human needs a run that trained the human reward; name a policy file instead.")
+    return policy
+
+
+def _caption(said: str) -> str:
+    return f"{HUMAN} reward" if said == HUMAN else one_line(Path(said).parent.name or said, CAPTION)
 
 
 def _read(path: Path) -> bytes:

@@ -52,6 +52,8 @@ class PlayConfig:
     """Empty means the task of the run directory."""
     policy: str = ""
     """`polished`, `random`, `zero` or a policy.safetensors file; empty means that of the run's best reward."""
+    beside: str = ""
+    """`human` (the policy of the run's human reward), `random`, `zero` or a policy.safetensors file: a film of both."""
     out: str = ""
     """Video to write, also where there is a display; empty means `<env>.mp4`, or `play.mp4` in the run directory."""
     seconds: float = 10.0

@@ -14,7 +14,7 @@ from rich.text import Text
 from ..config import RunConfig, short_name
 from ..lanes import BASELINES
 from ..observer import Phase
-from ..report.text import duration, number, scored
+from ..report.text import duration, number, scored, sparkline
 from ..score import Outcome
 from ..text import one_line
 from ..tuned import rounds
@@ -181,6 +181,14 @@ class PlainView:
     def outcome(self, outcome: Outcome) -> None: ...
 
 
+SCORES = ("training", "F", "F played")
+WIDE = 110
+SPARK, NARROW_SPARK = 24, 8
+"""Characters of a curve on a terminal that is so wide [characters], and on others."""
+MOST = 256
+"""Values kept of a curve; of a longer one every second goes."""
+
+
 class TerminalView:
     """One table, redrawn: a row for every slot of the generation, or for every lane of the final trainings."""
 
@@ -194,6 +202,9 @@ class TerminalView:
         self._played: dict[str, Evaluation] = {}
         self._epochs, self._nodes = "", ""
         self._done: list[str] = []
+        self._curves: dict[str, list[float | None]] = {}
+        """F of each lane as it trains."""
+        self._spark = SPARK if console.width >= WIDE else NARROW_SPARK
         self._live = Live(console=console, get_renderable=self.render, refresh_per_second=4)
 
     def __enter__(self) -> TerminalView:
@@ -211,6 +222,7 @@ class TerminalView:
             self._replied.clear()
             self._asked.clear()
             self._fitness.clear()
+            self._curves.clear()
         self._epochs, self._nodes = "", ""
         self._tally.phase(generation, name)
         if name == "feedback":
@@ -231,6 +243,11 @@ class TerminalView:
 
     def progress(self, progress: TrainingProgress) -> None:
         self._fitness |= progress.fitness
+        for lane, best in progress.fitness.items():
+            curve = self._curves.setdefault(lane, [])
+            curve.append(progress.latest.get(lane, {}).get("fitness", best))
+            if len(curve) > MOST:
+                del curve[1::2]
         self._epochs = f"epoch {progress.epoch} of {progress.epochs}, {progress.env_steps_per_second:,.0f} steps/s"
         self._nodes = by_node(progress)
 
@@ -250,15 +267,18 @@ class TerminalView:
         return Group(*lines, self._slots() if self._tally.index < self._tally.config.generations else self._lanes())
 
     def _slots(self) -> Table:
-        table = Table("slot", "candidate", "try", "verdict", "F in training", "F played", box=None, pad_edge=False)
+        table = Table("slot", "candidate", "try", box=None, pad_edge=False)
+        table.add_column("verdict", overflow="ellipsis", no_wrap=True)
+        for title in SCORES:
+            table.add_column(title, no_wrap=True)
         seed = self._tally.config.seed
         for slot in range(self._tally.config.sample):
             sample = self._samples.get(slot)
             if slot in self._asked:
-                table.add_row(str(slot), "", "", self._writing(slot), "", "")
+                table.add_row(str(slot), "", "", self._writing(slot))
                 continue
             if sample is None:
-                table.add_row(str(slot), "", "", "replied" if slot in self._replied else "", "", "")
+                table.add_row(str(slot), "", "", "replied" if slot in self._replied else "")
                 continue
             name = sample.candidate.id if sample.candidate else "-"
             scores = self._scores(lane_id(name, seed))
@@ -277,13 +297,18 @@ class TerminalView:
         return f"being written{again}, {duration(time.monotonic() - self._asked[slot])}"
 
     def _lanes(self) -> Table:
-        table = Table("training", "F in training", "F played", box=None, pad_edge=False)
+        table = Table("training", *SCORES, box=None, pad_edge=False)
         for lane in self._fitness:
             table.add_row(Text(lane), *self._scores(lane))
         return table
 
-    def _scores(self, lane: str) -> tuple[str, str]:
-        return number(self._fitness.get(lane)), scored(self._played.get(lane))
+    def _scores(self, lane: str) -> tuple[str, str, str]:
+        curve = self._curves.get(lane, ())
+        return (
+            sparkline(curve, self._spark) if curve else "",
+            number(self._fitness.get(lane)),
+            scored(self._played.get(lane)),
+        )
 
 
 def view(config: RunConfig, usage: Usage, console: Console | None = None) -> PlainView | TerminalView:

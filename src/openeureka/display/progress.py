@@ -15,7 +15,8 @@ from ..text import one_line
 from ..types import TrainingProgress
 
 SECONDS_BETWEEN_LINES = 10.0
-"""Where there is no terminal to redraw."""
+"""Where there is no terminal to redraw; each pause is longer than the one before, so that a log stays short."""
+LONGER, LONGEST = 1.5, 600.0
 SHOWN = 3
 """Lanes named in the line."""
 
@@ -49,7 +50,7 @@ class ProgressLine:
         self._console = console or Console()
         self._status = self._console.status("Starting") if self._console.is_terminal else None
         self._started = time.monotonic()
-        self._printed = 0.0
+        self._printed, self._pause = 0.0, SECONDS_BETWEEN_LINES
 
     def __enter__(self) -> ProgressLine:
         if self._status is not None:
@@ -67,8 +68,9 @@ class ProgressLine:
         now = time.monotonic()
         if self._status is not None:
             self._status.update(Text(text))
-        elif now - self._printed >= SECONDS_BETWEEN_LINES:
+        elif now - self._printed >= self._pause:
             self._console.print(Text(text), soft_wrap=True)
+            self._pause = min(LONGEST, self._pause * LONGER) if self._printed else self._pause
             self._printed = now
 
     def _sentence(self, progress: TrainingProgress) -> str:

@@ -59,7 +59,9 @@ def policy_files(directory: Path, folder: str, wanted: str, env: str) -> str:
             return ""
         if not env:
             return _STRANGE.format(directory=directory)
-        artifacts.write(directory, f"{folder}/{VIDEO}", video.render(env, data))
+        other = filming.human(directory) if folder == "best" else None
+        captions = ("the best reward", "the human reward") if other is not None else ()
+        artifacts.write(directory, f"{folder}/{VIDEO}", video.render(env, data, beside=other, captions=captions))
     except (RewardFileError, video.VideoUnavailable) as error:
         return str(error)
     return ""

@@ -1,4 +1,4 @@
-"""Where a task is looked at from."""
+"""Where a task is looked at from, and how the camera follows what happens."""
 
 from __future__ import annotations
 
@@ -9,98 +9,150 @@ import numpy as np
 
 from ..tasks.anatomy import FREE, HINGE, SLIDE
 from ..tasks.task import View
+from .looks import corners, moving
 
-ASPECT = 4 / 3  # of the pictures that everything fits into
+ASPECT = 16 / 9  # of the pictures that everything fits into, unless they say another
 _POSES = 30
 _SMALL = 0.15  # of half the picture
-_ROOM = 1.5  # around what is followed, so that it is seen to move
+MARGIN = 1.12
+"""Of the picture, over what just fits."""
+EASE, ZOOM = 0.35, 1.5
+"""[s] in which the camera makes up most of what it lags behind, and of a zoom that is not needed at once."""
+FURTHEST = 1.8
+"""Times the distance at the start: what a fixed robot drops or throws does not make all else small."""
 _TRAVELS = (FREE, SLIDE)
 
 
-def camera(model: mujoco.MjModel, data: mujoco.MjData, view: View) -> mujoco.MjvCamera:
-    """The model's first camera that has all in sight that moves; else one made so, which follows a robot that can go
-    away.
+class Camera:
+    """Looks at a task from its `view`, and keeps in sight what moves.
+
+    The model's first camera that has all in sight is taken instead, and stays as it is. Where a robot can go away the
+    camera goes along; nobody follows a thing that it throws.
 
     Args:
         data: the scene as it is at the start.
         view: direction of sight.
+        aspect: width of the picture over its height.
+
+    Attributes:
+        eye: what MuJoCo draws from.
     """
-    eye = mujoco.MjvCamera()
-    start = _corners(model, data)
-    corners = np.concatenate([start, *_swept(model, data)]) if view.swept else start
-    own = next((camera for camera in range(model.ncam) if _frames(model, data, camera, start, corners)), None)
-    if own is not None:
-        eye.type, eye.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, own
-        return eye
-    mujoco.mjv_defaultFreeCamera(model, eye)
-    eye.lookat[:] = (corners.min(axis=0) + corners.max(axis=0)) / 2
-    eye.azimuth, eye.elevation = view.azimuth, view.elevation
-    eye.distance = _fitting(corners - eye.lookat, eye, float(model.vis.global_.fovy))
-    traveller = _traveller(model)
-    if traveller is not None:
-        eye.type, eye.trackbodyid = mujoco.mjtCamera.mjCAMERA_TRACKING, traveller
-        eye.distance *= _ROOM
-    return eye
 
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, view: View, aspect: float = ASPECT) -> None:
+        self.eye = mujoco.MjvCamera()
+        self._model, self._aspect = model, aspect
+        self._geoms = moving(model)
+        start = corners(model, data, self._geoms)
+        everything = np.concatenate([start, *self._swept(data)]) if view.swept else start
+        own = next((camera for camera in range(model.ncam) if self._frames(data, camera, start, everything)), None)
+        self._fixed = own is not None
+        if own is not None:
+            self.eye.type, self.eye.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, own
+            return
+        mujoco.mjv_defaultFreeCamera(model, self.eye)
+        self.eye.azimuth, self.eye.elevation = view.azimuth, view.elevation
+        traveller = _traveller(model)
+        self._fixed = not len(start)
+        if self._fixed:
+            return
+        self._still = everything if traveller is None else start[:0]  # stays in sight whatever happens
+        self._furthest = math.inf
+        self._look(everything, 0.0)
+        self._furthest = FURTHEST * self.eye.distance if traveller is None else math.inf
 
-def _frames(model: mujoco.MjModel, data: mujoco.MjData, camera: int, start: np.ndarray, corners: np.ndarray) -> bool:
-    """Whether a camera of the model has all in sight that moves, at the start (k, 3), where it is seen to move, and not
-    too small, wherever it comes (n, 3).
+    def follow(self, data: mujoco.MjData, seconds: float) -> None:
+        """Turn to the scene as it is now, so long after the last look; a scene that begins anew is cut to."""
+        if not self._fixed:
+            now = corners(self._model, data, self._geoms)
+            self._look(np.concatenate([now, self._still]), seconds)
 
-    One that is fixed to a robot looks where the robot does: only those that follow it from a constant direction count.
-    """
-    following = (mujoco.mjtCamLight.mjCAMLIGHT_TRACK, mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM)
-    if model.body_weldid[model.cam_bodyid[camera]] and model.cam_mode[camera] not in map(int, following):
-        return False
-    if not len(start) or model.cam_projection[camera]:
-        return False
-    half = math.tan(math.radians(model.cam_fovy[camera]) / 2)
+    def hand_over(self) -> mujoco.MjvCamera:
+        """The eye for a person to turn, which from now on goes along with a robot and is turned by nobody else."""
+        traveller = None if self._fixed else _traveller(self._model)
+        self._fixed = True
+        if traveller is not None:
+            self.eye.type, self.eye.trackbodyid = mujoco.mjtCamera.mjCAMERA_TRACKING, traveller
+        return self.eye
 
-    def furthest(points: np.ndarray) -> float:
-        """From the middle of the picture, whose edge is at 1."""
-        right, up, back = ((points - data.cam_xpos[camera]) @ data.cam_xmat[camera].reshape(3, 3)).T
-        if back.max() >= 0.0:
+    def sees(self, data: mujoco.MjData) -> float:
+        """How far from the middle of the picture what moves reaches, whose edge is at 1."""
+        return self._reach(corners(self._model, data, self._geoms))
+
+    def _look(self, points: np.ndarray, seconds: float) -> None:
+        middle = (points.min(axis=0) + points.max(axis=0)) / 2
+        eye, lag = self.eye, middle - self.eye.lookat
+        cut = not seconds or np.linalg.norm(lag) > 0.5 * eye.distance
+        eye.lookat[:] = middle if cut else eye.lookat + lag * (1.0 - math.exp(-seconds / EASE))
+        needed = self._fitting(points - eye.lookat)
+        wanted = min(MARGIN * needed, self._furthest)
+        if cut:
+            eye.distance = wanted
+            return
+        eased = eye.distance + (wanted - eye.distance) * (1.0 - math.exp(-seconds / ZOOM))
+        eye.distance = max(eased, min(needed, self._furthest))
+
+    def _axes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Forward, right and up of the eye."""
+        azimuth, elevation = math.radians(self.eye.azimuth), math.radians(self.eye.elevation)
+        forward = np.array(
+            [math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation)]
+        )
+        right = np.array([math.sin(azimuth), -math.cos(azimuth), 0.0])
+        return forward, right, np.cross(right, forward)
+
+    def _fitting(self, points: np.ndarray) -> float:
+        """Distance [m] at which all points (k, 3), from where it looks, are in sight."""
+        forward, right, up = self._axes()
+        half = math.tan(math.radians(self._model.vis.global_.fovy) / 2)
+        across, upright = np.abs(points @ right) / (half * self._aspect), np.abs(points @ up) / half
+        return float((np.maximum(across, upright) - points @ forward).max())
+
+    def _reach(self, points: np.ndarray) -> float:
+        if self.eye.type == mujoco.mjtCamera.mjCAMERA_FIXED or not len(points):
+            return 0.0
+        forward, right, up = self._axes()
+        half = math.tan(math.radians(self._model.vis.global_.fovy) / 2)
+        ahead = (points - self.eye.lookat) @ forward + self.eye.distance
+        if ahead.min() <= 0.0:
             return math.inf
-        return float((np.maximum(np.abs(right) / ASPECT, np.abs(up)) / (-back * half)).max())
+        across = np.abs((points - self.eye.lookat) @ right) / (half * self._aspect)
+        return float((np.maximum(across, np.abs((points - self.eye.lookat) @ up) / half) / ahead).max())
 
-    return furthest(start) <= 1.0 and furthest(corners) >= _SMALL
+    def _frames(self, data: mujoco.MjData, camera: int, start: np.ndarray, everything: np.ndarray) -> bool:
+        """Whether a camera of the model has all in sight that moves, at the start (k, 3), where it is seen to move, and
+        not too small, wherever it comes (n, 3).
 
+        One that is fixed to a robot looks where the robot does: only those that follow it from a constant direction
+        count.
+        """
+        model = self._model
+        following = (mujoco.mjtCamLight.mjCAMLIGHT_TRACK, mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM)
+        if model.body_weldid[model.cam_bodyid[camera]] and model.cam_mode[camera] not in map(int, following):
+            return False
+        if not len(start) or model.cam_projection[camera]:
+            return False
+        half = math.tan(math.radians(model.cam_fovy[camera]) / 2)
 
-def _swept(model: mujoco.MjModel, data: mujoco.MjData) -> list[np.ndarray]:
-    """The corners in random positions of the joints that have a range; what lies about stays where it is."""
-    other, random, found = mujoco.MjData(model), np.random.default_rng(0), []
-    limited = np.flatnonzero(model.jnt_limited & np.isin(model.jnt_type, (HINGE, SLIDE)))
-    low, high = model.jnt_range[limited].T
-    for _ in range(_POSES):
-        other.qpos, other.mocap_pos, other.mocap_quat = data.qpos, data.mocap_pos, data.mocap_quat
-        other.qpos[model.jnt_qposadr[limited]] = random.uniform(low, high)
-        mujoco.mj_kinematics(model, other)
-        found.append(_corners(model, other))
-    return found
+        def furthest(points: np.ndarray) -> float:
+            """From the middle of the picture, whose edge is at 1."""
+            right, up, back = ((points - data.cam_xpos[camera]) @ data.cam_xmat[camera].reshape(3, 3)).T
+            if back.max() >= 0.0:
+                return math.inf
+            return float((np.maximum(np.abs(right) / self._aspect, np.abs(up)) / (-back * half)).max())
 
+        return furthest(start) <= 1.0 and furthest(everything) >= _SMALL
 
-def _corners(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """(8 k, 3) corners [m] of the boxes around every geom that moves, or that is moved by hand."""
-    moving = (model.body_weldid != 0) | (model.body_mocapid >= 0)
-    shown = moving[model.geom_bodyid]
-    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
-    boxes = model.geom_aabb[shown]  # centre, half size
-    local = boxes[:, None, :3] + signs * boxes[:, None, 3:]
-    turned = local @ data.geom_xmat[shown].reshape(-1, 3, 3).transpose(0, 2, 1)
-    return (data.geom_xpos[shown, None] + turned).reshape(-1, 3)
-
-
-def _fitting(points: np.ndarray, eye: mujoco.MjvCamera, fovy: float) -> float:
-    """Distance [m] at which a camera that looks at the origin has all points (k, 3) in sight; fovy [degrees]."""
-    azimuth, elevation = math.radians(eye.azimuth), math.radians(eye.elevation)
-    forward = np.array(
-        [math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation)]
-    )
-    right = np.array([math.sin(azimuth), -math.cos(azimuth), 0.0])
-    half = math.tan(math.radians(fovy) / 2)
-    across = np.abs(points @ right) / (half * ASPECT)
-    upright = np.abs(points @ np.cross(right, forward)) / half
-    return float((np.maximum(across, upright) - points @ forward).max())
+    def _swept(self, data: mujoco.MjData) -> list[np.ndarray]:
+        """The corners in random positions of the joints that have a range; what lies about stays where it is."""
+        model, other, random, found = self._model, mujoco.MjData(self._model), np.random.default_rng(0), []
+        limited = np.flatnonzero(model.jnt_limited & np.isin(model.jnt_type, (HINGE, SLIDE)))
+        low, high = model.jnt_range[limited].T
+        for _ in range(_POSES):
+            other.qpos, other.mocap_pos, other.mocap_quat = data.qpos, data.mocap_pos, data.mocap_quat
+            other.qpos[model.jnt_qposadr[limited]] = random.uniform(low, high)
+            mujoco.mj_kinematics(model, other)
+            found.append(corners(model, other, self._geoms))
+        return found
 
 
 def _traveller(model: mujoco.MjModel) -> int | None:

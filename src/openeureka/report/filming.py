@@ -36,20 +36,32 @@ def missing(directory: Path) -> dict[str, bytes]:
         lanes = [lane.id for lane in store.lanes.all().values() if lane.role not in ("final", "polish")]
         results = store.lanes.results()
         lanes = [lane for lane in lanes if lane in results and not artifacts.exists(directory, _place(lane))]
-        plays = store.lanes.plays()
-        policies = {
-            lane: store.lanes.policy(lane, standing(plays.get(lane), "fitness", store.config.limited)) for lane in lanes
-        }
-    return {lane: policy for lane, policy in policies.items() if policy is not None}
+        return policies(store, lanes)
 
 
-def film(directory: Path, env: str, policies: Iterable[tuple[str, bytes]], *, background: bool = False) -> str:
+def policies(store: Store, lanes: Iterable[str]) -> dict[str, bytes]:
+    """By lane id, the policies that count, where there is one."""
+    plays = store.lanes.plays()
+    found = {
+        lane: store.lanes.policy(lane, standing(plays.get(lane), "fitness", store.config.limited)) for lane in lanes
+    }
+    return {lane: policy for lane, policy in found.items() if policy is not None}
+
+
+def human(directory: Path) -> bytes | None:
+    """The policy of the task's own reward, where the run has trained it."""
+    with Store.view(directory) as store:
+        lanes = [lane.id for lane in store.lanes.all().values() if lane.role == "baseline" and lane.reward == "human"]
+        return next(iter(policies(store, lanes).values()), None)
+
+
+def film(directory: Path, env: str, trained: Iterable[tuple[str, bytes]], *, background: bool = False) -> str:
     """Write the video of each lane. Returns why there is one less, as a sentence, or an empty string.
 
     A policy that cannot be shown is skipped; a machine that cannot render is asked once.
     """
     problem = ""
-    for lane, policy in policies:
+    for lane, policy in trained:
         try:
             picture = video.render(env, policy, seconds=SECONDS, timeout=TIMEOUT, background=background)
         except video.NoRenderer as error:

@@ -11,11 +11,12 @@ import base64
 import difflib
 import hashlib
 import json
+import math
 from functools import cache
 from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
@@ -69,6 +70,17 @@ def report(run: RunView, directory: Path) -> str:
             linked_videos=any(candidate.video for candidate in run.candidates),
         )
     )
+
+
+def notebook(kind: Literal["run", "candidate", "reward"], *shown: object) -> str:
+    """What a notebook shows of a noun: a block with a style of its own, that fetches and runs nothing."""
+    macros: Any = environment().get_template("notebook.html").make_module({"best_first": _best_first})
+    return str(getattr(macros, f"of_{kind}")(*shown))
+
+
+def _best_first(run: RunView) -> list[CandidateView]:
+    """Those without a score last, in order."""
+    return sorted(run.candidates, key=lambda c: math.inf if c.score is None else -c.score)
 
 
 def intent(env: str) -> str:

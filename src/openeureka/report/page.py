@@ -55,7 +55,7 @@ def page(stage: Stage, port: int) -> None:
 
     def serve(endpoint: endpoints.ViewerEndpoint) -> None:
         config = viewer_protocol.ViewerConfig(title="openeureka", http_port=port)
-        viewer = LoopbackViewer(config, endpoint, plugins=[app.App()], camera=stage.camera)
+        viewer = LoopbackViewer(config, endpoint, plugins=[app.App()], camera=stage.director.hand_over())
         if viewer.address != LOOPBACK:
             viewer.close()
             raise RuntimeError(

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 
 from ..types import Evaluation
 
+BLOCKS = "▁▂▃▄▅▆▇█"
+
 
 def number(value: float | None, digits: int = 4) -> str:
     """A score for a table; a dash where there is none."""
@@ -28,6 +30,18 @@ def spread(values: Sequence[float | None]) -> str:
     missing = f" ({len(values) - len(defined)} undefined)" if len(defined) < len(values) else ""
     deviation = f" ± {number(statistics.stdev(defined), 2)}" if len(defined) > 1 else ""
     return f"{number(statistics.fmean(defined))}{deviation}{missing}"
+
+
+def sparkline(values: Sequence[float | None], width: int) -> str:
+    """A curve in at most `width` characters, from its least to its largest value; a gap where it is undefined, `-`
+    where it always is."""
+    every = max(1, -(-len(values) // width))
+    kept = values[::-1][::every][::-1]  # the newest is among them
+    defined = [value for value in kept if value is not None]
+    if not defined:
+        return "-"
+    low, step = min(defined), (max(defined) - min(defined)) / (len(BLOCKS) - 1) or 1.0
+    return "".join(" " if value is None else BLOCKS[round((value - low) / step)] for value in kept)
 
 
 def duration(seconds: float) -> str:

@@ -5,17 +5,20 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 
 import imageio_ffmpeg
 import numpy as np
+from PIL import Image
 
 from ..errors import EurekaError
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 
 INSTALL = "install a software renderer (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri, or libosmesa6)"
 
-
+GIF_RATE = 10
+"""[1/s] pictures of a moving picture."""
 START = 60.0
 """[s] that the child may take to find out whether it can render."""
 
@@ -32,15 +35,19 @@ def render(
     env: str,
     policy: bytes | str,
     *,
+    beside: bytes | str | None = None,
+    captions: tuple[str, ...] = (),
     seconds: float = 10.0,
     seed: int = 0,
     timeout: float = 600.0,
     background: bool = False,
 ) -> bytes:
-    """An mp4 of one world.
+    """An mp4 of one world, 1280 x 720 pixels at 30 pictures a second.
 
     Args:
         policy: safetensors bytes of a trained policy, or `random` or `zero`.
+        beside: another, in a world that begins alike, in the right half of the picture.
+        captions: what is written over each.
         seconds: length in simulated time.
         timeout: [s] for each way of rendering that is tried.
         background: use one thread of the lowest priority, and take the time that others leave.
@@ -48,8 +55,10 @@ def render(
     Raises:
         VideoUnavailable: with one sentence that says what to install.
     """
-    request = {"env": env, "agent": policy if isinstance(policy, str) else "policy", "seconds": seconds, "seed": seed}
-    blobs = {"policy": policy} if isinstance(policy, bytes) else {}
+    agents = [agent for agent in (policy, beside) if agent is not None]
+    names = [agent if isinstance(agent, str) else "policy" for agent in agents]
+    request = {"env": env, "agents": names, "captions": captions, "seconds": seconds, "seed": seed}
+    blobs = {f"policy {place}": agent for place, agent in enumerate(agents) if isinstance(agent, bytes)}
     return _first_that_works(request, blobs, timeout, background)["video"]
 
 
@@ -63,9 +72,24 @@ def frames(video: bytes) -> np.ndarray:
         return np.stack([np.frombuffer(picture, np.uint8).reshape(height, width, 3) for picture in pictures])
 
 
+def gif(film: bytes) -> tuple[bytes, int, int]:
+    """An mp4 as a moving picture that is small enough for a tracker, with its width and height."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "video.mp4"
+        path.write_bytes(film)
+        size = ["-vf", f"fps={GIF_RATE},scale=320:-2"]
+        pictures = imageio_ffmpeg.read_frames(str(path), output_params=size)
+        width, height = next(pictures)["size"]
+        height, width = height * 320 // width // 2 * 2, 320
+        first, *rest = [Image.frombytes("RGB", (width, height), picture) for picture in pictures]
+    buffer = BytesIO()
+    first.save(buffer, "gif", save_all=True, append_images=rest, duration=1000 // GIF_RATE, loop=0)
+    return buffer.getvalue(), width, height
+
+
 def renderer() -> str:
     """Name of the rendering back end that works here. Raises VideoUnavailable."""
-    return _first_that_works({"agent": "none"}, {}, START)["backend"].decode()
+    return _first_that_works({"agents": []}, {}, START)["backend"].decode()
 
 
 def _first_that_works(
@@ -81,7 +105,7 @@ def _first_that_works(
                 worker.send(request, blobs)
                 answer = worker.receive(START)
                 able = True
-                if request["agent"] != "none":
+                if request["agents"]:
                     answer = _video(worker, timeout)
             except (WorkerDied, WorkerTimeout) as error:
                 reasons.append(f"{backend}: {worker.ending() or _last_line(worker.stderr_tail()) or error}")

@@ -124,6 +124,12 @@ class CandidateView:
         """Tokens and money for all replies of the slot."""
         return sum((attempt.reply.usage for attempt in self.attempts), Usage())
 
+    def _repr_html_(self) -> str:
+        """For a notebook."""
+        from .html import notebook  # which imports this module
+
+        return notebook("candidate", self)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PromptView:

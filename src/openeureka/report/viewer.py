@@ -35,7 +35,7 @@ def window(stage: Stage) -> None:
     others = set(threading.enumerate())
     try:
         with mujoco.viewer.launch_passive(stage.model, stage.data, show_left_ui=False, show_right_ui=False) as viewer:
-            view = stage.camera
+            view = stage.director.hand_over()
             for name in ("type", "trackbodyid", "distance", "azimuth", "elevation", "lookat"):
                 setattr(viewer.cam, name, getattr(view, name))
             while viewer.is_running():

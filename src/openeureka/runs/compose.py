@@ -11,6 +11,7 @@ from typing import Protocol
 from .. import baselines, given, loop, sampling, strategies, tuning
 from ..config import NO_MODEL, RunConfig
 from ..display.log import logged
+from ..display.trackers import mirrored
 from ..errors import ConfigError, Interrupted
 from ..executors import EXECUTORS
 from ..given import Given
@@ -101,22 +102,27 @@ def search(config: RunConfig, directory: Path, host: Host, model: LanguageModel 
         EurekaError: what else ended it.
     """
     begun = is_run(directory)
-    try:
-        with _parts(config, directory, host, model) as parts:
-            loop.run(*parts)
-    except KeyboardInterrupt:  # before the search, or a resumed one, was at work
-        known = begun or is_run(directory)
-        raise Interrupted(stopped(host.again(directory)) if known else "Stopped before it began.") from None
-    try:
-        # Reports come last: the search is complete without them.
-        with host.working("Writing the report" if config.video == "none" else "Filming, and writing the report"):
-            return build(directory, config.video, config.env)
-    except KeyboardInterrupt:
-        raise Interrupted(f"Stopped; the search is done. Write its report with: eureka report {directory}") from None
+    with mirrored(directory, config) as mirrors:
+        try:
+            with _parts(config, directory, host, model, mirrors) as parts:
+                loop.run(*parts)
+        except KeyboardInterrupt:  # before the search, or a resumed one, was at work
+            known = begun or is_run(directory)
+            raise Interrupted(stopped(host.again(directory)) if known else "Stopped before it began.") from None
+        try:
+            # Reports come last: the search is complete without them.
+            with host.working("Writing the report" if config.video == "none" else "Filming, and writing the report"):
+                return build(directory, config.video, config.env)
+        except KeyboardInterrupt:
+            raise Interrupted(
+                f"Stopped; the search is done. Write its report with: eureka report {directory}"
+            ) from None
 
 
 @contextmanager
-def _parts(config: RunConfig, directory: Path, host: Host, model: LanguageModel | None) -> Iterator[Parts]:
+def _parts(
+    config: RunConfig, directory: Path, host: Host, model: LanguageModel | None, mirrors: Sequence[Observer]
+) -> Iterator[Parts]:
     """What a search is made of, as long as it is at work."""
     known = context(config.env)
     baselines.chosen(config)
@@ -147,7 +153,7 @@ def _parts(config: RunConfig, directory: Path, host: Host, model: LanguageModel 
             ):
                 desk = host.desk(config, directory, films)
                 strategy = strategies.make(config, store.ranks)
-                observers = Observers(*log, *films, view)
+                observers = Observers(*log, *films, *mirrors, view)
                 yield config, store, model, checker, trainer, known, strategy, observers, desk
     finally:
         model.close()
@@ -249,13 +255,14 @@ def comparing(config: RunConfig, directory: Path, host: Host) -> Iterator[Lanes]
     trainer = trainer_of(config, directory)
     host.begins(config, directory)
     with (
+        mirrored(directory, config) as mirrors,
         Store.open(directory, config) as store,
         continuable(host.again(directory)),
         stoppable(directory),
         logged(directory, config, Usage()) as log,
         host.view(config, directory, Usage()) as view,
     ):
-        yield Lanes(config, store, trainer, Observers(*log, view))
+        yield Lanes(config, store, trainer, Observers(*log, *mirrors, view))
 
 
 def trainer_of(config: RunConfig, directory: Path) -> Trainer:

@@ -40,6 +40,7 @@ class _Shared(TypedDict, total=False):
     threads: int
     executor: str
     address: str
+    log: str
     dir: str | Path
     unsafe_no_sandbox: bool
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ..config import RunConfig
 from ..errors import ConfigError, StoreError
 from ..polished import Polished
-from ..report import verdict
+from ..report import html, verdict
 from ..report.view import CandidateView, RunView
 from ..score import Outcome
 from ..store import Store, artifacts, is_run
@@ -31,8 +31,10 @@ if TYPE_CHECKING:
 
 Row = dict[str, str | int | float | None]
 
-LONGEST = 120.0
-"""[s] of what `Run.play` shows: a second of it takes 28 MB."""
+LONGEST = 40.0
+"""[s] of what `Run.play` shows: a second of it takes 83 MB."""
+SHOWN = 8
+"""Candidates in a notebook's view of a run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,6 +106,16 @@ def finished(config: RunConfig, glance: Glance) -> bool:
     return searched and (last > 0 or glance.fitness is None)  # without a reward nothing is scored
 
 
+class RewardText(str):
+    """A reward's program, which a notebook shows in colours."""
+
+    __slots__ = ()
+
+    def _repr_html_(self) -> str:
+        """For a notebook."""
+        return html.notebook("reward", self)
+
+
 @dataclass(frozen=True, slots=True)
 class Run:
     """A run directory, of a search or of given rewards, finished or not. It is read anew at each look."""
@@ -144,6 +156,10 @@ class Run:
         """Every training by id, such as `human-s0`: its result, scores and curves."""
         return lanes(self.view)
 
+    def _repr_html_(self) -> str:
+        """For a notebook: what was found, and the best candidates with their curves."""
+        return html.notebook("run", self.view, str(self.directory), SHOWN)
+
     def rows(self) -> list[Row]:
         """A row of numbers and texts for each training, as data frames take them: `pandas.DataFrame(run.rows())`."""
         return [lane.row() for lane in self.lanes.values()]
@@ -170,10 +186,10 @@ class Run:
         return self.view.polished
 
     @property
-    def best_reward(self) -> str | None:
+    def best_reward(self) -> RewardText | None:
         """The best reward's program; None where nothing is trained yet, or the best comes with the task."""
         program = artifacts.read(self.directory, "best/reward.py")
-        return program.decode(errors="replace") if program is not None else None
+        return RewardText(program.decode(errors="replace")) if program is not None else None
 
     @property
     def policy(self) -> TrainedPolicy:
@@ -197,10 +213,10 @@ class Run:
         return data
 
     def play(self, *, seconds: float = 10.0, seed: int = 0, env: str | Path = "", polished: bool = False) -> np.ndarray:
-        """Pictures of the best reward's policy at work: uint8 (T, 480, 640, 3), 30 for each second of simulated time.
+        """Pictures of the best reward's policy at work: uint8 (T, 720, 1280, 3), 30 for each second of simulated time.
 
         Args:
-            seconds: at most 120; a second takes 28 MB.
+            seconds: at most 40; a second takes 83 MB.
             seed: of the start and of the task's chances.
             polished: take `polished_policy`.
             env: the task, where it is a file or a package of your own that this machine does not know yet.

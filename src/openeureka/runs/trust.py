@@ -35,12 +35,13 @@ _EFFECTS = {
     "model": "is loaded, or asked for rewards, which may cost money",
     "base_url": "is sent the prompts and your key",
     "price": "is what replies are taken to cost",
+    "log": "is sent what the run finishes",
 }
 
 
 def claims(config: object) -> dict[str, str]:
     """The settings of a run or a training that reach outside it, by key; paths are whole."""
-    env, search, executor, address, curriculum, randomise, init, model, base_url, price = (
+    env, search, executor, address, curriculum, randomise, init, model, base_url, price, log = (
         str(getattr(config, key, "")) for key in _EFFECTS
     )
     found = {
@@ -54,6 +55,7 @@ def claims(config: object) -> dict[str, str]:
         "model": "" if model in ("local", "random", NO_MODEL) else absolute("model", model),
         "base_url": base_url,
         "price": price,
+        "log": "" if log == "tensorboard" else log,
     }
     return {key: value for key, value in found.items() if value}
 

@@ -14,7 +14,14 @@ from urllib.parse import parse_qsl, quote, urlencode
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response, StreamingResponse
+from starlette.responses import (
+    FileResponse,
+    HTMLResponse,
+    PlainTextResponse,
+    RedirectResponse,
+    Response,
+    StreamingResponse,
+)
 from starlette.routing import Route
 
 from ..errors import EurekaError
@@ -25,6 +32,7 @@ from ..store.directory import ask_to_stop
 from . import folder, guard, pages, remarks
 from .follow import Fingerprint, Fresh, Parts, Version, events
 from .launch import Launcher
+from .play import Players
 
 ENTRANCE = "/open"
 """The address that is printed, with the token."""
@@ -69,6 +77,7 @@ class Pages:
         self._root = root
         self._ending = ending
         self._launcher = Launcher(root)
+        self._players = Players()
         self._views: Fresh[RunView] = Fresh(VIEWS)
         self._entries: Fresh[folder.Entry] = Fresh(ENTRIES)
         self._parts: Fresh[Parts] = Fresh(PAGES)
@@ -85,9 +94,10 @@ class Pages:
             Route("/runs/{name}/remarks", self.say, methods=["POST"]),
             Route("/runs/{name}/stop", self.stop, methods=["POST"]),
             Route("/runs/{name}/resume", self.resume, methods=["POST"]),
+            Route("/runs/{name}/play/{place}", self.play, methods=["GET", "POST"]),
             Route("/runs/{name}/{path:path}", self.film),
             Route("/style.css", _constant("text/css", *html.STYLE)),
-            Route("/page.js", _constant("text/javascript", *html.SCRIPT, "ui/follow.js")),
+            Route("/page.js", _constant("text/javascript", *html.SCRIPT, "ui/follow.js", "ui/play.js")),
         ]
 
     async def runs(self, request: Request) -> Response:
@@ -146,6 +156,31 @@ class Pages:
         if path not in shown or not artifacts.exists(directory, path):  # it may have become a link since it was read
             raise HTTPException(404)
         return FileResponse(directory / path, media_type="video/mp4")
+
+    async def play(self, request: Request) -> Response:
+        """A candidate's policy at work, as a stream; a form changes the world that it lives in."""
+        name, directory = self._named(request)
+        place = request.path_params["place"]
+        key = f"{name}/{place}"
+        if request.method == "POST":
+            try:
+                heard = self._players.tell(key, await _form(request))
+            except EurekaError as error:
+                return PlainTextResponse(str(error), 400)
+            return Response(status_code=204 if heard else 409)
+        try:
+            view = self._view(name, directory, folder.fingerprint(directory))
+            policy = pages.playable(directory, view, place)
+        except EurekaError:
+            policy = None
+        if policy is None:
+            raise HTTPException(404, "There is no such policy.")
+
+        async def gone() -> bool:
+            return self._ending() or await request.is_disconnected()
+
+        playing = self._players.events(key, view.config.env, policy, gone)
+        return StreamingResponse(playing, media_type="text/event-stream")
 
     def _list(self) -> Page:
         found = {name: (directory, folder.glanced(directory)) for name, directory in folder.runs(self._root).items()}

@@ -8,11 +8,11 @@ from typing import Any
 
 from ..config import FEEDBACKS, VIDEOS, RunConfig, as_dict
 from ..display import now as moment
-from ..report import html, tables
+from ..report import filming, html, tables
 from ..report.text import duration
 from ..report.view import CandidateView, PromptView, RunView
 from ..score import Outcome, human_normalised, mean, rank
-from ..store import is_held, is_run
+from ..store import Store, is_held, is_run
 from ..tasks import registry
 from ..types import lane_id
 from . import folder, remarks
@@ -81,7 +81,8 @@ def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
     piece = _pieces(run=run)
     listens = remarks.ear(directory).listens
     places = list(known)
-    parts: dict[str, str] = {}
+    trained_ones = [c for c in shown if c.result is not None] if _in_depth(run.config.env) else []
+    parts = {f"play-{html.anchor(c)}": piece.play(c) for c in trained_ones}
     for c in shown:
         name = html.anchor(c)
         at = places.index(name)
@@ -91,6 +92,20 @@ def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
         parts[f"live-{name}"] = ""
         parts[name] = piece.whole(c, _prompt(run, c), others, listens, children, beside)
     return parts
+
+
+def playable(directory: Path, run: RunView, name: str) -> bytes | None:
+    """The policy of a candidate, where it can be shown in 3-D."""
+    candidate = next((c for c in run.candidates if html.anchor(c) == name), None)
+    if candidate is None or candidate.result is None or not _in_depth(run.config.env):
+        return None
+    with Store.view(directory) as store:
+        return filming.policies(store, [candidate.result.lane]).get(candidate.result.lane)
+
+
+def _in_depth(env: str) -> bool:
+    """Whether MuJoCo knows the task, and no file has to be imported that the run names."""
+    return registry.installed(env) and not registry.get(env).draws_itself
 
 
 def trained(directory: Path, run: RunView) -> Parts:

@@ -13,7 +13,7 @@ from torch import Tensor
 from ...tasks.rotations import multiply, turn_about
 from ...tasks.sensors import add_wrench_sensors
 from ...types import StateSpec
-from ..isaac.reorientation import GOAL, OBJECT, Vector, add_marker, add_view
+from ..isaac.reorientation import GOAL, OBJECT, Vector, add_marker
 from ..isaac.shadow_hand import PREFIX, TIPS, ShadowHand, shadow_hand_variables
 from ..shadow import add_shadow_hand
 
@@ -67,7 +67,7 @@ def pen_scene(hand: Sequence[float], start: Vector, goal: Vector) -> mujoco.MjSp
     """The hand at its mount in a height of 0.5 m, turned by `hand` (w x y z), the pen, and a picture of its goal."""
     spec = mujoco.MjSpec()
     add_shadow_hand(spec, PREFIX, pos=[0, 0, 0.5], quat=hand)
-    add_view(spec, goal)
+    spec.worldbody.add_light(pos=[0, 0, 5])
     pen = spec.worldbody.add_body(name=OBJECT, pos=start)
     # The original damps rotation by 0.5 1/s: one coefficient here would hold the roll 100 times more than the spin.
     pen.add_freejoint(name=OBJECT)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, ClassVar
 
 import mujoco
@@ -11,7 +10,7 @@ import torch
 from torch import Tensor
 
 from ...tasks.rotations import conjugate, multiply, root_state, rotation_distance, tumble, wxyz, xyzw
-from ...tasks.task import Recipe, Score, State, Task, mean_over_episodes
+from ...tasks.task import Recipe, Score, State, Task, View, mean_over_episodes
 from ...types import StateVar
 from ..assets import wheel_file
 from ..joints import scaled, unscaled
@@ -41,6 +40,7 @@ class Reorientation(Task):
         "the next one."
     )
     clip_observations = 5.0
+    view = View(azimuth=80.0, elevation=-40.0)  # at the palm, from beyond the fingertips
     memory = ("goals_reached", "goal_rot")
     object_start: ClassVar[Vector]
     """Middle of the object's start positions [m]."""
@@ -200,9 +200,9 @@ def reorientation_recipe(hidden: tuple[int, ...]) -> Recipe:
 def add_cube(spec: mujoco.MjSpec, side: float, density: float, start: Vector, goal: Vector) -> None:
     """The cube and, beside its goal position, a picture of the goal; both wear the wheel's lettered faces.
 
-    Light and camera too. Add them last: `Reorientation` takes what comes before for the hand.
+    A light too. Add them last: `Reorientation` takes what comes before for the hand.
     """
-    add_view(spec, goal)
+    spec.worldbody.add_light(pos=[0, 0, 5])
     picture = wheel_file("gymnasium_robotics", "envs/assets/textures/block.png")
     texture = spec.add_texture(name=OBJECT, type=mujoco.mjtTexture.mjTEXTURE_CUBE, file=str(picture))
     texture.gridsize, texture.gridlayout = [3, 4], ".U..LFRB.D.."
@@ -215,14 +215,6 @@ def add_cube(spec: mujoco.MjSpec, side: float, density: float, start: Vector, go
     cube.add_joint(name=OBJECT, type=mujoco.mjtJoint.mjJNT_FREE, damping=[0.5 * inertia, 0, 0])
     cube.add_geom(name=OBJECT, density=density, contype=0, conaffinity=1, **box)
     add_marker(spec, goal).add_geom(name=GOAL, mass=0, contype=0, conaffinity=0, **box)
-
-
-def add_view(spec: mujoco.MjSpec, goal: Vector) -> None:
-    """Light, and a camera that looks at the goal position from beyond the fingertips and above."""
-    spec.worldbody.add_light(pos=[0, 0, 5])
-    camera = spec.worldbody.add_camera(name="front", pos=[goal[0] - 0.08, goal[1] - 0.42, goal[2] + 0.45])
-    half_turn = math.pi / 8
-    camera.quat = [math.cos(half_turn), math.sin(half_turn), 0, 0]  # looks along y and 45 degrees down, at the palm
 
 
 def add_marker(spec: mujoco.MjSpec, goal: Vector) -> mujoco.MjsBody:

@@ -42,6 +42,7 @@ function renew({ order, changed }) {
     Object.assign(part.dataset, { part: name, mark });
     keep(old, part);
     eureka.dress(part);
+    part.querySelectorAll("[data-play]").forEach(eureka.play);
   });
   while (parts.children.length > order.length) parts.lastElementChild.remove();
   awaitFilms();

@@ -1,0 +1,235 @@
+"""Mirrors of a run in somebody's experiment tracker: settings, curves, texts and films, where `log=` asks for one.
+
+wandb and MLflow are imported here alone, and only then. A tracker that fails is left out from then on, with one line:
+no search ends for its mirror.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Protocol
+
+from tensorboard.compat.proto.event_pb2 import Event  # pyright: ignore[reportAttributeAccessIssue]
+from tensorboard.compat.proto.summary_pb2 import Summary  # pyright: ignore[reportAttributeAccessIssue]
+from tensorboard.compat.proto.tensor_pb2 import TensorProto  # pyright: ignore[reportAttributeAccessIssue]
+from tensorboard.compat.proto.types_pb2 import DT_STRING  # pyright: ignore[reportAttributeAccessIssue]
+from tensorboard.summary.writer.record_writer import RecordWriter
+
+from ..config import RunConfig, as_dict
+from ..errors import ConfigError, EurekaError
+from ..observer import NullObserver
+from ..report import video
+from ..report.view import RunView
+from ..score import Outcome
+from ..store import artifacts
+from ..text import plain
+from ..types import Generation, TrainingResult
+
+MEMORY = "tracker.json"
+"""What a tracker calls the run, so that a resumed one goes on there."""
+EVENTS = "events.out.tfevents.0"
+
+
+class Tracker(Protocol):
+    """Somebody's experiment tracker, as far as a mirror needs it."""
+
+    def numbers(self, values: Mapping[str, float], step: int | None = None) -> None:
+        """Values by name; without a step, those that sum the run up."""
+        ...
+
+    def text(self, name: str, text: str) -> None: ...
+    def film(self, name: str, file: Path) -> None: ...
+    def close(self) -> None: ...
+
+
+class Wandb:
+    """A run of the project `openeureka`, under the rules that the environment sets for wandb."""
+
+    def __init__(self, directory: Path, config: RunConfig) -> None:
+        self._wandb = _imported("wandb")
+        known = _remembered(directory, "wandb") or self._wandb.util.generate_id()
+        self._run = self._wandb.init(
+            project="openeureka",
+            name=directory.name,
+            dir=str(directory),
+            config=as_dict(config),
+            id=known,
+            resume="allow",
+        )
+        _remember(directory, "wandb", known)
+        self._run.define_metric("epoch")
+        self._run.define_metric("*", step_metric="epoch")
+
+    def numbers(self, values: Mapping[str, float], step: int | None = None) -> None:
+        if step is None:
+            self._run.summary.update(dict(values))
+        else:
+            self._run.log({**values, "epoch": step})
+
+    def text(self, name: str, text: str) -> None:
+        self._run.log({name: self._wandb.Table(columns=["text"], data=[[text]])})
+
+    def film(self, name: str, file: Path) -> None:
+        self._run.log({name: self._wandb.Video(str(file), format="mp4")})
+
+    def close(self) -> None:
+        self._run.finish()
+
+
+class Mlflow:
+    """A run of the experiment `openeureka`, at the address that the environment sets for MLflow."""
+
+    def __init__(self, directory: Path, config: RunConfig) -> None:
+        self._mlflow = _imported("mlflow")
+        self._mlflow.set_experiment("openeureka")
+        known = _remembered(directory, "mlflow")
+        run = self._mlflow.start_run(run_id=known, run_name=None if known else directory.name)
+        if known is None:
+            _remember(directory, "mlflow", run.info.run_id)
+            self._mlflow.log_params({name: str(value)[:500] for name, value in as_dict(config).items()})
+
+    def numbers(self, values: Mapping[str, float], step: int | None = None) -> None:
+        self._mlflow.log_metrics(dict(values), step=step)
+
+    def text(self, name: str, text: str) -> None:
+        self._mlflow.log_text(text, f"{name}.txt")
+
+    def film(self, name: str, file: Path) -> None:
+        self._mlflow.log_artifact(str(file), name)
+
+    def close(self) -> None:
+        self._mlflow.end_run()
+
+
+class TensorBoard:
+    """A file of events in the run directory that grows: `tensorboard --logdir DIR`. Films are moving pictures there."""
+
+    def __init__(self, directory: Path, config: RunConfig) -> None:
+        new = not artifacts.exists(directory, EVENTS)
+        self._file = artifacts.appended(directory, EVENTS)
+        self._writer = RecordWriter(self._file)
+        if new:
+            self._writer.write(Event(file_version="brain.Event:2").SerializeToString())
+            self.text("settings", json.dumps(as_dict(config), indent=1))
+
+    def numbers(self, values: Mapping[str, float], step: int | None = None) -> None:
+        self._write([Summary.Value(tag=name, simple_value=value) for name, value in values.items()], step or 0)
+
+    def text(self, name: str, text: str) -> None:
+        about = {"plugin_data": {"plugin_name": "text"}}
+        block = "".join(f"    {line}\n" for line in text.splitlines())  # as it is: Markdown's block of code
+        said = TensorProto(dtype=DT_STRING, string_val=[block.encode()], tensor_shape={"dim": [{"size": 1}]})
+        self._write([Summary.Value(tag=name, tensor=said, metadata=about)], 0)
+
+    def film(self, name: str, file: Path) -> None:
+        picture, width, height = video.gif(file.read_bytes())
+        image = Summary.Image(encoded_image_string=picture, width=width, height=height, colorspace=3)
+        self._write([Summary.Value(tag=name, image=image)], 0)
+
+    def _write(self, values: list[Any], step: int) -> None:
+        event = Event(step=step, wall_time=time.time(), summary=Summary(value=values))
+        self._writer.write(event.SerializeToString())
+        self._file.flush()
+
+    def close(self) -> None:
+        self._file.close()
+
+
+TRACKERS: Mapping[str, type[Wandb] | type[Mlflow] | type[TensorBoard]] = {
+    "wandb": Wandb,
+    "mlflow": Mlflow,
+    "tensorboard": TensorBoard,
+}
+
+
+class Mirror(NullObserver):
+    """Tells a tracker what a run finishes."""
+
+    def __init__(self, name: str, directory: Path, config: RunConfig) -> None:
+        self._name, self._directory, self._config = name, directory, config
+        self._tracker: Tracker | None = None
+        self._begun = False
+
+    def result(self, result: TrainingResult) -> None:
+        for epoch in range(max(map(len, result.curves.values()), default=0)):
+            found = {name: curve[epoch] for name, curve in result.curves.items() if epoch < len(curve)}
+            values = {f"{result.lane}/{name}": value for name, value in found.items() if value is not None}
+            if values:
+                self._tell("numbers", values, epoch)
+
+    def generation(self, generation: Generation) -> None:
+        if generation.best is not None and generation.best.score is not None:
+            self._tell("numbers", {"best F": generation.best.score}, generation.index)
+        for entry in generation.entries:
+            if entry.sample.candidate is not None:
+                self._tell("text", f"programs/{entry.sample.place}", plain(entry.sample.candidate.source))
+
+    def outcome(self, outcome: Outcome) -> None:
+        scores = [score for score in outcome.method.scores if score is not None]
+        if scores:
+            self._tell("numbers", {"held-out F": sum(scores) / len(scores)})
+
+    def films(self) -> None:
+        """All that there are, once the run is done."""
+        for name, path in RunView.read(self._directory).videos.items():
+            self._tell("film", f"films/{name}", self._directory / path)
+
+    def close(self) -> None:
+        if self._tracker is not None:
+            self._tell("close")
+
+    def _tell(self, verb: str, *said: object) -> None:
+        """Whatever a stranger's library raises ends the mirror and not the run."""
+        try:
+            if not self._begun:
+                self._begun = True
+                self._tracker = TRACKERS[self._name](self._directory, self._config)
+            if self._tracker is not None:
+                getattr(self._tracker, verb)(*said)
+        except Exception as error:
+            self._tracker = None
+            print(f"log={self._name} hears no more of this run: {plain(str(error))[:300]}", flush=True)
+
+
+@contextmanager
+def mirrored(directory: Path, config: RunConfig) -> Iterator[list[Mirror]]:
+    """The one who tells the tracker that the settings name, if they do; films go there when the context is left.
+
+    Raises:
+        ConfigError: when its package is not installed.
+    """
+    if not config.log:
+        yield []
+        return
+    if config.log != "tensorboard":
+        _imported(config.log)
+    mirror = Mirror(config.log, directory, config)
+    try:
+        yield [mirror]
+        mirror.films()
+    finally:
+        mirror.close()
+
+
+def _imported(name: str) -> Any:
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise ConfigError(f"log={name} needs a package: pip install 'openeureka[{name}]'.") from None
+
+
+def _remembered(directory: Path, tracker: str) -> str | None:
+    try:
+        found = json.loads(artifacts.read(directory, MEMORY) or b"{}").get(tracker)
+    except (ValueError, AttributeError, EurekaError):
+        return None
+    return found if isinstance(found, str) else None
+
+
+def _remember(directory: Path, tracker: str, name: str) -> None:
+    artifacts.write(directory, MEMORY, json.dumps({tracker: name}))

@@ -1,0 +1,158 @@
+"""The child process behind 3-D on the page: plays a policy in real time, is pushed about, and says where all is.
+
+It answers `frame` with the places of what is drawn; what else it is told changes the world that the policy lives in.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+import torch
+
+from ..errors import EurekaError
+from ..sim.perturb import Perturbed
+from ..tasks.faults import fault, told
+from ..worker import Channel
+from .looks import GROUND, HAZE, SEAM, TILE, shown, tile_side
+from .stage import Stage
+
+LATE = 0.2
+"""[s] by which the play may fall behind the clock before it gives up catching up."""
+FACTORS = ("mass", "friction")
+
+
+class Live(Stage):
+    """A stage whose world a person changes."""
+
+    def __init__(self, env: str, policy: bytes, seed: int = 0) -> None:
+        super().__init__(env, policy, seed)
+        self._physics = Perturbed(self._simulation.sim, FACTORS)
+        self._velocity = self._simulation.sim.bind("qvel")
+        self._all = torch.ones(1, dtype=torch.bool)
+        self._drawn = np.flatnonzero(shown(self.model))
+
+    def scale(self, mass: float, friction: float) -> None:
+        """Of every body and every contact, as multiples of the task's own."""
+        self._physics.write({"mass": torch.tensor([mass]), "friction": torch.tensor([friction])}, self._all)
+        self._simulation.sim.forward(self._all)
+
+    def push(self, speed: float, angle: float) -> None:
+        """An impulse at the heaviest thing that moves, enough to make it so fast [m/s] were it by itself.
+
+        Args:
+            angle: from the camera's sight [rad]: 0 is away from it, a quarter turn to its left.
+        """
+        model, data = self._simulation.sim.snapshot(0)
+        roots = [body for body in range(1, model.nbody) if _root(model, body)]
+        body = max(roots, key=lambda body: model.body_subtreemass[body])
+        towards = np.radians(self.camera.azimuth) + angle
+        impulse = model.body_subtreemass[body] * speed * np.array([np.cos(towards), np.sin(towards), 0.0])
+        jacobian, change = np.zeros((3, model.nv)), np.zeros((1, model.nv))
+        mujoco.mj_jacBodyCom(model, data, jacobian, None, body)
+        mujoco.mj_solveM(model, data, change, (jacobian.T @ impulse)[None])
+        self._velocity[0] += torch.as_tensor(change[0], dtype=torch.float32)
+        self._simulation.sim.forward(self._all)
+
+    def restart(self) -> None:
+        """Begin an episode anew."""
+        self._observation = self._simulation.reset()
+        self._copy()
+
+    def scene(self) -> tuple[dict[str, Any], dict[str, bytes]]:
+        """What is drawn: geoms with sizes and colours; meshes as blobs `vertices N` float32 and `faces N` uint32."""
+        model = self.model
+        meshes = sorted({int(model.geom_dataid[geom]) for geom in self._drawn if self._is_mesh(geom)})
+        blobs: dict[str, bytes] = {}
+        for place, mesh in enumerate(meshes):
+            vertices = slice(model.mesh_vertadr[mesh], model.mesh_vertadr[mesh] + model.mesh_vertnum[mesh])
+            faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
+            blobs[f"vertices {place}"] = model.mesh_vert[vertices].astype(np.float32).tobytes()
+            blobs[f"faces {place}"] = model.mesh_face[faces].astype(np.uint32).tobytes()
+        geoms = [
+            {
+                "type": mujoco.mjtGeom(model.geom_type[geom]).name.removeprefix("mjGEOM_").lower(),
+                "size": model.geom_size[geom].tolist(),
+                "colour": self._colour(geom),
+                "lettered": bool(model.geom_matid[geom] >= 0 and (model.mat_texid[model.geom_matid[geom]] >= 0).any()),
+                "mesh": meshes.index(int(model.geom_dataid[geom])) if self._is_mesh(geom) else -1,
+            }
+            for geom in self._drawn
+        ]
+        radius = float(model.stat.extent)
+        floor = {"ground": GROUND, "tile": TILE, "seam": SEAM, "haze": HAZE, "side": tile_side(radius)}
+        eye = {"azimuth": self.camera.azimuth, "elevation": self.camera.elevation, "fovy": model.vis.global_.fovy}
+        sun = model.light_dir[0].tolist()
+        return {"geoms": geoms, "meshes": len(meshes), "radius": radius, "floor": floor, "eye": eye, "sun": sun}, blobs
+
+    def frame(self) -> bytes:
+        """(1 + k, 12) float32: what is looked at and from how far, then place and rotation of every geom."""
+        head = np.zeros((1, 12), np.float32)
+        head[0, :4] = *self.camera.lookat, self.camera.distance
+        poses = np.concatenate([self.data.geom_xpos[self._drawn], self.data.geom_xmat[self._drawn]], axis=1)
+        return np.concatenate([head, poses.astype(np.float32)]).tobytes()
+
+    def _is_mesh(self, geom: int) -> bool:
+        return int(self.model.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_MESH)
+
+    def _colour(self, geom: int) -> list[float]:
+        """As MuJoCo draws it: that of its material, unless it has one of its own."""
+        own, material = self.model.geom_rgba[geom], int(self.model.geom_matid[geom])
+        plain = material >= 0 and np.allclose(own, (0.5, 0.5, 0.5, 1.0))
+        return (self.model.mat_rgba[material] if plain else own).tolist()
+
+
+def _root(model: mujoco.MjModel, body: int) -> bool:
+    """Whether it moves, and what it hangs on does not."""
+    return bool(model.body_weldid[body]) and not model.body_weldid[model.body_parentid[body]]
+
+
+def _obey(stage: Live, said: Mapping[str, Any]) -> None:
+    if said["do"] == "push":
+        stage.push(said["speed"], said["angle"])
+    elif said["do"] == "scale":
+        stage.scale(said["mass"], said["friction"])
+    else:
+        stage.restart()
+
+
+def _play(channel: Channel, stage: Live) -> None:
+    due = time.monotonic()
+    while True:
+        while channel.ready():
+            asked = channel.receive()
+            if asked is None:
+                return
+            if asked.header["do"] == "frame":
+                channel.send({}, {"frame": stage.frame()})
+            else:
+                _obey(stage, asked.header)
+        now = time.monotonic()
+        if now < due:
+            time.sleep(min(due - now, 0.005))
+            continue
+        due = max(due + stage.dt, now - LATE)
+        stage.step()
+
+
+def main() -> None:
+    torch.set_num_threads(1)
+    channel = Channel()
+    request = channel.receive()
+    if request is None:
+        return
+    try:
+        stage = Live(request.header["env"], request.blobs["policy"])
+        channel.send(*stage.scene())
+        _play(channel, stage)
+    except EurekaError as error:
+        channel.send({"refused": str(error)})
+    except Exception as error:
+        channel.send({"refused": str(fault(error) or f"It cannot be played: {told(error)}")})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,102 @@
+"""Policies that are played with: the world that is pushed about, who may, and all of it in a browser."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+import torch
+from PIL import Image
+from playwright.sync_api import Page, expect
+from report.policies import policy
+from report.scripted import search_in
+
+from openeureka.report import filming
+from openeureka.report.live import Live
+from openeureka.tasks import registry
+from openeureka.testing.scripted import reply
+from openeureka.training.policy import Policy
+
+from .conftest import PATIENCE
+from .serving import stranger, visitor
+
+
+def of(env: str) -> bytes:
+    task = registry.get(env)
+    return Policy(env, policy(task.num_observations, task.num_actions, (8,)).tensors).to_bytes()
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A toy search that says it is about the cartpole, whose policies nobody trained."""
+    monkeypatch.setattr(filming, "policies", lambda store, lanes: dict.fromkeys(lanes, of("cartpole")))
+    return search_in(tmp_path / "run", [reply(7), reply(8)], env="cartpole")
+
+
+def test_a_push_moves_what_is_heaviest_that_way():
+    stage = Live("ant", of("ant"))
+    stage.camera.azimuth = 0.0
+    stage.push(2.0, 0.0)
+    assert 1.0 < stage._velocity[0, 0] < 3.0  # the legs lag behind the torso
+    assert abs(float(stage._velocity[0, 1])) < 0.3
+
+
+def test_mass_and_friction_are_multiples_of_the_tasks_own():
+    stage = Live("ant", of("ant"))
+    sim = stage._simulation.sim
+    for factor in (2.0, 0.5):
+        stage.scale(factor, 3.0 * factor)
+        assert torch.allclose(sim.expand("body_mass")[0], factor * torch.as_tensor(sim.model.body_mass).float())
+        own = torch.as_tensor(sim.model.geom_friction).float()
+        assert torch.allclose(sim.expand("geom_friction")[0, :, 0], 3.0 * factor * own[:, 0])
+
+
+def test_a_world_begins_anew():
+    stage = Live("cartpole", of("cartpole"))
+    for _ in range(5):
+        stage.step()
+    assert stage._simulation.task.progress[0] == 5
+    stage.restart()
+    assert stage._simulation.task.progress[0] == 0
+
+
+def test_only_who_has_the_token_plays_and_only_with_numbers_in_bounds(run: Path):
+    address = "/runs/run/play/g0s0"
+    assert stranger(run.parent).get(address).status_code == 401
+    assert stranger(run.parent).post(address, data={"do": "restart"}).status_code == 401
+    client = visitor(run.parent)
+    assert client.get("/runs/run/play/g7s7").status_code == 404
+    assert client.post(address, data={"do": "restart"}).status_code == 409  # nobody plays
+    assert client.post(address, data={"do": "restart"}, headers={"Origin": "http://evil"}).status_code == 403
+    for form in ({"do": "run"}, {"do": "push", "speed": "1e9", "angle": "0"}, {"do": "scale", "mass": "nan"}):
+        assert client.post(address, data=form).status_code == 400
+
+
+def test_a_task_that_is_not_installed_is_never_imported_to_be_played(tmp_path: Path):
+    search_in(tmp_path / "run", [reply(7), reply(8)], env="python:evil.py:Env")
+    page = visitor(tmp_path).get("/runs/run/candidates?show=g0s0")
+    assert page.status_code == 200 and "data-play" not in page.text
+    assert visitor(tmp_path).get("/runs/run/play/g0s0").status_code == 404
+
+
+def test_a_person_plays_with_a_policy_in_3d(page: Page, run: Path):
+    page.goto("/runs/run/candidates?show=g0s0")
+    page.set_default_timeout(3 * PATIENCE)  # the child loads torch and MuJoCo
+    page.get_by_role("button", name="Start").click()
+    canvas = page.locator(".play canvas")
+    expect(canvas).to_be_visible(timeout=3 * PATIENCE)
+    page.wait_for_function("document.querySelector('[data-play]').dataset.frames > 3")
+    seen = Image.open(io.BytesIO(canvas.screenshot())).convert("RGB").resize((32, 18))
+    assert len(set(seen.tobytes())) > 20
+    with page.expect_response("**/play/g0s0") as pushed:
+        page.get_by_role("button", name="Push left").click()
+    assert pushed.value.status == 204
+    with page.expect_response("**/play/g0s0") as scaled:
+        page.get_by_label("Mass, times").fill("2")
+    assert scaled.value.status == 204
+    with page.expect_response("**/play/g0s0") as renewed:
+        page.get_by_role("button", name="Begin anew").click()
+    assert renewed.value.status == 204
+    page.get_by_role("button", name="Stop").click()
+    expect(canvas).to_be_hidden()
