@@ -57,7 +57,7 @@ HARD: Mapping[str, Dynamics] = {
 """Worlds that no policy is trained for and no model is shown; F over them is what robust means here."""
 KEEPS = 0.75
 """Share of what was learnt that a policy keeps where it is said to work."""
-SWEEP_EPISODES, HARD_EPISODES = 32, 64
+SWEEP_EPISODES, CHOOSING_EPISODES, HARD_EPISODES = 32, 16, 64
 PEAKS: tuple[Peak, ...] = ("reward", "last", "fitness")
 REPAIRS = 2
 """Times that a model may correct ranges that cannot be used, where the settings say no number."""
@@ -237,7 +237,7 @@ def _peak(lanes: Lanes, lane: Lane, quantities: Sequence[str]) -> Peak:
     hard = hard_worlds(quantities)
     own = [PolicyId(lane.id, peak) for peak in PEAKS]
     choosing = [trial for policy in own for trial in trials(policy, hard, f"choose {policy.peak} ")]
-    lanes.try_out(choosing, choosing=True, episodes=HARD_EPISODES)
+    lanes.try_out(choosing, choosing=True, episodes=CHOOSING_EPISODES)
     return max(own, key=lambda policy: rank(_chosen_by(lanes.store, policy))).peak
 
 
