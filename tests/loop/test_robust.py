@@ -145,6 +145,13 @@ def test_chance_proposes_ranges_that_can_be_used(searched: Path) -> None:
         assert all(own.low.mass <= 1.0 <= own.high.mass and own.low.delay == 0.0 for own in kept.values())
 
 
+def test_lanes_whose_policies_are_equal_are_told_apart(searched: Path) -> None:
+    """A training that gets no better leaves the policy that every lane of its seed began with."""
+    run = make(searched, ScriptedModel([TABLE.format(0.9, 1.1)]), ToyTrainer(), sample=1)
+    assert run.robust is not None and run.robust.ours == "r0" and run.robust.after
+    assert run.robust.arms[0].worlds and run.best is not None and run.best.score == 7.0
+
+
 def test_hard_worlds_are_other_worlds_of_this_robot() -> None:
     worlds = hard_worlds(QUANTITIES)
     assert list(worlds) == [
