@@ -15,7 +15,7 @@ from openeureka.lanes import Lanes
 from openeureka.llm.client import LanguageModel
 from openeureka.llm.random import RandomModel
 from openeureka.observer import NullObserver
-from openeureka.report import charts
+from openeureka.report import charts, html
 from openeureka.report import robust as told
 from openeureka.report.view import RunView
 from openeureka.robust import Robot, asked, hard_worlds, robust, table_of
@@ -98,6 +98,8 @@ def test_the_proposal_that_plays_best_in_hard_worlds_is_kept_with_its_ranges(sea
     assert mass.x_label == "mass [factor]" and [line.name for line in mass.lines] == ["before", "after"]
     assert dict(zip(mass.places, mass.lines[0].values, strict=True))[1.5] == pytest.approx(2.01)
     assert told.carried(found).rows[0][0] == "mass"
+    page = html.report(run, searched)
+    assert "Robust in hard worlds" in page and "r1, chosen" in page
     assert run.usage.prompt_tokens == 400  # the search's two replies, and these
 
 
