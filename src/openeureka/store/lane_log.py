@@ -111,7 +111,8 @@ class LaneLog:
         data = artifacts.read(self._directory, f"{folder}/policy.safetensors")
         if data is None:
             return []
-        wanted, peaks = digest(data), ("reward", "last", "fitness")
+        peaks: tuple[Peak, ...] = ("reward", "last", "fitness")
+        wanted = digest(data)
         rows = self._database.rows("results")
         return [
             PolicyId(row["lane"], peak)
