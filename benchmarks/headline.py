@@ -129,10 +129,10 @@ def summary(measured: Mapping[str, Record]) -> str:
     ends = Counter(map(ending, measured.values()))
     means = [(mean(row["generated"]), mean(row["human"])) for row in measured.values() if ending(row) != "both at zero"]
     above = sum(rank(own) >= rank(human) for own, human in means)
-    counted = ", ".join(f"{name} {ends[name]}" for name in ENDINGS if ends[name])
+    counted = ", ".join(f"{name} {ends[name]}" for name in ENDINGS if ends[name]) or "nothing yet"
     return (
         f"{len(measured)} of {len(load(PLAN).tasks)} tasks are measured. The generated reward against the human one: "
-        f"{counted}. Its mean is at or above the human one on {above} of the {len(means)} that are not both at zero."
+        f"{counted}.\nIts mean is at or above the human one on {above} of the {len(means)} that are not both at zero."
     )
 
 

@@ -18,9 +18,10 @@ from .llm import price
 from .llm.client import LanguageModel
 from .sampling import request_seed
 from .score import mean, rank
-from .store import Store
+from .store import Store, artifacts
 from .types import (
     NOMINAL,
+    Candidate,
     Dynamics,
     Evaluation,
     Lane,
@@ -57,7 +58,7 @@ HARD: Mapping[str, Dynamics] = {
 """Worlds that no policy is trained for and no model is shown; F over them is what robust means here."""
 KEEPS = 0.75
 """Share of what was learnt that a policy keeps where it is said to work."""
-SWEEP_EPISODES, HARD_EPISODES = 32, 64
+SWEEP_EPISODES, CHOOSING_EPISODES, HARD_EPISODES = 32, 16, 64
 PEAKS: tuple[Peak, ...] = ("reward", "last", "fitness")
 REPAIRS = 2
 """Times that a model may correct ranges that cannot be used, where the settings say no number."""
@@ -99,7 +100,7 @@ def robust(lanes: Lanes, model: LanguageModel, robot: Robot) -> None:
         EurekaError: what else stopped it; all that was finished is stored, and calling again continues.
     """
     config, store = lanes.config, lanes.store
-    began = store.lanes.exposed("best")
+    began = _best(store)
     if began is None:
         raise ConfigError(f"{store.directory} holds no policy yet; `eureka resume {store.directory}` goes on with it.")
     lanes.observer.phase(config.generations, "evaluate")
@@ -121,6 +122,19 @@ def robust(lanes: Lanes, model: LanguageModel, robot: Robot) -> None:
     lanes.try_out([trial for own in judged for trial in trials(own, hard)], episodes=HARD_EPISODES)
     lanes.try_out(sweep(arms[ours], robot.quantities), episodes=SWEEP_EPISODES)
     store.save_robust(written(store.ranges()[ours]), arms[ours])
+
+
+def _best(store: Store) -> PolicyId | None:
+    """The policy in `best/`; of equal ones that of the reward which lies there too."""
+    source = artifacts.read(store.directory, "best/reward.py")
+    own = Candidate.of(source.decode(errors="replace")).id if source is not None else None
+    lanes, given, judged = store.lanes.all(), store.given(), store.lanes.evaluations()
+
+    def fits(policy: PolicyId) -> tuple[bool, bool, bool]:
+        lane = lanes[policy.lane]
+        return lane.role != "robust", given.get(lane.reward, lane.reward) == own, policy.lane in judged
+
+    return max(store.lanes.exposed("best"), key=fits, default=None)
 
 
 def sweep(policy: PolicyId, quantities: Iterable[str]) -> list[Trial]:
@@ -147,7 +161,7 @@ def hard_worlds(quantities: Sequence[str]) -> dict[str, Dynamics]:
 def propose(lanes: Lanes, model: LanguageModel, robot: Robot, began: PolicyId) -> dict[str, Ranges]:
     """Ranges by name, one a slot whose reply, or a repair of it, can be used."""
     config, store = lanes.config, lanes.store
-    prompt = asked(robot, carries(store, began, robot.quantities))
+    prompt = asked(robot, carries(store, began.lane, robot.quantities))
     found: dict[str, Ranges] = {}
     wrong: dict[int, Prompt] = {}
     reason = ""
@@ -237,7 +251,7 @@ def _peak(lanes: Lanes, lane: Lane, quantities: Sequence[str]) -> Peak:
     hard = hard_worlds(quantities)
     own = [PolicyId(lane.id, peak) for peak in PEAKS]
     choosing = [trial for policy in own for trial in trials(policy, hard, f"choose {policy.peak} ")]
-    lanes.try_out(choosing, choosing=True, episodes=HARD_EPISODES)
+    lanes.try_out(choosing, choosing=True, episodes=CHOOSING_EPISODES)
     return max(own, key=lambda policy: rank(_chosen_by(lanes.store, policy))).peak
 
 
@@ -322,17 +336,16 @@ class Robust:
 def read(store: Store, results: Mapping[str, TrainingResult]) -> Robust | None:
     """What the store of a run says of it; None where it was not begun."""
     scores, own = store.lanes.trials(), store.ranges()
-    began = next((lane for lane, named in scores.items() if "sweep" in named), None)
+    records = {lane.ranges: lane.id for lane in store.lanes.all().values() if lane.role == "robust"}
+    began = next((lane for lane, named in scores.items() if "sweep" in named and lane not in records.values()), None)
     if began is None:
         return None
-    records = {lane.ranges: lane.id for lane in store.lanes.all().values() if lane.role == "robust"}
-    policy = store.lanes.exposed("robust")
-    ours = next((name for name, lane in records.items() if policy is not None and lane == policy.lane), "")
     arms = [_arm(PLAIN, None, scores[began]), *(_arm(n, own[n], scores.get(records.get(n, ""), {})) for n in own)]
+    swept = [arm for arm in arms if "sweep" in scores.get(records.get(arm.name, ""), {})]
+    ours = max(swept, key=lambda arm: rank(arm.chosen_by)).name if swept else ""
     quantities = [name for name in GRID if any(key.startswith(f"sweep {name}=") for key in scores[began])]
-    after = carries(store, policy, quantities) if policy is not None and ours else ()
-    peak = scores[began]["sweep"].peak or "reward"
-    before = carries(store, PolicyId(began, peak), quantities)
+    after = carries(store, records[ours], quantities) if ours else ()
+    before = carries(store, began, quantities)
     return Robust(arms=tuple(arms), ours=ours, before=tuple(before), after=tuple(after))
 
 
@@ -349,9 +362,9 @@ def _arm(name: str, ranges: Ranges | None, scores: Mapping[str, Evaluation]) -> 
     )
 
 
-def carries(store: Store, policy: PolicyId, quantities: Iterable[str]) -> list[Carried]:
-    """How far a policy carries along each quantity, as far as it was tried."""
-    scores, result = store.lanes.trials().get(policy.lane, {}), store.lanes.result(policy.lane)
+def carries(store: Store, lane: str, quantities: Iterable[str]) -> list[Carried]:
+    """How far a lane's policy carries along each quantity, as far as it was tried."""
+    scores, result = store.lanes.trials().get(lane, {}), store.lanes.result(lane)
     nominal = scores["sweep"].fitness if "sweep" in scores else None
     untrained = next((v for v in (result.curves.get("fitness", ()) if result else ()) if v is not None), None)
     learnt = nominal - untrained if nominal is not None and untrained is not None else 0.0

@@ -13,7 +13,7 @@ from report.scripted import search_in
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 from openeureka.hacking import Kind
-from openeureka.report import costs, tables
+from openeureka.report import costs, html, tables
 from openeureka.report.verdict import verdict
 from openeureka.report.view import RunView
 from openeureka.runs.run import Run
@@ -49,6 +49,8 @@ def test_a_reward_whose_policy_breaks_a_limit_cannot_win(tmp_path: Path) -> None
     assert found.titles == ("costs when played", "F", "torque [N m], at most 75", "falls [share], at most 0.5")
     assert [row[0] for row in found.rows] == ["g0s0", "g0s1", "human reward", "sparse reward"]
     assert [row[2] for row in found.rows] == ["70", "80 BROKEN", "100 BROKEN", "50"]
+    page = html.report(run, tmp_path / "run")
+    assert "<h2>Costs</h2>" in page and "80 BROKEN" in page and "What its policy costs" in page
     assert costs.facts(run.best.played) == [("torque [N m]", "70"), ("falls [share]", "0.25")]
     (row,) = (row for row in Run(tmp_path / "run").rows() if row["place"] == "g0s1" and row["role"] == "candidate")
     assert row["cost/torque"] == 80.0

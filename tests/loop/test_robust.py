@@ -15,7 +15,7 @@ from openeureka.lanes import Lanes
 from openeureka.llm.client import LanguageModel
 from openeureka.llm.random import RandomModel
 from openeureka.observer import NullObserver
-from openeureka.report import charts
+from openeureka.report import charts, html
 from openeureka.report import robust as told
 from openeureka.report.view import RunView
 from openeureka.robust import Robot, asked, hard_worlds, robust, table_of
@@ -101,6 +101,8 @@ def test_the_proposal_that_plays_best_in_hard_worlds_is_kept_with_its_ranges(sea
     assert mass.x_label == "mass [factor]" and [line.name for line in mass.lines] == ["before", "after"]
     assert dict(zip(mass.places, mass.lines[0].values, strict=True))[1.5] == pytest.approx(2.01)
     assert told.carried(found).rows[0][0] == "mass"
+    page = html.report(run, searched)
+    assert "Robust in hard worlds" in page and "r1, chosen" in page
     assert run.usage.prompt_tokens == 400  # the search's two replies, and these
 
 
@@ -146,6 +148,13 @@ def test_chance_proposes_ranges_that_can_be_used(searched: Path) -> None:
         kept = store.ranges()
         assert len({str(own) for own in kept.values()}) >= 4
         assert all(own.low.mass <= 1.0 <= own.high.mass and own.low.delay == 0.0 for own in kept.values())
+
+
+def test_lanes_whose_policies_are_equal_are_told_apart(searched: Path) -> None:
+    """A training that gets no better leaves the policy that every lane of its seed began with."""
+    run = make(searched, ScriptedModel([TABLE.format(0.9, 1.1)]), ToyTrainer(), sample=1)
+    assert run.robust is not None and run.robust.ours == "r0" and run.robust.after
+    assert run.robust.arms[0].worlds and run.best is not None and run.best.score == 7.0
 
 
 def test_hard_worlds_are_other_worlds_of_this_robot() -> None:

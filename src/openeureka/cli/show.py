@@ -47,6 +47,7 @@ def show(directory: Path, *, as_json: bool = False) -> None:
         scores = tables.given(run)
         print(f"{columns([scores.titles, *scores.rows])}\n\n{scores.note}\n{plain(verdict(run))}")
         print("".join(_costs(run)))
+        print("\n".join(robust_lines(run.robust) if run.robust is not None else []))
         return
     strengths = run.ranking.strengths
     slots = [_slot(entry, strengths) for generation in run.history.generations for entry in generation.entries]

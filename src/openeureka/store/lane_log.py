@@ -106,15 +106,20 @@ class LaneLog:
                 artifacts.remove(self._directory, f"{folder}/{made}")
         artifacts.write(self._directory, kept, data)
 
-    def exposed(self, folder: str) -> PolicyId | None:
-        """Whose policy a folder holds a copy of; None where it holds none of this run's."""
+    def exposed(self, folder: str) -> list[PolicyId]:
+        """Whose policy a folder holds a copy of: several where lanes are equal, as after their first epoch."""
         data = artifacts.read(self._directory, f"{folder}/policy.safetensors")
+        if data is None:
+            return []
         peaks: tuple[Peak, ...] = ("reward", "last", "fitness")
-        for row in self._database.rows("results") if data is not None else ():
-            for peak in peaks:
-                if self._database.decoded(decode_digest, row["result"], peak) == digest(data or b""):
-                    return PolicyId(row["lane"], peak)
-        return None
+        wanted = digest(data)
+        rows = self._database.rows("results")
+        return [
+            PolicyId(row["lane"], peak)
+            for row in rows
+            for peak in peaks
+            if self._database.decoded(decode_digest, row["result"], peak) == wanted
+        ]
 
     def save_best_policy(self, policy: PolicyId) -> None:
         """Keep which policy is the best of all, judged as it is."""

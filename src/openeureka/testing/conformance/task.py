@@ -68,6 +68,13 @@ class TaskConformance:
         state = simulation.current_state()
         assert torch.equal(state["obs_buf"], task.observe(state))
 
+    def test_what_no_sensor_tells_is_part_of_the_observation(self) -> None:
+        task = get(self.env)
+        unseen = task.unseen("measurable")
+        assert {name for name, _ in task.unmeasured} <= set(task.spec.names)
+        assert len(set(unseen)) == len(unseen) < task.num_observations
+        assert all(0 <= column < task.num_observations for column in unseen)
+
     def test_worlds_of_equal_seed_live_equal_lives_and_others_do_not(self) -> None:
         simulation = self._make(worlds=4, lane_seeds=(7, 7, 8))
         start = simulation.reset()
