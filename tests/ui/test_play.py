@@ -93,7 +93,7 @@ def test_a_person_plays_with_a_policy_in_3d(page: Page, run: Path):
         page.get_by_role("button", name="Push left").click()
     assert pushed.value.status == 204
     with page.expect_response("**/play/g0s0") as scaled:
-        page.get_by_label("Mass, times").fill("2")
+        page.get_by_role("slider", name="Mass, times").fill("2")
     assert scaled.value.status == 204
     with page.expect_response("**/play/g0s0") as renewed:
         page.get_by_role("button", name="Begin anew").click()

@@ -33,7 +33,7 @@ class Live(Stage):
         self._physics = Perturbed(self._simulation.sim, FACTORS)
         self._velocity = self._simulation.sim.bind("qvel")
         self._all = torch.ones(1, dtype=torch.bool)
-        self._drawn = np.flatnonzero(shown(self.model))
+        self._drawn: list[int] = np.flatnonzero(shown(self.model)).tolist()
 
     def scale(self, mass: float, friction: float) -> None:
         """Of every body and every contact, as multiples of the task's own."""

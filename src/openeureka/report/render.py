@@ -65,11 +65,11 @@ def encode(images: Iterator[np.ndarray]) -> bytes:
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "video.mp4"
-        shape: dict[str, Any] = {"size": (WIDTH, HEIGHT), "fps": FPS, "macro_block_size": 1}
+        shape: dict[str, Any] = {"size": (WIDTH, HEIGHT), "fps": FPS, "macro_block_size": 1, "quality": None}
         # What every browser plays, and begins to before it has all of it; `veryfast` costs a quarter of the default.
         kind = ["-profile:v", "high", "-preset", "veryfast", "-crf", "23", "-movflags", "+faststart"]
         writer = imageio_ffmpeg.write_frames(
-            str(path), **shape, codec="libx264", pix_fmt_out="yuv420p", quality=None, output_params=kind
+            str(path), **shape, codec="libx264", pix_fmt_out="yuv420p", output_params=kind
         )
         writer.send(None)
         for image in images:

@@ -172,7 +172,7 @@ class Pages:
             view = self._view(name, directory, folder.fingerprint(directory))
             policy = pages.playable(directory, view, place)
         except EurekaError:
-            policy = None
+            raise HTTPException(404, "The run cannot be read.") from None
         if policy is None:
             raise HTTPException(404, "There is no such policy.")
 

@@ -170,7 +170,8 @@ class Scene {
 
   draw() {
     const { gl, canvas, scene, poses } = this;
-    if (!poses) return;
+    if (!poses || !this.changed) return;
+    this.changed = false;
     const scale = Math.min(2, devicePixelRatio), width = Math.round(canvas.clientWidth * scale), height = Math.round(canvas.clientHeight * scale);
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     gl.viewport(0, 0, width, height);
@@ -207,8 +208,8 @@ class Scene {
 
 function turnable(scene) {
   const { canvas } = scene;
-  const turn = (x, y) => { scene.turned -= x; scene.raised -= y; };
-  const move = (by) => { scene.nearer = Math.max(.3, Math.min(4, scene.nearer * by)); };
+  const turn = (x, y) => { scene.turned -= x; scene.raised -= y; scene.changed = true; };
+  const move = (by) => { scene.nearer = Math.max(.3, Math.min(4, scene.nearer * by)); scene.changed = true; };
   canvas.onpointerdown = ({ pointerId }) => canvas.setPointerCapture(pointerId);
   canvas.onpointermove = ({ buttons, movementX, movementY }) => { if (buttons) turn(movementX / 200, movementY / 200); };
   canvas.addEventListener("wheel", (event) => {
@@ -261,7 +262,7 @@ function play(panel) {
       if (!source) return;
       // A browser that draws slowly leaves pictures out; it does not fall behind.
       if (!scene.poses) requestAnimationFrame(function again() { if (source) { scene.draw(); requestAnimationFrame(again); } });
-      scene.poses = new Float32Array(bytes(JSON.parse(data)));
+      Object.assign(scene, { poses: new Float32Array(bytes(JSON.parse(data))), changed: true });
       panel.dataset.frames = Number(panel.dataset.frames ?? 0) + 1;
     });
     source.addEventListener("end", ({ data }) => end(JSON.parse(data)));
@@ -274,7 +275,7 @@ function play(panel) {
     if (wish === "push") tell({ do: "push", speed: value("speed"), angle: target.dataset.angle });
     if (wish === "restart") tell({ do: "restart" });
   });
-  panel.addEventListener("input", ({ target }) => { target.parentElement.querySelector("output").textContent = target.value; });
+  panel.addEventListener("input", ({ target }) => { target.parentElement.querySelector("b").textContent = target.value; });
   panel.addEventListener("change", ({ target }) => { if (target.name !== "speed") scale(); });
   document.addEventListener("visibilitychange", () => { if (document.hidden && source) end("It stopped while nobody looked."); });
   addEventListener("pagehide", () => source?.close());
