@@ -86,6 +86,8 @@ CLUSTER = ROOT / "docs" / "guides" / "cluster.md"
 FAULTS = "<!-- faults -->\n", "<!-- /faults -->\n"
 LOOP = ROOT / "docs" / "concepts" / "loop.md"
 ADVICE = "<!-- prompts -->\n", "<!-- /prompts -->\n"
+BENCHMARK = ROOT / "docs" / "concepts" / "benchmark.md"
+REACHED = "<!-- reachable -->\n", "<!-- /reachable -->\n"
 CHOICES = "<!-- choices -->\n", "<!-- /choices -->\n"
 
 
@@ -208,6 +210,12 @@ def headline() -> str:
     return f"{HEADLINE_HEAD}{study.summary(measured)}\n\n{_table(study.TITLES, study.rows(measured))}{HEADLINE_TAIL}"
 
 
+def reached() -> str:
+    """What `benchmarks/reachable.py` has found: actions that do what no policy has done."""
+    study = _benchmark("reachable")
+    return _table(study.TITLES, study.rows(study.read(study.RESULTS)))
+
+
 def faults() -> str:
     """What `benchmarks/cluster.py --part faults` has measured."""
     study = _benchmark("cluster")
@@ -249,6 +257,7 @@ def generated() -> Mapping[Path, str]:
         PYTHON: python_page.page(),
         MODULES: modules(),
         BASELINES: baselines(),
+        BENCHMARK: _between(BENCHMARK.read_text(), REACHED, reached()),
         HEADLINE: headline(),
         README: _between(README.read_text(), FOUND, found()),
         CONTRIBUTING: _between(CONTRIBUTING.read_text(), TREE, tree()),
