@@ -60,6 +60,8 @@ CLUSTER = ROOT / "docs" / "guides" / "cluster.md"
 FAULTS = "<!-- faults -->\n", "<!-- /faults -->\n"
 LOOP = ROOT / "docs" / "concepts" / "loop.md"
 ADVICE = "<!-- prompts -->\n", "<!-- /prompts -->\n"
+BENCHMARK = ROOT / "docs" / "concepts" / "benchmark.md"
+REACHED = "<!-- reachable -->\n", "<!-- /reachable -->\n"
 CHOICES = "<!-- choices -->\n", "<!-- /choices -->\n"
 
 
@@ -173,6 +175,12 @@ def headline() -> str:
     return f"{study.summary(measured)}\n\n{_table(study.TITLES, study.rows(measured))}"
 
 
+def reached() -> str:
+    """What `benchmarks/reachable.py` has found: actions that do what no policy has done."""
+    study = _benchmark("reachable")
+    return _table(study.TITLES, study.rows(study.read(study.RESULTS)))
+
+
 def faults() -> str:
     """What `benchmarks/cluster.py --part faults` has measured."""
     study = _benchmark("cluster")
@@ -215,6 +223,7 @@ def generated() -> Mapping[Path, str]:
         MODULES: modules(),
         BASELINES: baselines(),
         HEADLINE: _between(HEADLINE.read_text(), HEADLINE_TABLE, headline()),
+        BENCHMARK: _between(BENCHMARK.read_text(), REACHED, reached()),
         README: _between(README.read_text(), FOUND, found()),
         CONTRIBUTING: _between(CONTRIBUTING.read_text(), TREE, tree()),
         SCORES: _scores(),
