@@ -1,0 +1,64 @@
+"""The table's rows end as their numbers say, and every task has replies to repeat."""
+
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from openeureka.benchmark.plan import load
+from openeureka.llm.registry import archived
+from openeureka.tasks import registry
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def headline(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    import headline  # pyright: ignore[reportMissingImports]
+
+    return headline
+
+
+def row(generated: list[float], human: list[float], difference: list[float] | None) -> dict[str, object]:
+    return {
+        "steps": 1000,
+        "generated": generated,
+        "human": human,
+        "sparse": [0.0],
+        "difference": difference,
+        "score": 1.5,
+    }
+
+
+def test_a_row_ends_as_its_interval_says(headline: ModuleType):
+    found = {
+        "better": row([3.0, 4.0], [1.0, 2.0], [2.0, 0.5, 3.5]),
+        "worse": row([1.0], [3.0], [-2.0, -3.0, -1.0]),
+        "level": row([1.0, 2.0], [2.0, 0.5], [0.25, -1.0, 1.5]),
+        "one seed": row([2.0], [1.0], None),
+        "both at zero": row([0.0, 0.0], [0.0, 0.0], [0.0, 0.0, 0.0]),
+    }
+    assert [headline.ending(one) for one in found.values()] == list(found)
+
+
+def test_a_tie_of_zeros_is_no_draw(headline: ModuleType):
+    zeros = row([0.0, 0.0], [0.0, 0.0], [0.0, 0.0, 0.0])
+    measured = {"ant": row([3.0, 4.0], [1.0, 2.0], [2.0, 0.5, 3.5]), "shadow_hand_kettle": zeros}
+    assert "better 1, both at zero 1" in headline.summary(measured)
+    assert "at or above the human one on 1 of the 1 that are not both at zero" in headline.summary(measured)
+    assert [line[0] for line in headline.rows(measured)] == ["ant", "shadow_hand_kettle"]
+
+
+def test_every_task_has_eight_replies_and_a_budget(headline: ModuleType):
+    whole = load(headline.PLAN)
+    assert sorted(whole.tasks) == sorted(registry.names())
+    for cell in whole.cells():
+        config = whole.config(cell)
+        assert config.steps and config.sample == len(archived(Path(config.model.removeprefix("replay:")))) == 8
+
+
+def test_what_is_left_is_what_is_not_measured(headline: ModuleType):
+    every = headline.left({}).splitlines()
+    assert len(every) == 1 + len(load(headline.PLAN).tasks)
+    assert len(headline.left({"ant": {}}).splitlines()) == len(every) - 1
