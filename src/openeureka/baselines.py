@@ -8,10 +8,9 @@ from functools import cache
 from importlib.resources import files
 from typing import Any, Literal
 
-from .config import RunConfig
+from .config import NO_RANGES, RunConfig
 from .errors import ConfigError
 from .score import Arm, Baselines
-from .tasks import ranges
 
 Peak = Literal["fitness", "reward"]
 
@@ -47,7 +46,7 @@ def chosen(config: RunConfig) -> Baselines | None:
     """
     if config.baselines != "known":
         return None
-    plain = not config.curriculum and config.randomise == ranges.NONE
+    plain = not config.curriculum and config.randomise == NO_RANGES
     found = known(config.env, _held_out(config)) if plain else None
     if found is None or not (found.human.training and found.sparse.training):
         what = config.env if plain else f"{config.env} with {'a curriculum' if config.curriculum else 'randomise='}"

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 NO_MODEL = "none"
 """`model` of a run that searches for nothing: given rewards train, and are compared."""
+NO_RANGES = "none"
+"""`randomise` of a run whose worlds are the task's own."""
 BONUSES = ("none", "original")
 SCHEDULES = ("full", "halving")
 OBSERVES = ("all", "measurable")
@@ -72,7 +74,7 @@ class RunConfig:
     """Of the model's samples: higher ones differ more."""
     curriculum: str = ""
     """Stages to train each candidate through: one of the task's own, or a YAML file; empty means the task alone."""
-    randomise: str = "none"
+    randomise: str = NO_RANGES
     """How worlds of training differ: `none`, `mild`, `wide`, or a YAML file of ranges."""
     observe: str = "all"
     """What policies see: `all` of the observation, or what is `measurable` on a robot."""
@@ -193,7 +195,7 @@ class TrainConfig:
     """Comma-separated: `human`, `sparse` or the path of a reward file."""
     curriculum: str = ""
     """Stages to train each reward through: one of the task's own, or a YAML file; empty means the task alone."""
-    randomise: str = "none"
+    randomise: str = NO_RANGES
     """How worlds of training differ: `none`, `mild`, `wide`, or a YAML file of ranges."""
     observe: str = "all"
     """What policies see: `all` of the observation, or what is `measurable` on a robot."""

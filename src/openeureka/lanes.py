@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from .config import RunConfig
+from .config import NO_RANGES, RunConfig
 from .errors import WorkerError
 from .hacking import Trial
 from .observer import Observer
@@ -14,7 +14,6 @@ from .schedule import RUNGS, WHOLE, Rung, leaders, why
 from .score import broken, level, played, standing
 from .store import Store
 from .strategies import SearchStrategy
-from .tasks import ranges
 from .types import (
     CandidateId,
     Evaluation,
@@ -22,6 +21,7 @@ from .types import (
     LaneSpec,
     Observe,
     Peak,
+    Ranges,
     RewardProgram,
     Role,
     Sample,
@@ -105,6 +105,15 @@ def affordable(trained: Iterable[TrainingResult], peaks: int) -> int:
     return max(fewest, most)
 
 
+def _drawn(config: RunConfig) -> Ranges | None:
+    """What the worlds of a run are drawn from; None for the task's own alone."""
+    if config.randomise == NO_RANGES:
+        return None
+    from .tasks import ranges  # knows the simulator, which a search of fakes does without
+
+    return ranges.find(config.env, config.randomise)
+
+
 def _racing(going: Iterable[str], rivals: Container[str]) -> bool:
     """Whether there is anybody to compare."""
     return sum(lane in rivals for lane in going) > 1
@@ -151,7 +160,7 @@ class Lanes:
                 worlds=self.config.worlds,
                 until=rung.share,
                 bonus=self.config.bonus == "original",
-                randomise=ranges.find(self.config.env, self.config.randomise),
+                randomise=_drawn(self.config),
                 observe=observe,
             )
             for event in self.trainer.train(self.config.env, missing, budget) if missing else ():

@@ -12,7 +12,8 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[object, ...]]:
     """What would have been rendered."""
     calls: list[tuple[object, ...]] = []
 
-    def render(env: str, policy: str | bytes, *, seconds: float, seed: int) -> bytes:
+    def render(env: str, policy: str | bytes, *, beside: str | bytes | None, seconds: float, **_: object) -> bytes:
+        assert beside is None
         calls.append((env, policy, seconds))
         return b"mp4"
 

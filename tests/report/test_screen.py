@@ -27,14 +27,14 @@ def test_a_picture_fills_the_frame_as_far_as_its_shape_allows():
 def test_an_environment_is_filmed_as_it_draws_itself():
     pytest.importorskip("pygame", reason="needs pygame: pip install 'openeureka[gym]'")
     assert draws_itself("gym:CartPole-v1") and not draws_itself("gym:Hopper-v5")
-    pictures = list(frames(Screen("gym:CartPole-v1", "random", 0), 0.2))
-    assert len(pictures) == 6 and pictures[0].shape == (480, 640, 3)  # 0.2 s at 30 pictures a second
+    pictures = list(frames([Screen("gym:CartPole-v1", "random", 0)], 0.2))
+    assert len(pictures) == 6 and pictures[0].shape == (720, 1280, 3)  # 0.2 s at 30 pictures a second
     assert (pictures[0] != pictures[-1]).any()
 
 
 def test_one_without_pictures_says_so():
     with pytest.raises(NothingDrawn, match="draws no pictures"):
-        next(frames(Screen("gym:Openeureka/Clock-v0", "zero", 0), 1.0))
+        next(frames([Screen("gym:Openeureka/Clock-v0", "zero", 0)], 1.0))
 
 
 def test_where_nobody_knows_the_masses_nothing_is_played_with_others():

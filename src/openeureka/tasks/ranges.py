@@ -10,6 +10,7 @@ from typing import Any, cast
 import mujoco
 import yaml
 
+from ..config import NO_RANGES
 from ..errors import ConfigError, nearest
 from ..sim.perturb import FACTORS, acts
 from ..types import NOMINAL, Ranges
@@ -20,7 +21,6 @@ from .task import Task
 
 Pairs = Mapping[str, tuple[float, float]]
 
-NONE = "none"
 NAMED: Mapping[str, Pairs] = {
     "mild": {
         "mass": (0.9, 1.1),
@@ -47,7 +47,7 @@ def find(env: str, randomise: str) -> Ranges | None:
     Raises:
         ConfigError: when there are none, one makes no sense, or would change nothing of the task.
     """
-    if randomise == NONE:
+    if randomise == NO_RANGES:
         return None
     task = get(env)
     if task.draws_itself:
