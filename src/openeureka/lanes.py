@@ -152,6 +152,7 @@ class Lanes:
         sharing = {group[0].id: group for group in twins.values()}
         going = {group[0].id: group[0] for group in twins.values()}
         rivals = [lane.id for lane in lanes if lane.role == "candidate"]
+        drawn = _drawn(self.config)
         observe: Observe = "measurable" if self.config.observe == "measurable" else "all"
         for number, rung in enumerate((*RUNGS[self.config.schedule], WHOLE), start=1):
             missing, failed = self._due(number, rung, going, rivals), list[TrainingResult]()
@@ -160,7 +161,7 @@ class Lanes:
                 worlds=self.config.worlds,
                 until=rung.share,
                 bonus=self.config.bonus == "original",
-                randomise=_drawn(self.config),
+                randomise=drawn,
                 observe=observe,
             )
             for event in self.trainer.train(self.config.env, missing, budget) if missing else ():
