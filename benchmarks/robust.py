@@ -17,8 +17,8 @@ from records import conditions, write
 
 import openeureka
 from openeureka.cli.tune import robust
+from openeureka.hardened import PLAIN, UNIFORM, Robust
 from openeureka.report.view import RunView
-from openeureka.robust import PLAIN, UNIFORM, Robust
 from openeureka.score import mean
 
 ENVS = ("anymal", "ant", "quadcopter")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from .benchmark.bench import Bench, bench
     from .benchmark.plan import Plan
     from .errors import EurekaError
-    from .runs.door import check, open_run, search, searching, train, tune
+    from .runs.door import check, open_run, robust, search, searching, train, tune
     from .runs.events import Asked, Began, Checked, Event, Played, Replied, Started
     from .runs.run import LaneView, Run, TrainedPolicy
     from .score import Outcome
@@ -43,6 +43,7 @@ __all__ = [
     "bench",
     "check",
     "open_run",
+    "robust",
     "search",
     "searching",
     "train",
@@ -53,7 +54,7 @@ _MODULES = {
     "benchmark.bench": ("Bench", "bench"),
     "benchmark.plan": ("Plan",),
     "errors": ("EurekaError",),
-    "runs.door": ("check", "open_run", "search", "searching", "train", "tune"),
+    "runs.door": ("check", "open_run", "robust", "search", "searching", "train", "tune"),
     "runs.events": ("Asked", "Began", "Checked", "Event", "Played", "Replied", "Started"),
     "runs.run": ("LaneView", "Run", "TrainedPolicy"),
     "score": ("Outcome",),

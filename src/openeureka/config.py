@@ -1,20 +1,14 @@
-"""Settings of a run as a frozen dataclass, read from `key=value` words or from Python values."""
+"""Settings of runs and of what is done with them, as frozen dataclasses; `parsing` reads them."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-import os
 import re
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast, get_type_hints
 
-from .errors import ConfigError, nearest
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
+from .errors import ConfigError
 
 NO_MODEL = "none"
 """`model` of a run that searches for nothing: given rewards train, and are compared."""
@@ -26,8 +20,6 @@ OBSERVES = ("all", "measurable")
 VIDEOS = ("all", "best", "none")
 LOGS = ("", "wandb", "mlflow", "tensorboard")
 FEEDBACKS = ("none", "human")
-_LONGEST = 4096
-"""Characters of a setting: those of the longest path."""
 _MANY = 100_000
 """More than anybody asks for, and few enough to be counted through by who shows a run of somebody else."""
 _COUNTS = (
@@ -265,151 +257,40 @@ class TuneConfig(TrainConfig):
         return dataclasses.replace(TrainConfig.run(self), tune=self.trials)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobustConfig:
+    """Ranges that a model proposes for the best policy of a run."""
+
+    model: str = ""
+    """As in `eureka run`; empty means the run's own."""
+    base_url: str = ""
+    """OpenAI-compatible endpoint; empty means the run's."""
+    sample: int = 8
+    """Proposals."""
+    repair: int = 2
+    """Times that the model may correct one that cannot be used."""
+    steps: int = 0
+    """Environment steps of each training; 0 means those of the run."""
+    device: str = ""
+    """As in `eureka run`; empty means the run's."""
+    threads: int = 0
+    """Cores to train on; 0 means those of the run."""
+    max_cost: float = 0.0
+    """Stop before the spending on replies, the search's included, exceeds this many US dollars; 0 means no limit."""
+    price: str = ""
+    """As in `eureka run`; empty means the run's."""
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.sample <= 1000:
+            raise ConfigError(f"`sample` must be from 1 to 1000, not {self.sample}.")
+
+    def changed(self, run: RunConfig) -> RunConfig:
+        """The run's settings with those that are given here."""
+        given = {key: value for key, value in dataclasses.asdict(self).items() if value}
+        return dataclasses.replace(run, schedule="full", **given)
+
+
 def short_name(env: str) -> str:
     """A task's name for files and titles: that of `some/where/pendulum.py:Pendulum` is `pendulum`."""
     name = re.sub(r"\+python=[^+]*", "", env).rpartition(":")[2]
     return re.sub(r"\W+", "_", Path(name).stem if name.endswith(".py") else name).lower()
-
-
-_FILES = {
-    "env": r"((?:python:)?)(.+\.py)([:+].*)?",
-    "init": r"()(?!human\Z)(.+)()",
-    "curriculum": r"()(.+\.ya?ml)()",
-    "randomise": r"()(.+\.ya?ml)()",
-    "model": r"(replay:|local:(?!hub:))(.+)()",
-}
-
-
-def absolute(key: str, value: str, folder: Path = Path()) -> str:
-    """The whole path of a file that a setting names from a folder, so that it is found from any directory."""
-    match = re.fullmatch(_FILES.get(key, "(?!)"), value)
-    return f"{match[1]}{(folder / Path(match[2]).expanduser()).resolve()}{match[3] or ''}" if match else value
-
-
-def elsewhere(settings: Mapping[str, object]) -> dict[str, object]:
-    """The settings with `python=PATH` as a part of what `env` names: the interpreter that its environment lives in.
-
-    The path is made whole but not followed: the interpreter of a virtual environment is a link.
-    """
-    found = dict(settings)
-    if "env" not in found or "python" not in found:
-        return found
-    python = str(found.pop("python"))
-    whole = os.path.abspath(os.path.expanduser(python)) if os.sep in python else python
-    return found | {"env": f"{found['env']}+python={whole}"}
-
-
-def _whole(value: str) -> int:
-    """A whole number, also as people write large ones: `1e6`, `2.5e5`."""
-    if re.fullmatch(r"[+-]?\d+(\.\d*)?[eE]\+?\d{1,2}", value) and float(value).is_integer():
-        return int(float(value))
-    return int(value)
-
-
-_WANTED = {"int": "a whole number", "float": "a number", "bool": "true or false"}
-
-Config = TypeVar("Config", bound="DataclassInstance")
-
-
-def parse(kind: type[Config], words: Sequence[str]) -> Config:
-    """Build a frozen config dataclass from `key=value` words. A value is taken as it is: nothing in it is looked up.
-
-    Raises:
-        ConfigError: for a word that is not `key=value`, an unknown key or a value of the wrong type.
-    """
-    return kind(**_typed(kind, words))
-
-
-def changed(config: Config, words: Sequence[str]) -> Config:
-    """The config with what `key=value` words say. Raises ConfigError as `parse` does."""
-    return dataclasses.replace(config, **_typed(type(config), words))
-
-
-def _typed(kind: type, words: Sequence[str]) -> dict[str, Any]:
-    hints = get_type_hints(kind)
-    values: dict[str, Any] = {}
-    given: dict[str, object] = {}
-    for word in words:
-        key, sign, value = word.partition("=")
-        if not sign:
-            raise ConfigError(f"`{word}` is not of the form key=value, for example env=cartpole.")
-        given[key] = value
-    for key, value in elsewhere(given).items():
-        _expect_known(key, hints)
-        value = str(value)
-        try:
-            values[key] = _READ[hints[key]](absolute(key, value))
-        except ValueError:
-            raise _unfit(key, value, hints[key]) from None
-    return values
-
-
-def _expect_known(key: str, hints: Mapping[str, type]) -> None:
-    if key not in hints:
-        raise ConfigError(f"Unknown setting `{key}`.{nearest(key, hints)} Settings: {', '.join(hints)}.")
-
-
-def _unfit(key: str, value: object, kind: type) -> ConfigError:
-    wanted = _WANTED.get(kind.__name__, "text")
-    return ConfigError(f"`{key}={value!s:.80}` does not fit: `{key}` takes {wanted}.")
-
-
-def taken(kind: type, settings: Mapping[str, object]) -> dict[str, Any]:
-    """Python values as the fields of a config dataclass hold them: paths as text, 1e6 as a whole number.
-
-    Raises:
-        ConfigError: for an unknown key or a value of the wrong type.
-    """
-    hints = get_type_hints(kind)
-    values: dict[str, Any] = {}
-    for key, value in elsewhere(settings).items():
-        _expect_known(key, hints)
-        wanted = hints[key]
-        given: Any = str(value) if isinstance(value, Path) else value
-        if wanted is int and isinstance(given, float) and given.is_integer():
-            given = int(given)
-        if type(given) is not wanted and (type(given), wanted) != (int, float):
-            raise _unfit(key, value, wanted)
-        values[key] = absolute(key, given) if isinstance(given, str) else wanted(given)
-    return values
-
-
-_SWITCH = {
-    **dict.fromkeys(("true", "yes", "on", "y", "1"), True),
-    **dict.fromkeys(("false", "no", "off", "n", "0"), False),
-}
-
-
-def _switch(text: str) -> bool:
-    if text.lower() not in _SWITCH:
-        raise ValueError(text)
-    return _SWITCH[text.lower()]
-
-
-_READ: Mapping[type, Callable[[str], Any]] = {str: str, int: _whole, float: float, bool: _switch}
-
-
-def restored(kind: type[Config], stored: object) -> Config:
-    """The config that `as_dict` was made of, from data of anybody's; fields that it lacks have their defaults.
-
-    Raises:
-        ConfigError: for an unknown field or a value that does not fit.
-        TypeError: for what is no such data: another type, or text that nobody types.
-    """
-    hints = get_type_hints(kind)
-    if not isinstance(stored, dict):
-        raise TypeError("settings are a mapping")
-    settings = cast(dict[str, object], stored)
-    for key, value in settings.items():
-        if key not in hints:
-            raise ConfigError(f"There is no setting `{key}`.")
-        if type(value) is not hints[key] and (type(value), hints[key]) != (int, float):
-            raise TypeError(f"`{key}` takes {hints[key].__name__}")
-        if isinstance(value, str) and (len(value) > _LONGEST or "\0" in value):
-            raise TypeError(f"`{key}` is no text of a setting")
-    return kind(**settings)
-
-
-def as_dict(config: DataclassInstance) -> dict[str, object]:
-    """Every field of a config dataclass, for storing and printing it back."""
-    return dataclasses.asdict(config)

@@ -10,7 +10,7 @@ from .lanes import BASELINES, Lanes, Wanted, deal
 from .score import mean, rank
 from .store import Store
 from .strategies import Best
-from .types import GIVEN, Candidate, PolicyId, Reply, RewardProgram, Verdict
+from .types import GIVEN, Candidate, Lane, PolicyId, Reply, RewardProgram, Verdict
 
 Given = Mapping[str, tuple[Candidate, Verdict] | None]
 """Rewards by name, each with the verdict that accepted it; None for those that come with the task."""
@@ -53,7 +53,7 @@ def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
         raise StoreError(
             f"{store.directory} holds no rewards yet; start it again with the same `eureka train` command."
         )
-    known = [lane for lane in store.lanes.all().values() if lane.role == "given"]
+    known = of_given(store).values()
     wanted: list[Wanted] = [(lane, rewards[lane.reward]) for lane in known if lane.reward in rewards]
     wanted += deal(rewards.items(), seeds(lanes.config), "given") if more is None else more
     lanes.observer.phase(0, "train")
@@ -65,14 +65,17 @@ def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
     scores = lanes.evaluate(standing)
     fitness = {lane: score.fitness for lane, score in scores.items()}
     arms: dict[str, list[str]] = {}
-    for lane, record in store.lanes.all().items():
-        if record.role != "given":
-            continue
+    for lane, record in of_given(store).items():
         arms.setdefault(record.reward, []).append(lane)
     best = max(arms, key=lambda name: rank(mean([fitness.get(lane) for lane in arms[name]])))
     lane = max(arms[best], key=lambda lane: rank(fitness.get(lane)))
     kept = scores[lane].peak if lane in scores else None  # beside later lanes it may have played once more
     store.save_best(store.candidate(store.given()[best]), PolicyId(lane, kept or standing[lane]))
+
+
+def of_given(store: Store) -> dict[str, Lane]:
+    """The lanes of given rewards by their ids."""
+    return {lane: record for lane, record in store.lanes.all().items() if record.role == "given"}
 
 
 def programs(store: Store) -> dict[str, RewardProgram]:

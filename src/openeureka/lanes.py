@@ -221,7 +221,8 @@ class Lanes:
             if result is None or stood[lane].went_on:  # whose file is lost begins anew
                 on[lane] = dataclasses.replace(going[lane], paused=result.paused if result is not None else None)
             else:
-                cut = dataclasses.replace(result, state=TrainingState.CUT, message=why(rung, lane, racing))
+                said = why(rung, lane, racing, self.config.limited)
+                cut = dataclasses.replace(result, state=TrainingState.CUT, message=said)
                 self._keep(cut, sharing[lane])
         return on
 
@@ -231,7 +232,7 @@ class Lanes:
         seed, episodes = self.config.seed + CHOOSING, affordable(paused.values(), 1)
         scores = {s.lane: s for s in self.trainer.evaluate(self.config.env, policies, seed=seed, episodes=episodes)}
         cut = {lane for lane in scores if lane in rivals}
-        cut -= leaders({lane: scores[lane] for lane in paused if lane in cut}, rung)
+        cut -= leaders({lane: scores[lane] for lane in paused if lane in cut}, rung, self.config.limited)
         return {lane: Standing(dataclasses.replace(scores[lane], peak="last"), lane not in cut) for lane in scores}
 
     def _keep(self, result: TrainingResult, specs: Iterable[LaneSpec]) -> None:

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from .score import rank
-from .types import Evaluation
+from .score import NO_LIMITS, excess, rank
+from .types import Evaluation, Limits
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,13 +29,19 @@ RUNGS: Mapping[str, tuple[Rung, ...]] = {
 """By the setting `schedule`."""
 
 
-def leaders(scores: Mapping[str, Evaluation], rung: Rung) -> frozenset[str]:
-    """The lanes that go on: those that play best, of equals the earlier one."""
-    ordered = sorted(scores, key=lambda lane: -rank(scores[lane].fitness))
+def leaders(scores: Mapping[str, Evaluation], rung: Rung, limits: Limits = NO_LIMITS) -> frozenset[str]:
+    """The lanes that go on: those that play best, of equals the earlier one. One beyond a limit comes after all that
+    keep them."""
+    ordered = sorted(scores, key=lambda lane: _worth(scores[lane], limits), reverse=True)
     return frozenset(ordered[: max(1, math.ceil(rung.kept * len(ordered)))])
 
 
-def why(rung: Rung, lane: str, scores: Mapping[str, Evaluation]) -> str:
+def why(rung: Rung, lane: str, scores: Mapping[str, Evaluation], limits: Limits = NO_LIMITS) -> str:
     """Why a lane was cut, for people."""
-    place = sum(rank(score.fitness) > rank(scores[lane].fitness) for score in scores.values()) + 1
+    own = _worth(scores[lane], limits)
+    place = sum(_worth(score, limits) > own for score in scores.values()) + 1
     return f"after {rung.share:.3g} of its steps, at place {place} of {len(scores)}"
+
+
+def _worth(score: Evaluation, limits: Limits) -> tuple[float, float]:
+    return -excess(score, limits), rank(score.fitness)

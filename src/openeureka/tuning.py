@@ -11,7 +11,6 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
-from cmaes import CMA  # pyright: ignore[reportMissingTypeStubs]
 
 from . import race, tuned
 from .errors import StoreError
@@ -40,6 +39,8 @@ class Optimiser:
     """
 
     def __init__(self, origin: Sequence[Weight], size: int, seed: int) -> None:
+        from cmaes import CMA  # pyright: ignore[reportMissingTypeStubs]  # loads scipy: a second that no search needs
+
         self._origin, self._size, self._seed = origin, size, seed
         self._method = CMA(mean=np.zeros(len(origin)), sigma=SPREAD, population_size=size)
 

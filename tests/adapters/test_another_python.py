@@ -9,9 +9,10 @@ import torch
 pytest.importorskip("gymnasium", reason="needs Gymnasium: pip install 'openeureka[gym]'")
 
 from openeureka.adapters.foreign import link
-from openeureka.config import RunConfig, parse
+from openeureka.config import RunConfig
 from openeureka.errors import EurekaError, TaskError, WorkerError
 from openeureka.executors.local import LocalExecutor
+from openeureka.parsing import parse
 from openeureka.tasks import registry
 from openeureka.tasks.context import context
 from openeureka.testing.conformance.task import TaskConformance

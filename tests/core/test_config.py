@@ -1,7 +1,8 @@
 import pytest
 
-from openeureka.config import RunConfig, as_dict, parse, restored
+from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
+from openeureka.parsing import as_dict, parse, restored
 
 
 def test_words_become_typed_fields():

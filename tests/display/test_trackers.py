@@ -13,7 +13,7 @@ from report.scripted import search_in
 from tensorboard.backend.event_processing.event_file_loader import EventFileLoader
 
 from openeureka.config import RunConfig
-from openeureka.display import trackers
+from openeureka.display import tensorboard, trackers
 from openeureka.errors import ConfigError
 from openeureka.observer import Observers
 from openeureka.report.view import VIDEO
@@ -93,7 +93,7 @@ def test_mlflow_gets_settings_curves_texts_and_films(tmp_path: Path, monkeypatch
 
 def test_tensorboard_reads_curves_texts_and_moving_pictures(tmp_path: Path):
     mirror(tmp_path / "run", "tensorboard")
-    events = EventFileLoader(str(tmp_path / "run" / trackers.EVENTS)).Load()
+    events = EventFileLoader(str(tmp_path / "run" / tensorboard.EVENTS)).Load()
     values = {value.tag: value for event in events for value in event.summary.value}
     assert b"return 7" in values["programs/g0s0"].tensor.string_val[0]
     assert b'"sample": 2' in values["settings"].tensor.string_val[0]

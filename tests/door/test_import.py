@@ -9,8 +9,8 @@ from typing import get_type_hints
 import pytest
 
 import openeureka
-from openeureka.config import RunConfig, TrainConfig
-from openeureka.runs.door import SearchSettings, TrainSettings
+from openeureka.config import RobustConfig, RunConfig, TrainConfig
+from openeureka.runs.door import RobustSettings, SearchSettings, TrainSettings
 
 LIGHT = """
 import sys, time
@@ -37,7 +37,11 @@ def test_all_that_it_names_is_there_and_says_what_it_is():
 
 @pytest.mark.parametrize(
     ("typed", "config", "own"),
-    [(SearchSettings, RunConfig, {"env", "model"}), (TrainSettings, TrainConfig, {"env", "reward"})],
+    [
+        (SearchSettings, RunConfig, {"env", "model"}),
+        (TrainSettings, TrainConfig, {"env", "reward"}),
+        (RobustSettings, RobustConfig, {"model"}),
+    ],
 )
 def test_keyword_arguments_are_the_settings_of_the_command_line(typed, config, own):
     fields = {field.name for field in dataclasses.fields(config)}

@@ -11,6 +11,7 @@ import pytest
 from report.scripted import search_in
 
 from openeureka.errors import ConfigError, ModelError
+from openeureka.hardening import Robot, asked, hard_worlds, harden, table_of
 from openeureka.lanes import Lanes
 from openeureka.llm.client import LanguageModel
 from openeureka.llm.random import RandomModel
@@ -18,7 +19,6 @@ from openeureka.observer import NullObserver
 from openeureka.report import charts, html
 from openeureka.report import robust as told
 from openeureka.report.view import RunView
-from openeureka.robust import Robot, asked, hard_worlds, robust, table_of
 from openeureka.store import Store
 from openeureka.tasks import ranges, registry
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
@@ -69,7 +69,7 @@ def robot() -> Robot:
 def make(directory: Path, model: LanguageModel, trainer: ToyTrainer, sample: int = 2) -> RunView:
     with Store.open(directory, RunView.read(directory).config) as store:
         config = replace(store.config, sample=sample, repair=1)
-        robust(Lanes(config, store, trainer, NullObserver()), model, robot())
+        harden(Lanes(config, store, trainer, NullObserver()), model, robot())
     return RunView.read(directory)
 
 

@@ -31,8 +31,8 @@ def search(directory: Path, trainer: ToyTrainer, config: RunConfig = CONFIG) -> 
         run(config, store, model, ToyChecker(), trainer, TOY, make(config))
 
 
-def score(fitness: float | None) -> Evaluation:
-    return Evaluation(lane="-", fitness=fitness, episode_length=1.0, episodes=1)
+def score(fitness: float | None, **costs: float) -> Evaluation:
+    return Evaluation(lane="-", fitness=fitness, episode_length=1.0, episodes=1, costs=costs)
 
 
 def test_those_that_play_best_go_on():
@@ -41,6 +41,14 @@ def test_those_that_play_best_go_on():
     assert leaders(scores, Rung(1 / 4, 0.2)) == {"c"}  # of equals the earlier one
     assert leaders({"b": score(None)}, Rung(1 / 4, 0.1)) == {"b"}
     assert why(Rung(1 / 8, 1 / 2), "d", scores) == "after 0.125 of its steps, at place 3 of 5"
+
+
+def test_who_breaks_a_limit_goes_on_after_those_who_keep_it():
+    scores = {"a": score(9.0, torque=50.0), "b": score(1.0, torque=30.0), "c": score(8.0, torque=45.0)}
+    assert leaders(scores, Rung(1 / 4, 1 / 3), {"torque": 40.0}) == {"b"}
+    assert leaders(scores, Rung(1 / 4, 2 / 3), {"torque": 40.0}) == {"b", "c"}
+    assert why(Rung(1 / 4, 1 / 2), "a", scores, {"torque": 40.0}).endswith("at place 3 of 3")
+    assert leaders(scores, Rung(1 / 4, 1 / 3)) == {"a"}
 
 
 def test_half_of_the_candidates_go_on_at_each_rung_and_baselines_always(tmp_path: Path):

@@ -130,7 +130,18 @@ def test_a_program_that_waits_is_ended_too(sandbox: Sandbox, monkeypatch: pytest
     monkeypatch.setattr(client, "SECONDS", 0.3)
     started = time.monotonic()
     assert run(sandbox, "import time; time.sleep(60)").code is VerdictCode.TIMEOUT
-    assert 0.3 * server.PATIENCE < time.monotonic() - started < 0.3 * server.PATIENCE + 1.2
+    waited = 0.3 * server.PATIENCE * server.TRIES
+    assert waited < time.monotonic() - started < waited + 1.2
+
+
+@pytest.mark.parametrize(("kinds", "what"), [(["waited", "answer"], "answer"), (["waited", "waited"], "timeout")])
+def test_a_child_that_never_woke_up_gets_a_successor_once(
+    kinds: list[str], what: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    children = iter(kinds)
+    monkeypatch.setattr(server, "_judge_once", lambda *_: ("program", server._Outcome(next(children))))
+    assert server._judge(None, None, 1.0) == ("program", server._Outcome(what))  # pyright: ignore[reportArgumentType]
+    assert not list(children)
 
 
 def test_a_program_that_others_hold_up_has_its_time(sandbox: Sandbox, monkeypatch: pytest.MonkeyPatch) -> None:

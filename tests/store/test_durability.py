@@ -20,9 +20,10 @@ from pathlib import Path
 import pytest
 
 from openeureka import strategies
-from openeureka.config import RunConfig, as_dict
+from openeureka.config import RunConfig
 from openeureka.errors import StoreError
 from openeureka.loop import run
+from openeureka.parsing import as_dict
 from openeureka.store import Store, db, read_config
 from openeureka.store.db import Database
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply

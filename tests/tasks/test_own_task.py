@@ -8,9 +8,10 @@ import pytest
 import torch
 
 from openeureka.cli.main import main
-from openeureka.config import RunConfig, parse, short_name
+from openeureka.config import RunConfig, short_name
 from openeureka.errors import TaskError
 from openeureka.executors.local import LocalExecutor
+from openeureka.parsing import parse
 from openeureka.store.directory import output_directory
 from openeureka.tasks.context import context
 from openeureka.tasks.registry import get, make

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import os
 import shutil
 import threading
@@ -19,6 +20,12 @@ from .serving import TOKEN
 
 PATIENCE = 20_000
 """[ms] for what a page is to show; generous, for machines that are busy."""
+
+
+def broken_rules(page: Page) -> list[object]:
+    """Rules of accessibility that what a page shows now breaks, each with its elements (see axe.md)."""
+    page.evaluate(gzip.decompress((Path(__file__).parent / "axe.min.js.gz").read_bytes()).decode())
+    return page.evaluate("axe.run().then(({violations}) => violations.map(v => [v.id, v.nodes.map(n => n.html)]))")
 
 
 @pytest.fixture(scope="session")

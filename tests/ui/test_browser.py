@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import re
 import subprocess
 import sys
@@ -26,7 +25,7 @@ from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 from openeureka.types import Prompt, Reply, TrainingProgress, Usage
 from openeureka.ui import launch
 
-from .conftest import PATIENCE, served
+from .conftest import PATIENCE, broken_rules, served
 from .serving import TOKEN
 
 expect.set_options(timeout=PATIENCE)
@@ -275,17 +274,12 @@ def test_a_choice_of_light_or_dark_is_kept(page: Page):
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_no_page_breaks_a_rule_of_accessibility(page: Page, searched: Path, scheme: Literal["light", "dark"]):
-    axe = gzip.decompress((Path(__file__).parent / "axe.min.js.gz").read_bytes()).decode()
     (searched / "report.html").write_text(html.report(RunView.read(searched), searched))
     page.emulate_media(color_scheme=scheme)
     pages = ["/", "/runs/run/", "/runs/run/candidates?show=g1s0&show=g0s1", "/compare?run=run"]
     for address in [*pages, (searched / "report.html").as_uri()]:
         page.goto(address)
-        page.evaluate(axe)
-        broken = page.evaluate(
-            "axe.run().then(({violations}) => violations.map(v => [v.id, v.nodes.map(n => n.html)]))"
-        )
-        assert not broken, (address, broken)
+        assert not (broken := broken_rules(page)), (address, broken)
 
 
 @pytest.mark.parametrize("width", [400, 1400])

@@ -12,7 +12,7 @@ from ..config import RunConfig
 from ..errors import ConfigError, EurekaError, Interrupted
 from ..report import html
 from ..report.build import build
-from ..runs import compose, door
+from ..runs import compose, program
 from ..runs.stopping import stopped
 from ..store import artifacts
 from ..store.directory import OUTPUTS
@@ -76,7 +76,7 @@ class Bench:
 
 
 def bench(
-    plan: str | Path | Mapping[str, Any] | Plan, *, dir: str | Path = "", on_event: door.Tell | None = None
+    plan: str | Path | Mapping[str, Any] | Plan, *, dir: str | Path = "", on_event: program.Tell | None = None
 ) -> Bench:
     """Search with every arm of a plan on every task with every seed, as `eureka bench` does, and compare the arms.
 
@@ -97,7 +97,7 @@ def bench(
     read, directory = opened(plan, dir)
     found: list[Bench] = []
     try:
-        run(read, directory, door.host(on_event), tell=found.append)
+        run(read, directory, program.host(on_event), tell=found.append)
     except Interrupted:
         if not found:
             raise KeyboardInterrupt from None

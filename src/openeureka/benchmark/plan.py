@@ -12,8 +12,9 @@ from typing import Any
 
 import yaml
 
-from ..config import NO_MODEL, RunConfig, absolute, as_dict, parse, restored, short_name
+from ..config import NO_MODEL, RunConfig, short_name
 from ..errors import ConfigError, nearest
+from ..parsing import absolute, as_dict, parse, restored
 from ..store.store import FREE_TO_CHANGE
 
 Settings = Mapping[str, Any]

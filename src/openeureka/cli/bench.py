@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..benchmark.bench import PAGE, Bench, opened, run
-from ..config import parse
+from ..parsing import parse
 from ..report.text import columns
 from ..text import plain
 from .settings import BenchConfig, only_path, split

@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
-from ..config import parse
 from ..errors import ConfigError
 from ..executors import ray
 from ..executors.devices import devices, usable_cores
 from ..llm import weights
+from ..parsing import parse
 from ..report import video
 from ..report.text import columns
 from ..report.video import VideoUnavailable

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..config import parse
 from ..errors import ConfigError
+from ..parsing import parse
 from ..report.view import RunView
 from ..runs import trust
 from ..store import artifacts

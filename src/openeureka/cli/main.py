@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
-from ..config import RunConfig, TrainConfig, TuneConfig
+from ..config import RobustConfig, RunConfig, TrainConfig, TuneConfig
 from ..errors import ConfigError, EurekaError, Interrupted, StoreError
 from ..text import plain
 from ..version import __version__
@@ -28,7 +28,6 @@ from .settings import (
     PageConfig,
     PlayConfig,
     ReportConfig,
-    RobustConfig,
     describe,
 )
 

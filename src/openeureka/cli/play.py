@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..config import parse, short_name
+from ..config import short_name
 from ..display.progress import working
 from ..errors import ConfigError
+from ..parsing import parse
 from ..report import filming, viewer
 from ..report.screen import draws_itself
 from ..report.stage import Stage

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from contextlib import nullcontext, redirect_stdout
 from pathlib import Path
 
-from ..config import NO_MODEL, RunConfig, TrainConfig, changed, parse
+from ..config import NO_MODEL, RunConfig, TrainConfig
 from ..errors import WorkerError
 from ..given import Given
+from ..parsing import changed, parse
 from ..report import tables
 from ..report.text import columns
 from ..report.verdict import verdict

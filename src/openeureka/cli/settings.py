@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..config import VIDEOS, RunConfig
+from ..config import VIDEOS
 from ..errors import ConfigError
 
 
@@ -67,39 +67,6 @@ class PlayConfig:
             raise ConfigError(f"`port` must be between 0 and 65535, not {self.port}.")
         if not 0.0 < self.seconds <= 600.0:
             raise ConfigError(f"`seconds` must be above 0 and at most 600, not {self.seconds}.")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RobustConfig:
-    """Ranges that a model proposes for the best policy of a run."""
-
-    model: str = ""
-    """As in `eureka run`; empty means the run's own."""
-    base_url: str = ""
-    """OpenAI-compatible endpoint; empty means the run's."""
-    sample: int = 8
-    """Proposals."""
-    repair: int = 2
-    """Times that the model may correct one that cannot be used."""
-    steps: int = 0
-    """Environment steps of each training; 0 means those of the run."""
-    device: str = ""
-    """As in `eureka run`; empty means the run's."""
-    threads: int = 0
-    """Cores to train on; 0 means those of the run."""
-    max_cost: float = 0.0
-    """Stop before the spending on replies, the search's included, exceeds this many US dollars; 0 means no limit."""
-    price: str = ""
-    """As in `eureka run`; empty means the run's."""
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.sample <= 1000:
-            raise ConfigError(f"`sample` must be from 1 to 1000, not {self.sample}.")
-
-    def changed(self, run: RunConfig) -> RunConfig:
-        """The run's settings with those that are given here."""
-        given = {key: value for key, value in dataclasses.asdict(self).items() if value}
-        return dataclasses.replace(run, schedule="full", **given)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

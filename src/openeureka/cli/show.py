@@ -8,16 +8,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..config import as_dict, parse
 from ..display.live import verdict_line
 from ..display.progress import working
+from ..hardened import Robust
+from ..parsing import as_dict, parse
 from ..polished import Polished
 from ..report import costs, robust, tables
 from ..report.build import build
 from ..report.text import columns, number, scored, spread
 from ..report.verdict import meaning, of_polishing, of_tuning, verdict
 from ..report.view import CandidateView, GenerationView, RunView
-from ..robust import Robust
 from ..runs import trust
 from ..runs.run import lanes
 from ..score import Arm, Outcome

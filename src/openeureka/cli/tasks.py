@@ -12,8 +12,9 @@ from pathlib import Path
 import torch
 
 from .. import baselines, prompts
-from ..config import RunConfig, parse
+from ..config import RunConfig
 from ..errors import ConfigError
+from ..parsing import parse
 from ..report.text import columns, number
 from ..reward.extract import in_file
 from ..runs.rewards import MEANINGS, explain, judge

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from contextlib import nullcontext, redirect_stdout
 from pathlib import Path
 
-from ..config import RunConfig, TuneConfig, parse
+from ..config import RobustConfig, RunConfig, TuneConfig
 from ..display.progress import working
+from ..parsing import parse
 from ..report.build import build
 from ..report.view import RunView
 from ..runs import compose, trust
@@ -18,7 +19,7 @@ from ..store.directory import output_directory
 from ..tasks.registry import get
 from ..text import plain
 from ..types import Candidate, Verdict
-from .settings import RobustConfig, only_path, split
+from .settings import only_path, split
 from .show import facts, tuned
 from .show import robust_lines as lines
 from .terminal import Terminal

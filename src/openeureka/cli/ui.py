@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..config import parse
 from ..errors import ConfigError
+from ..parsing import parse
 from ..store.directory import OUTPUTS
 from .settings import PageConfig, only_path, split
 

@@ -8,22 +8,15 @@ from __future__ import annotations
 
 import importlib
 import json
-import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
-from tensorboard.compat.proto.event_pb2 import Event  # pyright: ignore[reportAttributeAccessIssue]
-from tensorboard.compat.proto.summary_pb2 import Summary  # pyright: ignore[reportAttributeAccessIssue]
-from tensorboard.compat.proto.tensor_pb2 import TensorProto  # pyright: ignore[reportAttributeAccessIssue]
-from tensorboard.compat.proto.types_pb2 import DT_STRING  # pyright: ignore[reportAttributeAccessIssue]
-from tensorboard.summary.writer.record_writer import RecordWriter
-
-from ..config import RunConfig, as_dict
+from ..config import RunConfig
 from ..errors import ConfigError, EurekaError
 from ..observer import NullObserver
-from ..report import video
+from ..parsing import as_dict
 from ..report.view import RunView
 from ..score import Outcome
 from ..store import artifacts
@@ -32,7 +25,6 @@ from ..types import Generation, TrainingResult
 
 MEMORY = "tracker.json"
 """What a tracker calls the run, so that a resumed one goes on there."""
-EVENTS = "events.out.tfevents.0"
 
 
 class Tracker(Protocol):
@@ -106,44 +98,16 @@ class Mlflow:
         self._mlflow.end_run()
 
 
-class TensorBoard:
-    """A file of events in the run directory that grows: `tensorboard --logdir DIR`. Films are moving pictures there."""
+def _tensorboard(directory: Path, config: RunConfig) -> Tracker:
+    from .tensorboard import TensorBoard  # takes a fifth of a second to load, which no other run needs
 
-    def __init__(self, directory: Path, config: RunConfig) -> None:
-        new = not artifacts.exists(directory, EVENTS)
-        self._file = artifacts.appended(directory, EVENTS)
-        self._writer = RecordWriter(self._file)
-        if new:
-            self._writer.write(Event(file_version="brain.Event:2").SerializeToString())
-            self.text("settings", json.dumps(as_dict(config), indent=1))
-
-    def numbers(self, values: Mapping[str, float], step: int | None = None) -> None:
-        self._write([Summary.Value(tag=name, simple_value=value) for name, value in values.items()], step or 0)
-
-    def text(self, name: str, text: str) -> None:
-        about = {"plugin_data": {"plugin_name": "text"}}
-        block = "".join(f"    {line}\n" for line in text.splitlines())  # as it is: Markdown's block of code
-        said = TensorProto(dtype=DT_STRING, string_val=[block.encode()], tensor_shape={"dim": [{"size": 1}]})
-        self._write([Summary.Value(tag=name, tensor=said, metadata=about)], 0)
-
-    def film(self, name: str, file: Path) -> None:
-        picture, width, height = video.gif(file.read_bytes())
-        image = Summary.Image(encoded_image_string=picture, width=width, height=height, colorspace=3)
-        self._write([Summary.Value(tag=name, image=image)], 0)
-
-    def _write(self, values: list[Any], step: int) -> None:
-        event = Event(step=step, wall_time=time.time(), summary=Summary(value=values))
-        self._writer.write(event.SerializeToString())
-        self._file.flush()
-
-    def close(self) -> None:
-        self._file.close()
+    return TensorBoard(directory, config)
 
 
-TRACKERS: Mapping[str, type[Wandb] | type[Mlflow] | type[TensorBoard]] = {
+TRACKERS: Mapping[str, Callable[[Path, RunConfig], Tracker]] = {
     "wandb": Wandb,
     "mlflow": Mlflow,
-    "tensorboard": TensorBoard,
+    "tensorboard": _tensorboard,
 }
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 from typing import Literal
 
-from ..robust import Robust
+from ..hardened import Robust
 from ..score import rank
 from ..text import one_line
 from ..types import Place, TrainingResult

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from ..robust import PLAIN, UNIFORM, Robust, RobustArm
+from ..hardened import PLAIN, UNIFORM, Robust, RobustArm
 from ..score import gain, pooled
 from .tables import Table
 from .text import number, scored
-from .verdict import interval
+from .verdict import decided
 
 
 def verdict(found: Robust) -> str:
@@ -22,10 +22,8 @@ def verdict(found: Robust) -> str:
     nominal = f"In its own world: {_nominal(ours)} against {_nominal(plain)} before"
     if more is None or more.low is None:
         return f"Not decided in hard worlds: {between}. {nominal}."
-    told = f"{between}; {interval(more)}. {nominal}. One training each"
-    if not more.sure:
-        return f"Not decided in hard worlds: {told}."
-    return f"In hard worlds the policy is {'better' if more.value > 0 else 'worse'}: {told}."
+    told = decided(more, "In hard worlds the policy is {}", between, unless="Not decided in hard worlds")
+    return f"{told} {nominal}. One training each."
 
 
 def arms(found: Robust) -> Table:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from .. import baselines
-from ..config import RunConfig, as_dict
+from ..config import RunConfig
 from ..hacking import PEAKS, WORLDS, Kind
+from ..parsing import as_dict
 from ..polished import Polished, Try
 from ..score import Baselines, Outcome, human_normalised, mean
 from ..tuned import ORIGINAL, Correlation, Effect, Tuned

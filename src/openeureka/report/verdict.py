@@ -37,10 +37,8 @@ def of_tuning(found: Tuned | None) -> str:
     difference = found.difference
     if difference is None:
         return f"Not decided: {between}. One seed says nothing of the next; seeds=3 would say more."
-    if difference.sure:
-        word = "better" if difference.value > 0 else "worse"
-        return f"The tuned numbers are {word} than those before: {between}; {interval(difference)}."
-    return f"Not decided: {between}; {interval(difference)}. {_needed(difference, len(after.scores))}"
+    told = decided(difference, "The tuned numbers are {} than those before", between)
+    return told if difference.sure else f"{told} {_needed(difference, len(after.scores))}"
 
 
 def of_polishing(found: Polished) -> str:
@@ -53,10 +51,7 @@ def of_polishing(found: Polished) -> str:
     gain = found.gain
     if gain is None or gain.low is None:
         return f"Not decided: {between}."
-    told = f"{between}; {interval(gain)}"
-    if not gain.sure:
-        return f"Not decided: {told}."
-    return f"The policy carried on is {'better' if gain.value > 0 else 'worse'}: {told}."
+    return decided(gain, "The policy carried on is {}", between)
 
 
 def _of_given(arms: Mapping[str, Arm]) -> str:
@@ -74,12 +69,9 @@ def _of_given(arms: Mapping[str, Arm]) -> str:
     found = difference(best.scores, next_.scores, [arm.scores for arm in arms.values()], claims=claims)
     if found is None:
         return f"Not decided between {ordered[0]} and {ordered[1]}: {between}. One seed says nothing of the next."
-    if found.sure:
-        return f"{ordered[0]} is better than {ordered[1]}: {between}; {interval(found)}."
-    return (
-        f"Not decided between {ordered[0]} and {ordered[1]}: {between}; {interval(found)}. "
-        f"{_needed(found, len(best.scores))}"
-    )
+    unless = f"Not decided between {ordered[0]} and {ordered[1]}"
+    told = decided(found, f"{ordered[0]} is {{}} than {ordered[1]}", between, unless)
+    return told if found.sure else f"{told} {_needed(found, len(best.scores))}"
 
 
 def _of_search(run: RunView) -> str:
@@ -100,11 +92,8 @@ def _of_search(run: RunView) -> str:
     found = outcome.difference
     if found is None:
         return f"Not decided: {between}. One seed says nothing of the next; seeds=3 would say more."
-    if found.sure and found.value > 0:
-        return f"The generated reward is better than the human one: {between}; {interval(found)}."
-    if found.sure:
-        return f"The generated reward is worse than the human one: {between}; {interval(found)}."
-    return f"Not decided: {between}; {interval(found)}. {_needed(found, len(generated.scores))}"
+    told = decided(found, "The generated reward is {} than the human one", between)
+    return told if found.sure else f"{told} {_needed(found, len(generated.scores))}"
 
 
 def meaning(run: RunView) -> str:
@@ -158,6 +147,18 @@ def _arm(arm: Arm) -> str:
         return f"{number(middle)} ({count})"
     error = (sum((value - middle) ** 2 for value in values) / (len(values) - 1) / len(values)) ** 0.5
     return f"{number(middle)} ± {number(error, 2)} ({count})"
+
+
+def decided(found: Difference | Estimate, claim: str, between: str, unless: str = "Not decided") -> str:
+    """A difference as one sentence.
+
+    Args:
+        claim: what it shows where it is sure; `{}` stands for better or worse.
+        between: the two numbers.
+        unless: what it shows where it is not.
+    """
+    opening = claim.replace("{}", "better" if found.value > 0 else "worse") if found.sure else unless
+    return f"{opening}: {between}; {interval(found)}."
 
 
 def interval(found: Difference | Estimate) -> str:

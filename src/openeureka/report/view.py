@@ -8,12 +8,12 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Literal
 
-from .. import baselines, hacking, polished, race, robust, score, strategies, tuned
+from .. import baselines, hacking, hardened, polished, race, score, strategies, tuned
 from ..config import NO_MODEL, RunConfig
 from ..hacking import Sign, Tried
+from ..hardened import Robust
 from ..lanes import BASELINES, beside, final_lanes, final_seeds
 from ..polished import Polished
-from ..robust import Robust
 from ..sampling import NO_PROGRAM
 from ..score import Arm, Baselines, Outcome
 from ..store import Store, artifacts
@@ -221,7 +221,7 @@ class RunView:
                 ranks="training" if config.search == "eureka" else store.ranks,
                 crown=store.crown(),
                 best_policy=store.lanes.best_policy(),
-                robust=robust.read(store, results),
+                robust=hardened.read(store, results),
                 unheard=store.remarks.unheard(),
                 texts=store.texts(),
                 videos=videos,

@@ -15,6 +15,8 @@ from ..display.trackers import mirrored
 from ..errors import ConfigError, Interrupted
 from ..executors import EXECUTORS
 from ..given import Given
+from ..hardened import GRID
+from ..hardening import Robot, harden
 from ..lanes import Lanes
 from ..llm import open_model
 from ..llm.client import LanguageModel
@@ -23,8 +25,6 @@ from ..observer import Observer, Observers
 from ..person import Desk
 from ..report.build import build
 from ..report.filming import Filming
-from ..robust import GRID, Robot
-from ..robust import robust as make_robust
 from ..sandbox.client import Sandbox
 from ..store import StageFiles, Store, is_run, read_config, read_replies
 from ..tasks import costs, curriculum, ranges
@@ -213,11 +213,12 @@ def tune(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] |
         return build(directory, config.video, config.env)
 
 
-def robust(config: RunConfig, directory: Path, host: Host) -> None:
+def robust(config: RunConfig, directory: Path, host: Host, model: LanguageModel | None = None) -> None:
     """Do what is missing to make the best policy of a run robust; its report is for the caller to write.
 
     Args:
         config: the run's, with what this command changes: the model, how many proposals it makes, where they train.
+        model: instead of the one that the settings name.
 
     Raises:
         ConfigError: for a task of which nothing can be changed, or a run without a model.
@@ -229,7 +230,7 @@ def robust(config: RunConfig, directory: Path, host: Host) -> None:
     if config.model == NO_MODEL:
         raise ConfigError("The run has no model: name one, as in model=gpt-5, or model=random for chance.")
     trainer, known = trainer_of(config, directory), task.compile_model()
-    model = open_model(config)
+    model = model or open_model(config)
     robot = Robot(
         task=task.description,
         description=ranges.described(task, known),
@@ -246,7 +247,7 @@ def robust(config: RunConfig, directory: Path, host: Host) -> None:
         logged(directory, config, store.usage()) as log,
         host.view(config, directory, store.usage()) as view,
     ):
-        make_robust(Lanes(config, store, trainer, Observers(*log, view)), model, robot)
+        harden(Lanes(config, store, trainer, Observers(*log, view)), model, robot)
 
 
 @contextmanager

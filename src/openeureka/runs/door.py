@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-import threading
-import time
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from queue import SimpleQueue
 from typing import TypedDict, Unpack
 
-from ..config import NO_MODEL, RunConfig, TrainConfig, TuneConfig, absolute, taken
-from ..errors import ConfigError, Interrupted
+from ..config import NO_MODEL, RobustConfig, RunConfig, TrainConfig, TuneConfig
+from ..errors import ConfigError
 from ..llm.client import LanguageModel
-from ..person import Desk
-from ..report.filming import Filming
-from ..store import Store, is_run
-from ..store.directory import is_asked_to_stop, output_directory
+from ..parsing import absolute, taken
+from ..store import Store
+from ..store.directory import output_directory
 from ..tasks.registry import get
-from ..types import Generation, TrainingResult, Usage, Verdict
+from ..types import Verdict
 from . import compose, rewards, trust
-from .events import Event, Started, Teller
+from .events import Event
+from .program import Tell, done, followed
 from .run import Run
 
 # --- settings: what they mean, the fields of `config.RunConfig` and `config.TrainConfig` say ------------------------
@@ -56,6 +52,19 @@ class TuneSettings(_Shared, total=False):
     sample: int
 
 
+class RobustSettings(TypedDict, total=False):
+    """All fields of `RobustConfig` but `model`."""
+
+    base_url: str
+    sample: int
+    repair: int
+    steps: int | float
+    device: str
+    threads: int
+    max_cost: float
+    price: str
+
+
 class SearchSettings(_Shared, total=False):
     """All fields of `RunConfig` but `env` and `model`."""
 
@@ -85,10 +94,6 @@ class SearchSettings(_Shared, total=False):
 # --- calls -----------------------------------------------------------------------------------------------------------
 
 
-Tell = Callable[[Event], object]
-Work = Callable[[compose.Host], object]
-
-
 def search(
     env: str | Path = "cartpole",
     *,
@@ -115,7 +120,7 @@ def search(
         EurekaError: what else a person can do something about; what was finished is kept.
     """
     config, directory, own = _searched(env, model, settings)
-    return _done(directory, on_event, lambda host: compose.search(config, directory, host, own))
+    return done(directory, on_event, lambda host: compose.search(config, directory, host, own))
 
 
 def searching(
@@ -139,7 +144,7 @@ def searching(
         EurekaError: as `search` does; from the loop, what ended the search.
     """
     config, directory, own = _searched(env, model, settings)
-    return _followed(lambda host: compose.search(config, directory, host, own))
+    return followed(lambda host: compose.search(config, directory, host, own))
 
 
 def train(
@@ -172,7 +177,7 @@ def train(
     trust.remember(config)
     programs = rewards.named(config, _listed(reward))
     directory = output_directory(config.dir, config.env, "train_")
-    return _done(directory, on_event, lambda host: compose.train(config.run(), directory, programs, host))
+    return done(directory, on_event, lambda host: compose.train(config.run(), directory, programs, host))
 
 
 def _listed(reward: str | Path | Sequence[str | Path]) -> list[str | Path]:
@@ -212,7 +217,42 @@ def tune(
     trust.remember(config)
     program = rewards.to_tune(config, reward)
     directory = output_directory(config.dir, config.env, "tune_")
-    return _done(directory, on_event, lambda host: compose.tune(config.run(), directory, program, host))
+    return done(directory, on_event, lambda host: compose.tune(config.run(), directory, program, host))
+
+
+def robust(
+    run: Run | str | Path,
+    *,
+    model: str | LanguageModel = "",
+    trusted: bool = False,
+    on_event: Tell | None = None,
+    **settings: Unpack[RobustSettings],
+) -> Run:
+    """Make the best policy of a run robust, as `eureka robust` does, and return the run.
+
+        run = openeureka.robust("outputs/my_run", model="gpt-5", sample=8)
+        print(run.robust)
+
+    Ctrl-C stops it as it stops `search`; called again, it goes on.
+
+    Args:
+        run: the run, or its directory.
+        model: as in `search`; empty means the run's own.
+        trusted: use what the run names and you never used on this machine: addresses, files, models.
+        on_event: as in `search`.
+        settings: those of `eureka robust`, by the same names.
+
+    Raises:
+        ConfigError: for an unknown setting, one that does not fit, or a run without a policy.
+        ModelError: when no reply holds ranges that can be used.
+        EurekaError: what else a person can do something about; what was finished is kept.
+    """
+    directory = run.directory if isinstance(run, Run) else Path(run)
+    own, name = (None, model) if isinstance(model, str) else (model, model.name)
+    typed = taken(RobustConfig, {"model": name, **settings})
+    config = RobustConfig(**typed).changed(compose.stored(directory))
+    _agree(config, directory, typed=[key for key, value in typed.items() if value], trusted=trusted)
+    return done(directory, on_event, lambda host: compose.robust(config, directory, host, own))
 
 
 def check(env: str | Path, program: str | Path, *, unsafe_no_sandbox: bool = False) -> Verdict:
@@ -251,8 +291,8 @@ def resume(
     _agree(config, directory, typed=[*settings, *(["model"] if model is not None else [])], trusted=trust)
     if config.model == NO_MODEL:
         work = compose.tune if config.tune else compose.train
-        return _done(directory, on_event, lambda host: work(config, directory, None, host))
-    return _done(directory, on_event, lambda host: compose.search(config, directory, host, model))
+        return done(directory, on_event, lambda host: work(config, directory, None, host))
+    return done(directory, on_event, lambda host: compose.search(config, directory, host, model))
 
 
 def _agree(config: RunConfig, directory: Path, *, typed: Sequence[str], trusted: bool) -> None:
@@ -274,103 +314,3 @@ def _searched(
     typed = taken(RunConfig, {"env": env, "model": name, **settings})
     config = compose.admitted(RunConfig(**typed), typed)
     return config, output_directory(config.dir, config.env), own
-
-
-@dataclass(frozen=True, slots=True)
-class _Program:
-    """A Python program as the host of a run (see `compose.Host`): it hears events, and nothing is printed.
-
-    No signal reaches any thread but the main one. A run in another stops where it tells of something, or waits for a
-    person: when `leaving` is set, or `eureka stop` asks for it.
-    """
-
-    tell: Tell
-    leaving: threading.Event | None = None
-    """None in the main thread."""
-
-    def begins(self, config: RunConfig, directory: Path) -> None: ...
-
-    def working(self, text: str) -> AbstractContextManager[None]:
-        return nullcontext()
-
-    @contextmanager
-    def view(self, config: RunConfig, directory: Path, usage: Usage) -> Iterator[Teller]:
-        def tell(event: Event) -> None:
-            self.tell(event)
-            if not isinstance(event, TrainingResult):  # the next one may be waiting: it is to be kept first
-                self.obey(directory)
-
-        tell(Started(Run(directory)))
-        yield Teller(tell)
-
-    def obey(self, directory: Path) -> None:
-        """Raises KeyboardInterrupt where the run is to stop and no signal says so."""
-        if self.leaving is not None and (self.leaving.is_set() or is_asked_to_stop(directory)):
-            raise KeyboardInterrupt
-
-    def desk(self, config: RunConfig, directory: Path, films: Sequence[Filming]) -> Desk:
-        return _Desk(self, directory)
-
-    def again(self, directory: Path) -> str:
-        return f"openeureka.open_run({str(directory)!r}).resume()"
-
-
-@dataclass(frozen=True, slots=True)
-class _Desk:
-    """Nobody sits here; `eureka feedback` and the page reach the run all the same."""
-
-    host: _Program
-    directory: Path
-
-    def invite(self, generation: Generation) -> None: ...
-
-    def listen(self, seconds: float) -> None:
-        time.sleep(seconds)
-        self.host.obey(self.directory)
-
-
-def host(on_event: Tell | None) -> compose.Host:
-    """This program, as the host of runs that it waits for."""
-    in_main = threading.current_thread() is threading.main_thread()
-    return _Program(on_event or (lambda event: None), None if in_main else threading.Event())
-
-
-def _done(directory: Path, on_event: Tell | None, work: Work) -> Run:
-    """The run after the work, or as far as it came when it was stopped."""
-    try:
-        work(host(on_event))
-    except Interrupted as stop:
-        if not is_run(directory):
-            raise KeyboardInterrupt from None
-        print(stop)
-    return Run(directory)
-
-
-def _followed(work: Work) -> Generator[Event]:
-    """The events of a run at work in a thread of its own."""
-    events: SimpleQueue[Event | None] = SimpleQueue()
-    leaving = threading.Event()
-    failures: list[BaseException] = []
-
-    def run() -> None:
-        try:
-            work(_Program(events.put, leaving))
-        except BaseException as error:  # whatever it is, it is raised where somebody looks
-            failures.append(error)
-        finally:
-            events.put(None)
-
-    thread = threading.Thread(target=run, name="openeureka", daemon=True)
-    thread.start()
-    try:
-        while (event := events.get()) is not None:
-            yield event
-    except KeyboardInterrupt:
-        leaving.set()
-    finally:
-        leaving.set()
-        thread.join()
-    for failure in failures:
-        if not isinstance(failure, Interrupted):
-            raise failure
-        print(failure)

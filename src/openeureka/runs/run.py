@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..config import RunConfig
 from ..errors import ConfigError, StoreError
+from ..hardened import Robust
 from ..polished import Polished
 from ..report import html, verdict
 from ..report.view import CandidateView, RunView
@@ -184,6 +185,11 @@ class Run:
     def polished(self) -> Polished | None:
         """What came of carrying the best policy on; None where none is."""
         return self.view.polished
+
+    @property
+    def robust(self) -> Robust | None:
+        """What `openeureka.robust` has found so far; None where it was never called."""
+        return self.view.robust
 
     @property
     def best_reward(self) -> RewardText | None:

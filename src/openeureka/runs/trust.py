@@ -16,9 +16,10 @@ from pathlib import Path
 
 import platformdirs
 
-from ..config import NO_MODEL, absolute
+from ..config import NO_MODEL
 from ..errors import ConfigError
 from ..executors import EXECUTORS
+from ..parsing import absolute
 from ..strategies import SEARCHES
 from ..tasks import registry
 from ..text import plain, visible

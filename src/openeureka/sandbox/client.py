@@ -141,7 +141,7 @@ class Sandbox:
             worker = self._worker or self._start()
             try:
                 worker.send({"source": source, "seconds": SECONDS})
-                return worker.receive(2 * SECONDS * server.PATIENCE + _GRACE_SECONDS)
+                return worker.receive(2 * SECONDS * server.PATIENCE * server.TRIES + _GRACE_SECONDS)
             except WorkerTimeout:
                 self.close()
                 return None

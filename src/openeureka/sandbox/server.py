@@ -38,6 +38,8 @@ LENGTH = struct.Struct("<I")
 MAX_FINDINGS = 20
 PATIENCE = 4
 """Seconds on the clock for each of processor time that a child may use: a machine with other work is not its fault."""
+TRIES = 2
+"""Of a child that waits without computing."""
 MAX_ANSWER = 4 << 20
 _HUGE, _MADV_HUGEPAGE, _MADV_COLLAPSE = 2 << 20, 14, 25
 _WARM_UP = """
@@ -64,7 +66,7 @@ class _Bench:
 @dataclass(frozen=True, slots=True)
 class _Outcome:
     kind: str
-    """`answer`, `timeout`, `crashed` or `oversized`."""
+    """`answer`, `timeout`, `waited` (a timeout that used next to no processor time), `crashed` or `oversized`."""
     answer: bytes = b""
     died_of: int = 0
     """Signal that ended the child, 0 for none. For the message only: how a process ends is never a verdict."""
@@ -141,12 +143,21 @@ class _Allowance:
     def left(self) -> float:
         """Seconds left, 0 or less when it is used up."""
         passed = time.monotonic() - self._started
+        used = self._used()
+        return self._seconds - (passed if used is None else max(used, passed / PATIENCE))
+
+    def waited(self) -> bool:
+        """Whether the child did next to nothing: then the time that has passed says nothing of its program."""
+        used = self._used()
+        return used is not None and used < self._seconds / 2
+
+    def _used(self) -> float | None:
+        """Processor time in seconds, if the kernel tells."""
         try:
             fields = Path(f"/proc/{self._pid}/stat").read_text().rpartition(")")[2].split()
         except OSError:
-            return self._seconds - passed
-        used = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-        return self._seconds - max(used, passed / PATIENCE)
+            return None
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 class _Child:
@@ -235,11 +246,11 @@ def _write(pipe: int, data: bytes) -> None:
 
 
 def _read_answer(pipe: int, allowance: _Allowance) -> tuple[str, bytes]:
-    """`answer` and its bytes, or `timeout`, `crashed` or `oversized`."""
+    """What became of a child, as in `_Outcome`, and the bytes of an answer."""
     received = bytearray()
     while True:
         if (left := allowance.left()) <= 0:
-            return "timeout", b""
+            return "waited" if allowance.waited() else "timeout", b""
         if not select.select([pipe], [], [], left)[0]:
             continue
         chunk = os.read(pipe, 1 << 16)
@@ -265,7 +276,19 @@ def _kill(pid: int) -> int:
 
 
 def _judge(program: gate.Program, bench: _Bench, seconds: float) -> tuple[str, _Outcome]:
-    """What became of a program, and in which child: `program` or `graph`."""
+    """What became of a program, and in which child: `program` or `graph`.
+
+    About one child in a thousand waits for ever without computing, whatever it is given, and a busy machine may keep
+    one waiting as long. So a child that waited gets a successor, once.
+    """
+    where, outcome = _judge_once(program, bench, seconds)
+    for _ in range(TRIES - 1):
+        if outcome.kind == "waited":
+            where, outcome = _judge_once(program, bench, seconds)
+    return where, replace(outcome, kind="timeout") if outcome.kind == "waited" else outcome
+
+
+def _judge_once(program: gate.Program, bench: _Bench, seconds: float) -> tuple[str, _Outcome]:
     first = _Child(lambda: _probe(program, bench), confined=bench.confined)
     # Made now, so that on a second core it is confined by the time it is asked.
     second = _Child(lambda: _examine(_input(), bench), confined=bench.confined)

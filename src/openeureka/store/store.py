@@ -14,8 +14,9 @@ from typing import Literal, TypeVar
 from filelock import FileLock, Timeout
 
 from ..codec import decode, encode
-from ..config import RunConfig, as_dict, restored
+from ..config import RunConfig
 from ..errors import ConfigError, StoreError
+from ..parsing import as_dict, restored
 from ..score import played
 from ..text import safe_text
 from ..types import (

@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
-from ..config import RunConfig, parse
+from ..config import RunConfig
 from ..errors import ConfigError, StoreError
 from ..executors.devices import devices
 from ..llm import open_model
+from ..parsing import parse
 from ..store import artifacts, is_held, is_run
 from ..store.db import LOG, explained
 from ..store.directory import output_directory

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..config import FEEDBACKS, VIDEOS, RunConfig, as_dict
+from ..config import FEEDBACKS, VIDEOS, RunConfig
 from ..display import now as moment
+from ..parsing import as_dict
 from ..report import filming, html, tables
 from ..report.text import duration
 from ..report.view import CandidateView, PromptView, RunView

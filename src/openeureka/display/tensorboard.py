@@ -1,0 +1,56 @@
+"""TensorBoard as a tracker."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from tensorboard.compat.proto.event_pb2 import Event  # pyright: ignore[reportAttributeAccessIssue]
+from tensorboard.compat.proto.summary_pb2 import Summary  # pyright: ignore[reportAttributeAccessIssue]
+from tensorboard.compat.proto.tensor_pb2 import TensorProto  # pyright: ignore[reportAttributeAccessIssue]
+from tensorboard.compat.proto.types_pb2 import DT_STRING  # pyright: ignore[reportAttributeAccessIssue]
+from tensorboard.summary.writer.record_writer import RecordWriter
+
+from ..config import RunConfig
+from ..parsing import as_dict
+from ..report import video
+from ..store import artifacts
+
+EVENTS = "events.out.tfevents.0"
+
+
+class TensorBoard:
+    """A file of events in the run directory that grows: `tensorboard --logdir DIR`. Films are moving pictures there."""
+
+    def __init__(self, directory: Path, config: RunConfig) -> None:
+        new = not artifacts.exists(directory, EVENTS)
+        self._file = artifacts.appended(directory, EVENTS)
+        self._writer = RecordWriter(self._file)
+        if new:
+            self._writer.write(Event(file_version="brain.Event:2").SerializeToString())
+            self.text("settings", json.dumps(as_dict(config), indent=1))
+
+    def numbers(self, values: Mapping[str, float], step: int | None = None) -> None:
+        self._write([Summary.Value(tag=name, simple_value=value) for name, value in values.items()], step or 0)
+
+    def text(self, name: str, text: str) -> None:
+        about = {"plugin_data": {"plugin_name": "text"}}
+        block = "".join(f"    {line}\n" for line in text.splitlines())  # as it is: Markdown's block of code
+        said = TensorProto(dtype=DT_STRING, string_val=[block.encode()], tensor_shape={"dim": [{"size": 1}]})
+        self._write([Summary.Value(tag=name, tensor=said, metadata=about)], 0)
+
+    def film(self, name: str, file: Path) -> None:
+        picture, width, height = video.gif(file.read_bytes())
+        image = Summary.Image(encoded_image_string=picture, width=width, height=height, colorspace=3)
+        self._write([Summary.Value(tag=name, image=image)], 0)
+
+    def _write(self, values: list[Any], step: int) -> None:
+        event = Event(step=step, wall_time=time.time(), summary=Summary(value=values))
+        self._writer.write(event.SerializeToString())
+        self._file.flush()
+
+    def close(self) -> None:
+        self._file.close()

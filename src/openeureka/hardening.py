@@ -1,0 +1,224 @@
+"""Ranges with a reason, as in DrEureka (arXiv 2406.01967): how far the best policy carries, what a model proposes from
+that, and which of its proposals makes a policy that works in hard worlds.
+
+Everything is kept in the run that found the reward. To go on is to run it again.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from . import prompts
+from .errors import ConfigError, ModelError
+from .hacking import Trial
+from .hardened import GRID, HARD, KEEPS, PEAKS, UNIFORM, Carried, carries, mean_of
+from .lanes import BASELINES, Lanes, Wanted
+from .llm import price
+from .llm.client import LanguageModel
+from .sampling import request_seed
+from .score import rank
+from .store import Store, artifacts
+from .types import NOMINAL, Candidate, Dynamics, Lane, Peak, PolicyId, Prompt, Ranges, RewardProgram
+from .types.dynamics import SCALES
+
+SWEEP_EPISODES, CHOOSING_EPISODES, HARD_EPISODES = 32, 16, 64
+REPAIRS = 2
+"""Times that a model may correct ranges that cannot be used, where the settings say no number."""
+_BLOCK = re.compile(r"```(?:ya?ml)?[ \t]*\n(.*?)```", re.DOTALL)
+LONGEST = 4000
+"""Characters of a table that is read at all."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Robot:
+    """What ranges are proposed for."""
+
+    task: str
+    """What it is to do."""
+    description: str
+    """Its bodies, joints and drives, in lines."""
+    quantities: tuple[str, ...]
+    """Those of `types.Dynamics` that change anything of it."""
+    uniform: Ranges
+    """Ranges without a reason, to compare with."""
+    read: Callable[[str], Ranges]
+    """Ranges from YAML; raises ConfigError for anything else."""
+
+
+def harden(lanes: Lanes, model: LanguageModel, robot: Robot) -> None:
+    """Do what is missing of the chain. `robust/` then holds the policy and the ranges that made it.
+
+    Args:
+        lanes: of the run that found the reward; its settings say how many proposals there are (`sample`).
+
+    Raises:
+        ConfigError: when the run has no policy yet.
+        ModelError: when no reply holds ranges that can be used.
+        EurekaError: what else stopped it; all that was finished is stored, and calling again continues.
+    """
+    config, store = lanes.config, lanes.store
+    began = _best(store)
+    if began is None:
+        raise ConfigError(f"{store.directory} holds no policy yet; `eureka resume {store.directory}` goes on with it.")
+    lanes.observer.phase(config.generations, "evaluate")
+    lanes.try_out(sweep(began, robot.quantities), episodes=SWEEP_EPISODES)
+    proposed = propose(lanes, model, robot, began)
+    model.close()  # an embedded model must not run while training does: they fight for the same cores
+    store.save_ranges({UNIFORM: robot.uniform, **proposed})
+    reward = store.lanes.all()[began.lane].reward
+    graph = program(store, reward)
+    wanted: list[Wanted] = [(Lane(reward, config.seed, "robust", ranges=name), graph) for name in store.ranges()]
+    lanes.observer.phase(config.generations, "train")
+    lanes.train(wanted)
+    lanes.observer.phase(config.generations, "play")
+    arms = {lane.ranges: PolicyId(lane.id, _peak(lanes, lane, robot.quantities)) for lane, _ in wanted}
+    lanes.observer.phase(config.generations, "evaluate")
+    ours = max((name for name in arms if name != UNIFORM), key=lambda name: rank(_chosen_by(store, arms[name])))
+    judged = (began, arms[UNIFORM], arms[ours])
+    hard = hard_worlds(robot.quantities)
+    lanes.try_out([trial for own in judged for trial in trials(own, hard)], episodes=HARD_EPISODES)
+    lanes.try_out(sweep(arms[ours], robot.quantities), episodes=SWEEP_EPISODES)
+    store.save_robust(written(store.ranges()[ours]), arms[ours])
+
+
+def _best(store: Store) -> PolicyId | None:
+    """The policy in `best/`; of equal ones that of the reward which lies there too."""
+    source = artifacts.read(store.directory, "best/reward.py")
+    own = Candidate.of(source.decode(errors="replace")).id if source is not None else None
+    lanes, given, judged = store.lanes.all(), store.given(), store.lanes.evaluations()
+
+    def fits(policy: PolicyId) -> tuple[bool, bool, bool]:
+        lane = lanes[policy.lane]
+        return lane.role != "robust", given.get(lane.reward, lane.reward) == own, policy.lane in judged
+
+    return max(store.lanes.exposed("best"), key=fits, default=None)
+
+
+def sweep(policy: PolicyId, quantities: Iterable[str]) -> list[Trial]:
+    """A policy in the task's own world, and with each quantity changed alone."""
+    worlds = {"sweep": NOMINAL}
+    worlds |= {f"sweep {name}={value:g}": Dynamics(**{name: value}) for name in quantities for value in GRID[name]}
+    return trials(policy, worlds)
+
+
+def trials(policy: PolicyId, worlds: Mapping[str, Dynamics], of: str = "") -> list[Trial]:
+    return [Trial(lane=policy.lane, name=of + name, peak=policy.peak, dynamics=world) for name, world in worlds.items()]
+
+
+def hard_worlds(quantities: Sequence[str]) -> dict[str, Dynamics]:
+    """Those of `HARD` that are other worlds for a robot, as far as it has their quantities; and its own."""
+    found: dict[str, Dynamics] = {"hard nominal": NOMINAL}
+    for name, world in HARD.items():
+        known = {each: getattr(world, each) for each in quantities if getattr(world, each) != getattr(NOMINAL, each)}
+        if known and Dynamics(**known) not in found.values():
+            found[f"hard {name}"] = Dynamics(**known)
+    return found
+
+
+def propose(lanes: Lanes, model: LanguageModel, robot: Robot, began: PolicyId) -> dict[str, Ranges]:
+    """Ranges by name, one a slot whose reply, or a repair of it, can be used."""
+    config, store = lanes.config, lanes.store
+    prompt = asked(robot, carries(store, began.lane, robot.quantities))
+    found: dict[str, Ranges] = {}
+    wrong: dict[int, Prompt] = {}
+    reason = ""
+    for attempt in range(1 + (config.repair or REPAIRS)):
+        vacant = [slot for slot in range(config.sample) if f"r{slot}" not in found]
+        if attempt:
+            for slot in vacant:
+                _draw(lanes, model, wrong[slot], attempt, [slot])
+        else:
+            _draw(lanes, model, prompt, attempt, vacant)
+        replies = store.proposals()
+        for slot in vacant:
+            reply = replies[slot, attempt].text
+            try:
+                found[f"r{slot}"] = robot.read(table_of(reply))
+            except ConfigError as error:
+                reason = str(error)
+                wrong[slot] = prompts.ranges_again(wrong.get(slot, prompt), reply, reason)
+    if not found:
+        raise ModelError(f"No reply holds ranges that can be used: {reason} Ask another model, or add repair=4.")
+    return dict(sorted(found.items(), key=lambda item: int(item[0][1:])))
+
+
+def _draw(lanes: Lanes, model: LanguageModel, prompt: Prompt, attempt: int, slots: Sequence[int]) -> None:
+    config, store = lanes.config, lanes.store
+    missing = [slot for slot in slots if (slot, attempt) not in store.proposals()]
+    if not missing:
+        return
+    lanes.observer.phase(config.generations, "sample")
+    if config.max_cost:
+        paid = [*store.replies(), *store.proposals().values()]
+        price.afford(config.max_cost, paid, price.find(config.model, config.price), prompt, len(missing))
+    seed = request_seed(config.seed, config.generations, attempt, missing[0])
+    for slot, reply in zip(missing, model.sample(prompt, n=len(missing), seed=seed), strict=True):
+        store.save_proposal(slot, attempt, prompt, reply)
+
+
+def table_of(reply: str) -> str:
+    """The last code block of a reply, or all of it. Raises ConfigError for what is too long to be a table."""
+    blocks = _BLOCK.findall(reply)
+    text = blocks[-1] if blocks else reply
+    if len(text) > LONGEST:
+        raise ConfigError(f"The reply is no table of ranges: it has {len(text)} characters.")
+    return text
+
+
+def asked(robot: Robot, carried: Sequence[Carried]) -> Prompt:
+    """The prompt: the robot, and where its policy still works."""
+    lines = []
+    for one in carried:
+        scores = ", ".join(f"{value:g}: {_share(share, fitness)}" for value, fitness, share in one.points)
+        works = f"; works from {one.low:g} to {one.high:g}" if one.low is not None and one.high is not None else ""
+        lines.append(f"- {one.name}: {scores}{works}")
+    return prompts.ranges(
+        task=robot.task,
+        robot=robot.description,
+        note=f"in brackets, the share of what was learnt that is left; works: at least {KEEPS:.0%}",
+        sweep=lines,
+        quantities={name: (SCALES[name].unit, SCALES[name].least, SCALES[name].most) for name in robot.quantities},
+        ends={name: _ends(name) for name in robot.quantities},
+    )
+
+
+def _ends(name: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Values that the grammar offers for the lowest and the highest end: those of the grid about the task's own."""
+    own = float(getattr(NOMINAL, name))
+    return (*(v for v in GRID[name] if v < own), own), (own, *(v for v in GRID[name] if v > own))
+
+
+def _share(share: float | None, fitness: float | None) -> str:
+    text = "undefined" if fitness is None else f"{fitness:.3g}"
+    return text if share is None else f"{text} ({share:.0%})"
+
+
+def program(store: Store, reward: str) -> RewardProgram:
+    """What a lane of this reward trains under."""
+    if reward in dict(BASELINES):
+        return dict(BASELINES)[reward]
+    verdict = store.verdict(store.given().get(reward) or reward)
+    if verdict is None or verdict.graph is None:
+        raise ConfigError(f"{store.directory} holds no program of the reward {reward}.")
+    return verdict.graph
+
+
+def _peak(lanes: Lanes, lane: Lane, quantities: Sequence[str]) -> Peak:
+    """Which of a lane's policies does best in hard worlds, on start states for choosing."""
+    hard = hard_worlds(quantities)
+    own = [PolicyId(lane.id, peak) for peak in PEAKS]
+    choosing = [trial for policy in own for trial in trials(policy, hard, f"choose {policy.peak} ")]
+    lanes.try_out(choosing, choosing=True, episodes=CHOOSING_EPISODES)
+    return max(own, key=lambda policy: rank(_chosen_by(lanes.store, policy))).peak
+
+
+def _chosen_by(store: Store, policy: PolicyId) -> float | None:
+    """Mean F over hard worlds on start states for choosing."""
+    return mean_of(store.lanes.trials().get(policy.lane, {}), f"choose {policy.peak} hard ")
+
+
+def written(ranges: Ranges) -> str:
+    """As `randomise=FILE.yaml` reads them."""
+    return "".join(f"{name}: [{low:g}, {high:g}]\n" for name, (low, high) in ranges.drawn.items())

@@ -1,0 +1,160 @@
+"""Config dataclasses from `key=value` words, from Python values and from what is stored."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, cast, get_type_hints
+
+from .errors import ConfigError, nearest
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+_LONGEST = 4096
+"""Characters of a setting: those of the longest path."""
+_FILES = {
+    "env": r"((?:python:)?)(.+\.py)([:+].*)?",
+    "init": r"()(?!human\Z)(.+)()",
+    "curriculum": r"()(.+\.ya?ml)()",
+    "randomise": r"()(.+\.ya?ml)()",
+    "model": r"(replay:|local:(?!hub:))(.+)()",
+}
+
+
+def absolute(key: str, value: str, folder: Path = Path()) -> str:
+    """The whole path of a file that a setting names from a folder, so that it is found from any directory."""
+    match = re.fullmatch(_FILES.get(key, "(?!)"), value)
+    return f"{match[1]}{(folder / Path(match[2]).expanduser()).resolve()}{match[3] or ''}" if match else value
+
+
+def elsewhere(settings: Mapping[str, object]) -> dict[str, object]:
+    """The settings with `python=PATH` as a part of what `env` names: the interpreter that its environment lives in.
+
+    The path is made whole but not followed: the interpreter of a virtual environment is a link.
+    """
+    found = dict(settings)
+    if "env" not in found or "python" not in found:
+        return found
+    python = str(found.pop("python"))
+    whole = os.path.abspath(os.path.expanduser(python)) if os.sep in python else python
+    return found | {"env": f"{found['env']}+python={whole}"}
+
+
+def _whole(value: str) -> int:
+    """A whole number, also as people write large ones: `1e6`, `2.5e5`."""
+    if re.fullmatch(r"[+-]?\d+(\.\d*)?[eE]\+?\d{1,2}", value) and float(value).is_integer():
+        return int(float(value))
+    return int(value)
+
+
+_WANTED = {"int": "a whole number", "float": "a number", "bool": "true or false"}
+
+Config = TypeVar("Config", bound="DataclassInstance")
+
+
+def parse(kind: type[Config], words: Sequence[str]) -> Config:
+    """Build a frozen config dataclass from `key=value` words. A value is taken as it is: nothing in it is looked up.
+
+    Raises:
+        ConfigError: for a word that is not `key=value`, an unknown key or a value of the wrong type.
+    """
+    return kind(**_typed(kind, words))
+
+
+def changed(config: Config, words: Sequence[str]) -> Config:
+    """The config with what `key=value` words say. Raises ConfigError as `parse` does."""
+    return dataclasses.replace(config, **_typed(type(config), words))
+
+
+def _typed(kind: type, words: Sequence[str]) -> dict[str, Any]:
+    hints = get_type_hints(kind)
+    values: dict[str, Any] = {}
+    given: dict[str, object] = {}
+    for word in words:
+        key, sign, value = word.partition("=")
+        if not sign:
+            raise ConfigError(f"`{word}` is not of the form key=value, for example env=cartpole.")
+        given[key] = value
+    for key, value in elsewhere(given).items():
+        _expect_known(key, hints)
+        value = str(value)
+        try:
+            values[key] = _READ[hints[key]](absolute(key, value))
+        except ValueError:
+            raise _unfit(key, value, hints[key]) from None
+    return values
+
+
+def _expect_known(key: str, hints: Mapping[str, type]) -> None:
+    if key not in hints:
+        raise ConfigError(f"Unknown setting `{key}`.{nearest(key, hints)} Settings: {', '.join(hints)}.")
+
+
+def _unfit(key: str, value: object, kind: type) -> ConfigError:
+    wanted = _WANTED.get(kind.__name__, "text")
+    return ConfigError(f"`{key}={value!s:.80}` does not fit: `{key}` takes {wanted}.")
+
+
+def taken(kind: type, settings: Mapping[str, object]) -> dict[str, Any]:
+    """Python values as the fields of a config dataclass hold them: paths as text, 1e6 as a whole number.
+
+    Raises:
+        ConfigError: for an unknown key or a value of the wrong type.
+    """
+    hints = get_type_hints(kind)
+    values: dict[str, Any] = {}
+    for key, value in elsewhere(settings).items():
+        _expect_known(key, hints)
+        wanted = hints[key]
+        given: Any = str(value) if isinstance(value, Path) else value
+        if wanted is int and isinstance(given, float) and given.is_integer():
+            given = int(given)
+        if type(given) is not wanted and (type(given), wanted) != (int, float):
+            raise _unfit(key, value, wanted)
+        values[key] = absolute(key, given) if isinstance(given, str) else wanted(given)
+    return values
+
+
+_SWITCH = {
+    **dict.fromkeys(("true", "yes", "on", "y", "1"), True),
+    **dict.fromkeys(("false", "no", "off", "n", "0"), False),
+}
+
+
+def _switch(text: str) -> bool:
+    if text.lower() not in _SWITCH:
+        raise ValueError(text)
+    return _SWITCH[text.lower()]
+
+
+_READ: Mapping[type, Callable[[str], Any]] = {str: str, int: _whole, float: float, bool: _switch}
+
+
+def restored(kind: type[Config], stored: object) -> Config:
+    """The config that `as_dict` was made of, from data of anybody's; fields that it lacks have their defaults.
+
+    Raises:
+        ConfigError: for an unknown field or a value that does not fit.
+        TypeError: for what is no such data: another type, or text that nobody types.
+    """
+    hints = get_type_hints(kind)
+    if not isinstance(stored, dict):
+        raise TypeError("settings are a mapping")
+    settings = cast(dict[str, object], stored)
+    for key, value in settings.items():
+        if key not in hints:
+            raise ConfigError(f"There is no setting `{key}`.")
+        if type(value) is not hints[key] and (type(value), hints[key]) != (int, float):
+            raise TypeError(f"`{key}` takes {hints[key].__name__}")
+        if isinstance(value, str) and (len(value) > _LONGEST or "\0" in value):
+            raise TypeError(f"`{key}` is no text of a setting")
+    return kind(**settings)
+
+
+def as_dict(config: DataclassInstance) -> dict[str, object]:
+    """Every field of a config dataclass, for storing and printing it back."""
+    return dataclasses.asdict(config)

@@ -1,0 +1,125 @@
+"""A Python program as the host of a run: it hears events, and nothing is printed but how to go on."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from queue import SimpleQueue
+
+from ..config import RunConfig
+from ..errors import Interrupted
+from ..person import Desk
+from ..report.filming import Filming
+from ..store import is_run
+from ..store.directory import is_asked_to_stop
+from ..types import Generation, TrainingResult, Usage
+from . import compose
+from .events import Event, Started, Teller
+from .run import Run
+
+Tell = Callable[[Event], object]
+Work = Callable[[compose.Host], object]
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A Python program as the host of a run (see `compose.Host`): it hears events, and nothing is printed.
+
+    No signal reaches any thread but the main one. A run in another stops where it tells of something, or waits for a
+    person: when `leaving` is set, or `eureka stop` asks for it.
+    """
+
+    tell: Tell
+    leaving: threading.Event | None = None
+    """None in the main thread."""
+
+    def begins(self, config: RunConfig, directory: Path) -> None: ...
+
+    def working(self, text: str) -> AbstractContextManager[None]:
+        return nullcontext()
+
+    @contextmanager
+    def view(self, config: RunConfig, directory: Path, usage: Usage) -> Iterator[Teller]:
+        def tell(event: Event) -> None:
+            self.tell(event)
+            if not isinstance(event, TrainingResult):  # the next one may be waiting: it is to be kept first
+                self.obey(directory)
+
+        tell(Started(Run(directory)))
+        yield Teller(tell)
+
+    def obey(self, directory: Path) -> None:
+        """Raises KeyboardInterrupt where the run is to stop and no signal says so."""
+        if self.leaving is not None and (self.leaving.is_set() or is_asked_to_stop(directory)):
+            raise KeyboardInterrupt
+
+    def desk(self, config: RunConfig, directory: Path, films: Sequence[Filming]) -> Desk:
+        return _Desk(self, directory)
+
+    def again(self, directory: Path) -> str:
+        return f"openeureka.open_run({str(directory)!r}).resume()"
+
+
+@dataclass(frozen=True, slots=True)
+class _Desk:
+    """Nobody sits here; `eureka feedback` and the page reach the run all the same."""
+
+    host: Program
+    directory: Path
+
+    def invite(self, generation: Generation) -> None: ...
+
+    def listen(self, seconds: float) -> None:
+        time.sleep(seconds)
+        self.host.obey(self.directory)
+
+
+def host(on_event: Tell | None) -> compose.Host:
+    """This program, as the host of runs that it waits for."""
+    in_main = threading.current_thread() is threading.main_thread()
+    return Program(on_event or (lambda event: None), None if in_main else threading.Event())
+
+
+def done(directory: Path, on_event: Tell | None, work: Work) -> Run:
+    """The run after the work, or as far as it came when it was stopped."""
+    try:
+        work(host(on_event))
+    except Interrupted as stop:
+        if not is_run(directory):
+            raise KeyboardInterrupt from None
+        print(stop)
+    return Run(directory)
+
+
+def followed(work: Work) -> Generator[Event]:
+    """The events of a run at work in a thread of its own."""
+    events: SimpleQueue[Event | None] = SimpleQueue()
+    leaving = threading.Event()
+    failures: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            work(Program(events.put, leaving))
+        except BaseException as error:  # whatever it is, it is raised where somebody looks
+            failures.append(error)
+        finally:
+            events.put(None)
+
+    thread = threading.Thread(target=run, name="openeureka", daemon=True)
+    thread.start()
+    try:
+        while (event := events.get()) is not None:
+            yield event
+    except KeyboardInterrupt:
+        leaving.set()
+    finally:
+        leaving.set()
+        thread.join()
+    for failure in failures:
+        if not isinstance(failure, Interrupted):
+            raise failure
+        print(failure)
