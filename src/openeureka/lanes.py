@@ -286,10 +286,20 @@ class Lanes:
         episodes = affordable([results[lane] for lane in ids], len(peaks))
         seed = self.config.seed + CHOOSING + look
         scores: list[Evaluation] = []
-        for score in self.trainer.evaluate(self.config.env, playing, seed=seed, episodes=episodes):
+        # Nobody else is asked to record: to a trainer of somebody's own that may be new.
+        screened = {"record": self._evidence(places)} if self.config.screen > 1 and not look else {}
+        for score in self.trainer.evaluate(self.config.env, playing, seed=seed, episodes=episodes, **screened):
             lane, peak = places[score.lane]
             scores.append(dataclasses.replace(score, lane=lane, peak=peak))
         self.store.lanes.save_plays(look, scores)  # all or none: who plays beside whom may matter to the last bit
+
+    def _evidence(self, places: Mapping[str, tuple[str, Peak]]) -> frozenset[str]:
+        """By which of these a later screen may judge: the first policy of each lane of the search."""
+        roles, firsts = self.store.lanes.all(), dict[str, str]()
+        for key, (lane, _) in places.items():
+            if roles[lane].role in ("candidate", "baseline"):
+                firsts.setdefault(lane, key)
+        return frozenset(firsts.values())
 
     def standing(self, ids: Iterable[str], strategy: SearchStrategy) -> dict[str, Peak]:
         """Which of its policies stands for each lane: that which plays best, or the first where none was played."""

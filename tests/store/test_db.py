@@ -11,7 +11,7 @@ from openeureka.store.db import MIGRATIONS, Database
 TABLES = (
     "run", "prompts", "replies", "verdicts", "results", "entries", "evaluations", "remarks", "heard", "trials",
     "plays", "crown", "lanes", "given", "slots", "attempts", "rungs", "best_policy",
-    "ranges", "proposals",
+    "ranges", "proposals", "screens",
 )  # fmt: skip
 REPLY = {
     "generation": 0,

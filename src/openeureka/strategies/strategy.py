@@ -9,7 +9,7 @@ from typing import Literal, Protocol
 
 from ..config import RunConfig
 from ..plugins import Door
-from ..types import History, Opinion, Peak, PromptPlan, RemarkKind, Scored
+from ..types import History, Opinion, Peak, PromptPlan, RemarkKind, Scored, VerdictCode
 from .ranking import Ranking
 
 
@@ -139,7 +139,8 @@ def _failures(history: History) -> tuple[Scored, ...]:
     """The entries of the last generation when nothing in it trained: the next prompt says why."""
     if not history.generations or any(entry.trained for entry in history.generations[-1].entries):
         return ()
-    return history.generations[-1].entries
+    # That others were preferred is no fault of a program.
+    return tuple(e for e in history.generations[-1].entries if e.sample.verdict.code is not VerdictCode.SCREENED)
 
 
 def _opinion(parents: Sequence[Scored], history: History, ranking: Ranking) -> Opinion:
