@@ -70,12 +70,12 @@ def test_an_episode_in_which_fitness_has_no_weight_has_none():
 
 
 ANGLE = RewardGraph(
-    nodes=(Node("input", ("pole_pos",)), Node("abs.default", ({"ref": 0},)), Node("neg.default", ({"ref": 1},))),
+    nodes=(Node("input", ("pole_angle",)), Node("abs.default", ({"ref": 0},)), Node("neg.default", ({"ref": 1},))),
     reward=2,
     components=(),
 )
 FAILS = RewardGraph(
-    nodes=(Node("input", ("pole_pos",)), Node("log.default", ({"ref": 0},))), reward=1, components=()
+    nodes=(Node("input", ("pole_angle",)), Node("log.default", ({"ref": 0},))), reward=1, components=()
 )  # of a negative angle
 
 
@@ -92,7 +92,7 @@ def test_a_policy_that_was_played_tells_what_programs_would_have_paid():
     assert own is not None and len(own.fitness) == 8
     # F of Cartpole is the length of an episode.
     assert own.fitness == pytest.approx(own.steps) and sum(own.steps) / 8 == pytest.approx(score.episode_length)
-    angles = load(own.states)["pole_pos"]
+    angles = load(own.states)["pole_angle"]
     paid = trainer.rewards("cartpole", {"angle": ANGLE, "fails": FAILS}, [own, own])
     assert set(paid) == {"angle"}
     assert paid["angle"] == pytest.approx([*(-angles.abs()).tolist()] * 2)

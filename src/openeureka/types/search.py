@@ -182,6 +182,8 @@ class PromptPlan:
     """The best of all so far, which a favourite of a person need not be."""
     siblings: tuple[Scored, ...] = ()
     """The other rewards of the parent's generation."""
+    crossover: bool = False
+    """The last two turns are both parents: the model is asked to combine what is good in them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
