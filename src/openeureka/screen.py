@@ -257,12 +257,9 @@ def _decision(
     if trains:
         reason = ""
     elif wrong:
-        reason = (
-            f"its return agrees with F less than others' do: rank correlation {one.agreement:.2f} ± {one.error:.2f}, "
-            f"theirs {middle:.2f} in the middle"
-        )
+        reason = f"agreement with F {one.agreement:.2f} ± {one.error:.2f}, of others {middle:.2f}"
     elif nearest is not None:
-        reason = f"others differ more: it pays as {nearest.place} does, rank correlation {likeness:.2f}"
+        reason = f"it pays as {nearest.place} does (rank correlation {likeness:.2f}), others differ more"
     else:
         reason = "it pays the same in every recorded state, or cannot be computed there"
     return Screened(

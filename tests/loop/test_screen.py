@@ -99,7 +99,7 @@ def test_those_that_differ_most_from_what_trained_and_from_each_other_train():
     assert [found[Place(1, slot)].kept for slot in (1, 2, 3)] == [False, True, True]
     dropped = found[Place(1, 1)]
     assert dropped.nearest == Place(1, 0) and dropped.likeness == pytest.approx(1.0)
-    assert dropped.reason == "others differ more: it pays as g1s0 does, rank correlation 1.00"
+    assert dropped.reason == "it pays as g1s0 does (rank correlation 1.00), others differ more"
 
 
 def test_of_equals_the_earlier_slot_trains():
@@ -132,7 +132,7 @@ def test_agreement_only_drops_what_is_clearly_wrong(agreements: tuple[float | No
 def test_a_generation_trains_no_less_than_without_a_screen():
     found = choose([rated(0, [1, 2], 0.9), rated(1, [1, 2], -0.9), rated(2, [1, 2], -0.4)], [], [2])
     assert [found[Place(1, slot)].kept for slot in range(3)] == [True, False, True]
-    assert found[Place(1, 1)].reason.startswith("its return agrees with F less than others' do")
+    assert found[Place(1, 1)].reason== "agreement with F -0.90 ± 0.05, of others -0.40"
 
 
 def test_every_prompt_has_its_share():
@@ -156,8 +156,8 @@ def test_the_screen_is_open_until_something_played(tmp_path: Path):
     assert sum(state is CandidateState.SCREENED for state in states.values()) == 4
     wrong = next(c for c in view.candidates if c.candidate is not None and c.candidate == Candidate.of(program(-3)))
     assert wrong.verdict is not None and wrong.result is None
-    assert "agrees with F less than others' do: rank correlation -1.00" in wrong.verdict.findings[0].message
-    assert wrong.feedback.startswith("The reward function was not trained: its return agrees")
+    assert wrong.verdict.findings[0].message.startswith("agreement with F -1.00 ± 0.00, of others ")
+    assert wrong.feedback.startswith("The reward function was not trained: agreement with F -1.00")
 
 
 def test_numbers_of_a_decision_are_rows(tmp_path: Path):

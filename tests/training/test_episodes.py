@@ -9,6 +9,8 @@ from openeureka.tasks import registry
 from openeureka.training import episodes
 from openeureka.training.episodes import Recorder, rewards
 from openeureka.training.evaluate import evaluate
+from openeureka.training.population import Population
+from openeureka.training.wire import pack_score, unpack_score
 from openeureka.types import Episodes, LaneSpec, Node, RewardGraph, StateSpec, StateVar, TrainBudget, TrainingResult
 
 SPEC = StateSpec(
@@ -80,20 +82,17 @@ FAILS = RewardGraph(
 
 
 def test_a_policy_that_was_played_tells_what_programs_would_have_paid():
-    trainer = LocalExecutor(threads=1)
-    budget = TrainBudget(env_steps=16 * 32, worlds=32)
-    trained = trainer.train("cartpole", [LaneSpec(id="a", program="human")], budget)
-    (policy,) = (event.last for event in trained if isinstance(event, TrainingResult))
+    trained = Population("cartpole", [LaneSpec(id="a", program="human")], TrainBudget(env_steps=16 * 8, worlds=8))
+    (policy,) = (event.last for event in trained.train() if isinstance(event, TrainingResult))
     assert policy is not None
-    (score,) = trainer.evaluate("cartpole", {"a": policy}, seed=0, episodes=8, record=["a"])
-    (here,) = evaluate("cartpole", {"a": policy}, seed=0, episodes=8, record=["a"], threads=1)
-    assert score.recorded == here.recorded and score == here
+    (score,) = evaluate("cartpole", {"a": policy}, seed=0, episodes=8, record=["a"], threads=1)
     own = score.recorded
     assert own is not None and len(own.fitness) == 8
+    assert unpack_score(pack_score(score)).recorded == own
     # F of Cartpole is the length of an episode.
     assert own.fitness == pytest.approx(own.steps) and sum(own.steps) / 8 == pytest.approx(score.episode_length)
     angles = load(own.states)["pole_angle"]
-    paid = trainer.rewards("cartpole", {"angle": ANGLE, "fails": FAILS}, [own, own])
+    paid = LocalExecutor(threads=1).rewards("cartpole", {"angle": ANGLE, "fails": FAILS}, [own, own])
     assert set(paid) == {"angle"}
     assert paid["angle"] == pytest.approx([*(-angles.abs()).tolist()] * 2)
     assert dict(rewards("cartpole", {"angle": ANGLE}, [own])) == {"angle": pytest.approx((-angles.abs()).tolist())}

@@ -193,7 +193,8 @@ def rewards(
     """
     paid: dict[str, Sequence[float]] = {}
     for _ in range(2):
-        left = {name: program for name, program in programs.items() if name not in paid}
+        if not (left := {name: program for name, program in programs.items() if name not in paid}):
+            break
         with closing(transport.call(pack_question(env, left, episodes), slot)) as call, suppress(WorkerError):
             while not (frame := call.receive()).header.get("done"):
                 if "program" in frame.header:
