@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from .config import NO_RANGES, RunConfig
 from .errors import WorkerError
@@ -286,9 +287,12 @@ class Lanes:
         episodes = affordable([results[lane] for lane in ids], len(peaks))
         seed = self.config.seed + CHOOSING + look
         scores: list[Evaluation] = []
-        # Nobody else is asked to record: to a trainer of somebody's own that may be new.
-        screened = {"record": self._evidence(places)} if self.config.screen > 1 and not look else {}
-        for score in self.trainer.evaluate(self.config.env, playing, seed=seed, episodes=episodes, **screened):
+        play = self.trainer.evaluate
+        if (
+            self.config.screen > 1 and not look
+        ):  # else nothing is said of it: a trainer of somebody's own may not record
+            play = partial(play, record=self._evidence(places))
+        for score in play(self.config.env, playing, seed=seed, episodes=episodes):
             lane, peak = places[score.lane]
             scores.append(dataclasses.replace(score, lane=lane, peak=peak))
         self.store.lanes.save_plays(look, scores)  # all or none: who plays beside whom may matter to the last bit

@@ -1,4 +1,4 @@
-"""Asks for more rewards than train, and picks: what pays against F is dropped, and of the rest those train that differ most.
+"""Asks for more rewards than train: what pays against F is dropped, and of the rest those train that differ most.
 
 It costs replies and no training. A reward is judged by what it would have paid in recorded episodes of earlier lanes:
 
@@ -248,9 +248,7 @@ def _nearest(one: Rated, others: Iterable[Rated]) -> tuple[Rated | None, float]:
     return max(alike, key=lambda pair: pair[1], default=(None, 0.0))
 
 
-def _decision(
-    one: Rated, before: Sequence[Rated], kept: Sequence[Rated], wrong: bool, middle: float
-) -> Screened:
+def _decision(one: Rated, before: Sequence[Rated], kept: Sequence[Rated], wrong: bool, middle: float) -> Screened:
     nearest, likeness = _nearest(one, [*before, *(other for other in kept if other is not one)])
     trains = one in kept
     known = nearest is not None

@@ -132,7 +132,7 @@ def test_agreement_only_drops_what_is_clearly_wrong(agreements: tuple[float | No
 def test_a_generation_trains_no_less_than_without_a_screen():
     found = choose([rated(0, [1, 2], 0.9), rated(1, [1, 2], -0.9), rated(2, [1, 2], -0.4)], [], [2])
     assert [found[Place(1, slot)].kept for slot in range(3)] == [True, False, True]
-    assert found[Place(1, 1)].reason== "agreement with F -0.90 ± 0.05, of others -0.40"
+    assert found[Place(1, 1)].reason == "agreement with F -0.90 ± 0.05, of others -0.40"
 
 
 def test_every_prompt_has_its_share():

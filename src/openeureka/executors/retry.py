@@ -185,8 +185,8 @@ def rewards(
     programs: Mapping[str, RewardGraph],
     episodes: Sequence[Episodes],
 ) -> dict[str, Sequence[float]]:
-    """What each program pays in each recorded state, in one worker, or a second one where that dies. What neither came to
-    is left out.
+    """What each program pays in each recorded state, from one worker, or a second one where that dies. What neither
+    came to is left out.
 
     Raises:
         TaskError: when the task's own code fails.

@@ -148,7 +148,9 @@ def decode_remark(row: Mapping[str, Any]) -> Remark:
 
 def encode_evaluation(evaluation: Evaluation) -> dict[str, Any]:
     """A row: its fields, undefined numbers as None; recorded episodes are a file of their own."""
-    row = defined(replace(evaluation, recorded=None)) | {"costs": encode(evaluation.costs) if evaluation.costs else None}
+    row = defined(replace(evaluation, recorded=None)) | {
+        "costs": encode(evaluation.costs) if evaluation.costs else None
+    }
     del row["recorded"]
     return row
 

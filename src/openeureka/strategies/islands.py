@@ -1,4 +1,7 @@
-"""A population on islands, as in FunSearch: lines of rewards that improve apart, so that one of them cannot take over all.
+"""A population on islands: lines of rewards that improve apart, so that none of them takes over all.
+
+The idea is that of FunSearch (doi 10.1038/s41586-023-06924-6). The method here is simpler: no clusters, no sampling by
+length, and a parent is the best.
 
 Not measured yet. `eureka bench benchmarks/plans/population.yaml` measures it: beside `best` and `eureka`, at matched
 environment steps.
@@ -26,9 +29,9 @@ CROSSOVER = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Islands(Best):
-    """Every island has its own slots and its own line of rewards, of which the best is the parent (*mutate*), or the two
-    best are (*crossover*: the model is asked to combine what is good in both; the better one stands as the parent in
-    the store). The weakest island begins anew, now and then, from the best of another.
+    """Every island has its own slots and its own line of rewards. Its best is the parent (*mutate*), or its two best
+    are (*crossover*: the model is asked to combine what is good in both; the store names the better one as the parent).
+    The weakest island begins anew, now and then, from the best of another.
 
     Nothing of an island is told to the others. A favourite of a person is the parent on all of them.
     """
@@ -49,7 +52,7 @@ class Islands(Best):
     ) -> PromptPlan:
         parents = [ranking.favourite] if ranking.favourite else _ahead(lines[island], ranking)
         if not parents:  # it begins anew, or nothing of it is able
-            others = [best[0] for number, line in enumerate(lines) if number != island and (best := _ahead(line, ranking))]
+            others = [ahead[0] for line in lines if line is not lines[island] and (ahead := _ahead(line, ranking))]
             parents = [rng.choice(others)] if others else [ranking.best] if ranking.best else []
         crossover = len(parents) > 1 and rng.random() < CROSSOVER
         slots = sum(self.island(slot, self.samples) == island for slot in range(self.samples))

@@ -25,8 +25,8 @@ TOGETHER = 2048
 
 
 class Recorder:
-    """Keeps states of some worlds at evenly spread steps, whose number nobody knows beforehand: when there are too many,
-    every second one goes, and those to come are twice as far apart.
+    """Keeps states of some worlds at evenly spread steps, whose number nobody knows beforehand: when there are too
+    many, every second one goes, and those to come are twice as far apart.
 
     The end of an episode is not kept for itself. What a reward pays for it once weighs as little as any other step.
 
