@@ -14,28 +14,16 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 
 import numpy as np
 
-from .lanes import Lanes
+from .lanes import Lanes, programs
 from .sampling import Sampler
 from .score import ERRORS
-from .types import (
-    CandidateId,
-    Episodes,
-    Finding,
-    History,
-    Place,
-    PromptPlan,
-    RewardGraph,
-    Sample,
-    Screened,
-    Verdict,
-    VerdictCode,
-)
+from .types import CandidateId, Episodes, Finding, History, Place, PromptPlan, Sample, Screened, Verdict, VerdictCode
 
 MARGIN = 0.3
 """How far below the median of all an agreement must be, beyond its error, before its reward is dropped."""
@@ -63,39 +51,37 @@ def fill(
         prompts = [number for number, plan in enumerate(plans) for _ in range(times * plan.count)]
         decided = decide(samples, prompts, [plan.count for plan in plans], witnesses, lanes, history)
         lanes.store.screens.save(decided.values())
-    screened = [_screened(sample, decided.get(sample.place)) for sample in samples]
-    for before, after in zip(samples, screened, strict=True):
-        if after is not before:
-            lanes.observer.verdict(after)
-    return tuple(screened)
+    return tuple(_told(sample, decided.get(sample.place), lanes) for sample in samples)
 
 
-def _witnesses(lanes: Lanes, history: History) -> dict[str, Episodes]:
-    """Recorded episodes by lane, of finished generations alone: a resumed run must judge by the same.
+def _told(sample: Sample, decision: Screened | None, lanes: Lanes) -> Sample:
+    if decision is None or decision.kept:
+        return sample
+    screened = replace(sample, verdict=verdict(sample.verdict.candidate, decision))
+    lanes.observer.verdict(screened)
+    return screened
+
+
+def _witnesses(lanes: Lanes, history: History) -> list[Episodes]:
+    """Recorded episodes, lane by lane, of finished generations alone: a resumed run must judge by the same.
 
     Of too many the ones taken are spread evenly over F.
     """
     if lanes.config.screen == 1 or not history.generations:
-        return {}
+        return []
     log = lanes.store.lanes
     records, plays = log.all(), log.plays()
     names = [*history.lanes, *(lane for lane, record in records.items() if record.role == "baseline")]
     found = {lane: own for lane in dict.fromkeys(names) if lane in plays and (own := log.episodes(lane)) is not None}
     ordered = sorted(found, key=lambda lane: np.mean([f for f in found[lane].fitness if f is not None] or [-math.inf]))
     places = np.linspace(0, len(ordered) - 1, min(len(ordered), WITNESSES)).round().astype(int).tolist()
-    return {ordered[place]: found[ordered[place]] for place in places}
+    return [found[ordered[place]] for place in places]
 
 
 def verdict(candidate: CandidateId, decision: Screened) -> Verdict:
     """On a program that could train and does not."""
     finding = Finding(rule="screened", message=decision.reason)
     return Verdict(candidate=candidate, code=VerdictCode.SCREENED, findings=(finding,))
-
-
-def _screened(sample: Sample, decision: Screened | None) -> Sample:
-    if decision is None or decision.kept:
-        return sample
-    return replace(sample, verdict=verdict(sample.verdict.candidate, decision))
 
 
 # --- what is known of each reward ------------------------------------------------------------------------------------
@@ -113,11 +99,6 @@ class Rated:
     error: float | None
     pay: Vector | None
     """Ranks of what it pays, state by state, about their mean and of length 1; None where it pays the same in all."""
-
-    def likeness(self, other: Rated) -> float | None:
-        if self.pay is None or other.pay is None:
-            return None
-        return min(1.0, abs(float(self.pay @ other.pay)))
 
 
 def rate(place: Place, prompt: int, paid: Sequence[float] | None, witnesses: Sequence[Episodes]) -> Rated:
@@ -174,7 +155,7 @@ def decide(
     samples: Sequence[Sample],
     prompts: Sequence[int],
     rooms: Sequence[int],
-    witnesses: Mapping[str, Episodes],
+    witnesses: Sequence[Episodes],
     lanes: Lanes,
     history: History,
 ) -> dict[Place, Screened]:
@@ -184,25 +165,22 @@ def decide(
         prompts: of each sample, which prompt it answers.
         rooms: of each prompt, how many of its answers may train.
     """
-    trained: dict[CandidateId, tuple[Place, RewardGraph]] = {}
-    for generation in history.generations:
-        for entry in generation.entries:
-            graph = entry.sample.verdict.graph
-            if graph is not None and entry.result is not None:
-                trained.setdefault(entry.sample.verdict.candidate, (entry.sample.place, graph))
+    trained = dict[CandidateId, Sample]()
+    for entry in (entry for generation in history.generations for entry in generation.entries):
+        if entry.result is not None:
+            trained.setdefault(entry.sample.verdict.candidate, entry.sample)
     asked = dict[CandidateId, tuple[Sample, int]]()
     for sample, prompt in zip(samples, prompts, strict=True):
-        if sample.verdict.graph is not None and sample.verdict.candidate not in trained:
+        if sample.verdict.accepted and sample.verdict.candidate not in trained:
             asked.setdefault(sample.verdict.candidate, (sample, prompt))
     answers = Counter(prompt for _, prompt in asked.values())
     if all(answers[prompt] <= room for prompt, room in enumerate(rooms)):
         return {}  # there is nobody to choose among
-    graphs = {name: graph for name, (_, graph) in trained.items()}
-    graphs |= {name: sample.verdict.graph for name, (sample, _) in asked.items() if sample.verdict.graph is not None}
-    seen = [*witnesses.values()]
-    paid = lanes.trainer.rewards(lanes.config.env, graphs, seen)
-    fresh = {name: rate(sample.place, prompt, paid.get(name), seen) for name, (sample, prompt) in asked.items()}
-    before = [rate(place, -1, paid.get(name), seen) for name, (place, _) in trained.items()]
+    known = programs([*trained.values(), *(sample for sample, _ in asked.values())])
+    graphs = {name: graph for name, graph in known if not isinstance(graph, str)}
+    paid = lanes.trainer.rewards(lanes.config.env, graphs, witnesses)
+    fresh = {name: rate(sample.place, prompt, paid.get(name), witnesses) for name, (sample, prompt) in asked.items()}
+    before = [rate(sample.place, -1, paid.get(name), witnesses) for name, sample in trained.items()]
     chosen = choose([*fresh.values()], before, rooms)
     return {
         sample.place: replace(chosen[fresh[name].place], place=sample.place)
@@ -244,28 +222,26 @@ def _nearest(one: Rated, others: Iterable[Rated]) -> tuple[Rated | None, float]:
     """Whoever is most like it, and how much; one of which nothing is known counts as like all."""
     if one.pay is None:
         return None, 1.0
-    alike = [(other, one.likeness(other) or 0.0) for other in others]
+    alike = [(other, min(1.0, abs(float(one.pay @ other.pay)))) for other in others if other.pay is not None]
     return max(alike, key=lambda pair: pair[1], default=(None, 0.0))
 
 
 def _decision(one: Rated, before: Sequence[Rated], kept: Sequence[Rated], wrong: bool, middle: float) -> Screened:
     nearest, likeness = _nearest(one, [*before, *(other for other in kept if other is not one)])
-    trains = one in kept
-    known = nearest is not None
-    if trains:
-        reason = ""
-    elif wrong:
-        reason = f"agreement with F {one.agreement:.2f} ± {one.error:.2f}, of others {middle:.2f}"
-    elif nearest is not None:
-        reason = f"it pays as {nearest.place} does (rank correlation {likeness:.2f}), others differ more"
-    else:
-        reason = "it pays the same in every recorded state, or cannot be computed there"
+    reason = ""
+    if one not in kept:
+        if wrong:
+            reason = f"agreement with F {one.agreement:.2f} ± {one.error:.2f}, of others {middle:.2f}"
+        elif nearest is not None:
+            reason = f"it pays as {nearest.place} does (rank correlation {likeness:.2f}), others differ more"
+        else:
+            reason = "it pays the same in every recorded state, or cannot be computed there"
     return Screened(
         place=one.place,
-        kept=trains,
+        kept=one in kept,
         agreement=one.agreement,
         error=one.error,
         nearest=nearest.place if nearest is not None else None,
-        likeness=likeness if known else None,
+        likeness=likeness if nearest is not None else None,
         reason=reason,
     )

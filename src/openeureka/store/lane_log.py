@@ -165,9 +165,10 @@ class LaneLog:
         data = artifacts.read(self._directory, _episodes(lane))
         try:
             frame = unframed(data or b"")
-            return dataclasses.replace(shaped(Episodes, frame.header["episodes"]), states=frame.blobs["states"])
+            found = dataclasses.replace(shaped(Episodes, frame.header["episodes"]), states=frame.blobs["states"])
         except (WorkerError, DecodeError, KeyError):
             return None
+        return found if len(found.fitness) == len(found.steps) else None
 
     def save_rung(self, rung: int, standings: Iterable[Standing]) -> None:
         """Keep how lanes stood where they paused, all of them at once: who goes on is decided among them."""
