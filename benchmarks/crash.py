@@ -4,9 +4,9 @@
     python benchmarks/crash.py --stride 5         # every fifth point of each mode
 
 The search is scripted, so that all of its steps are the same each time: three generations, repairs, refills, equal
-programs, a slot that is given up, a person's remarks, final trainings, trials. So are a search that carries its policy
-on, a training of given rewards, as of `eureka train`, and the fitting of a reward's numbers, as of `eureka tune`. Steps
-are, by mode:
+programs, a slot that is given up, a person's remarks, final trainings, trials. So are searches that cut lanes, that
+screen rewards and that carry a policy on, a training of given rewards, as of `eureka train`, and the fitting of a
+reward's numbers, as of `eureka tune`. Steps are, by mode:
 
     around   just before and just after each write to the store or to a file
     within   before each SQL statement and each rename, so also between a reply's arrival and its commit
@@ -27,7 +27,8 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import scipy.special  # noqa: F401 -- a verdict imports it late, and each fork would pay for that
+import numpy  # noqa: F401 -- imported late, and each fork would pay for that
+import scipy.special  # noqa: F401 -- so is this, by a verdict
 from records import today, write
 
 from openeureka import given, strategies, tuning
@@ -150,6 +151,17 @@ def whole_run(directory: Path, config: RunConfig = CONFIG) -> None:
 HALVING = replace(CONFIG, iteration=1, schedule="halving")
 
 
+SCREEN = RunConfig(sample=1, iteration=2, screen=3, refill=0, seeds=1)
+SCREENED = [reply(4), *(reply(-3), "nothing", reply(8))]
+
+
+def whole_screen(directory: Path) -> None:
+    """Two generations, of the second of which one of two programs trains."""
+    with Store.open(directory, SCREEN) as store:
+        model, strategy = MeteredModel(SCREENED, store=store), strategies.make(SCREEN)
+        run(SCREEN, store, model, ToyChecker(), ToyTrainer(), TOY, strategy)
+
+
 POLISH = replace(CONFIG, iteration=1, polish=3)
 
 
@@ -189,6 +201,7 @@ def whole_tuning(directory: Path) -> None:
 WHOLE: Mapping[str, Callable[[Path], None]] = {
     "search": whole_run,
     "halving": whole_halving,
+    "screen": whole_screen,
     "polish": whole_polishing,
     "train": whole_training,
     "tune": whole_tuning,

@@ -84,6 +84,8 @@ class RunConfig:
     """Environment steps per candidate, over all stages of a curriculum."""
     worlds: int = 0
     """Worlds per candidate."""
+    screen: int = 1
+    """Ask for so many times the rewards that train, drop what pays against F, and train those that differ most."""
     schedule: str = "full"
     """How long candidates train: all of them in `full`, or by `halving` those alone that lead at each rung."""
     bonus: str = "none"
@@ -115,7 +117,7 @@ class RunConfig:
         for key in _COUNTS:
             if getattr(self, key) < 0:
                 raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
-        for key in ("sample", "iteration", "repair", "refill", "tune", "polish", "seeds"):
+        for key in ("sample", "iteration", "repair", "refill", "screen", "tune", "polish", "seeds"):
             if getattr(self, key) > _MANY:
                 raise ConfigError(f"`{key}` must be at most {_MANY}.")
         if "@" in self.base_url.partition("://")[2].partition("/")[0]:
@@ -125,6 +127,8 @@ class RunConfig:
             )
         if self.seeds < 1:
             raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")
+        if self.screen < 1:
+            raise ConfigError(f"`screen` must be one or more, not {self.screen}; 1 trains every reward.")
         if 0 < self.tune < FEWEST_TUNED:
             raise ConfigError(f"`tune` must be 0 or at least {FEWEST_TUNED}, not {self.tune}.")
         if self.polish_steps and not self.polish:
@@ -148,6 +152,8 @@ class RunConfig:
             raise ConfigError(f"`schedule={self.schedule}` goes with no `curriculum=`; leave one of them out.")
         if self.limited and (self.search == "eureka" or self.model == NO_MODEL):
             raise ConfigError("`limits` needs a search that lets policies play; use it with search=best.")
+        if self.screen > 1 and (self.search == "eureka" or self.model == NO_MODEL):
+            raise ConfigError("`screen` judges by policies that were played; use it with search=best and a model.")
         if self.judge == "votes" and self.feedback != "human":
             raise ConfigError("`judge=votes` needs someone who votes; add feedback=human.")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from .config import NO_RANGES, RunConfig
 from .errors import WorkerError
@@ -287,10 +288,23 @@ class Lanes:
         episodes = affordable([results[lane] for lane in ids], len(peaks))
         seed = self.config.seed + CHOOSING + look
         scores: list[Evaluation] = []
-        for score in self.trainer.evaluate(self.config.env, playing, seed=seed, episodes=episodes):
+        play = self.trainer.evaluate
+        if (
+            self.config.screen > 1 and not look
+        ):  # else nothing is said of it: a trainer of somebody's own may not record
+            play = partial(play, record=self._evidence(places))
+        for score in play(self.config.env, playing, seed=seed, episodes=episodes):
             lane, peak = places[score.lane]
             scores.append(dataclasses.replace(score, lane=lane, peak=peak))
         self.store.lanes.save_plays(look, scores)  # all or none: who plays beside whom may matter to the last bit
+
+    def _evidence(self, places: Mapping[str, tuple[str, Peak]]) -> frozenset[str]:
+        """By which of these a later screen may judge: the first policy of each lane of the search."""
+        roles, firsts = self.store.lanes.all(), dict[str, str]()
+        for key, (lane, _) in places.items():
+            if roles[lane].role in ("candidate", "baseline"):
+                firsts.setdefault(lane, key)
+        return frozenset(firsts.values())
 
     def standing(self, ids: Iterable[str], strategy: SearchStrategy) -> dict[str, Peak]:
         """Which of its policies stands for each lane: that which plays best, or the first where none was played."""

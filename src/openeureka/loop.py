@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from random import Random
 
-from . import baselines, hacking, polishing, race, tuning
+from . import baselines, hacking, polishing, race, screen, tuning
 from .config import RunConfig
 from .lanes import Lanes, beside, deal, programs
 from .llm.client import LanguageModel
@@ -51,7 +51,7 @@ def run(
     for index in range(len(history.generations), config.generations):
         history = hearing.hear(history)
         plans = strategy.ask(history, Random(f"{config.seed}/{index}"))
-        samples = sampler.given() if config.init and index == 0 else sampler.fill(index, plans)
+        samples = sampler.given() if config.init and index == 0 else screen.fill(index, plans, sampler, lanes, history)
         model.close()  # an embedded model must not run while training does: they fight for the same cores
 
         observer.phase(index, "train")

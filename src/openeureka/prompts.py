@@ -135,7 +135,7 @@ def _free(context: TaskContext, plan: PromptPlan) -> Prompt:
         facts="\n".join(["What else there is to know:", *facts(context)]) + "\n\n" if plan.informed else "",
     )
     turns = [message for turn in plan.turns for message in _turn(turn, plan, "free")]
-    messages = _with_failures((Message("system", system), Message("user", task), *turns), plan)
+    messages = _with_task((Message("system", system), Message("user", task), *turns), plan)
     return Prompt(messages=_with_opinion(messages, plan.opinion, MAX_WORDS, MAX_REJECTED))
 
 
@@ -147,9 +147,10 @@ def _grammar(context: TaskContext, plan: PromptPlan) -> Prompt:
         ),
     )
     system = f"{_template('grammar_system')}\n{_template('grammar_examples')}"
-    # One turn only: the newest is the best reward, and a longer prompt costs each of the parallel samples its memory.
-    turns = [message for turn in plan.turns[-1:] for message in _turn(turn, plan, "grammar")]
-    messages = _with_failures((Message("system", system), Message("user", task), *turns), plan)
+    # Parents only: the newest is the best reward, and a longer prompt costs each of the parallel samples its memory.
+    shown = plan.turns[-2:] if plan.crossover else plan.turns[-1:]
+    turns = [message for turn in shown for message in _turn(turn, plan, "grammar")]
+    messages = _with_task((Message("system", system), Message("user", task), *turns), plan)
     return Prompt(
         messages=_with_opinion(messages, plan.opinion, MAX_WORDS // 2, rejected=0),
         grammar=grammar.grammar(context.state),
@@ -184,7 +185,7 @@ def _standing(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"])
     rank = f"the best of all so far{votes}" if best else f"not the best so far{votes}"
     if style == "grammar":
         return f"{scores}, {rank}.\n"
-    if turn is not plan.turns[-1]:
+    if turn is not plan.turns[-1] or plan.crossover:
         rank += "."
     elif plan.opinion.chosen and not best:
         rank += ", but the choice of a person. This is the one to improve."
@@ -239,8 +240,11 @@ def facts(context: TaskContext) -> list[str]:
     return [score, *context.facts]
 
 
-def _with_failures(messages: tuple[Message, ...], plan: PromptPlan) -> tuple[Message, ...]:
-    """The reasons for which nothing trained, each once, at the end of the last request."""
+def _with_task(messages: tuple[Message, ...], plan: PromptPlan) -> tuple[Message, ...]:
+    """That two parents are to be combined, or the reasons for which nothing trained, each once, at the end of the last
+    request."""
+    if plan.crossover:
+        messages = _with_postscript(messages, _template("crossover"))
     reasons = dict.fromkeys(f"- {f.sentence()}" for entry in plan.failures for f in entry.sample.verdict.findings)
     if not reasons:
         return messages

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from .score import NO_LIMITS, broken
-from .types import Evaluation, Limits, Sample, TrainingResult, TrainingState
+from .types import Evaluation, Limits, Sample, TrainingResult, TrainingState, VerdictCode
 
 Style = Literal["free", "grammar"]
 Curves = Mapping[str, Sequence[float | None]]
@@ -62,6 +62,8 @@ def reflect(
 
 def refusal(sample: Sample) -> str:
     """Why the program never trained."""
+    if sample.verdict.code is VerdictCode.SCREENED:
+        return f"The reward function was not trained: {sample.verdict.findings[0].message}."
     reasons = [f"- {finding.sentence()}" for finding in sample.verdict.findings]
     return "\n".join(["The reward function could not be used:", *(reasons or [f"- {sample.verdict.code}"])])
 

@@ -123,8 +123,9 @@ def test_a_file_that_is_no_plan_is_refused(tmp_path, kept):
         expect_more(kept, plan(PLAN), tmp_path)
 
 
-def test_the_papers_ablations_are_a_plan_whose_searches_exist():
-    read = load(Path(__file__).parents[2] / "benchmarks" / "plans" / "ablations.yaml")
-    assert list(read.arms)[:2] == ["full", "random"]
+@pytest.mark.parametrize(("name", "first"), [("ablations", ["full", "random"]), ("population", ["best", "eureka"])])
+def test_a_plan_of_the_repository_names_searches_that_exist(name, first):
+    read = load(Path(__file__).parents[2] / "benchmarks" / "plans" / f"{name}.yaml")
+    assert list(read.arms)[:2] == first
     for cell in read.cells():
         SEARCHES.find(read.config(cell).search)

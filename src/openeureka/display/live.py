@@ -272,7 +272,7 @@ class TerminalView:
         for title in SCORES:
             table.add_column(title, no_wrap=True)
         seed = self._tally.config.seed
-        for slot in range(self._tally.config.sample):
+        for slot in range(1 + max(self._tally.config.sample - 1, -1, *self._samples, *self._asked)):
             sample = self._samples.get(slot)
             if slot in self._asked:
                 table.add_row(str(slot), "", "", self._writing(slot))

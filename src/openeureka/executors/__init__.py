@@ -6,7 +6,7 @@ EXECUTORS = Door(
     setting="executor",
     group="openeureka.executors",
     built_in={"local": "openeureka.executors.local:LocalExecutor"},
-    members=("train", "evaluate"),
+    members=("train", "evaluate", "rewards"),
 )
 """Each is called with `device=`, `threads=` and `snapshots=`, the folder for states of trainings under way, and with
 `address=` where that is set, and makes a `types.Trainer`."""

@@ -9,13 +9,14 @@ from typing import Any
 
 import torch
 
-from ..codec import defined, shaped
+from ..codec import shaped
 from ..errors import CapacityError, TaskError, WorkerError
 from ..tasks.faults import fault
 from ..training import pausing
+from ..training.episodes import rewards
 from ..training.evaluate import evaluate
 from ..training.population import Population
-from ..training.wire import SNAPSHOT, pack, unpack_lanes
+from ..training.wire import SNAPSHOT, pack, pack_score, unpack_lanes, unpack_question
 from ..types import Dynamics, TrainingProgress
 from ..worker import Channel, Frame
 
@@ -32,6 +33,9 @@ def main() -> None:
         try:
             if header["do"] == "train":
                 _train(channel, request, Population(*unpack_lanes(request), **options))
+            elif header["do"] == "rewards":
+                for name, paid in rewards(*unpack_question(request)):
+                    channel.send({"program": name, "paid": paid})
             else:
                 _evaluate(channel, request, options)
         except CapacityError:
@@ -50,9 +54,11 @@ def _evaluate(channel: Channel, request: Frame, options: Mapping[str, Any]) -> N
     header = request.header
     dynamics = shaped(dict[str, Dynamics], header["dynamics"])
     playing = {"seed": header["seed"], "episodes": header["episodes"], "dynamics": dynamics}
+    playing |= {"record": header.get("record", ())}
     playing |= {"after_step": _signs_of_life(channel)}
     for score in evaluate(header["env"], request.blobs, **options, **playing):
-        channel.send({"score": defined(score)})
+        frame = pack_score(score)
+        channel.send(frame.header, frame.blobs)
 
 
 def _train(channel: Channel, request: Frame, population: Population) -> None:

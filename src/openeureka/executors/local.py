@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from ..codec import plain
 from ..tasks import registry
-from ..types import Dynamics, Evaluation, LaneSpec, TrainBudget
+from ..types import Dynamics, Episodes, Evaluation, LaneSpec, RewardGraph, TrainBudget
 from . import retry, scheduler, snapshots
 from .devices import devices, workers
 from .retry import Message, Population
@@ -76,6 +76,7 @@ class LocalExecutor:
         seed: int,
         episodes: int = 0,
         dynamics: Mapping[str, Dynamics] | None = None,
+        record: Collection[str] = (),
     ) -> Iterator[Evaluation]:
         """Score of each policy, on the first device. A worker that dies is started again once.
 
@@ -84,4 +85,11 @@ class LocalExecutor:
             WorkerError: when it dies again.
         """
         question = {"env": env, "seed": seed, "episodes": episodes, "dynamics": plain(dynamics or {})}
+        question |= {"record": list(record)}
         return retry.evaluate(self._transport, Slot(self._devices[0], self._threads), question, policies)
+
+    def rewards(
+        self, env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]
+    ) -> Mapping[str, Sequence[float]]:
+        """What each program pays in each recorded state, in a process of its own: see `retry.rewards`."""
+        return retry.rewards(self._transport, Slot("cpu", self._threads), env, programs, episodes)

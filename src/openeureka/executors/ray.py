@@ -10,7 +10,7 @@ import ipaddress
 import math
 import os
 import time
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ from typing import Any
 from ..codec import plain
 from ..errors import ConfigError, TaskError, WorkerError
 from ..tasks import registry
-from ..types import Dynamics, Evaluation, LaneSpec, TrainBudget
+from ..types import Dynamics, Episodes, Evaluation, LaneSpec, RewardGraph, TrainBudget
 from ..worker import Frame, WorkerDied, framed, unframed
 from . import ray_node, retry, scheduler, snapshots
 from .local import MAX_WORLDS
@@ -100,6 +100,7 @@ class RayExecutor:
         seed: int,
         episodes: int = 0,
         dynamics: Mapping[str, Dynamics] | None = None,
+        record: Collection[str] = (),
     ) -> Iterator[Evaluation]:
         """Score of each policy, on one node: see `local.LocalExecutor.evaluate`.
 
@@ -107,7 +108,14 @@ class RayExecutor:
         for ever where several searches share a cluster, and it is brief.
         """
         question = {"env": env, "seed": seed, "episodes": episodes, "dynamics": plain(dynamics or {})}
+        question |= {"record": list(record)}
         return retry.evaluate(self._transport, self._slot(self._threads), question, policies)
+
+    def rewards(
+        self, env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]
+    ) -> Mapping[str, Sequence[float]]:
+        """What each program pays in each recorded state, on one node: see `retry.rewards`."""
+        return retry.rewards(self._transport, Slot("cpu", self._threads), env, programs, episodes)
 
     def _slot(self, threads: int) -> Slot:
         return Slot("cuda:0" if self._device == "cuda" else "cpu", threads)

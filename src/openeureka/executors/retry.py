@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..codec import shaped
 from ..errors import WorkerError
-from ..training.wire import SNAPSHOT, pack_lanes, unpack
-from ..types import Evaluation, LaneSpec, TrainBudget, TrainingProgress, TrainingResult, TrainingState
+from ..training.wire import SNAPSHOT, pack_lanes, pack_question, unpack, unpack_score
+from ..types import (
+    Episodes,
+    Evaluation,
+    LaneSpec,
+    RewardGraph,
+    TrainBudget,
+    TrainingProgress,
+    TrainingResult,
+    TrainingState,
+)
 from ..worker import Frame
 from .snapshots import Snapshot
 from .transport import AnyCall, Call, Slot, Transport, WorkerLost
@@ -155,7 +163,7 @@ def evaluate(
             try:
                 while not (frame := call.receive()).header.get("done"):
                     if "score" in frame.header:
-                        score = shaped(Evaluation, frame.header["score"])
+                        score = unpack_score(frame)
                         del left[score.lane]
                         yield score
             except WorkerLost:
@@ -168,3 +176,28 @@ def evaluate(
                     raise
             else:
                 deaths += 1  # it was done, and left some out
+
+
+def rewards(
+    transport: Transport[AnyCall],
+    slot: Slot,
+    env: str,
+    programs: Mapping[str, RewardGraph],
+    episodes: Sequence[Episodes],
+) -> dict[str, Sequence[float]]:
+    """What each program pays in each recorded state, from one worker, or a second one where that dies. What neither
+    came to is left out.
+
+    Raises:
+        TaskError: when the task's own code fails.
+    """
+    paid: dict[str, Sequence[float]] = {}
+    for _ in range(2):
+        if not (left := {name: program for name, program in programs.items() if name not in paid}):
+            break
+        with closing(transport.call(pack_question(env, left, episodes), slot)) as call, suppress(WorkerError):
+            while not (frame := call.receive()).header.get("done"):
+                if "program" in frame.header:
+                    paid[frame.header["program"]] = frame.header["paid"]
+            break
+    return paid

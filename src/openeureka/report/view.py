@@ -8,7 +8,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Literal
 
-from .. import baselines, hacking, hardened, polished, race, score, strategies, tuned
+from .. import baselines, hacking, hardened, polished, race, score, screen, strategies, tuned
 from ..config import NO_MODEL, RunConfig
 from ..hacking import Sign, Tried
 from ..hardened import Robust
@@ -32,10 +32,12 @@ from ..types import (
     Reply,
     Sample,
     Scored,
+    Screened,
     TrainingResult,
     TrainingState,
     Usage,
     Verdict,
+    VerdictCode,
     lane_id,
 )
 
@@ -48,6 +50,7 @@ class CandidateState(StrEnum):
     DRAWN = "drawn"  # a reply is there, its program is not judged yet
     REFUSED = "refused"
     ACCEPTED = "accepted"  # not trained yet
+    SCREENED = "screened"  # it could train, and others were preferred
     TRAINED = "trained"
     CUT = "cut"  # others played better, and trained on
     DIVERGED = "diverged"
@@ -107,6 +110,8 @@ class CandidateView:
             return _TRAINED[self.result.state]
         if self.verdict is None:
             return CandidateState.DRAWN
+        if self.verdict.code is VerdictCode.SCREENED:
+            return CandidateState.SCREENED
         return CandidateState.ACCEPTED if self.verdict.accepted else CandidateState.REFUSED
 
     @property
@@ -206,6 +211,7 @@ class RunView:
                 results=results,
                 played=played,
                 videos=videos,
+                screens=store.screens.all(),
                 store=store,
             )
             return RunView(
@@ -349,6 +355,7 @@ class _Reader:
     results: Mapping[str, TrainingResult]
     played: Mapping[str, Evaluation]
     videos: Mapping[str, str]
+    screens: Mapping[Place, Screened]
     store: Store
 
     def generations(self) -> tuple[GenerationView, ...]:
@@ -382,6 +389,8 @@ class _Reader:
         entry = self.entries.get(place)
         candidate = entry.sample.candidate if entry is not None else attempts[-1].candidate
         verdict = entry.sample.verdict if entry is not None else attempts[-1].verdict
+        if entry is None and candidate is not None and place in self.screens and not self.screens[place].kept:
+            verdict = screen.verdict(candidate.id, self.screens[place])
         lane = lane_id(candidate.id, self.config.seed) if candidate is not None else ""
         parent = self.entries.get(self.parents[place]) if place in self.parents else None
         return CandidateView(

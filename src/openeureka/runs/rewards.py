@@ -128,6 +128,7 @@ MEANINGS = {
     VerdictCode.CONTRACT: "it was run on states of the task, and what it did is not what a reward must do",
     VerdictCode.TIMEOUT: "it was run on states of the task, and took too long",
     VerdictCode.CRASHED: "it was run on states of the task, and ended its process",
+    VerdictCode.SCREENED: "it can train, and others were preferred",
 }
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..codec import DecodeError, decode, defined, encode, shaped
 from ..text import safe_text
-from ..types import Evaluation, Lane, Message, Peak, Remark, TrainingResult, Verdict
+from ..types import Evaluation, Lane, Message, Peak, Remark, Screened, TrainingResult, Verdict
 from ..types.bounds import Finite, Name
 
 Costs = Mapping[Name, Finite]
@@ -147,8 +147,12 @@ def decode_remark(row: Mapping[str, Any]) -> Remark:
 
 
 def encode_evaluation(evaluation: Evaluation) -> dict[str, Any]:
-    """A row: its fields, undefined numbers as None."""
-    return defined(evaluation) | {"costs": encode(evaluation.costs) if evaluation.costs else None}
+    """A row: its fields, undefined numbers as None; recorded episodes are a file of their own."""
+    row = defined(replace(evaluation, recorded=None)) | {
+        "costs": encode(evaluation.costs) if evaluation.costs else None
+    }
+    del row["recorded"]
+    return row
 
 
 def decode_evaluation(row: Mapping[str, Any]) -> Evaluation:
@@ -156,3 +160,20 @@ def decode_evaluation(row: Mapping[str, Any]) -> Evaluation:
     columns = dict(row)
     columns["costs"] = decode(Costs, row["costs"]) if row["costs"] is not None else {}
     return Evaluation(**columns)
+
+
+def encode_screened(screened: Screened) -> dict[str, Any]:
+    """The columns of a row."""
+    row = defined(screened) | {"reason": safe_text(screened.reason)}
+    for name in ("place", "nearest"):
+        prefix = "" if name == "place" else f"{name}_"
+        row |= dict(zip((f"{prefix}generation", f"{prefix}slot"), row.pop(name) or (None, None), strict=True))
+    return row
+
+
+def decode_screened(row: Mapping[str, Any]) -> Screened:
+    """Inverse of `encode_screened`. Raises DecodeError for anything else."""
+    columns = {name: row[name] for name in ("agreement", "error", "likeness", "reason")}
+    nearest = (row["nearest_generation"], row["nearest_slot"])
+    columns |= {"place": (row["generation"], row["slot"]), "nearest": nearest if None not in nearest else None}
+    return shaped(Screened, columns | {"kept": bool(row["kept"])})

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..codec import DecodeError, defined, shaped
 from ..errors import StoreError, WorkerError
-from ..types import Evaluation, Lane, Peak, PolicyId, Standing, TrainingResult
+from ..types import Episodes, Evaluation, Lane, Peak, PolicyId, Standing, TrainingResult
 from ..worker import framed, unframed
 from . import artifacts
 from .codec import (
@@ -140,7 +140,14 @@ class LaneLog:
         return self._database.decoded(decode_evaluation, row)
 
     def save_plays(self, look: int, scores: Iterable[Evaluation]) -> None:
-        """Keep what policies of lanes scored when they were played to choose by, the first time or again."""
+        """Keep what policies of lanes scored when they were played to choose by, the first time or again, and recorded
+        episodes."""
+        scores = list(scores)
+        for score in scores:
+            if score.recorded is not None:
+                bare = dataclasses.replace(score.recorded, states=b"")
+                data = framed({"episodes": defined(bare)}, {"states": score.recorded.states})
+                artifacts.write(self._directory, _episodes(score.lane), data)
         self._database.put("plays", *({"look": look} | encode_evaluation(score) for score in scores))
 
     def plays(self) -> dict[str, dict[Peak, tuple[Evaluation, ...]]]:
@@ -152,6 +159,16 @@ class LaneLog:
             own = found.setdefault(row["lane"], {})
             own[row["peak"]] = (*own.get(row["peak"], ()), self._evaluation(score))
         return found
+
+    def episodes(self, lane: str) -> Episodes | None:
+        """The recorded ones of a lane; None where there are none, or their file is damaged."""
+        data = artifacts.read(self._directory, _episodes(lane))
+        try:
+            frame = unframed(data or b"")
+            found = dataclasses.replace(shaped(Episodes, frame.header["episodes"]), states=frame.blobs["states"])
+        except (WorkerError, DecodeError, KeyError):
+            return None
+        return found if len(found.fitness) == len(found.steps) else None
 
     def save_rung(self, rung: int, standings: Iterable[Standing]) -> None:
         """Keep how lanes stood where they paused, all of them at once: who goes on is decided among them."""
@@ -206,6 +223,10 @@ class LaneLog:
 
 def _paused(lane: str) -> str:
     return f"lanes/{lane}/paused.frame"
+
+
+def _episodes(lane: str) -> str:
+    return f"lanes/{lane}/episodes.frame"
 
 
 class StageFiles:

@@ -216,6 +216,21 @@ CREATE TABLE proposals (             -- what a model was asked for ranges, and w
 );
 """
 
+_SCREENS = """
+CREATE TABLE screens (               -- accepted programs of a generation that asked for more than train
+    generation INTEGER NOT NULL,
+    slot INTEGER NOT NULL,
+    kept INTEGER NOT NULL,           -- whether it trains
+    agreement REAL,                  -- of its return with F, over recorded episodes
+    error REAL,
+    nearest_generation INTEGER,      -- which one that trains, or trained, pays most like it
+    nearest_slot INTEGER,
+    likeness REAL,                   -- how much so
+    reason TEXT NOT NULL,            -- why it does not train
+    PRIMARY KEY (generation, slot)
+);
+"""
+
 MIGRATIONS: list[str] = [
     _TABLES + _immutable("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations"),
     _REMARKS + _immutable("remarks", "heard"),
@@ -228,6 +243,7 @@ MIGRATIONS: list[str] = [
     _STARTS + _immutable("best_policy"),
     _COSTS,
     _ROBUST + _immutable("ranges", "proposals"),
+    _SCREENS + _immutable("screens"),
 ]
 """Script n brings a file from schema n to n + 1. Published scripts are never edited, only followed by new ones."""
 

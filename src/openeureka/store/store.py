@@ -49,6 +49,7 @@ from .codec import (
 from .db import AGAIN, FILENAME, LOCK, LOG, STOP, Database, changed_row, explained
 from .lane_log import LaneLog
 from .remarks import RemarkLog
+from .screens import ScreenLog
 
 T = TypeVar("T")
 LOOK_TIME = 0.5
@@ -70,6 +71,7 @@ class Store:
     Attributes:
         lanes: what trained, and what came of it.
         remarks: what a person says while the run goes on.
+        screens: which programs do not train, and why.
     """
 
     def __init__(self, directory: Path, database: Database, lock: FileLock | None) -> None:
@@ -78,6 +80,7 @@ class Store:
         self._lock = lock
         self.lanes = LaneLog(database)
         self.remarks = RemarkLog(database)
+        self.screens = ScreenLog(database)
 
     @classmethod
     def open(cls, directory: Path | str, config: RunConfig) -> Store:

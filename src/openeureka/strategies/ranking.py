@@ -46,7 +46,7 @@ class Ranking:
     def best(self) -> Scored | None:
         """The first of all; of equals the earlier one. None when nothing trained, or all of it was rejected or breaks a
         limit."""
-        return self._best(self._entries.values())
+        return self.best_of(self._entries.values())
 
     @property
     def nearest(self) -> Scored | None:
@@ -59,7 +59,7 @@ class Ranking:
     @property
     def winners(self) -> tuple[Scored, ...]:
         """The best of each generation that has one, oldest first."""
-        found = (self._best(generation.entries) for generation in self._generations)
+        found = (self.best_of(generation.entries) for generation in self._generations)
         return tuple(entry for entry in found if entry is not None)
 
     @property
@@ -74,7 +74,8 @@ class Ranking:
             lost=sum(loser == candidate for _, loser in self._votes),
         )
 
-    def _best(self, entries: Iterable[Scored]) -> Scored | None:
+    def best_of(self, entries: Iterable[Scored]) -> Scored | None:
+        """The first of some of the history's entries, as `best` is of all."""
         return max(filter(self._may_win, entries), key=self._worth, default=None)
 
     def _may_win(self, entry: Scored) -> bool:

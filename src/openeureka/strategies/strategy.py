@@ -9,7 +9,7 @@ from typing import Literal, Protocol
 
 from ..config import RunConfig
 from ..plugins import Door
-from ..types import History, Opinion, Peak, PromptPlan, RemarkKind, Scored
+from ..types import History, Opinion, Peak, PromptPlan, RemarkKind, Scored, VerdictCode
 from .ranking import Ranking
 
 
@@ -50,7 +50,7 @@ class Eureka:
     def ask(self, history: History, rng: Random) -> Sequence[PromptPlan]:
         ranking = Ranking(history)
         parents = [*ranking.winners[-1:]] if ranking.favourite is None else [ranking.favourite]
-        return [_plan(self.samples, parents, history, ranking)]
+        return [prompt_plan(self.samples, parents, history, ranking)]
 
     def tell(self, history: History, entries: Sequence[Scored]) -> History:
         return history.grown(entries)
@@ -68,10 +68,10 @@ class Best:
         ranking = Ranking(history)
         parent = ranking.favourite or ranking.best or ranking.nearest
         if parent is None:
-            return [replace(_plan(self.samples, [], history, ranking), informed=True)]
+            return [replace(prompt_plan(self.samples, [], history, ranking), informed=True)]
         others = {winner.sample.candidate: winner for winner in ranking.winners}
         others.pop(parent.sample.candidate, None)  # a favourite need not have won its generation
-        plan = _plan(self.samples, [*list(others.values())[-_EARLIER_TURNS:], parent], history, ranking)
+        plan = prompt_plan(self.samples, [*list(others.values())[-_EARLIER_TURNS:], parent], history, ranking)
         siblings = _siblings(parent, history)
         return [replace(plan, informed=True, best=ranking.best, siblings=siblings)]
 
@@ -120,7 +120,7 @@ def sized(config: RunConfig, style: Literal["free", "grammar"]) -> RunConfig:
     return replace(config, sample=config.sample or sample, iteration=config.iteration or iteration)
 
 
-def _plan(samples: int, turns: Sequence[Scored], history: History, ranking: Ranking) -> PromptPlan:
+def prompt_plan(samples: int, turns: Sequence[Scored], history: History, ranking: Ranking) -> PromptPlan:
     """A prompt that ends with the parent, why its generation failed or what a person thinks of it."""
     return PromptPlan(
         count=samples, turns=tuple(turns), failures=_failures(history), opinion=_opinion(turns[-1:], history, ranking)
@@ -139,7 +139,8 @@ def _failures(history: History) -> tuple[Scored, ...]:
     """The entries of the last generation when nothing in it trained: the next prompt says why."""
     if not history.generations or any(entry.trained for entry in history.generations[-1].entries):
         return ()
-    return history.generations[-1].entries
+    # That others were preferred is no fault of a program.
+    return tuple(e for e in history.generations[-1].entries if e.sample.verdict.code is not VerdictCode.SCREENED)
 
 
 def _opinion(parents: Sequence[Scored], history: History, ranking: Ranking) -> Opinion:

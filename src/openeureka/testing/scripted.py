@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
+from ..codec import decode, encode
 from ..types import (
     Candidate,
     Checkpoint,
     Dynamics,
+    Episodes,
     Evaluation,
     Finding,
     LaneSpec,
@@ -148,18 +150,42 @@ class ToyTrainer:
         seed: int,
         episodes: int = 0,
         dynamics: Mapping[str, Dynamics] | None = None,
+        record: Collection[str] = (),
     ) -> Iterator[Evaluation]:
         for lane, policy in policies.items():
             yield Evaluation(
-                lane=lane, fitness=float(policy) - 1, episode_length=3.0, episodes=episodes or 4, error=self.error
+                lane=lane,
+                fitness=float(policy) - 1,
+                episode_length=3.0,
+                episodes=episodes or 4,
+                error=self.error,
+                recorded=_episodes(float(policy)) if lane in record else None,
             )
+
+    def rewards(
+        self, env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]
+    ) -> Mapping[str, Sequence[float]]:
+        """The nearer a state is to the number that a program returns, the more that pays."""
+        states = [state for one in episodes for state in decode(list[float], one.states)]
+        return {name: [-abs(state - _number(program)) for state in states] for name, program in programs.items()}
+
+
+def _episodes(worth: float) -> Episodes:
+    """Two of three steps, of which every state is F."""
+    fitness = (worth - 1.0, worth - 0.9)
+    states = [f for f in fitness for _ in range(3)]
+    return Episodes(fitness=fitness, steps=(3, 3), owners=(0, 0, 0, 1, 1, 1), states=encode(states).encode())
+
+
+def _number(program: RewardGraph) -> float:
+    (number,) = program.nodes[0].args
+    assert isinstance(number, float)
+    return number
 
 
 def _worth(lane: LaneSpec) -> float:
     if isinstance(lane.program, RewardGraph):
-        (number,) = lane.program.nodes[0].args
-        assert isinstance(number, float)
-        base = number
+        base = _number(lane.program)
     else:
         base = {"human": 10.0, "sparse": 5.0}[lane.program]
     worth = base + lane.seed / 100

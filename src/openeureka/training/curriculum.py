@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from ..tasks.task import Stage
 from ..types import (
     Dynamics,
+    Episodes,
     Evaluation,
     LaneSpec,
+    RewardGraph,
     TrainBudget,
     Trainer,
     TrainingProgress,
@@ -98,8 +100,14 @@ class CurriculumTrainer:
         seed: int,
         episodes: int = 0,
         dynamics: Mapping[str, Dynamics] | None = None,
+        record: Collection[str] = (),
     ) -> Iterator[Evaluation]:
-        return self._trainer.evaluate(env, policies, seed=seed, episodes=episodes, dynamics=dynamics)
+        return self._trainer.evaluate(env, policies, seed=seed, episodes=episodes, dynamics=dynamics, record=record)
+
+    def rewards(
+        self, env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]
+    ) -> Mapping[str, Sequence[float]]:
+        return self._trainer.rewards(env, programs, episodes)
 
 
 def shares(stages: Sequence[Stage], total: int) -> list[int]:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 import torch
 from torch import Tensor
 
 from ..tasks import registry
 from ..tasks.costs import Meter
-from ..types import NOMINAL, Dynamics, Evaluation, Ranges
+from ..types import NOMINAL, Dynamics, Episodes, Evaluation, Ranges
+from .episodes import Recorder
 from .policy import Player, Policy
 
 HELD_OUT_SEED = 1 << 32
@@ -31,6 +32,7 @@ def evaluate(
     seed: int,
     dynamics: Mapping[str, Dynamics] | None = None,
     episodes: int = 0,
+    record: Collection[str] = (),
     device: str = "cpu",
     threads: int = 0,
     after_step: Callable[[], None] = lambda: None,
@@ -45,6 +47,7 @@ def evaluate(
         episodes: of each policy; 0 for `EPISODES`.
         dynamics: lane ids that play in another world than the task's. Where MuJoCo has no part in it there is no other
             world: they play no episode and have no score.
+        record: the lanes some of whose episodes come with the score.
         after_step: called after every step of all worlds: a long episode takes minutes.
     """
     others = {lane for lane, world in (dynamics or {}).items() if world != NOMINAL}
@@ -66,6 +69,8 @@ def evaluate(
         ranges=[Ranges(one, one) for one in world.values()] if others - unplayed else (),
     )
     meter = Meter(simulation)
+    recorded = [place for place, lane in enumerate(policies) if lane in record]
+    recorder = Recorder(simulation.task.spec, recorded, worlds)
     play = Player([Policy.from_bytes(data) for data in policies.values()], simulation.sim.device)
     observation = simulation.reset()
     running = torch.ones(simulation.num_worlds, dtype=torch.bool, device=observation.device)
@@ -81,17 +86,21 @@ def evaluate(
         contributions.append(step.score.value * weight)
         total += torch.stack([contributions[-1], weight, running])
         meter.add(step, running)
+        recorder.add(number, step.state, running)
         running &= ~step.done
         observation = step.observation
         after_step()
     simulation.check()
     sums, parts = (x.unflatten(1, (lanes, worlds)).transpose(0, 1) for x in (total, torch.stack(contributions)))
     costs = meter.read(lanes)
-    played = zip(policies, sums, parts, costs, strict=True)
+    kept = dict(zip(recorded, recorder.read([sums[place] for place in recorded]), strict=True))
+    played = zip(policies, sums, parts, costs, map(kept.get, range(lanes)), strict=True)
     return scores + [_evaluation(*one) for one in played]
 
 
-def _evaluation(lane: str, sums: Tensor, contributions: Tensor, costs: Mapping[str, float]) -> Evaluation:
+def _evaluation(
+    lane: str, sums: Tensor, contributions: Tensor, costs: Mapping[str, float], recorded: Episodes | None
+) -> Evaluation:
     """One lane's score from the sums (3, n) of value times weight, weight and steps of each world, and the
     contributions (steps, n) to the first of them."""
     value, weight, steps = sums
@@ -109,6 +118,7 @@ def _evaluation(lane: str, sums: Tensor, contributions: Tensor, costs: Mapping[s
         error=error,
         concentration=concentration(contributions),
         costs=costs,
+        recorded=recorded,
     )
 
 

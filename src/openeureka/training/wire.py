@@ -1,20 +1,22 @@
-"""Lanes, progress and results as worker frames: nouns in headers, policies as blobs."""
+"""Lanes, progress, results and scores as worker frames: nouns in headers, policies and states as blobs."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from ..codec import defined, plain, shaped
 from ..reward.validate import validate
-from ..types import LaneSpec, RewardGraph, TrainBudget, TrainingProgress, TrainingResult
+from ..types import Episodes, Evaluation, LaneSpec, RewardGraph, TrainBudget, TrainingProgress, TrainingResult
 from ..worker import Frame
 
 SNAPSHOT = "snapshot"
 """The blob that holds the state of a training under way."""
 PAUSED = "paused"
 """The blob that holds the state of a lane."""
+STATES = "states"
+"""The blob that holds the states of recorded episodes."""
 
 
 def pack_lanes(env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Frame:
@@ -54,3 +56,32 @@ def unpack(frame: Frame) -> TrainingProgress | TrainingResult:
     if "progress" in frame.header:
         return shaped(TrainingProgress, frame.header["progress"])
     return replace(shaped(TrainingResult, frame.header["result"]).holding(frame.blobs), paused=frame.blobs.get(PAUSED))
+
+
+def pack_score(score: Evaluation) -> Frame:
+    if score.recorded is None:
+        return Frame({"score": defined(score)})
+    bare = replace(score, recorded=replace(score.recorded, states=b""))
+    return Frame({"score": defined(bare)}, {STATES: score.recorded.states})
+
+
+def unpack_score(frame: Frame) -> Evaluation:
+    """Inverse of `pack_score`."""
+    score = shaped(Evaluation, frame.header["score"])
+    if score.recorded is None:
+        return score
+    return replace(score, recorded=replace(score.recorded, states=frame.blobs[STATES]))
+
+
+def pack_question(env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]) -> Frame:
+    """What programs would have paid in episodes."""
+    bare = [replace(one, states=b"") for one in episodes]
+    header = {"do": "rewards", "env": env, "programs": programs, "episodes": bare}
+    return Frame(plain(header), {str(place): one.states for place, one in enumerate(episodes)})
+
+
+def unpack_question(frame: Frame) -> tuple[str, dict[str, RewardGraph], list[Episodes]]:
+    """Inverse of `pack_question`."""
+    bare = shaped(list[Episodes], frame.header["episodes"])
+    episodes = [replace(one, states=frame.blobs[str(place)]) for place, one in enumerate(bare)]
+    return frame.header["env"], shaped(dict[str, RewardGraph], frame.header["programs"]), episodes

@@ -8,10 +8,11 @@ from .dynamics import NOMINAL, Dynamics, Ranges
 from .remarks import Place, Remark, RemarkKind
 from .replies import GIVEN, Attempt, Message, Prompt, Reply, Usage
 from .rewards import Arg, Candidate, CandidateId, Finding, Node, Part, RewardGraph, Verdict, VerdictCode
-from .search import Generation, Glance, History, Opinion, PromptPlan, Sample, Scored
+from .search import Generation, Glance, History, Opinion, PromptPlan, Sample, Scored, Screened
 from .tasks import StateKind, StateSpec, StateUse, StateVar, TaskContext
 from .training import (
     Checkpoint,
+    Episodes,
     Evaluation,
     Lane,
     LaneSpec,
@@ -41,6 +42,7 @@ __all__ = [
     "CandidateId",
     "Checkpoint",
     "Dynamics",
+    "Episodes",
     "Evaluation",
     "Finding",
     "Generation",
@@ -69,6 +71,7 @@ __all__ = [
     "Role",
     "Sample",
     "Scored",
+    "Screened",
     "Standing",
     "Start",
     "StateKind",

@@ -62,6 +62,7 @@ class VerdictCode(StrEnum):
     CONTRACT = "contract"  # probe: ran in the confined child and broke a rule
     TIMEOUT = "timeout"
     CRASHED = "crashed"
+    SCREENED = "screened"  # it could train, and others were preferred
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

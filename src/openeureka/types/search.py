@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from .bounds import Finite
 from .costs import Limits
 from .remarks import Place, Remark
 from .replies import Usage
@@ -53,6 +54,25 @@ class Scored:
     def trained(self) -> bool:
         """Whether its training came to the end, or so far that others went on; with or without a defined F."""
         return self.result is not None and self.result.state in (TrainingState.FINISHED, TrainingState.CUT)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Screened:
+    """What the screen decided of a slot, and by which numbers."""
+
+    place: Place
+    kept: bool
+    """Whether it trains."""
+    agreement: Finite | None
+    """Rank correlation of its return with F, over recorded episodes; None where either is constant."""
+    error: Finite | None
+    """Of the agreement, over the lanes that played."""
+    nearest: Place | None
+    """Whichever pays most like it, of those that train and those that trained."""
+    likeness: Finite | None
+    """Absolute rank correlation of what both pay, over recorded states; None where either is constant."""
+    reason: str = ""
+    """Why it does not train, for people."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,6 +182,8 @@ class PromptPlan:
     """The best of all so far, which a favourite of a person need not be."""
     siblings: tuple[Scored, ...] = ()
     """The other rewards of the parent's generation."""
+    crossover: bool = False
+    """The last two turns are both parents: the model is asked to combine what is good in them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Literal, NamedTuple, Protocol
@@ -193,6 +193,20 @@ class TrainingProgress:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Episodes:
+    """Some episodes of one policy, thinned: what further rewards would have paid in them can be told."""
+
+    fitness: tuple[Finite | None, ...]
+    """F of each; None where it is undefined."""
+    steps: tuple[Count, ...]
+    """Of each, before it was thinned."""
+    owners: tuple[Count, ...]
+    """Of each state that is left, which of the episodes it belongs to."""
+    states: bytes = field(default=b"", repr=False)
+    """Those states, in a form that only trainers read."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Evaluation:
     """What one policy scores when it is played: deterministic actions, fresh episodes."""
 
@@ -208,6 +222,8 @@ class Evaluation:
     """Which of the lane's policies it is; None where an older version did not say."""
     costs: Mapping[Name, Finite] = field(default_factory=dict[str, float], hash=False)
     """What it costs, by the names in `COSTS`; those that its task has."""
+    recorded: Episodes | None = field(default=None, compare=False, repr=False)
+    """Some of its episodes, where that was asked for; never of one from a store, which keeps them apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,6 +257,7 @@ class Trainer(Protocol):
         seed: int,
         episodes: int = 0,
         dynamics: Mapping[str, Dynamics] | None = None,
+        record: Collection[str] = (),
     ) -> Iterator[Evaluation]:
         """Score of each policy (lane id -> safetensors bytes), all on the same start states, which no training saw.
 
@@ -248,5 +265,15 @@ class Trainer(Protocol):
             seed: of the start states.
             episodes: of each policy; 0 for as many as a final score needs.
             dynamics: the lanes that play in another world than the task's.
+            record: the lanes some of whose episodes come with the score; nobody asks but with `screen=`.
+        """
+        ...
+
+    def rewards(
+        self, env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]
+    ) -> Mapping[str, Sequence[float]]:
+        """What each program pays in each recorded state, those of the first episodes first, by the program's name.
+
+        One that cannot be computed there is left out. Only `screen=` asks.
         """
         ...

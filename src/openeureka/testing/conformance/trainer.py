@@ -140,6 +140,20 @@ class TrainerConformance:
         assert scores["own"].episodes == alone.episodes
         assert math.isclose(scores["own"].episode_length, alone.episode_length, rel_tol=0.05)
 
+    def test_recorded_episodes_come_with_an_unchanged_score(self) -> None:
+        peaks = {result.lane: result.best_reward for result in self._finished()[:2]}
+        policies = {lane: peak.policy for lane, peak in peaks.items() if peak is not None}
+        first, trainer = next(iter(policies)), self.make()
+        plain = list(trainer.evaluate(self.env, policies, seed=7, episodes=8))
+        scores = {s.lane: s for s in trainer.evaluate(self.env, policies, seed=7, episodes=8, record=[first])}
+        assert [scores[score.lane] for score in plain] == plain
+        assert {lane for lane, score in scores.items() if score.recorded is not None} == {first}
+        recorded = scores[first].recorded
+        assert recorded is not None and recorded.states
+        assert len(recorded.fitness) == len(recorded.steps) and set(recorded.owners) <= set(range(len(recorded.steps)))
+        assert all(steps > 0 for steps in recorded.steps)
+        assert not trainer.rewards(self.env, {}, [recorded])
+
     def test_nothing_to_do_is_done_at_once(self) -> None:
         assert list(self.make().evaluate(self.env, {}, seed=0)) == []
 

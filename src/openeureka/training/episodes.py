@@ -1,0 +1,120 @@
+"""Episodes of policies that were played, thinned, and what further rewards would have paid in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import torch
+from safetensors.torch import load, save
+from torch import Tensor
+
+from ..reward import graph as graphs
+from ..tasks import registry
+from ..tasks.task import State
+from ..types import Episodes, RewardGraph, StateSpec
+
+EPISODES = 16
+"""Recorded of each policy, at most."""
+STEPS = 16
+"""States kept of an episode, at most; even."""
+MAX_BYTES = 1 << 20
+"""Of the states of one policy."""
+TOGETHER = 2048
+"""States that a program is given at once: about the worlds of a training, for which its memory was judged."""
+
+
+class Recorder:
+    """Keeps states of some worlds at evenly spread steps, whose number nobody knows beforehand: when there are too
+    many, every second one goes, and those to come are twice as far apart.
+
+    The end of an episode is not kept for itself. What a reward pays for it once weighs as little as any other step.
+
+    Args:
+        lanes: those of a simulation that are recorded.
+        worlds: of each lane of it; the first ones are recorded.
+    """
+
+    def __init__(self, spec: StateSpec, lanes: Sequence[int], worlds: int) -> None:
+        self._spec, self._lanes, self._count = spec, lanes, min(EPISODES, worlds)
+        own = torch.arange(self._count)
+        self._rows = torch.cat([own + lane * worlds for lane in lanes]) if lanes else own[:0]
+        self._names = [variable.name for variable in spec.variables if variable.kind == "world"]
+        self._taken: list[tuple[Tensor, dict[str, Tensor]]] = []
+        self._numbers: dict[str, Tensor] = {}
+        self._apart, self._most = 1, 0
+
+    def add(self, number: int, state: State, running: Tensor) -> None:
+        """Step `number`, counted from 0: its state, and which worlds (N,) were still in their episode."""
+        if not self._lanes or number % self._apart:
+            return
+        if not self._most:
+            self._begin(state, running.device)
+        if len(self._taken) == self._most:
+            self._taken, self._apart = self._taken[::2], 2 * self._apart
+        self._taken.append((running[self._rows], {name: state[name][self._rows] for name in self._names}))
+
+    def _begin(self, state: State, device: torch.device) -> None:
+        self._rows = self._rows.to(device)
+        size = sum(state[name][0].numel() * state[name].element_size() for name in self._names)
+        affordable = MAX_BYTES // (self._count * max(1, size))
+        self._most = max(2, min(STEPS, affordable) // 2 * 2)
+        others = [variable.name for variable in self._spec.variables if variable.kind in ("constant", "float", "int")]
+        self._numbers = {name: torch.as_tensor(state[name]).cpu() for name in others}
+
+    def read(self, sums: Sequence[Tensor]) -> Iterator[Episodes]:
+        """What was recorded of each lane.
+
+        Args:
+            sums: of each of these lanes (3, n): value times weight, weight and steps, of each world.
+        """
+        if not self._taken:
+            return
+        running = torch.stack([mask for mask, _ in self._taken]).unflatten(1, (-1, self._count)).cpu()
+        states = {
+            name: torch.stack([state[name] for _, state in self._taken]).unflatten(1, (-1, self._count)).cpu()
+            for name in self._names
+        }
+        for place, own in enumerate(sums):
+            mask = running[:, place]
+            kept = {name: value[:, place][mask].contiguous() for name, value in states.items()}
+            value, weight, steps = own[:, : self._count].tolist()
+            yield Episodes(
+                fitness=tuple(v / w if w else None for v, w in zip(value, weight, strict=True)),
+                steps=tuple(map(int, steps)),
+                owners=tuple(mask.nonzero()[:, 1].tolist()),
+                states=save(kept | self._numbers),
+            )
+
+
+def rewards(
+    env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]
+) -> Iterator[tuple[str, list[float]]]:
+    """What each program pays in every recorded state, on the CPU; nothing of one that fails there or is not finite."""
+    spec = registry.get(env).spec
+    parts = list(_parts(spec, [load(one.states) for one in episodes]))
+    for name, graph in programs.items():
+        try:
+            program = graphs.compile(graph, spec)
+            paid = torch.cat([program(state, count)[0] for count, state in parts])
+        except (IndexError, RuntimeError):  # as an index that no state of its check had
+            continue
+        if bool(torch.isfinite(paid).all()):
+            yield name, paid.tolist()
+
+
+def _parts(spec: StateSpec, recorded: Sequence[Mapping[str, Tensor]]) -> Iterator[tuple[int, dict[str, Any]]]:
+    """All recorded states, some at a time, with their number."""
+    joined: dict[str, Any] = {}
+    for variable in spec.variables:
+        name = variable.name
+        if variable.kind == "world":
+            joined[name] = torch.cat([one[name] for one in recorded])
+        elif variable.kind != "num_envs":
+            value = recorded[0][name]  # the task's own, the same in all of them
+            joined[name] = value if variable.kind == "constant" else value.item()
+    worlds = [variable.name for variable in spec.variables if variable.kind == "world"]
+    for start in range(0, len(joined[worlds[0]]), TOGETHER):
+        part = joined | {name: joined[name][start : start + TOGETHER] for name in worlds}
+        count = len(part[worlds[0]])
+        yield count, part | {variable.name: count for variable in spec.variables if variable.kind == "num_envs"}

@@ -1,0 +1,101 @@
+from dataclasses import replace
+from random import Random
+
+from openeureka import prompts
+from openeureka.config import RunConfig
+from openeureka.strategies import make
+from openeureka.strategies.islands import RENEWAL, Islands, islands
+from openeureka.testing.conformance.search import SearchConformance, entries
+from openeureka.testing.scripted import TOY
+from openeureka.types import History, Place, PromptPlan, Remark, RemarkKind
+
+
+class TestIslands(SearchConformance):
+    def make(self) -> Islands:
+        return islands(RunConfig(sample=4))
+
+
+TWO = Islands(samples=4)
+"""Slots 0 and 1 are one island, 2 and 3 the other."""
+
+
+def grown(*scores: list[float | None]) -> History:
+    history = History()
+    for index, own in enumerate(scores):
+        history = TWO.tell(history, entries(index, own))
+    return history
+
+
+def parents(plans: list[PromptPlan]) -> list[Place]:
+    return [plan.turns[-1].sample.place for plan in plans]
+
+
+def asked(history: History, seed: int = 0) -> list[PromptPlan]:
+    return [*TWO.ask(history, Random(seed))]
+
+
+def test_it_is_found_by_its_name() -> None:
+    assert isinstance(make(RunConfig(sample=8, search="openeureka.strategies.islands:islands")), Islands)
+
+
+def test_slots_are_shared_out_evenly_whatever_their_number() -> None:
+    assert [Islands(samples).count for samples in (1, 3, 4, 8, 16)] == [1, 1, 2, 4, 4]
+    assert [plan.count for plan in Islands(10).ask(grown([1.0] * 10), Random(0))] == [3, 2, 3, 2]
+    assert [TWO.island(slot, 4) for slot in range(4)] == [0, 0, 1, 1]
+    assert [TWO.island(slot, 12) for slot in range(12)] == [0] * 6 + [1] * 6  # screen=3
+    assert TWO.island(0, 1) == 0  # a given reward
+
+
+def test_the_first_generation_is_asked_for_at_once() -> None:
+    assert [plan.count for plan in asked(History())] == [4]
+
+
+def test_each_island_improves_its_own_best() -> None:
+    history = grown([1.0, 5.0, 2.0, 3.0], [4.0, 4.5, 2.5, None])
+    plans = asked(history)
+    assert parents(plans) == [Place(0, 1), Place(0, 3)]
+    assert all(plan.informed and plan.best == plans[0].turns[-1] and not plan.siblings for plan in plans)
+
+
+def test_some_prompts_combine_the_two_best_of_an_island_the_better_one_last() -> None:
+    history = grown([1.0, 5.0, 2.0, 3.0], [4.0, 4.5, 2.5, None])
+    plans = [plan for seed in range(40) for plan in asked(history, seed)]
+    crossed = [plan for plan in plans if plan.crossover]
+    assert 20 < len(crossed) < 60  # of 80, half are expected
+    shown = {tuple(turn.sample.place for turn in plan.turns) for plan in crossed}
+    assert shown == {(Place(1, 1), Place(0, 1)), (Place(1, 2), Place(0, 3))}
+    assert all(len(plan.turns) == 1 for plan in plans if not plan.crossover)
+
+
+def test_the_weakest_island_begins_anew_from_the_best_of_another() -> None:
+    weak = [[5.0, 4.0, 1.0, 2.0]] * RENEWAL
+    history = grown(*weak)
+    renewed = asked(history)
+    assert parents(renewed) == [Place(0, 0), Place(0, 0)]
+    # Its children alone are its line from there, even where they are worse than what it had.
+    later = TWO.tell(history, entries(RENEWAL, [0.0, 0.0, 0.5, 0.25]))
+    assert parents(asked(later)) == [Place(0, 0), Place(RENEWAL, 2)]
+    # Where none of them trained, it is begun again.
+    lost = TWO.tell(history, entries(RENEWAL, [0.0, 0.0, None, None]))
+    assert parents(asked(lost)) == [Place(0, 0), Place(0, 0)]
+
+
+def test_an_island_on_which_nothing_trained_takes_from_another() -> None:
+    assert parents(asked(grown([1.0, 2.0, None, None]))) == [Place(0, 1), Place(0, 1)]
+
+
+def test_a_favourite_is_the_parent_on_all_islands() -> None:
+    history = grown([1.0, 5.0, 2.0, 3.0]).heard([Remark(kind=RemarkKind.FAVOURITE, candidate=Place(0, 2))])
+    assert parents(asked(history)) == [Place(0, 2)] * 2
+
+
+def test_the_model_is_asked_to_combine_both() -> None:
+    history = grown([1.0, 5.0, 2.0, 3.0])
+    plan = next(plan for seed in range(40) for plan in asked(history, seed) if plan.crossover)
+    prompt = prompts.render(TOY, plan, "free")
+    assert [message.role for message in prompt.messages].count("assistant") == 2
+    assert "The last two reward functions above are to be combined" in prompt.messages[-1].content
+    text = "".join(message.content for message in prompt.messages)
+    assert "the one to improve" not in text
+    mutate = replace(plan, crossover=False, turns=plan.turns[-1:])
+    assert "to be combined" not in prompts.render(TOY, mutate, "free").messages[-1].content

@@ -1,0 +1,109 @@
+"""Recorded episodes are thinned evenly, and programs are paid for in them as they would have been."""
+
+import pytest
+import torch
+from safetensors.torch import load
+
+from openeureka.executors.local import LocalExecutor
+from openeureka.tasks import registry
+from openeureka.training import episodes
+from openeureka.training.episodes import Recorder, rewards
+from openeureka.training.evaluate import evaluate
+from openeureka.training.population import Population
+from openeureka.training.wire import pack_score, unpack_score
+from openeureka.types import Episodes, LaneSpec, Node, RewardGraph, StateSpec, StateVar, TrainBudget, TrainingResult
+
+SPEC = StateSpec(
+    (
+        StateVar(name="step", meaning="the step", kind="world"),
+        StateVar(name="scale", meaning="two", kind="float"),
+        StateVar(name="num_envs", meaning="all of them", kind="num_envs"),
+    )
+)
+
+
+def recorded(steps: int, lengths: list[int], lanes: int = 1) -> list[Episodes]:
+    """Episodes of so many steps, in which the state is the number of the step; the first lane is not recorded."""
+    worlds = len(lengths)
+    recorder = Recorder(SPEC, range(1, lanes + 1), worlds)
+    long = torch.tensor(lengths).repeat(lanes + 1)
+    for number in range(steps):
+        state = {"step": torch.full((len(long),), float(number)), "scale": 2.0, "num_envs": len(long)}
+        recorder.add(number, state, number < long)
+    weight = torch.tensor(lengths, dtype=torch.float64)
+    sums = torch.stack([3 * weight, weight, weight])
+    return list(recorder.read([sums] * lanes))
+
+
+def states(one: Episodes, episode: int) -> list[float]:
+    values = load(one.states)["step"].tolist()
+    return [value for value, owner in zip(values, one.owners, strict=True) if owner == episode]
+
+
+def test_a_short_episode_is_kept_whole():
+    (one,) = recorded(12, [5, 12])
+    assert (one.fitness, one.steps) == ((3.0, 3.0), (5, 12))
+    assert states(one, 0) == [0, 1, 2, 3, 4] and states(one, 1) == list(range(12))
+
+
+def test_of_a_long_one_steps_are_evenly_apart():
+    (one,) = recorded(100, [30, 100])
+    # 16 at most: apart by 1 up to step 15, by 2 up to 31, by 4 up to 63, by 8 from there.
+    assert states(one, 1) == list(range(0, 100, 8)) and states(one, 0) == [0, 8, 16, 24]
+
+
+def test_bytes_are_bounded(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(episodes, "MAX_BYTES", 40)  # two worlds of 4 bytes: five steps, less one to be even
+    (one,) = recorded(100, [100, 100])
+    assert states(one, 0) == [0, 32, 64, 96]
+
+
+def test_each_lane_has_its_own_and_at_most_so_many_episodes():
+    first, second = recorded(3, [3] * 20, lanes=2)
+    assert len(first.fitness) == len(second.steps) == episodes.EPISODES
+    assert first == second
+
+
+def test_an_episode_in_which_fitness_has_no_weight_has_none():
+    recorder = Recorder(SPEC, [0], 1)
+    recorder.add(0, {"step": torch.zeros(1), "scale": 1.0}, torch.ones(1, dtype=torch.bool))
+    (one,) = recorder.read([torch.tensor([[0.0], [0.0], [1.0]])])
+    assert one.fitness == (None,)
+
+
+ANGLE = RewardGraph(
+    nodes=(Node("input", ("pole_angle",)), Node("abs.default", ({"ref": 0},)), Node("neg.default", ({"ref": 1},))),
+    reward=2,
+    components=(),
+)
+FAILS = RewardGraph(
+    nodes=(Node("input", ("pole_angle",)), Node("log.default", ({"ref": 0},))), reward=1, components=()
+)  # of a negative angle
+
+
+def test_a_policy_that_was_played_tells_what_programs_would_have_paid():
+    trained = Population("cartpole", [LaneSpec(id="a", program="human")], TrainBudget(env_steps=16 * 8, worlds=8))
+    (policy,) = (event.last for event in trained.train() if isinstance(event, TrainingResult))
+    assert policy is not None
+    (score,) = evaluate("cartpole", {"a": policy}, seed=0, episodes=8, record=["a"], threads=1)
+    own = score.recorded
+    assert own is not None and len(own.fitness) == 8
+    assert unpack_score(pack_score(score)).recorded == own
+    # F of Cartpole is the length of an episode.
+    assert own.fitness == pytest.approx(own.steps) and sum(own.steps) / 8 == pytest.approx(score.episode_length)
+    angles = load(own.states)["pole_angle"]
+    paid = LocalExecutor(threads=1).rewards("cartpole", {"angle": ANGLE, "fails": FAILS}, [own, own])
+    assert set(paid) == {"angle"}
+    assert paid["angle"] == pytest.approx([*(-angles.abs()).tolist()] * 2)
+    assert dict(rewards("cartpole", {"angle": ANGLE}, [own])) == {"angle": pytest.approx((-angles.abs()).tolist())}
+
+
+def test_every_variable_that_a_reward_may_name_is_recorded():
+    simulation = registry.make("cartpole", worlds=2, threads=1)
+    simulation.reset()
+    step = simulation.step(torch.zeros(2, simulation.task.num_actions))
+    recorder = Recorder(simulation.task.spec, [0], 2)
+    recorder.add(0, step.state, torch.ones(2, dtype=torch.bool))
+    (one,) = recorder.read([torch.ones(3, 2)])
+    named = {variable.name for variable in simulation.task.spec.variables if variable.kind != "num_envs"}
+    assert set(load(one.states)) == named
