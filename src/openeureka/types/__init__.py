@@ -11,6 +11,7 @@ from .rewards import Arg, Candidate, CandidateId, Finding, Node, Part, RewardGra
 from .search import Generation, Glance, History, Opinion, PromptPlan, Sample, Scored
 from .tasks import StateKind, StateSpec, StateUse, StateVar, TaskContext
 from .training import (
+    Bonus,
     Checkpoint,
     Evaluation,
     Lane,
@@ -37,6 +38,7 @@ __all__ = [
     "NOMINAL",
     "Arg",
     "Attempt",
+    "Bonus",
     "Candidate",
     "CandidateId",
     "Checkpoint",
