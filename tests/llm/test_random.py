@@ -61,7 +61,9 @@ def test_progress_is_named_by_what_it_measures():
     text = named(drawn)
     found = re.findall(r'components\["(\w+)"\]', text)
     assert found == ["progress_up_close", "progress_up_close_2", "up_close"]
-    assert '    # progress up close 2\n    components["progress_up_close_2"] = torch.exp(-torch.abs(up) / 0.1)\n' in text
+    assert (
+        '    # progress up close 2\n    components["progress_up_close_2"] = torch.exp(-torch.abs(up) / 0.1)\n' in text
+    )
 
 
 def test_no_name_of_a_draw_is_chance():
