@@ -6,7 +6,7 @@ import math
 import pytest
 import torch
 
-from openeureka.training import population
+from openeureka.training import pausing, population
 from openeureka.training.counts import ProgressCounts
 from openeureka.training.population import Population
 from openeureka.training.rewards import moments, spread
@@ -116,7 +116,7 @@ def test_a_killed_training_goes_on_with_its_visits(monkeypatch: pytest.MonkeyPat
         if isinstance(message, TrainingProgress) and message.epoch == 2:
             break
     second = Population("cartpole", specs, PAID, threads=1)
-    second.load_state_dict(first.state_dict())
+    second.load_state_dict(pausing.load(pausing.save(first.state_dict()), second.device))
     ended = {x.lane: x for x in second.train() if isinstance(x, TrainingResult)}
     assert all(alike(ended[lane], results[lane]) for lane in ended)
     assert torch.equal(second.rewards.state_dict()["visits"], whole.rewards.state_dict()["visits"])

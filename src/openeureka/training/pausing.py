@@ -92,7 +92,7 @@ def put(population: Population, lanes: Sequence[State]) -> None:
         "scores": [torch.cat(step) for step in zip(*(lane["curves"]["scores"] for lane in lanes), strict=True)],
         "moments": joined(lambda lane: lane["curves"]["moments"]),
     }
-    # An older version saved none, which no bonus needed.
+    # An older version saved none of it, and knew no bonus that needs it.
     state["rewards"] |= _joined([lane.get("rewards", {}) for lane in lanes], state["rewards"])
     state["peaks"] = [listed(lambda lane, which=which: lane["peaks"][which]) for which in range(2)]
     state |= {name: listed(lambda lane, name=name: lane[name]) for name in ("messages", "trained")}
