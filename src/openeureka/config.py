@@ -14,7 +14,7 @@ NO_MODEL = "none"
 """`model` of a run that searches for nothing: given rewards train, and are compared."""
 NO_RANGES = "none"
 """`randomise` of a run whose worlds are the task's own."""
-BONUSES = ("none", "original")
+BONUSES = ("none", "original", "progress")
 SCHEDULES = ("full", "halving")
 OBSERVES = ("all", "measurable")
 VIDEOS = ("all", "best", "none")
@@ -89,7 +89,7 @@ class RunConfig:
     schedule: str = "full"
     """How long candidates train: all of them in `full`, or by `halving` those alone that lead at each rung."""
     bonus: str = "none"
-    """`none`, or `original`: hand tasks add 250 on success to generated rewards, as the original does."""
+    """What generated rewards get: `none`; `original`, 250 on success in hand tasks; `progress`, pay for rare stages."""
     device: str = "cpu"
     """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
     threads: int = 0
@@ -206,7 +206,7 @@ class TrainConfig:
     worlds: int = 0
     """Worlds per training."""
     bonus: str = "none"
-    """`none`, or `original`: hand tasks add 250 on success to generated rewards, as the original does."""
+    """What generated rewards get: `none`; `original`, 250 on success in hand tasks; `progress`, pay for rare stages."""
     device: str = "cpu"
     """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
     threads: int = 0

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import cast
 
 from .config import NO_RANGES, RunConfig
 from .errors import WorkerError
@@ -16,6 +17,7 @@ from .score import broken, level, played, standing
 from .store import Store
 from .strategies import SearchStrategy
 from .types import (
+    Bonus,
     CandidateId,
     Evaluation,
     Lane,
@@ -161,7 +163,7 @@ class Lanes:
                 env_steps=steps or self.config.steps,
                 worlds=self.config.worlds,
                 until=rung.share,
-                bonus=self.config.bonus == "original",
+                bonus=cast("Bonus", self.config.bonus),
                 randomise=drawn,
                 observe=observe,
             )

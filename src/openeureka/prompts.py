@@ -43,13 +43,18 @@ _USES = {
 }
 
 
-def render(context: TaskContext, plan: PromptPlan, style: Literal["free", "grammar"]) -> Prompt:
+def render(
+    context: TaskContext, plan: PromptPlan, style: Literal["free", "grammar"], *, progress: bool = False
+) -> Prompt:
     """The prompt of a plan.
+
+    Args:
+        progress: whether rewards may say how far an episode has come, which `bonus=progress` pays for.
 
     Raises:
         TaskError: style `grammar`, and the task marks no variable for it.
     """
-    return _free(context, plan) if style == "free" else _grammar(context, plan)
+    return (_free if style == "free" else _grammar)(context, plan, progress)
 
 
 def repair(prompt: Prompt, reply: str, verdict: Verdict) -> Prompt:
@@ -121,12 +126,13 @@ def clean(text: str, limit: int) -> str:
     return plain(text)
 
 
-def _free(context: TaskContext, plan: PromptPlan) -> Prompt:
+def _free(context: TaskContext, plan: PromptPlan, progress: bool) -> Prompt:
     system = _template("free_system").format(
         signature=", ".join(f"{v.name}: {_annotation(v)}" for v in context.state.variables[:2]) + ", ...",
         torch=_words(surface.TORCH - surface.DTYPES),
         functional=_words(surface.FUNCTIONAL),
         helpers=_words(surface.HELPERS),
+        progress=_template("free_progress") if progress else "",
     )
     task = _template("free_task").format(
         description=context.description,
@@ -139,21 +145,22 @@ def _free(context: TaskContext, plan: PromptPlan) -> Prompt:
     return Prompt(messages=_with_opinion(messages, plan.opinion, MAX_WORDS, MAX_REJECTED))
 
 
-def _grammar(context: TaskContext, plan: PromptPlan) -> Prompt:
+def _grammar(context: TaskContext, plan: PromptPlan, progress: bool) -> Prompt:
     task = _template("grammar_task").format(
         description=context.description,
         variables="\n".join(
             f"- {v.name}{_shape(v)}: {v.meaning}{_USES[v.use]}" for v in grammar.offered(context.state)
         ),
     )
-    system = f"{_template('grammar_system')}\n{_template('grammar_examples')}"
+    rules = _template("grammar_system") + (_template("grammar_progress") if progress else "")
+    system = f"{rules}\n{_template('grammar_examples')}"
     # Parents only: the newest is the best reward, and a longer prompt costs each of the parallel samples its memory.
     shown = plan.turns[-2:] if plan.crossover else plan.turns[-1:]
     turns = [message for turn in shown for message in _turn(turn, plan, "grammar")]
     messages = _with_task((Message("system", system), Message("user", task), *turns), plan)
     return Prompt(
         messages=_with_opinion(messages, plan.opinion, MAX_WORDS // 2, rejected=0),
-        grammar=grammar.grammar(context.state),
+        grammar=grammar.grammar(context.state, progress=progress),
         prefill=grammar.prefill(context.state),
     )
 

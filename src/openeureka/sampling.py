@@ -75,7 +75,7 @@ class Sampler:
         samples: list[Sample] = []
         for plan in plans:
             slots = range(len(samples), len(samples) + plan.count)
-            prompt = prompts.render(self.context, plan, self.model.style)
+            prompt = prompts.render(self.context, plan, self.model.style, progress=self.config.bonus == "progress")
             parent = plan.turns[-1].sample.place if plan.turns else None
             self.store.save_prompt(generation, slots, prompt, parent)
             samples += self._fill(generation, prompt, slots, known=[*earlier, *samples])

@@ -29,7 +29,7 @@ def test_a_config_survives_being_stored_and_read_back():
         ("max_cost=much", "`max_cost` takes a number"),
         ("sample=-1", "`sample` must be zero or more"),
         ("ant", "not of the form key=value"),
-        ("bonus=250", "`bonus` must be one of none, original"),
+        ("bonus=250", "`bonus` must be one of none, original, progress"),
         ("seeds=0", "`seeds` must be one or more"),
         ("sample=1000000", "`sample` must be at most 100000"),
         ("sample=1.5", "`sample` takes a whole number"),

@@ -17,8 +17,8 @@ from .specs import ANT, CARTPOLE, HAND, HOPPER, SPECS
 WORLDS = 5
 
 
-def programs(spec: StateSpec, n: int) -> list[str]:
-    prompt = Prompt(messages=(), grammar=grammar.grammar(spec), prefill=grammar.prefill(spec))
+def programs(spec: StateSpec, n: int, *, progress: bool = False) -> list[str]:
+    prompt = Prompt(messages=(), grammar=grammar.grammar(spec, progress=progress), prefill=grammar.prefill(spec))
     return [extract.program(reply.text) or "" for reply in RandomModel().sample(prompt, n=n, seed=7)]
 
 
@@ -27,17 +27,21 @@ def leaves(spec: StateSpec, rule: str) -> list[str]:
 
 
 @pytest.mark.parametrize("env", SPECS)
-def test_every_random_string_passes_the_gate_and_runs(env: str):
+@pytest.mark.parametrize("progress", [False, True])
+def test_every_random_string_passes_the_gate_and_runs(env: str, progress: bool):
     spec = SPECS[env]
     generator = torch.Generator().manual_seed(0)
     state = {v.name: torch.randn(WORLDS, *v.shape, generator=generator) for v in grammar.offered(spec)}
-    for source in programs(spec, 60):
+    for source in programs(spec, 60, progress=progress):
         assert isinstance(gate.check(source, spec), gate.Program), source
         namespace: dict = {}
         exec(source, namespace)
         reward, components = namespace["compute_reward"](**state)
         assert reward.shape == (WORLDS,) and reward.isfinite().all(), source
         assert components and all(term.shape == (WORLDS,) for term in components.values()), source
+        marks = [value for name, value in components.items() if name.startswith("progress_")]
+        assert progress <= len(marks) <= 3 * progress, source
+        assert all(((value >= 0.0) & (value <= 1.0)).all() for value in marks), source
 
 
 def test_arguments_are_the_offered_variables_in_the_order_of_the_table():

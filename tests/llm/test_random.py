@@ -51,6 +51,21 @@ def test_components_are_named_by_what_they_measure():
     assert found == ["up_close", "speed_1_bounded", "up_close_2"]
 
 
+def test_progress_is_named_by_what_it_measures():
+    drawn = (
+        '    # abc\n    components["progress_qx"] = torch.exp(-torch.abs(up) / 0.5)\n'
+        '    # b\n    components["progress_qx"] = torch.exp(-torch.abs(up) / 0.1)\n'
+        "    # abc\n    x = torch.exp(-torch.abs(up) / 0.5)\n    reward = reward + 1.0 * x\n"
+        '    components["f_a"] = x\n'
+    )
+    text = named(drawn)
+    found = re.findall(r'components\["(\w+)"\]', text)
+    assert found == ["progress_up_close", "progress_up_close_2", "up_close"]
+    assert (
+        '    # progress up close 2\n    components["progress_up_close_2"] = torch.exp(-torch.abs(up) / 0.1)\n' in text
+    )
+
+
 def test_no_name_of_a_draw_is_chance():
     known = set(re.findall(r"\w+", " ".join(variable.name for variable in ANT.variables)))
     for text in texts(32, seed=5):

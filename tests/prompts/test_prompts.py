@@ -121,6 +121,13 @@ def test_the_prompt_that_says_what_counts_is_the_golden_one(style):
     golden(GOLDEN / f"prompt_{style}_informed.md", text(prompts.render(BALANCED, plan, style)))
 
 
+@pytest.mark.parametrize("style", ["free", "grammar"])
+def test_the_prompt_that_asks_for_progress_is_the_golden_one(style):
+    golden(
+        GOLDEN / f"prompt_{style}_progress.md", text(prompts.render(CONTEXT, PromptPlan(count=4), style, progress=True))
+    )
+
+
 def test_each_shown_reward_has_its_score_and_one_is_marked():
     told = [m.content for m in prompts.render(BALANCED, INFORMED, "free").messages if m.role == "user"]
     assert "The task score: steps the pole stays up, from 0 to 499; higher is better." in told[0]

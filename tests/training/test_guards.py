@@ -106,7 +106,7 @@ def test_a_world_whose_physics_breaks_down_pays_nothing_and_no_bonus(
 ) -> None:
     monkeypatch.setattr(Ant, "success_bonus", lambda task, s: torch.full((len(s["dof_vel"]),), 250.0))
     one_a_step = program(Node("mul.Tensor", ({"ref": 1}, 0.0)), Node("add.Tensor", ({"ref": 2}, 1.0)))
-    budget = dataclasses.replace(BUDGET, bonus=True)
+    budget = dataclasses.replace(BUDGET, bonus="original")
     population = Population("ant", [LaneSpec(id="one", program=one_a_step)], budget, threads=1)
     honest, qvel = population.env.step, population.env.sim.bind("qvel")
 

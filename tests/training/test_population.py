@@ -121,22 +121,22 @@ def test_a_success_bonus_trains_generated_rewards_only_and_shows_in_no_curve(mon
 
     monkeypatch.setattr(Cartpole, "success_bonus", bonus)
     specs = [LaneSpec(id="own", program=upright()), LaneSpec(id="human", program="human")]
-    trained: dict[bool, Population] = {}
-    for switch in (False, True):
+    trained: dict[str, Population] = {}
+    for switch in ("none", "original"):
         trained[switch] = Population("cartpole", specs, dataclasses.replace(SMALL, bonus=switch), threads=1)
         list(trained[switch].train())
-    without, with_bonus = (trained[switch].rollout.reward for switch in (False, True))
+    without, with_bonus = (trained[switch].rollout.reward for switch in ("none", "original"))
     # 250 on top of less than nothing, scaled by 0.1
     assert float(without[0].max()) < 0.0 and float(with_bonus[0].max()) == pytest.approx(25.0, abs=0.01)
     torch.testing.assert_close(with_bonus[1], without[1], atol=1e-3, rtol=1e-3)
     # Before the first update both trained the same policy, and its reward is recorded without the bonus.
-    assert trained[True].curves.curves[0]["reward"][0] == trained[False].curves.curves[0]["reward"][0]
-    assert trained[True].curves.curves[0]["reward"][3] != trained[False].curves.curves[0]["reward"][3]
+    assert trained["original"].curves.curves[0]["reward"][0] == trained["none"].curves.curves[0]["reward"][0]
+    assert trained["original"].curves.curves[0]["reward"][3] != trained["none"].curves.curves[0]["reward"][3]
 
 
 def test_a_task_without_a_bonus_trains_as_ever():
     specs = [LaneSpec(id="a", program=upright())]
-    assert results(specs, dataclasses.replace(SMALL, bonus=True))["a"].curves == results(specs)["a"].curves
+    assert results(specs, dataclasses.replace(SMALL, bonus="original"))["a"].curves == results(specs)["a"].curves
 
 
 def test_curves_hold_one_point_an_epoch_and_every_component():

@@ -65,9 +65,10 @@ def test_rewards_that_pick_by_a_mask_run_beside_those_that_are_recorded():
         assert means[:, 1].tolist() == pytest.approx([float(x) for x in expected])
 
 
-def test_a_step_of_training_asks_a_gpu_nothing():
-    specs = [LaneSpec(id="a", program=program(1.0, "a")), LaneSpec(id="b", program="human")]
-    population = Population("cartpole", specs, TrainBudget(worlds=8), threads=1)
+@pytest.mark.parametrize("bonus", ["none", "progress"])
+def test_a_step_of_training_asks_a_gpu_nothing(bonus):
+    specs = [LaneSpec(id="a", program=program(1.0, "progress_a")), LaneSpec(id="b", program="human")]
+    population = Population("cartpole", specs, TrainBudget(worlds=8, bonus=bonus), threads=1)
     population.env.masked = True  # as on a GPU
     observation = population.env.reset().view(2, 8, get("cartpole").num_observations)
 
@@ -77,6 +78,8 @@ def test_a_step_of_training_asks_a_gpu_nothing():
         early = (taken.episode_length <= 125).float()
         own, human, means = population.rewards(taken.state, early)
         population.curves.add(taken, own, human, means, early)
+        paid = population.rewards.bonus(taken.state, taken.bad.view(2, 8), population.curves.moments)
+        assert (paid is not None) == (bonus == "progress")
         population.ppo.value(taken.final_observation.view_as(observation))
         population.rollout.store(0, observation, action, own, taken.done.view(2, 8))
 

@@ -41,12 +41,20 @@ def prefill(spec: StateSpec) -> str:
     )
 
 
-def grammar(spec: StateSpec) -> str:
-    """GBNF of all that may follow `prefill(spec)`."""
+def grammar(spec: StateSpec, *, progress: bool = False) -> str:
+    """GBNF of all that may follow `prefill(spec)`.
+
+    Args:
+        progress: whether programs tell how far an episode has come.
+    """
     variables = offered(spec)
-    frame = gbnf.parse((files("openeureka") / "templates" / "reward.gbnf").read_text())
+    frame = _rules("reward") | (_rules("progress") if progress else {})
     leaves = {name: tuple(map(gbnf.literal, texts)) for name, texts in _leaves(variables).items() if texts}
     return gbnf.render(gbnf.prune({**frame, **leaves}))
+
+
+def _rules(name: str) -> dict[str, tuple[gbnf.Sequence, ...]]:
+    return gbnf.parse((files("openeureka") / "templates" / f"{name}.gbnf").read_text())
 
 
 def _leaves(variables: tuple[StateVar, ...]) -> dict[str, list[str]]:

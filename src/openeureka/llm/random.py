@@ -13,6 +13,7 @@ from . import gbnf
 
 _TRIES = 100
 _TERM = re.compile(r'    # .*\n    x = (.+)\n(    reward = .+\n)    components\["\w+"\] = x\n')
+_MARK = re.compile(r'    # .*\n    components\["progress_\w+"\] = (.+)\n')
 _VARIABLE = re.compile(r"(?<![\w.])([A-Za-z_]\w*)\b(?:\[:, (\d+)\])?(?!\s*=)")
 _FORMS = {"torch.exp(": "close", " > ": "above", " < ": "below", "torch.clamp(": "bounded"}
 MAX_NAME = 48
@@ -53,16 +54,23 @@ def named(text: str) -> str:
     """A drawn program with each component named by what it measures, in place of random letters."""
     taken: set[str] = set()
 
-    def term(match: re.Match[str]) -> str:
-        name = base = _measured(match[1])
-        number = 1
+    def fresh(base: str) -> str:
+        name, number = base, 1
         while name in taken:
             number += 1
             name = f"{base}_{number}"
         taken.add(name)
+        return name
+
+    def term(match: re.Match[str]) -> str:
+        name = fresh(_measured(match[1]))
         return f'    # {name.replace("_", " ")}\n    x = {match[1]}\n{match[2]}    components["{name}"] = x\n'
 
-    found, count = _TERM.subn(term, text)
+    def mark(match: re.Match[str]) -> str:
+        name = fresh(f"progress_{_measured(match[1])}")
+        return f'    # {name.replace("_", " ")}\n    components["{name}"] = {match[1]}\n'
+
+    found, count = _TERM.subn(term, _MARK.sub(mark, text))
     return re.sub(r"\A .*\n", " drawn at random\n", found) if count else text
 
 

@@ -26,6 +26,9 @@ class Curves:
         lanes, worlds: L lanes of n worlds.
         window: epochs that F looks back over.
         components: (lane, name) of each reward component.
+
+    Attributes:
+        moments: (L, 6), of own and human reward over every transition so far, see `rewards.moments`.
     """
 
     def __init__(
@@ -40,7 +43,7 @@ class Curves:
         self.lanes, self.worlds, self.components, self.device = lanes, worlds, components, device
         self.curves: list[dict[str, list[float | None]]] = [{} for _ in range(lanes)]
         self._scores: deque[Tensor] = deque(maxlen=window)
-        self._moments = torch.zeros(lanes, 6, dtype=torch.float64, device=device)
+        self.moments = torch.zeros(lanes, 6, dtype=torch.float64, device=device)
         self._parts = torch.zeros(len(components), 4, dtype=torch.float64)
         """Of each component, over the epochs whose parts count: its sum over transitions, their number, and both of
         those early in an episode."""
@@ -64,7 +67,7 @@ class Curves:
         self._sums += torch.stack(
             [per_lane(x) for x in (value * weight, weight, length, step.ended, own, human, early)], dim=-1
         )
-        self._moments += moments(own, human)
+        self.moments += moments(own, human)
         self._means += means
         self._steps += 1
 
@@ -130,13 +133,13 @@ class Curves:
 
     def state_dict(self) -> dict[str, Any]:
         """All that is remembered between two epochs."""
-        return {"curves": self.curves, "scores": list(self._scores), "moments": self._moments, "parts": self._parts}
+        return {"curves": self.curves, "scores": list(self._scores), "moments": self.moments, "parts": self._parts}
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
-        self.curves, self._moments = saved["curves"], saved["moments"]
+        self.curves, self.moments = saved["curves"], saved["moments"]
         self._scores.extend(saved["scores"])
         self._parts = saved.get("parts", self._parts)  # an older version saved none
 
     def correlation(self, lane: int) -> float | None:
         """Of own and human reward over every transition so far."""
-        return correlation(self._moments[lane])
+        return correlation(self.moments[lane])

@@ -29,7 +29,7 @@ def load(data: bytes, device: torch.device) -> State:
 
 
 def cut(population: Population, lane: int) -> State:
-    """The state of one lane (axis of length 1), copied: worlds, policy, optimiser, noise and what it showed so far."""
+    """The state of one lane (axis of length 1), copied: worlds, policy, optimiser, noise, visits and what it showed."""
     state, n = population.state_dict(), population.worlds
     task = population.env.task
 
@@ -64,6 +64,7 @@ def cut(population: Population, lane: int) -> State:
             "scores": [own(scores) for scores in curves["scores"]],
             "moments": own(curves["moments"]),
         },
+        "rewards": {name: own(value) for name, value in state["rewards"].items()},
         "peaks": [[peaks[lane]] for peaks in state["peaks"]],
         **{name: [state[name][lane]] for name in ("messages", "trained")},
     }
@@ -91,6 +92,8 @@ def put(population: Population, lanes: Sequence[State]) -> None:
         "scores": [torch.cat(step) for step in zip(*(lane["curves"]["scores"] for lane in lanes), strict=True)],
         "moments": joined(lambda lane: lane["curves"]["moments"]),
     }
+    # An older version saved none of it, and knew no bonus that needs it.
+    state["rewards"] |= _joined([lane.get("rewards", {}) for lane in lanes], state["rewards"])
     state["peaks"] = [listed(lambda lane, which=which: lane["peaks"][which]) for which in range(2)]
     state |= {name: listed(lambda lane, name=name: lane[name]) for name in ("messages", "trained")}
     population.load_state_dict(state)

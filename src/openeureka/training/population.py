@@ -114,8 +114,8 @@ class Population:
                 own, human = own.masked_fill(bad, 0.0), human.masked_fill(bad, 0.0)
                 self.curves.add(step, own, human, means, early)
                 self._watch(own)
-                if (bonus := self.rewards.bonus(step.state)) is not None:
-                    own = own + bonus.masked_fill(bad, 0.0)
+                if (bonus := self.rewards.bonus(step.state, bad, self.curves.moments)) is not None:
+                    own = own + bonus
                 reward = own * self.recipe.reward_scale
                 if self.recipe.bootstrap_timeouts:
                     reward = reward + self.recipe.gamma * self._beyond(step)
@@ -156,6 +156,7 @@ class Population:
             "env": self.env.state_dict(),
             "ppo": self.ppo.state_dict(),
             "curves": self.curves.state_dict(),
+            "rewards": self.rewards.state_dict(),
             "peaks": [
                 [peak and peak.state_dict() for peak in peaks] for peaks in (self.best_fitness, self.best_reward)
             ],
@@ -171,6 +172,7 @@ class Population:
         self.env.load_state_dict(saved["env"])
         self.ppo.load_state_dict(saved["ppo"])
         self.curves.load_state_dict(saved["curves"])
+        self.rewards.load_state_dict(saved.get("rewards", {}))
         self.best_fitness, self.best_reward = (
             [peak and Peak(peak["epoch"], peak["value"], self._policy(peak["policy"])) for peak in peaks]
             for peaks in saved["peaks"]

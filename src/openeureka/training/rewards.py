@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence, Set
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -12,11 +13,14 @@ from torch import Tensor
 from ..reward import graph
 from ..tasks.faults import per_world
 from ..tasks.task import State, Task
-from ..types import RewardProgram
+from ..types import Bonus, RewardProgram
+from .counts import PREFIX, VALUES, ProgressCounts
 from .replay import Replay, waits
 
 MAX_CALL_SECONDS = 2.0
 """Processor time of one lane's reward for one step on a CPU: four times what a check lets through."""
+ROUNDING = 1e-12
+"""Sums of squares cancel; what is left below this share of them is rounding."""
 
 
 class LaneRewards:
@@ -29,13 +33,13 @@ class LaneRewards:
         task: the task whose human and sparse reward may be among the programs.
         programs: one per lane.
         worlds: worlds per lane, n.
-        bonus: whether generated rewards get the task's success bonus.
+        bonus: what generated rewards get beside what they say, see `TrainBudget`.
 
     Attributes:
         components: (lane, name) of each component of any program.
     """
 
-    def __init__(self, task: Task, programs: Sequence[RewardProgram], worlds: int, *, bonus: bool = False) -> None:
+    def __init__(self, task: Task, programs: Sequence[RewardProgram], worlds: int, *, bonus: Bonus = "none") -> None:
         self.task, self.programs, self.worlds, self._bonus = task, list(programs), worlds, bonus
         self._compiled = {
             lane: graph.compile(program, task.spec)
@@ -48,6 +52,9 @@ class LaneRewards:
         self._per_world = {variable.name for variable in task.spec.variables if variable.kind == "world"}
         generated = [lane in self._compiled for lane in range(len(self.programs))]
         self._generated = torch.tensor(generated, dtype=torch.float32, device=task.device)[:, None]
+        self._counts = ProgressCounts(len(self.programs), task.device) if bonus == "progress" else None
+        self._progress = torch.full((len(self.programs), VALUES, worlds), math.nan, device=task.device)
+        """Progress values of the last step; NaN for lanes that have none, 0 for what a lane has fewer of."""
         self._parts: list[_Part] = []
 
     def __call__(self, state: State, early: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor]:
@@ -66,42 +73,74 @@ class LaneRewards:
         means = []
         early = torch.zeros_like(human).flatten() if early is None else early
         for part in self._parts or self._prepare(state, early):
-            *rewards, own_means = part(state, early)
-            for lane, reward in zip(part.lanes, rewards, strict=True):
+            *found, own_means = part(state, early)
+            for lane, reward in zip(part.lanes, found[: len(part.lanes)], strict=True):
                 own[lane] = reward
+            for lane, values in zip(part.progress, found[len(part.lanes) :], strict=True):
+                self._progress[lane] = values
             means.append(own_means)
         return own, human, torch.cat(means) if means else own.new_zeros(0, 2)
 
     def _prepare(self, state: State, early: Tensor) -> list[_Part]:
         """Parts in the order of `components`: runs of lanes that can be recorded, and single ones that cannot."""
         for lane, program in self._compiled.items():
-            alone = _Part({lane: program}, self.worlds, self._per_world, recorded=False)
+            alone = self._part({lane: program}, recorded=False)
             recorded = not waits(lambda part=alone: part(state, early))
             if recorded and self._parts and self._parts[-1].recorded:
                 programs = {**self._parts.pop().programs, lane: program}
             else:
                 programs = {lane: program}
-            self._parts.append(_Part(programs, self.worlds, self._per_world, recorded=recorded))
+            self._parts.append(self._part(programs, recorded=recorded))
         return self._parts
+
+    def _part(self, programs: Mapping[int, graph.CompiledReward], *, recorded: bool) -> _Part:
+        counting = self._counts is not None
+        return _Part(programs, self.worlds, self._per_world, recorded=recorded, counting=counting)
 
     def error(self, lane: int) -> str:
         """What a lane's program raised first, if it ever did."""
         return next((part.errors[lane] for part in self._parts if lane in part.errors), "")
 
-    def bonus(self, state: State) -> Tensor | None:
-        """What is added to the own rewards (L, n) before they train, outside of all curves and correlations."""
-        bonus = self.task.success_bonus(state) if self._bonus else None
-        return None if bonus is None else bonus.view(-1, self.worlds) * self._generated
+    def bonus(self, state: State, bad: Tensor, sums: Tensor) -> Tensor | None:
+        """What is added to the own rewards (L, n) before they train, outside of all curves and correlations.
+
+        Args:
+            state: that of the last call.
+            bad: (L, n) worlds that broke down: they are paid nothing.
+            sums: of `moments` so far, (L, 6). What progress pays is in standard deviations of a lane's own reward, as
+                nobody knows how large rewards are: PPO takes a reward in any unit, and so it must take this.
+        """
+        if self._counts is not None:
+            return self._counts(self._progress, ~bad) * spread(sums)[:, None]
+        bonus = self.task.success_bonus(state) if self._bonus == "original" else None
+        return None if bonus is None else (bonus.view(-1, self.worlds) * self._generated).masked_fill(bad, 0.0)
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that is remembered between two steps, one row a lane."""
+        return self._counts.state_dict() if self._counts is not None else {}
+
+    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
+        if self._counts is not None:
+            self._counts.load_state_dict(saved)
 
 
 class _Part:
-    """Some lanes' programs as one function of the state: each lane's reward (n,), and the means of all components."""
+    """Some lanes' programs as one function of the state: each lane's reward (n,), the progress values (3, n) of each
+    lane of `progress`, and the means of all components."""
 
     def __init__(
-        self, programs: Mapping[int, graph.CompiledReward], worlds: int, per_world: Set[str], *, recorded: bool
+        self,
+        programs: Mapping[int, graph.CompiledReward],
+        worlds: int,
+        per_world: Set[str],
+        *,
+        recorded: bool,
+        counting: bool,
     ) -> None:
         self.programs, self.recorded = programs, recorded
         self.lanes = tuple(programs)
+        named = {lane: _progress(program) for lane, program in programs.items()} if counting else {}
+        self.progress = {lane: names for lane, names in named.items() if names}
         self._worlds, self._per_world = worlds, per_world
         self._names = sorted({name for program in programs.values() for name in program.inputs})
         self._numbers: dict[str, float | int] = {}
@@ -119,14 +158,17 @@ class _Part:
         named = iter(rest)
         weights = torch.stack((torch.ones_like(early), early), dim=-1) / n
         values = {name: next(named) for name in self._names if name not in self._numbers}
-        rewards, means = [], []
+        rewards, progress, means = [], [], []
         for lane in self.programs:
             own = {name: value[lane * n : (lane + 1) * n] for name, value in values.items() if name in self._per_world}
             reward, components = self._of_lane(lane, {**self._numbers, **values, **own, "num_envs": n})
             rewards.append(reward)
+            if names := self.progress.get(lane):
+                none = [torch.zeros_like(reward)] * (VALUES - len(names))
+                progress.append(torch.stack([*(components[name] for name in names), *none]))
             if components:  # one product: a mean of each would take longer
                 means.append(torch.stack(list(components.values())) @ weights[lane * n : (lane + 1) * n])
-        return (*rewards, torch.cat(means) if means else rewards[0].new_zeros(0, 2))
+        return (*rewards, *progress, torch.cat(means) if means else rewards[0].new_zeros(0, 2))
 
     def _of_lane(self, lane: int, state: State) -> tuple[Tensor, Mapping[str, Tensor]]:
         """Reward (n,) and components of one lane; NaN from the first error on, so that the lane is stopped."""
@@ -146,17 +188,29 @@ class _Part:
         return reward, {name: reward for name, _ in program.graph.components}
 
 
+def _progress(program: graph.CompiledReward) -> list[str]:
+    return [name for name, _ in program.graph.components if name.startswith(PREFIX)][:VALUES]
+
+
 def moments(own: Tensor, human: Tensor) -> Tensor:
     """Sums (L, 6) float64 over worlds that `correlation` needs: 1, x, y, x^2, y^2, xy."""
     x, y = own.double(), human.double()
     return torch.stack((torch.ones_like(x), x, y, x * x, y * y, x * y), dim=-1).sum(1)
 
 
+def spread(sums: Tensor) -> Tensor:
+    """Standard deviation (L,) of the own rewards that these sums (L, 6) are of; 1 where it is 0 or not finite."""
+    count, x, _, xx, _, _ = sums.unbind(dim=-1)
+    mean, square = x / count, xx / count
+    variance = square - mean * mean
+    known = (variance > ROUNDING * square) & torch.isfinite(variance)
+    return torch.where(known, variance, 1.0).sqrt().float()
+
+
 def correlation(sums: Tensor) -> float | None:
     """Pearson correlation from the six sums of one lane; None when either side is constant or not finite."""
     count, x, y, xx, yy, xy = sums.tolist()
     spread_x, spread_y = xx - x * x / count, yy - y * y / count
-    # Sums of squares cancel; what is left below this share of them is rounding.
-    if not (spread_x > 1e-12 * xx and spread_y > 1e-12 * yy):
+    if not (spread_x > ROUNDING * xx and spread_y > ROUNDING * yy):
         return None
     return (xy - x * y / count) / (spread_x * spread_y) ** 0.5

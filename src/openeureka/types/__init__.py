@@ -11,6 +11,7 @@ from .rewards import Arg, Candidate, CandidateId, Finding, Node, Part, RewardGra
 from .search import Generation, Glance, History, Opinion, PromptPlan, Sample, Scored, Screened
 from .tasks import StateKind, StateSpec, StateUse, StateVar, TaskContext
 from .training import (
+    Bonus,
     Checkpoint,
     Episodes,
     Evaluation,
@@ -38,6 +39,7 @@ __all__ = [
     "NOMINAL",
     "Arg",
     "Attempt",
+    "Bonus",
     "Candidate",
     "CandidateId",
     "Checkpoint",

@@ -18,6 +18,8 @@ Peak = Literal["fitness", "reward", "last"]
 
 Observe = Literal["all", "measurable"]
 
+Bonus = Literal["none", "original", "progress"]
+
 
 class PolicyId(NamedTuple):
     """One of the policies of a run."""
@@ -92,8 +94,9 @@ class TrainBudget:
     worlds: int = 0
     until: float = 1.0
     """Share of a lane's steps after which it pauses; 1 is the end."""
-    bonus: bool = False
-    """Add the task's `success_bonus` to generated rewards, as the original does."""
+    bonus: Bonus = "none"
+    """What trains with generated rewards beside what they say: the task's `success_bonus`, as in the original, or pay
+    for rare values of the components that tell progress (`training.counts`)."""
     randomise: Ranges | None = None
     """What the worlds of training are drawn from; None for the task's own alone."""
     observe: Observe = "all"

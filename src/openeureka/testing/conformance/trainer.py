@@ -104,6 +104,13 @@ class TrainerConformance:
             for mine, theirs in zip(ended[whole.lane].curves["reward"], whole.curves["reward"], strict=True):
                 assert mine is not None and theirs is not None and math.isclose(mine, theirs, rel_tol=1e-2)
 
+    def test_progress_pays_nothing_to_rewards_that_tell_none(self) -> None:
+        paid = self.make().train(self.env, self.lanes(), replace(self.budget, bonus="progress"))
+        second = {event.lane: event for event in paid if isinstance(event, TrainingResult)}
+        own = {lane.id for lane in self.lanes() if isinstance(lane.program, str)}
+        for first in (result for result in self._results() if result.lane in own):
+            assert first.curves == second[first.lane].curves
+
     def test_a_lane_that_starts_from_a_policy_acts_as_that_does(self) -> None:
         (policy,) = (result.last for result in self._finished()[:1])
         assert policy is not None

@@ -1,0 +1,148 @@
+"""What `bonus=progress` is worth where F stays 0: the same rewards with and without pay for rare progress.
+
+    python benchmarks/progress.py                              # four tasks; about a night on 2 cores
+    python benchmarks/progress.py --env shadow_hand_over       # one
+    python benchmarks/progress.py --tiny --dir D --out F.json  # seconds a task, to see that it works
+    python benchmarks/progress.py --left                       # what is missing, and what is known as a table
+
+The two rewards of a task (`benchmarks/progress/TASK/*.py`) were written from `eureka context env=TASK` alone, and tell
+progress. Both arms train the same files with the same seeds and as many steps; only `bonus=` differs. An arm of a task
+is a run such as `eureka train` makes, under `outputs/progress/`: one that was killed goes on with the same words.
+`benchmarks/results/progress.json` is written after each arm, and what it holds is not repeated.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from ledger import OUTPUTS, learn
+from records import PEAKS, Record, machine, read, record, write
+
+from openeureka.config import TrainConfig
+from openeureka.report.text import number, spread
+from openeureka.score import mean, rank
+from openeureka.tasks.registry import get
+from openeureka.training.counts import PREFIX
+from openeureka.types import TrainingResult
+
+FOLDER = Path(__file__).parent
+REWARDS = FOLDER / "progress"
+RESULTS = FOLDER / "results" / "progress.json"
+STEPS = 1_000_000
+"""Of each lane, as in `benchmarks/plans/headline.yaml`."""
+SEEDS = 3
+ARMS = ("none", "progress")
+TITLES = ("task", "steps", "reward", "F held out, none", "with progress", "furthest progress, none", "with progress")
+
+
+def tasks() -> list[str]:
+    return sorted(folder.name for folder in REWARDS.iterdir() if folder.is_dir())
+
+
+def rewards(env: str) -> list[Path]:
+    return sorted((REWARDS / env).glob("*.py"))
+
+
+def measure(env: str, arm: str, entry: Record, options: argparse.Namespace) -> Record:
+    """One arm of a task: a record of each lane."""
+    config = TrainConfig(
+        env=f"{env}+episode_length=8" if options.tiny else env,
+        reward=",".join(map(str, rewards(env))),
+        bonus=arm,
+        seeds=entry["seeds"],
+        steps=entry["steps"],
+        worlds=entry["worlds"],
+        device=options.device,
+        threads=options.threads,
+        dir=str(options.dir / f"{env}_{arm}"),
+    )
+    lanes = {
+        lane: {**record(result, held_out), "progress": furthest(result)}
+        for lane, (result, held_out) in learn(config, PEAKS).items()
+    }
+    return {"lanes": lanes, **machine(options.device)}
+
+
+def furthest(result: TrainingResult) -> Record:
+    """The highest mean over an epoch of each progress value, as far as it counts."""
+    curves = {name.removeprefix("component/"): curve for name, curve in result.curves.items()}
+    told = {name: curve for name, curve in curves.items() if name.startswith(PREFIX)}
+    return {
+        name: max(round(min(1.0, value), 4) for value in curve if value is not None) for name, curve in told.items()
+    }
+
+
+# --- what it says ----------------------------------------------------------------------------------------------------
+
+
+def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
+    """A row a task and reward whose arms are both known."""
+    found: list[tuple[str, ...]] = []
+    for env, entry in study.items():
+        if entry["arms"].keys() < set(ARMS):
+            continue
+        for path in rewards(env):
+            arms = [_lanes(entry["arms"][arm], path.stem) for arm in ARMS]
+            scores = [spread([played(lane) for lane in lanes]) for lanes in arms]
+            found.append((env, f"{entry['steps']:,}", path.stem, *scores, *map(_reached, arms)))
+    return found
+
+
+def played(lane: Record) -> float | None:
+    """Held-out F of the better of its policies."""
+    return max((lane[f"held_out_at_peak_of_{peak}"]["fitness"] for peak in PEAKS), key=rank)
+
+
+def _lanes(arm: Record, reward: str) -> list[Record]:
+    return [lane for name, lane in arm["lanes"].items() if name.rpartition("-s")[0] == reward]
+
+
+def _reached(lanes: Sequence[Record]) -> str:
+    """Mean over seeds of each progress value's highest epoch."""
+    names = {name: None for lane in lanes for name in lane["progress"]}
+    means = {name: mean([lane["progress"].get(name) for lane in lanes]) for name in names}
+    return ", ".join(f"{name.removeprefix(PREFIX)} {number(value, 2)}" for name, value in means.items())
+
+
+def show(study: Mapping[str, Record]) -> None:
+    for row in (TITLES, *rows(study)):
+        print(" | ".join(row))
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--env", choices=tasks(), nargs="+", default=tasks())
+    parser.add_argument("--seeds", type=int, default=SEEDS)
+    parser.add_argument("--steps", type=float, default=STEPS, help="environment steps of a lane")
+    parser.add_argument("--worlds", type=int, default=0, help="worlds of a lane, 0 for the recipe's")
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--threads", type=int, default=0)
+    parser.add_argument("--tiny", action="store_true", help="two epochs of a few worlds, short episodes")
+    parser.add_argument("--left", action="store_true", help="train nothing")
+    parser.add_argument("--dir", type=Path, default=OUTPUTS / "progress", help="where the runs are kept")
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    options = parser.parse_args(words)
+    for env in options.env:
+        worlds, steps = options.worlds or get(env).recipe.worlds, int(options.steps)
+        if options.tiny:
+            worlds, steps = 8, 8 * get(env).recipe.horizon * 2
+        wanted = {"steps": steps, "worlds": worlds, "seeds": 1 if options.tiny else options.seeds}
+        for arm in ARMS:
+            study = read(options.out)
+            entry = study.get(env, {**wanted, "arms": {}})
+            if any(entry[key] != value for key, value in wanted.items()):
+                raise SystemExit(f"{options.out} holds {env} with other settings; choose another --dir and --out.")
+            if arm in entry["arms"]:
+                continue
+            if options.left:
+                print(f"{env}, bonus={arm}: to do")
+                continue
+            entry["arms"][arm] = measure(env, arm, entry, options)
+            write(options.out, {**read(options.out), env: entry})
+    show(read(options.out))
+
+
+if __name__ == "__main__":
+    main()
