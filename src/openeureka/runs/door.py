@@ -72,6 +72,7 @@ class SearchSettings(_Shared, total=False):
     sample: int
     iteration: int
     search: str
+    screen: int
     schedule: str
     init: str | Path
     safety: str
