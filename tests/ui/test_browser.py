@@ -60,6 +60,12 @@ def running(directory: Path, script: Sequence[str], **settings: object) -> Itera
         thread.join()
 
 
+def enter(page: Page) -> None:
+    """From the list: the address of a run that has not begun is a 404."""
+    page.goto("/")
+    page.get_by_role("link", name="run", exact=True).click()
+
+
 def film(directory: Path, slot: int) -> None:
     """A second of grey as the video of a candidate of generation 0."""
     result = RunView.read(directory).candidates[slot].result
@@ -75,8 +81,7 @@ def film(directory: Path, slot: int) -> None:
 
 def test_a_person_follows_a_run_and_their_words_are_in_the_next_prompt(page: Page, tmp_path: Path):
     with running(tmp_path / "run", [reply(n) for n in (7, 8, 9, 5)]) as model:
-        page.goto("/")
-        page.get_by_role("link", name="run", exact=True).click()
+        enter(page)
         expect(page.locator(".hero .state")).to_have_text("running")
         assert page.locator("article").count() == 0
 
@@ -111,7 +116,7 @@ def test_a_person_follows_a_run_and_their_words_are_in_the_next_prompt(page: Pag
 def test_two_candidates_are_compared_and_the_better_one_gets_the_vote(page: Page, tmp_path: Path):
     with running(tmp_path / "run", [reply(n) for n in (7, 8, 9, 5)]) as model:
         model.allowed.release(2)
-        page.goto("/runs/run/")
+        enter(page)
         expect(page.get_by_text("The run waits for a person.")).to_be_visible()
         for name in ("g0s0", "g0s1"):
             page.get_by_label(f"compare {name}").check()
@@ -126,7 +131,7 @@ def test_two_candidates_are_compared_and_the_better_one_gets_the_vote(page: Page
 def test_what_a_person_types_opens_and_chooses_survives_the_news(page: Page, tmp_path: Path):
     with running(tmp_path / "run", [reply(n) for n in (7, 8, 9, 5)]) as model:
         model.allowed.release()
-        page.goto("/runs/run/")
+        enter(page)
         page.get_by_label("What should be different?").fill("half a sen")
         page.get_by_text("What the model was asked").click()
         page.get_by_label("compare g0s0").check()
@@ -192,8 +197,7 @@ def test_lanes_are_followed_while_they_train(page: Page, tmp_path: Path):
         thread = threading.Thread(target=search_in, args=(directory, [reply(7), reply(8)]), kwargs=settings)
         thread.start()
         try:
-            page.goto("/")
-            page.get_by_role("link", name="run", exact=True).click()
+            enter(page)
             expect(page.get_by_text("Epoch 5 of 9, 1,234 steps/s")).to_be_visible()
             expect(page.locator(".chart", has_text="F of every lane as it trains").locator("canvas")).to_be_visible()
             page.locator("#candidates").get_by_role("link", name="g0s0").click()
