@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any, TypeVar, cast
 
 import msgspec
@@ -37,11 +38,19 @@ def decode(kind: type[T], text: str | bytes) -> T:
     Raises:
         DecodeError: for anything else, however deep or long.
     """
+    return shaped(kind, _parsed(text))
+
+
+def _parsed(text: str | bytes) -> Any:
+    # msgspec takes a sixth of the time over curves. It knows neither numbers that are not finite nor half characters.
+    odd = b'"float"' in text if isinstance(text, bytes) else '"float"' in text
+    if not odd:
+        with suppress(ValueError, RecursionError):
+            return msgspec.json.decode(text)
     try:
-        data = json.loads(text, object_hook=_read_float)
+        return json.loads(text, object_hook=_read_float)
     except (ValueError, RecursionError) as error:
         raise _refusal(error) from None
-    return shaped(kind, data)
 
 
 def plain(noun: object) -> Any:

@@ -6,6 +6,7 @@ import dataclasses
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast, get_type_hints
 
@@ -23,6 +24,10 @@ _FILES = {
     "randomise": r"()(.+\.ya?ml)()",
     "model": r"(replay:|local:(?!hub:))(.+)()",
 }
+
+
+_hints = cache(get_type_hints)
+"""Evaluating the annotations of a config takes longer than reading one."""
 
 
 def absolute(key: str, value: str, folder: Path = Path()) -> str:
@@ -71,7 +76,7 @@ def changed(config: Config, words: Sequence[str]) -> Config:
 
 
 def _typed(kind: type, words: Sequence[str]) -> dict[str, Any]:
-    hints = get_type_hints(kind)
+    hints = _hints(kind)
     values: dict[str, Any] = {}
     given: dict[str, object] = {}
     for word in words:
@@ -105,7 +110,7 @@ def taken(kind: type, settings: Mapping[str, object]) -> dict[str, Any]:
     Raises:
         ConfigError: for an unknown key or a value of the wrong type.
     """
-    hints = get_type_hints(kind)
+    hints = _hints(kind)
     values: dict[str, Any] = {}
     for key, value in elsewhere(settings).items():
         _expect_known(key, hints)
@@ -141,7 +146,7 @@ def restored(kind: type[Config], stored: object) -> Config:
         ConfigError: for an unknown field or a value that does not fit.
         TypeError: for what is no such data: another type, or text that nobody types.
     """
-    hints = get_type_hints(kind)
+    hints = _hints(kind)
     if not isinstance(stored, dict):
         raise TypeError("settings are a mapping")
     settings = cast(dict[str, object], stored)

@@ -15,6 +15,8 @@ _HIDDEN = {"Cc", "Cf", "Cs", "Co"}  # controls, bidirectional and zero-width mar
 
 def plain(text: str) -> str:
     """For a terminal, a page or a prompt: no escapes, control characters and invisible marks, but newlines and tabs."""
+    if text.isprintable():  # most are, and a page asks for thousands
+        return text
     bare = _ESCAPES.sub("", text)
     return "".join(c for c in bare if c in "\n\t" or unicodedata.category(c) not in _HIDDEN)
 

@@ -15,7 +15,7 @@ import sqlite3
 import stat
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -133,7 +133,13 @@ def _layout(scripts: tuple[str, ...]) -> tuple[set[tuple[str, str]], dict[str, l
 def _objects(connection: sqlite3.Connection) -> set[tuple[str, str]]:
     """Everything in the schema but SQLite's own."""
     found = connection.execute("SELECT name, sql FROM sqlite_master WHERE name NOT LIKE 'sqlite~_%' ESCAPE '~'")
-    return {(str(name), " ".join(str(sql).split())) for name, sql in found}
+    return {(str(name), _on_one_line(str(sql))) for name, sql in found}
+
+
+@lru_cache(256)
+def _on_one_line(sql: str) -> str:
+    """Cached, as nearly every file has the same tables."""
+    return " ".join(sql.split())
 
 
 def changed_row(directory: Path, why: object) -> StoreError:
