@@ -6,6 +6,8 @@ import pytest
 from report.scripted import search_in
 
 from openeureka.config import RunConfig
+from openeureka.report.view import RunView
+from openeureka.score import human_normalised, mean
 from openeureka.store import Store
 from openeureka.store.db import LOG
 from openeureka.testing.scripted import ScriptedModel, reply
@@ -41,6 +43,14 @@ def test_a_finished_run_shows_its_best_and_what_it_cost(tmp_path):
     assert entry.glance is not None
     assert (entry.glance.generations, entry.glance.fitness) == (1, 1.0)  # played: one less than in training
     assert entry.glance.usage.cost_usd == pytest.approx(0.02)  # two replies of a cent
+
+
+def test_the_list_scores_a_run_as_its_own_page_does(tmp_path):
+    directory = search_in(tmp_path / "run", [reply(1), reply(2)])
+    glance, ends = folder.entry("run", directory).glance, RunView.read(directory).outcome
+    assert glance is not None and ends is not None
+    assert (glance.human, glance.sparse) == (mean(ends.human.held_out), mean(ends.sparse.held_out)) != (None, None)
+    assert human_normalised(glance.held_out, glance.human, glance.sparse) == ends.normalised
 
 
 def test_a_search_that_found_nothing_is_finished_too(tmp_path):

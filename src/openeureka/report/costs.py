@@ -58,7 +58,7 @@ def _scores(run: RunView) -> dict[str, Evaluation]:
     else:
         lanes = {str(c.place): c.result.lane for c in run.candidates if c.result is not None}
         lanes |= {f"{name} reward": lane_id(name, run.config.seed) for name, _ in BASELINES}
-    return {called: run.played[lane] for called, lane in lanes.items() if lane in run.played}
+    return {called: score for called, lane in lanes.items() if (score := run.played.get(lane)) and score.costs}
 
 
 def _title(name: str, limit: float | None) -> str:

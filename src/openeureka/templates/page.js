@@ -97,6 +97,12 @@ const eureka = (() => {
     return [...list.querySelectorAll("i")].map((sign) => getComputedStyle(sign).color);
   }
 
+  /** Of all charts of F that stand side by side, so that heights compare. */
+  function span() {
+    const known = [...document.querySelectorAll("main.side .chart[data-shared]")].flatMap(({ dataset }) => JSON.parse(dataset.chart).lines.flatMap((line) => line.values)).filter((value) => value != null);
+    return uPlot.rangeNum(Math.min(...known), Math.max(...known), .1, true);
+  }
+
   function draw(figure) {
     const state = drawn.get(figure) ?? { hidden: new Set() };
     state.plot?.destroy();
@@ -107,7 +113,7 @@ const eureka = (() => {
     const options = {
       width: place.clientWidth || 400,
       height: HEIGHT,
-      scales: { x: { time: false, range: state.chart.names.length ? (_, low, high) => [low - .6, high + .6] : undefined } },
+      scales: { x: { time: false, range: state.chart.names.length ? (_, low, high) => [low - .6, high + .6] : undefined }, ...("shared" in figure.dataset && figure.closest("main.side") ? { y: { range: span } } : {}) },
       legend: { show: false },
       cursor: { drag: { x: true, y: false }, points: { size: 7 } },
       axes: axes(state.chart, ink, line),
