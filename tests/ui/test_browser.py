@@ -237,6 +237,23 @@ def test_a_chart_tells_what_is_under_the_pointer_zooms_hides_and_leads_on(page: 
     expect(page).to_have_url(re.compile(r"candidates\?show=g1s1$"))
 
 
+def test_curves_are_smoothed_and_the_pointer_still_tells_what_was_measured(page: Page, searched: Path):
+    page.goto("/runs/run/candidates?show=g0s0")
+    chart = page.locator(".chart", has_text="F in training")
+    plot, drawn = chart.locator(".u-over"), "canvas => canvas.toDataURL()"
+    box = plot.bounding_box()
+    assert box is not None
+    plot.hover(position={"x": box["width"] - 5, "y": 5})
+    told, before = chart.locator(".tip").inner_text(), chart.locator("canvas").evaluate(drawn)
+    assert "this reward: 7" in told
+    page.get_by_label("Smooth curves").fill("0.9")
+    plot.hover(position={"x": box["width"] - 6, "y": 5})
+    expect(chart.locator(".tip")).to_have_text(told)
+    assert chart.locator("canvas").evaluate(drawn) != before
+    page.reload()
+    expect(page.get_by_label("Smooth curves")).to_have_value("0.9")
+
+
 def test_candidates_are_sorted_filtered_and_found_by_their_family(page: Page, searched: Path):
     page.goto("/runs/run/")
     names = page.locator("#candidates tbody tr:visible td:nth-child(2)")

@@ -81,6 +81,7 @@ def progress(run: RunView) -> Chart | None:
     """The score of every candidate in order, the best so far, and the rewards that came with the task."""
     shown = run.candidates
     scores = tuple(candidate.score for candidate in shown)
+    early = any(candidate.played is None and candidate.score is not None for candidate in shown)
     levels = {name: run.baseline_score(name) for name in run.baselines}
     lines = [
         Line(name="candidate", values=_rounded(scores), color=0, kind="dots"),
@@ -98,6 +99,7 @@ def progress(run: RunView) -> Chart | None:
         lines,
         names=tuple(str(candidate.place) for candidate in shown),
         bounds=tuple(begins),
+        note="What was not played yet stands at its F in training." if run.ranks == "played" and early else "",
     )
 
 

@@ -44,18 +44,23 @@ def tiles(run: RunView) -> list[Tile]:
     trainings = Tile("trainings", str(len(run.results)), f"{steps:,} environment steps")
     if not run.searched:
         return [trainings]
-    slots, human = run.candidates, run.baseline_score("human") if "human" in run.baselines else None
-    how = "when played" if run.ranks == "played" else "in training"
+    slots, best = run.candidates, run.best
+    human = run.baseline_score("human") if "human" in run.baselines else None
+    played = human is not None and run.baselines["human"].lane in run.played
     found = [
         Tile("generations", f"{len(run.history.generations)} of {run.config.generations}"),
         Tile("candidates", str(len(slots)), f"{sum(c.score is not None for c in slots)} with a score"),
-        Tile("best F", number(run.best.score if run.best else None), f"{run.best.place}, {how}" if run.best else ""),
-        Tile("human reward", number(human), f"F {how}" if human is not None else ""),
+        Tile("best F", number(best.score if best else None), f"{best.place}, {_how(best.played)}" if best else ""),
+        Tile("human reward", number(human), f"F {_how(played)}" if human is not None else ""),
     ]
     if run.outcome is not None and run.outcome.normalised is not None:
         found.append(Tile("score, held out", number(run.outcome.normalised, 3), "0: sparse, 1: human reward"))
     tokens = run.usage.prompt_tokens + run.usage.completion_tokens
     return [*found, trainings, Tile("cost", f"US$ {run.usage.cost_usd:.4f}", f"{tokens:,} tokens")]
+
+
+def _how(played: object) -> str:
+    return "when played" if played else "in training"
 
 
 def search(run: RunView) -> Table:

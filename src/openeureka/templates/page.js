@@ -6,15 +6,15 @@ const eureka = (() => {
 
   const root = document.documentElement;
   const kept = { // a file that is opened by itself may have no storage
-    get: () => { try { return localStorage.getItem("theme"); } catch { return null; } },
-    set: (theme) => { try { localStorage.setItem("theme", theme); } catch { /* it is the choice of this page alone */ } },
+    get: (name) => { try { return localStorage.getItem(name); } catch { return null; } },
+    set: (name, value) => { try { localStorage.setItem(name, value); } catch { /* it is the choice of this page alone */ } },
   };
   const wishes = matchMedia("(prefers-color-scheme: dark)");
-  if (kept.get()) root.dataset.theme = kept.get();
+  if (kept.get("theme")) root.dataset.theme = kept.get("theme");
 
   function turn() {
     root.dataset.theme = (root.dataset.theme ?? (wishes.matches ? "dark" : "light")) === "dark" ? "light" : "dark";
-    kept.set(root.dataset.theme);
+    kept.set("theme", root.dataset.theme);
     repaint();
   }
 
@@ -30,7 +30,22 @@ const eureka = (() => {
   }
 
   const called = (chart, place) => chart.names[place] ?? `${chart.x_label} ${short(chart.places[place])}`;
-  const columns = (chart) => [chart.places, ...chart.lines.map((line) => line.values)];
+  const knob = document.querySelector("#smooth input");
+  if (knob) knob.value = kept.get("smooth") ?? 0;
+  const columns = (chart) => [chart.places, ...chart.lines.map(({ values }) => (chart.x_label === "epoch" ? smoothed(values) : values))];
+
+  /** An exponential average, corrected for its beginning at zero (arXiv 1412.6980, section 3). */
+  function smoothed(values) {
+    const keep = Number(knob?.value ?? 0);
+    let sum = 0, weight = 0;
+    if (!keep) return values;
+    return values.map((value) => {
+      if (value == null) return value;
+      sum = keep * sum + (1 - keep) * value;
+      weight = keep * weight + (1 - keep);
+      return sum / weight;
+    });
+  }
   const alike = (a, b) => JSON.stringify(a.lines.map((l) => [l.name, l.kind, l.color])) === JSON.stringify(b.lines.map((l) => [l.name, l.kind, l.color]));
 
   function series(line, stroke) {
@@ -67,7 +82,7 @@ const eureka = (() => {
           const place = plot.cursor.idx;
           box.hidden = place == null || plot.cursor.left < 0;
           if (box.hidden) return;
-          const said = plot.series.slice(1).map((one, index) => [one.show, one.label, plot.data[index + 1][place]]);
+          const said = plot.series.slice(1).map((one, index) => [one.show, one.label, chart().lines[index].values[place]]);
           box.textContent = [called(chart(), place), ...said.filter(([show, , value]) => show && value != null).map(([, label, value]) => `${label}: ${short(value)}`)].join("\n");
           const right = plot.cursor.left > plot.over.clientWidth / 2;
           box.style.left = right ? "" : `${plot.cursor.left + 12}px`;
@@ -223,6 +238,7 @@ const eureka = (() => {
 
   addEventListener("beforeprint", () => document.querySelectorAll(".chart").forEach((figure) => { if (!drawn.has(figure) && figure.checkVisibility()) draw(figure); }));
   document.getElementById("theme")?.addEventListener("click", turn);
+  knob?.addEventListener("input", () => { kept.set("smooth", knob.value); repaint(); });
   dress(document);
   return { dress, update, isDrawn: (figure) => drawn.has(figure) };
 })();
