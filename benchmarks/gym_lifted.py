@@ -20,7 +20,7 @@ from typing import Any
 
 import gymnasium
 import torch
-from records import conditions, write
+from records import Record, conditions, write
 
 from openeureka.tasks import registry
 
@@ -30,6 +30,7 @@ NAMES = (
 )
 ROUNDS = 3
 RESULTS = Path(__file__).parent / "results" / "gym_lifted.json"
+TITLES = ("environment", "on lanes, steps/s", "Gymnasium, steps/s", "ratio")
 
 
 def lifted(name: str, worlds: int, steps: int) -> float:
@@ -62,6 +63,20 @@ def _rate(step: Callable[[], object], worlds: int, steps: int) -> float:
     for _ in range(steps):
         step()
     return worlds * steps / (time.perf_counter() - started)
+
+
+def rows(measured: Record) -> list[list[str]]:
+    """A row an environment."""
+    rates = {name: found["steps_per_second"] for name, found in measured["environments"].items()}
+    return [
+        [
+            f"{name}-v5",
+            f"{own['lanes']:,}",
+            f"{max(rate for arm, rate in own.items() if arm != 'lanes'):,}",
+            f"{measured['environments'][name]['ratio']:g}",
+        ]
+        for name, own in rates.items()
+    ]
 
 
 def main() -> None:

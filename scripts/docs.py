@@ -61,6 +61,9 @@ FAULTS = "<!-- faults -->\n", "<!-- /faults -->\n"
 LOOP = ROOT / "docs" / "concepts" / "loop.md"
 ADVICE = "<!-- prompts -->\n", "<!-- /prompts -->\n"
 BENCHMARK = ROOT / "docs" / "concepts" / "benchmark.md"
+GYMNASIUM = ROOT / "docs" / "guides" / "gymnasium.md"
+LIFTED = "<!-- lifted -->\n", "<!-- /lifted -->\n"
+SOLVED = "<!-- solved -->\n", "<!-- /solved -->\n"
 REACHED = "<!-- reachable -->\n", "<!-- /reachable -->\n"
 CHOICES = "<!-- choices -->\n", "<!-- /choices -->\n"
 
@@ -181,6 +184,18 @@ def reached() -> str:
     return _table(study.TITLES, study.rows(study.read(study.RESULTS)))
 
 
+def lifted() -> str:
+    """What `benchmarks/gym_lifted.py` has measured: a row an environment."""
+    study = _benchmark("gym_lifted")
+    return _table(study.TITLES, study.rows(json.loads(study.RESULTS.read_text())))
+
+
+def solved() -> str:
+    """What `benchmarks/gym_solved.py` has measured: a row an environment."""
+    study = _benchmark("gym_solved")
+    return _table(study.TITLES, study.rows(study.read(study.RESULTS)))
+
+
 def faults() -> str:
     """What `benchmarks/cluster.py --part faults` has measured."""
     study = _benchmark("cluster")
@@ -230,6 +245,7 @@ def generated() -> Mapping[Path, str]:
         SCHEDULE: _schedule(),
         LOOP: _between(LOOP.read_text(), ADVICE, advice()),
         CLUSTER: _between(CLUSTER.read_text(), FAULTS, faults()),
+        GYMNASIUM: _between(_between(GYMNASIUM.read_text(), LIFTED, lifted()), SOLVED, solved()),
         POLISH: _between(POLISH.read_text(), POLISHED, polished()),
     }
 
