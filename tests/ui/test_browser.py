@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 import subprocess
 import sys
@@ -268,6 +269,28 @@ def test_candidates_are_sorted_filtered_and_found_by_their_family(page: Page, se
     expect(page.get_by_text("Improves on generation 0, slot 0.")).to_be_visible()
     page.get_by_role("link", name="beside its parent g0s0").click()
     expect(page.locator("section.candidate")).to_have_count(2)
+
+
+def test_the_rows_that_are_shown_are_saved(page: Page, tmp_path: Path):
+    search_in(tmp_path / "run", [reply(7), "no code", reply(8), reply(3)], iteration=2)
+    search_in(tmp_path / "=1+1", [reply(7), reply(8)])
+    page.goto("/")
+    with page.expect_download() as runs:
+        page.get_by_role("button", name="Save as CSV").click()
+    assert runs.value.suggested_filename == "runs.csv"
+    rows = list(csv.reader(runs.value.path().read_text().splitlines()))
+    assert rows[0][:3] == ["run", "state", "task"]
+    assert sorted(row[0] for row in rows[1:]) == ["'=1+1", "run"]  # a spreadsheet would compute it
+    page.locator("#runs").get_by_role("link", name="run", exact=True).click()
+    page.locator(".tools").get_by_label("State").select_option("trained")
+    with page.expect_download() as candidates:
+        page.get_by_role("button", name="Save as CSV").click()
+    rows = list(csv.DictReader(candidates.value.path().read_text().splitlines()))
+    assert [(row["candidate"], row["F played"], row["state"]) for row in rows] == [
+        ("g0s0", "6.0", "trained"),
+        ("g1s0", "7.0", "trained"),
+        ("g1s1", "2.0", "trained"),
+    ]
 
 
 def test_runs_are_compared_by_what_they_found_and_how_they_differ(page: Page, tmp_path: Path):

@@ -1,4 +1,4 @@
-// Charts, tables that sort and filter, and the choice of light or dark: for every page, and for the report.
+// Charts, tables that sort, filter and can be saved, and the choice of light or dark: for every page, and for the report.
 "use strict";
 
 const eureka = (() => {
@@ -227,6 +227,22 @@ const eureka = (() => {
   document.addEventListener("input", ({ target }) => {
     const table = target.dataset?.filter && document.getElementById(target.dataset.filter);
     if (table) filter(table);
+  });
+
+  /** The rows that are shown, as a file. A text that a spreadsheet would take for a formula gets an apostrophe. */
+  function save(table) {
+    const text = (cell) => cell.querySelector("a")?.textContent ?? cell.dataset.value ?? cell.textContent.replace(/\s+/g, " ").replace(/ [↕↑↓]$/, "").trim();
+    const safe = (said) => (/^[=+\-@]/.test(said) && Number.isNaN(Number(said)) ? `'${said}` : said);
+    const rows = [...table.rows].filter((row) => !row.hidden).map((row) =>
+      [...row.cells].slice(table.querySelector("thead td") ? 1 : 0).map((cell) => `"${safe(text(cell)).replaceAll('"', '""')}"`).join(","));
+    const link = Object.assign(document.createElement("a"), { download: `${table.id}.csv`, href: URL.createObjectURL(new Blob([rows.join("\n"), "\n"], { type: "text/csv" })) });
+    link.click();
+    URL.revokeObjectURL(link.href);
+  }
+
+  document.addEventListener("click", ({ target }) => {
+    const table = target.dataset?.save && document.getElementById(target.dataset.save);
+    if (table) save(table);
   });
 
   // --- whatever came into the page -----------------------------------------------------------------------------------
