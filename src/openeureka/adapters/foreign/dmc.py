@@ -93,7 +93,9 @@ class Suite:
     def _meanings(self) -> dict[str, str]:
         model = self.envs[0].physics.model
         joints = [(model.id2name(number, "joint"), int(kind)) for number, kind in enumerate(model.jnt_type)]
-        places, speeds = (", ".join(name + sizes.get(kind, "") for name, kind in joints) for sizes in (_PLACES, _SPEEDS))
+        places, speeds = (
+            ", ".join(name + sizes.get(kind, "") for name, kind in joints) for sizes in (_PLACES, _SPEEDS)
+        )
         found = {name: "a part of the observation" for name in self.moments[0].observation}
         found.update(self.measures)
         found["qpos"] = f"positions of the joints [rad or m]: {places}"
@@ -149,7 +151,7 @@ def _physics_error() -> type[Exception]:
 
 
 def dmc(name: str, worlds: int, settings: dict[str, Any]) -> Suite:
-    """`DOMAIN-TASK`, with what the task's function takes, such as `time_limit`."""
+    """`DOMAIN-TASK`, with what the task's function takes, such as `fully_observable`."""
     if not os.environ.get("DISPLAY") and ctypes.util.find_library("EGL"):
         os.environ.setdefault("MUJOCO_GL", "egl")  # else it draws with GLFW, which needs a display
     try:

@@ -1,7 +1,7 @@
 """ManiSkill as `server.py` steps it, in the Python that it is installed in.
 
-State variables are the arrays of the observation `state_dict`, without the group `extra` in their names, and the numbers
-of `info`; its `success` is `is_success`, by which F may be the share of episodes that succeed.
+State variables are the arrays of the observation `state_dict`, without the group `extra` in their names, and the
+numbers of `info`; its `success` is `is_success`, by which F may be the share of episodes that succeed.
 """
 
 # What is imported here is installed elsewhere.
@@ -68,7 +68,7 @@ class Batches:
             observation, *told, info = env.step(given)
             self.last[number] = observation, info
             paid.append(told)
-        reward, terminated, truncated = (torch.cat([part.reshape(-1) for part in parts]) for parts in zip(*paid))
+        reward, terminated, truncated = (torch.cat([part.reshape(-1) for part in parts]) for parts in zip(*paid))  # noqa: B905  not in Python 3.8
         return self._seen(), reward, terminated, truncated, self._state()
 
     def picture(self) -> np.ndarray | None:
@@ -132,8 +132,7 @@ def maniskill(name: str, worlds: int, settings: dict[str, Any]) -> Batches:
     """An id that ManiSkill registers, with what its constructor takes, such as `control_mode`."""
     try:
         import gymnasium
-        import mani_skill.envs  # registers them
-        import torch
+        import mani_skill.envs  # noqa: F401  registers them
         from mani_skill.utils.registration import REGISTERED_ENVS
     except ModuleNotFoundError as error:
         raise ValueError(
@@ -142,12 +141,11 @@ def maniskill(name: str, worlds: int, settings: dict[str, Any]) -> Batches:
         ) from None
     if name not in REGISTERED_ENVS:
         raise ValueError(f"ManiSkill has no {name}; it has {', '.join(sorted(REGISTERED_ENVS))}")
-    given = {
-        "obs_mode": "state_dict",
-        "sim_backend": "physx_cuda" if torch.cuda.is_available() else "physx_cpu",
-        "render_backend": "none",
-        **settings,
-    }
+    given = {"obs_mode": "state_dict", "render_backend": "none", **settings}
+    if "sim_backend" not in given:
+        import torch
+
+        given["sim_backend"] = "physx_cuda" if torch.cuda.is_available() else "physx_cpu"
     size = 1 if given["sim_backend"] in _ON_CPU else worlds
     try:
         envs = [gymnasium.make(name, num_envs=size, **given) for _ in range(worlds // size)]
@@ -162,7 +160,5 @@ def maniskill(name: str, worlds: int, settings: dict[str, Any]) -> Batches:
             ) from None
         raise
     if not hasattr(envs[0].unwrapped.single_action_space, "low"):
-        from mani_skill.utils.wrappers.flatten import FlattenActionSpaceWrapper
-
-        envs = [FlattenActionSpaceWrapper(env) for env in envs]
+        raise ValueError("it drives several robots, each with actions of its own, and policies here drive one")
     return Batches(envs)
