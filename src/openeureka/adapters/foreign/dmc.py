@@ -9,6 +9,7 @@ State variables are the observation's arrays, what the physics of a domain knows
 
 from __future__ import annotations
 
+import copy
 import ctypes.util
 import inspect
 import math
@@ -166,9 +167,9 @@ def dmc(name: str, worlds: int, settings: dict[str, Any]) -> Suite:
     if name not in listed:
         near = [other for other in listed if other.startswith(f"{domain}-")] or listed
         raise ValueError(f"dm_control has no {name}; it has {', '.join(near)}")
-    given = {"random": 0, **settings}  # the models of some domains are drawn too, and worlds have the same
+    given = {"random": 0, **settings}  # the models of some domains are drawn too, and every process has the same
     try:
-        return Suite([suite.load(domain, task, task_kwargs=given) for _ in range(worlds)], name)
+        first = suite.load(domain, task, task_kwargs=given)
     except AttributeError as error:
         if "MjModel" in str(error) or "MjData" in str(error):
             import mujoco
@@ -177,3 +178,5 @@ def dmc(name: str, worlds: int, settings: dict[str, Any]) -> Suite:
                 f"this dm_control does not know MuJoCo {mujoco.__version__}: type pip install 'mujoco<4' in its Python"
             ) from None
         raise
+    # Copied: to compile a model takes ten times as long.
+    return Suite([first, *(copy.deepcopy(first) for _ in range(worlds - 1))], name)

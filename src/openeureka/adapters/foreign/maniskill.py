@@ -148,7 +148,7 @@ def maniskill(name: str, worlds: int, settings: dict[str, Any]) -> Batches:
         given["sim_backend"] = "physx_cuda" if torch.cuda.is_available() else "physx_cpu"
     size = 1 if given["sim_backend"] in _ON_CPU else worlds
     try:
-        envs = [gymnasium.make(name, num_envs=size, **given) for _ in range(worlds // size)]
+        envs: list[Any] = [gymnasium.make(name, num_envs=size, **given) for _ in range(worlds // size)]
     except EOFError:
         raise ValueError(
             f"its assets are not here: type python -m mani_skill.utils.download_asset {name} with its Python"
