@@ -6,6 +6,7 @@ importable.
 """
 
 import sys
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 END, LIMIT = 1.5, 20
@@ -166,6 +167,13 @@ def of_mjlab(robot):
 
 def of_isaaclab(robot):
     return {"articulations": {"robot": robot}, "rigid_objects": {}}
+
+
+def faked(place, fakes):
+    """What PYTHONPATH says to a Python in which the fakes of a module of this directory are installed."""
+    code = f"import sys; sys.path.append({str(Path(__file__).parent)!r}); import {fakes}; {fakes}.install()"
+    (place / "sitecustomize.py").write_text(code)
+    return str(place)
 
 
 def install(modules=sys.modules):

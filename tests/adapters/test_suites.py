@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -19,7 +18,6 @@ from openeureka.tasks.env import BatchedEnv
 from . import suites
 from .test_handed_back import graph_of, loaded
 
-HERE = Path(__file__).parent
 PROGRAM = """
 def compute_reward(robot_joint_pos, robot_root_pos, {more}, actions):
     near = torch.exp(-(robot_joint_pos[:, 0] - 0.5).abs())
@@ -33,10 +31,7 @@ FAKES = {"mjlab:Fake-Carts": "command_mark", "isaaclab:Fake-Carts": "command_mar
 def simulation(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[BatchedEnv]:
     """Three worlds in another Python: this one, where the suites are fakes."""
     with pytest.MonkeyPatch.context() as patch:
-        place = tmp_path_factory.mktemp("python")
-        fakes = f"import sys; sys.path.append({str(HERE)!r}); import suites; suites.install()"
-        (place / "sitecustomize.py").write_text(fakes)
-        patch.setenv("PYTHONPATH", str(place))
+        patch.setenv("PYTHONPATH", suites.faked(tmp_path_factory.mktemp("python"), "suites"))
         yield registry.make(request.param, worlds=3)
 
 

@@ -29,7 +29,7 @@ _SUITE = "openeureka.suite"
 """Imported by this name alone, as a stranger's package is: what holds for any task holds for the tasks of the suite."""
 ADAPTERS: dict[str, str] = {
     **dict.fromkeys(("gym", "gym-asis"), "openeureka.adapters.gym"),
-    **dict.fromkeys(("python", "mjlab", "isaaclab"), "openeureka.adapters.foreign"),
+    **dict.fromkeys(("python", "mjlab", "isaaclab", "dmc", "maniskill"), "openeureka.adapters.foreign"),
 }
 """Prefix -> module, which offers `task(env, name, settings)`, the class with the settings left to set of it, and
 `imports(name, settings)`, whether that imports or reads what the name chooses."""

@@ -1,4 +1,4 @@
-"""Environments in another Python, which `python=PATH` names: `env=python:pkg.mod:NAME`, `mjlab:ID`, `isaaclab:ID`."""
+"""Environments in another Python, which `python=PATH` names: `env=python:pkg.mod:NAME`, or an id of a suite's."""
 
 from .named import imports, task
 

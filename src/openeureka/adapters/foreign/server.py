@@ -5,8 +5,8 @@ environment prints. Requests: `describe`, first, which makes the environment and
 which leave their results in memory that both sides have mapped, the third argument; `picture`. The answer to a fault is
 a frame that says `broken`.
 
-Nothing of openeureka is imported, and the syntax is that of Python 3.8. `scene.py` beside it has what mjlab and Isaac
-Lab need, and is read for them alone.
+Nothing of openeureka is imported, and the syntax is that of Python 3.8. Files beside it have what suites need, and are
+read for them alone.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ VERSION = 1
 """Of what is said in the frames; the other side refuses any other."""
 _PREFIX = struct.Struct("<IQ")
 _LONGEST = 1000
+_SUITES = {"mjlab": "scene.py", "isaaclab": "scene.py", "dmc": "dmc.py", "maniskill": "maniskill.py"}
+"""File of a function of each name, which makes an environment."""
 _HERE = os.path.dirname(os.path.abspath(__file__))
 
 
@@ -222,7 +224,7 @@ class Server:
         self._descriptor = descriptor
 
     def describe(self, kind: str, name: str, worlds: int, settings: dict[str, Any]) -> dict[str, Any]:
-        make = Vector if kind == "python" else getattr(_module(os.path.join(_HERE, "scene.py")), kind)
+        make = Vector if kind == "python" else getattr(_module(os.path.join(_HERE, _SUITES[kind])), kind)
         self.env: Any = make(name, worlds, settings)
         about = self.env.about()
         everywhere, seeds = np.ones(worlds, bool), np.arange(worlds)
