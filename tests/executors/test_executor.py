@@ -132,8 +132,9 @@ def test_another_training_does_not_go_on_from_this_snapshot(tmp_path: Path):
     assert Snapshot(tmp_path, {"worlds": 3}).read() is None
 
 
-def test_training_and_evaluation_in_a_worker():
-    trainer = LocalExecutor(threads=1)
+def test_training_and_evaluation_in_a_worker_load_no_compiler(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    trainer = LocalExecutor(module="lean_worker", threads=1)
     specs = [LaneSpec(id="a", program="human")]
     budget = TrainBudget(env_steps=16 * 32 * 2, worlds=32)
     (result,) = (r for r in trainer.train("cartpole", specs, budget) if isinstance(r, TrainingResult))
