@@ -27,8 +27,9 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy  # noqa: F401 -- imported late, and each fork would pay for that
-import scipy.special  # noqa: F401 -- so is this, by a verdict
+import cmaes  # noqa: F401 -- imported late, and each fork would pay for that
+import numpy  # noqa: F401 -- so is this
+import scipy.special  # noqa: F401 -- and this, by a verdict
 from records import today, write
 
 from openeureka import given, strategies, tuning
@@ -284,7 +285,7 @@ def asked(directory: Path) -> list[str]:
 
 def measure(folder: Path, kind: str, stride: int) -> dict[str, Outcome]:
     whole = folder / kind
-    in_child(lambda: WHOLE[kind](whole))
+    WHOLE[kind](whole)  # in this process: what a run keeps for the next, each fork finds made
     if kind == "search":
         assert len(asked(whole)) == REPLIES
     found = {mode: Outcome() for mode in MODES}

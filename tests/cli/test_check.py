@@ -23,7 +23,7 @@ def test_a_good_reward_is_accepted_with_its_components(tmp_path, capsys):
     assert "good.py: accepted" in text and "components: upright" in text
 
 
-def test_a_refused_reward_is_explained_with_line_rule_and_fix(tmp_path, capsys):
+def test_a_refused_reward_is_explained_with_line_rule_and_fix(one_sandbox, tmp_path, capsys):
     (tmp_path / "bad.py").write_text(BAD)
     assert check(["env=cartpole", f"{tmp_path}/bad.py"]) == 1
     lines = capsys.readouterr().out.splitlines()
@@ -46,7 +46,7 @@ def checked(tmp_path, text: str, capsys) -> list[str]:
     return capsys.readouterr().out.splitlines()
 
 
-def test_the_program_of_a_chat_reply_is_found_and_said_to_be(tmp_path, capsys):
+def test_the_program_of_a_chat_reply_is_found_and_said_to_be(one_sandbox, tmp_path, capsys):
     note, verdict, *_ = checked(tmp_path, f"Sure! Here it is.\n\n```python{GOOD}```\nIt is smooth.\n", capsys)
     assert note.endswith("reward.txt is prose with a program in it; lines are counted from the program's first.")
     assert verdict.endswith("reward.txt: accepted (it can train)")
@@ -62,19 +62,19 @@ def test_the_program_of_a_chat_reply_is_found_and_said_to_be(tmp_path, capsys):
         ("np.power(pole_angle, 2)", "use `torch.pow`"),
     ],
 )
-def test_what_torch_calls_a_function_of_numpy_is_named(tmp_path, capsys, call, says):
+def test_what_torch_calls_a_function_of_numpy_is_named(one_sandbox, tmp_path, capsys, call, says):
     text = f"import numpy, math\nimport numpy as np\n\n\ndef compute_reward(pole_angle):\n    return {call}, {{}}\n"
     _, finding = checked(tmp_path, text, capsys)
     assert finding.startswith("line 6: ") and finding.endswith(says)
 
 
-def test_a_line_that_python_cannot_read_is_shown(tmp_path, capsys):
+def test_a_line_that_python_cannot_read_is_shown(one_sandbox, tmp_path, capsys):
     _, finding, line = checked(tmp_path, "def compute_reward(x):\n    y = (x\n    return y, {}\n", capsys)
     assert finding == "line 2: Python cannot read it: '(' was never closed [syntax]"
     assert line == "    y = (x"
 
 
-def test_a_verdict_is_json_for_programs(tmp_path, capsys):
+def test_a_verdict_is_json_for_programs(one_sandbox, tmp_path, capsys):
     (tmp_path / "good.py").write_text(GOOD)
     (tmp_path / "bad.py").write_text(BAD)
     assert check([f"{tmp_path}/good.py"], as_json=True) == 0

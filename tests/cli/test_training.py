@@ -115,7 +115,7 @@ def test_a_reward_file_is_checked_and_named_by_its_stem(tmp_path):
     assert candidate.source == GOOD and isinstance(verdict.graph, RewardGraph)
 
 
-def test_a_refused_reward_file_trains_nothing(toy, tmp_path):
+def test_a_refused_reward_file_trains_nothing(one_sandbox, toy, tmp_path):
     (tmp_path / "bad.py").write_text("import os\n" + GOOD)
     with pytest.raises(RewardFileError, match="was refused: line 1: `os` cannot be imported"):
         train([f"reward=human,{tmp_path}/bad.py", f"dir={tmp_path}/out"])
@@ -201,7 +201,7 @@ def test_a_run_of_other_rewards_is_refused(toy, tmp_path):
         train(["reward=human,sparse", f"dir={tmp_path}/out"])
 
 
-def test_a_reward_file_is_kept_so_that_the_run_needs_it_no_more(toy, tmp_path, monkeypatch):
+def test_a_reward_file_is_kept_so_that_the_run_needs_it_no_more(one_sandbox, toy, tmp_path, monkeypatch):
     (tmp_path / "my reward.py").write_text(GOOD)
     monkeypatch.setattr(toy, "_result", lambda lane: ToyTrainer()._result(replace(lane, program="sparse")))
     train([f"reward={tmp_path}/my reward.py", f"dir={tmp_path}/out"])

@@ -1,7 +1,12 @@
 """`eureka tune` from the words to the page, with a trainer that knows which numbers are best."""
 
+import io
 import json
 import math
+import shutil
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -14,6 +19,7 @@ from openeureka.config import TuneConfig
 from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError
 from openeureka.report.view import RunView
 from openeureka.runs.rewards import to_tune
+from openeureka.sandbox.client import Sandbox
 from openeureka.store import Store
 from openeureka.tasks import human
 from openeureka.tasks.registry import get
@@ -45,7 +51,7 @@ class Knowing(ToyTrainer):
 
 
 @pytest.fixture
-def toy(monkeypatch: pytest.MonkeyPatch) -> Knowing:
+def toy(one_sandbox: Sandbox, monkeypatch: pytest.MonkeyPatch) -> Knowing:
     trainer = Knowing()
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: trainer)
     return trainer
@@ -62,35 +68,54 @@ def words(mine, tmp_path, *more):
     return ["env=cartpole", f"reward={mine}", "trials=12", "sample=6", "seeds=2", f"dir={tmp_path}/out", *more]
 
 
-def test_it_prints_numbers_before_and_after_and_leaves_a_run(toy, mine, tmp_path, capsys):
-    tune(words(mine, tmp_path))
-    said = capsys.readouterr().out
-    assert "cartpole: 12 trainings fit the numbers of a reward" in said
-    assert "WIDTH" in said and "centred 0.25" in said
-    assert "over 12 trainings" in said
-    assert "The tuned numbers are better than those before: F " in said
-    run = RunView.read(tmp_path / "out")
+class Tuned(NamedTuple):
+    """A tuning that has ended."""
+
+    directory: Path
+    said: str
+
+
+@pytest.fixture(scope="module")
+def once(tmp_path_factory: pytest.TempPathFactory) -> Tuned:
+    folder, said = tmp_path_factory.mktemp("tuned"), io.StringIO()
+    (folder / "mine.py").write_text(MINE)
+    with pytest.MonkeyPatch.context() as patched, redirect_stdout(said):
+        patched.setattr("openeureka.executors.local.LocalExecutor", lambda **_: Knowing())
+        tune(words(folder / "mine.py", folder))
+    return Tuned(folder / "out", said.getvalue())
+
+
+@pytest.fixture
+def tuned(once: Tuned, tmp_path: Path) -> Tuned:
+    """A copy of one tuning, for each test its own."""
+    return once._replace(directory=shutil.copytree(once.directory, tmp_path / "out"))
+
+
+def test_it_prints_numbers_before_and_after_and_leaves_a_run(tuned):
+    assert "cartpole: 12 trainings fit the numbers of a reward" in tuned.said
+    assert "WIDTH" in tuned.said and "centred 0.25" in tuned.said
+    assert "over 12 trainings" in tuned.said
+    assert "The tuned numbers are better than those before: F " in tuned.said
+    run = RunView.read(tuned.directory)
     assert run.tunes and not run.searched
     found = run.tuned
     width, centred = found.effects
     assert (width.weight.value, centred.weight.value) == (8.0, 0.25)
     assert 0.0 < width.after < 8.0
-    best = (tmp_path / "out" / "best" / "reward.py").read_text()
+    best = (tuned.directory / "best" / "reward.py").read_text()
     assert best == MINE.replace("8.0", repr(width.after)).replace("0.25", repr(centred.after))
     assert {lane.role for lane in run.lanes.values()} == {"tuned", "final"}
-    assert folder.entry("", tmp_path / "out").standing is folder.Standing.FINISHED
+    assert folder.entry("", tuned.directory).standing is folder.Standing.FINISHED
 
 
-def test_the_report_the_page_and_show_say_the_same(toy, mine, tmp_path, capsys):
-    tune(words(mine, tmp_path))
-    capsys.readouterr()
+def test_the_report_the_page_and_show_say_the_same(tuned, capsys):
     sentence = "The tuned numbers are better than those before"
-    show(tmp_path / "out")
+    show(tuned.directory)
     said = capsys.readouterr().out
     assert sentence in said and "centred 0.25" in said
-    report = (tmp_path / "out" / "report.html").read_text()
-    run = RunView.read(tmp_path / "out")
-    page = str(pages.overview(tmp_path / "out", run) | pages.now(tmp_path / "out", run))
+    report = (tuned.directory / "report.html").read_text()
+    run = RunView.read(tuned.directory)
+    page = str(pages.overview(tuned.directory, run) | pages.now(tuned.directory, run))
     for text in (report, page):
         assert sentence in text and "centred 0.25" in text and "farther from before" in text
     assert "trial_11" in report and "The reward after" in report
@@ -128,17 +153,16 @@ def test_a_stopped_tuning_goes_on_with_the_same_words_or_with_resume(toy, mine, 
     assert folder.entry("", tmp_path / "out").standing is folder.Standing.FINISHED
 
 
-def test_the_human_reward_is_tuned_as_the_text_that_it_is():
+def test_the_human_reward_is_tuned_as_the_text_that_it_is(one_sandbox):
     candidate, verdict = to_tune(TuneConfig(env="cartpole"))
     assert candidate.source == human.program(get("cartpole")) and verdict.accepted
 
 
-def test_the_best_reward_of_a_run_is_tuned(toy, mine, tmp_path):
-    tune(words(mine, tmp_path))
-    candidate, _ = to_tune(TuneConfig(env="cartpole", reward=f"{tmp_path}/out"))
-    assert candidate.source == (tmp_path / "out" / "best" / "reward.py").read_text()
+def test_the_best_reward_of_a_run_is_tuned(one_sandbox, tuned):
+    candidate, _ = to_tune(TuneConfig(env="cartpole", reward=str(tuned.directory)))
+    assert candidate.source == (tuned.directory / "best" / "reward.py").read_text()
     with pytest.raises(ConfigError, match="is a run of cartpole; add env=cartpole"):
-        to_tune(TuneConfig(env="ant", reward=f"{tmp_path}/out"))
+        to_tune(TuneConfig(env="ant", reward=str(tuned.directory)))
 
 
 def test_a_reward_without_numbers_is_refused(toy, tmp_path, capsys):
@@ -163,8 +187,7 @@ def test_what_cannot_be_tuned_is_one_sentence(toy, tmp_path):
         to_tune(TuneConfig(reward=str(tmp_path / "empty")))
 
 
-def test_a_run_of_another_reward_is_refused(toy, mine, tmp_path):
-    tune(words(mine, tmp_path))
+def test_a_run_of_another_reward_is_refused(toy, tuned, mine, tmp_path):
     mine.write_text(MINE.replace("8.0", "9.0"))
     with pytest.raises(StoreError, match="tunes another reward"):
         tune(words(mine, tmp_path))

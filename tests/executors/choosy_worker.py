@@ -3,19 +3,14 @@
 import os
 import signal
 
-from openeureka.training.wire import pack, unpack_lanes
-from openeureka.types import TrainingResult, TrainingState
 from openeureka.worker import Channel
 
 channel = Channel()
 request = channel.receive()
 assert request is not None
-for lane in unpack_lanes(request)[1]:
-    if lane.program != "human":
+for lane in request.header["lanes"]:  # without `wire`, whose imports take a second
+    if lane["program"] != "human":
         os.kill(os.getpid(), signal.SIGFPE)
-    result = TrainingResult(
-        lane=lane.id, state=TrainingState.FINISHED, fitness=1.0, curves={}, env_steps=1, seconds=0.0
-    )
-    frame = pack(result)
-    channel.send(frame.header, frame.blobs)
+    said = {"lane": lane["id"], "state": "finished", "fitness": 1.0, "curves": {}, "env_steps": 1, "seconds": 0.0}
+    channel.send({"result": {**said, "peaks": {}, "clock": []}})
 channel.send({"done": True})

@@ -2,19 +2,13 @@
 
 import os
 
-from openeureka.training.wire import pack, unpack_lanes
-from openeureka.types import TrainingResult, TrainingState
 from openeureka.worker import Channel
 
 channel = Channel()
 request = channel.receive()
 assert request is not None
-lane = unpack_lanes(request)[1][0]
-if lane.id != "deadly":
-    frame = pack(
-        TrainingResult(
-            lane=lane.id, state=TrainingState.FINISHED, fitness=float(lane.seed), curves={}, env_steps=1, seconds=0.0
-        )
-    )
-    channel.send(frame.header, frame.blobs)
+lane = request.header["lanes"][0]["id"]  # without `wire`, whose imports take a second
+if lane != "deadly":
+    said = {"lane": lane, "state": "finished", "fitness": 1.0, "curves": {}, "env_steps": 1, "seconds": 0.0}
+    channel.send({"result": {**said, "peaks": {}, "clock": []}})
 os._exit(1)

@@ -62,13 +62,15 @@ def test_a_training_whose_worker_is_killed_goes_on_from_its_snapshot(monkeypatch
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_training_that_is_stopped_goes_on_from_where_it_was(tmp_path: Path):
+def test_a_training_that_is_stopped_goes_on_from_where_it_was(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     specs = [LaneSpec(id="human", program="human"), LaneSpec(id="angle", program=GRAPH, seed=1)]
-    budget = TrainBudget(env_steps=16 * 512 * 20, worlds=512)
+    budget = TrainBudget(env_steps=16 * 64 * 40, worlds=64)
 
     def trained(folder: Path, stop: bool) -> list[TrainingProgress | TrainingResult]:
         messages: list[TrainingProgress | TrainingResult] = []
-        training = LocalExecutor(snapshots=folder, threads=1).train("cartpole", specs, budget)
+        trainer = LocalExecutor(module="eager_worker", snapshots=folder, threads=1)  # it reports every epoch
+        training = trainer.train("cartpole", specs, budget)
         for message in training:
             messages.append(message)
             if stop:
@@ -130,8 +132,9 @@ def test_another_training_does_not_go_on_from_this_snapshot(tmp_path: Path):
     assert Snapshot(tmp_path, {"worlds": 3}).read() is None
 
 
-def test_training_and_evaluation_in_a_worker():
-    trainer = LocalExecutor(threads=1)
+def test_training_and_evaluation_in_a_worker_load_no_compiler(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    trainer = LocalExecutor(module="lean_worker", threads=1)
     specs = [LaneSpec(id="a", program="human")]
     budget = TrainBudget(env_steps=16 * 32 * 2, worlds=32)
     (result,) = (r for r in trainer.train("cartpole", specs, budget) if isinstance(r, TrainingResult))

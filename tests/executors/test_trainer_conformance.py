@@ -5,7 +5,7 @@ from openeureka.types import TrainBudget
 
 class TestLocalExecutor(TrainerConformance):
     env = "cartpole"
-    budget = TrainBudget(env_steps=4096, worlds=16)
+    budget = TrainBudget(env_steps=2048, worlds=16)
 
     def make(self) -> LocalExecutor:
         return LocalExecutor(threads=1)

@@ -119,6 +119,11 @@ raise ValueError(found)"""
     assert run(sandbox, body).findings[0].message == "ValueError: [0, 1, 2, 3]"  # null, null, null and the pipe
 
 
+def test_a_child_inherits_no_compiler(sandbox: Sandbox) -> None:
+    body = "import sys\nraise ValueError([name for name in sys.modules if name.startswith('torch._dynamo')])"
+    assert run(sandbox, body).findings[0].message == "ValueError: ['torch._dynamo']"  # what stands for it, alone
+
+
 def test_a_program_that_never_ends_is_ended(sandbox: Sandbox, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(client, "SECONDS", 0.3)
     started = time.monotonic()

@@ -118,7 +118,7 @@ class TestCurriculumTrainer(TrainerConformance):
     """Two short stages of Cartpole with short episodes."""
 
     env = "cartpole+episode_length=50"
-    budget = TrainBudget(env_steps=8192, worlds=16)
+    budget = TrainBudget(env_steps=4096, worlds=16)
 
     def make(self) -> CurriculumTrainer:
         stages = (Stage(env="cartpole+episode_length=20", steps=1), Stage(env=self.env, steps=1))

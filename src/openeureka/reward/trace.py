@@ -9,10 +9,11 @@ from typing import Any, cast
 import torch
 from torch import Tensor
 from torch.func import functionalize
-from torch.utils._python_dispatch import TorchDispatchMode, _disable_current_modes  # pyright: ignore[reportPrivateUsage]
+from torch.utils._python_dispatch import _disable_current_modes  # pyright: ignore[reportPrivateUsage]
 
 from ..types import Arg, Finding, Node, Part, RewardGraph
 from . import surface
+from .dispatch import Mode
 from .gate import FILENAME
 from .validate import MAX_CONSTANT, IntegerDivision, references, refuse_truncation
 
@@ -57,18 +58,7 @@ def current_line() -> int | None:
     return None
 
 
-class _Mode(TorchDispatchMode):
-    """A dispatch mode that does without `torch.compile`: its import costs every child 70 MB to inherit."""
-
-    def __init__(self) -> None:
-        super().__init__()  # pyright: ignore[reportUnknownMemberType]
-
-    @classmethod
-    def _should_skip_dynamo(cls) -> bool:
-        return False
-
-
-class Guard(_Mode):
+class Guard(Mode):
     """Refuses random numbers, selections by value and writes into the inputs."""
 
     def __init__(self, inputs: Mapping[str, Tensor]) -> None:
@@ -119,7 +109,7 @@ def _judge(func: Any, args: Sequence[Any], kwargs: Mapping[str, Any]) -> None:
         raise branch(current_line())
 
 
-class Tracer(_Mode):
+class Tracer(Mode):
     """Writes every operation below autograd down as a graph node."""
 
     def __init__(self) -> None:

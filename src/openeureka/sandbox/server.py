@@ -26,6 +26,7 @@ import torch
 
 from ..codec import DecodeError, decode, encode, shaped
 from ..reward import examine, gate, graph, load, probe
+from ..reward.dispatch import without_compiler
 from ..reward.states import only
 from ..reward.trace import Refused
 from ..reward.validate import GraphError, validate
@@ -302,6 +303,7 @@ def _judge_once(program: gate.Program, bench: _Bench, seconds: float) -> tuple[s
 def main() -> None:
     channel = Channel()
     torch.set_num_threads(1)  # a child is forked: it must need no thread that only its parent has
+    without_compiler()  # which every child would inherit
     frame = channel.receive()
     if frame is None:
         return

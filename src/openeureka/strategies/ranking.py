@@ -118,12 +118,15 @@ def strengths(votes: Sequence[tuple[Item, Item]]) -> dict[Item, float]:
     models", equation 3: strength = wins / sum over comparisons of 1 / (own + other strength).
     """
     wins = Counter(winner for winner, _ in votes)
-    met = Counter((a, b) for pair in votes for a, b in (pair, pair[::-1]))
-    found = {item: 1.0 for pair in votes for item in pair}
+    met: dict[Item, Counter[Item]] = {item: Counter() for pair in votes for item in pair}
+    for winner, loser in votes:
+        met[winner][loser] += 1
+        met[loser][winner] += 1
+    found = dict.fromkeys(met, 1.0)
     for _ in range(_ROUNDS):
         before = dict(found)
         for item, own in before.items():
-            meetings = sum(count / (own + before[b]) for (a, b), count in met.items() if a == item)
+            meetings = sum(count / (own + before[b]) for b, count in met[item].items())
             found[item] = (wins[item] + PRIOR) / (meetings + 2 * PRIOR / (own + 1.0))
         if all(abs(found[item] - before[item]) < _CLOSE * before[item] for item in found):
             break

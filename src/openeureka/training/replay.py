@@ -7,7 +7,8 @@ from typing import Any
 
 import torch
 from torch import Tensor
-from torch.utils._python_dispatch import TorchDispatchMode
+
+from ..reward.dispatch import Mode
 
 Function = Callable[[Sequence[Tensor]], tuple[Tensor, ...]]
 
@@ -67,7 +68,7 @@ def waits(function: Callable[[], object], *, uploads: bool = False) -> list[str]
     return listener.heard
 
 
-class _Listener(TorchDispatchMode):
+class _Listener(Mode):
     def __init__(self, uploads: bool) -> None:
         super().__init__()
         self.uploads = uploads

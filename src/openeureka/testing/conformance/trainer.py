@@ -11,6 +11,7 @@ class TestMyTrainer(TrainerConformance):
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import ClassVar
 
@@ -34,11 +35,13 @@ class TrainerConformance:
         env: task to train.
         budget: small, but enough for a few epochs.
         programs: rewards to train beside each other.
+        episodes: of each evaluation.
     """
 
     env: ClassVar[str]
     budget: ClassVar[TrainBudget] = TrainBudget()
     programs: ClassVar[tuple[RewardProgram, ...]] = ("human", "sparse")
+    episodes: ClassVar[int] = 16
 
     _kept: ClassVar[list[TrainingProgress | TrainingResult]]
 
@@ -122,7 +125,7 @@ class TrainerConformance:
         trained = self.make().train(self.env, lanes, one)
         peaks = {event.lane: event.best_reward for event in trained if isinstance(event, TrainingResult)}
         acted = {lane: peak.policy for lane, peak in peaks.items() if peak is not None}
-        scores = {s.lane: s for s in self.make().evaluate(self.env, {"start": policy, **acted}, seed=7)}
+        scores = {s.lane: s for s in self._scores({"start": policy, **acted})}
         assert set(scores) == {"start", "own", "fresh"}
         assert math.isclose(scores["own"].episode_length, scores["start"].episode_length, rel_tol=0.05)
         assert acted["fresh"] != acted["own"]
@@ -132,18 +135,18 @@ class TrainerConformance:
         peaks = {result.lane: result.best_reward for result in self._finished()[:2]}
         policies = {lane: peak.policy for lane, peak in peaks.items() if peak is not None}
         assert policies
-        scores: list[Evaluation] = list(trainer.evaluate(self.env, policies, seed=7))
+        scores = self._scores(policies, trainer)
         assert sorted(score.lane for score in scores) == sorted(policies)
         assert all(score.episodes > 0 and score.episode_length > 0 for score in scores)
-        assert list(trainer.evaluate(self.env, policies, seed=7)) == scores
+        assert self._scores(policies, trainer) == scores
 
     def test_a_changed_world_leaves_the_tasks_own_beside_it_alone(self) -> None:
         peaks = (result.best_reward for result in self._finished())
         policy = next(peak.policy for peak in peaks if peak is not None)
         policies, heavy = {"own": policy, "heavy": policy}, {"heavy": Dynamics(mass=1.1)}
-        scores = {s.lane: s for s in self.make().evaluate(self.env, policies, seed=7, dynamics=heavy)}
+        scores = {s.lane: s for s in self._scores(policies, dynamics=heavy)}
         assert set(scores) == {"own", "heavy"}
-        (alone,) = self.make().evaluate(self.env, {"own": policy}, seed=7)
+        (alone,) = self._scores({"own": policy})
         assert scores["own"].episodes == alone.episodes
         assert math.isclose(scores["own"].episode_length, alone.episode_length, rel_tol=0.05)
 
@@ -151,8 +154,8 @@ class TrainerConformance:
         peaks = {result.lane: result.best_reward for result in self._finished()[:2]}
         policies = {lane: peak.policy for lane, peak in peaks.items() if peak is not None}
         first, trainer = next(iter(policies)), self.make()
-        plain = list(trainer.evaluate(self.env, policies, seed=7, episodes=8))
-        scores = {s.lane: s for s in trainer.evaluate(self.env, policies, seed=7, episodes=8, record=[first])}
+        plain = self._scores(policies, trainer)
+        scores = {s.lane: s for s in self._scores(policies, trainer, record=[first])}
         assert [scores[score.lane] for score in plain] == plain
         assert {lane for lane, score in scores.items() if score.recorded is not None} == {first}
         recorded = scores[first].recorded
@@ -163,6 +166,18 @@ class TrainerConformance:
 
     def test_nothing_to_do_is_done_at_once(self) -> None:
         assert list(self.make().evaluate(self.env, {}, seed=0)) == []
+
+    def _scores(
+        self,
+        policies: Mapping[str, bytes],
+        trainer: Trainer | None = None,
+        *,
+        dynamics: Mapping[str, Dynamics] | None = None,
+        record: Collection[str] = (),
+    ) -> list[Evaluation]:
+        playing = trainer or self.make()
+        episodes = self.episodes
+        return list(playing.evaluate(self.env, policies, seed=7, episodes=episodes, dynamics=dynamics, record=record))
 
     def _events(self) -> list[TrainingProgress | TrainingResult]:
         """Of one training for all checks of the class: it may take seconds."""

@@ -1,0 +1,23 @@
+from collections.abc import Iterator
+from contextlib import nullcontext
+
+import pytest
+
+from openeureka.sandbox.client import Sandbox
+from openeureka.tasks.record import record_states
+from openeureka.tasks.registry import get
+
+
+@pytest.fixture(scope="module")
+def cartpoles_sandbox() -> Iterator[Sandbox]:
+    task = get("cartpole")
+    with Sandbox(task.spec, record_states("cartpole"), worlds=task.recipe.worlds) as running:
+        yield running
+
+
+@pytest.fixture
+def one_sandbox(cartpoles_sandbox: Sandbox, monkeypatch: pytest.MonkeyPatch) -> Sandbox:
+    """Commands on Cartpole judge rewards in one real sandbox, opened once for the module: each takes seconds."""
+    for place in ("openeureka.runs.rewards", "openeureka.runs.compose"):
+        monkeypatch.setattr(f"{place}.Sandbox", lambda *_, **__: nullcontext(cartpoles_sandbox))
+    return cartpoles_sandbox
