@@ -1,4 +1,4 @@
-"""The training worker, but it dies once torch's compiler is loaded, which takes two seconds and 70 MB."""
+"""The training worker, but it dies once torch's compiler is loaded, which takes a second or two and 70 MB."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Watching torch's operations without loading its compiler, which costs a process two seconds and 70 MB."""
+"""Watching torch's operations without loading its compiler, which costs a process a second or two and 70 MB."""
 
 from __future__ import annotations
 
