@@ -34,10 +34,18 @@ def test_a_page_that_shows_nothing_known_is_sent_everything():
 def test_a_version_that_was_dear_to_make_is_looked_for_less_often(monkeypatch):
     # 0.6 s of work at 2 % of a core are 30 s.
     clock = iter([0.0, 0.6])
-    monkeypatch.setattr("openeureka.ui.follow.time.process_time", lambda: next(clock))
-    assert version(a="1").pause == pytest.approx(30.0)
+    monkeypatch.setattr("openeureka.ui.follow.time.thread_time", lambda: next(clock))
+    first = version(a="1")
+    assert first.pause == PAUSE
+    clock = iter([0.0, 0.6])
+    assert Version.make(lambda: {"a": "2"}, first).pause == pytest.approx(30.0)
     monkeypatch.undo()
-    assert version(a="1").pause == PAUSE
+    assert Version.make(lambda: {"a": "3"}, first).pause == PAUSE
+
+
+def test_parts_that_become_alike_are_each_renewed():
+    changes = version(a="", b="").beyond(marks(version(a="", b="2")))
+    assert changes is not None and list(changes["changed"].values()) == [""]
 
 
 def test_a_value_is_made_again_from_the_one_before_when_its_fingerprint_differs():

@@ -271,7 +271,8 @@ class Pages:
             moving = page.live()
             return {**still, **{name: html for name, html in moving.items() if name in still}}
 
-        return self._versions.get(page.address, (page.fingerprint, page.moment), lambda _: Version.make(parts))
+        shown = page.fingerprint, page.moment
+        return self._versions.get(page.address, shown, lambda before: Version.make(parts, before))
 
     def _answer(self, request: Request, look: Callable[[], Page], problem: str = "") -> Response:
         """The page; to one that is open already, what changes of the parts that it shows, as it changes."""
