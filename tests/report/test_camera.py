@@ -115,7 +115,7 @@ def moved(to: float) -> tuple[Camera, mujoco.MjData]:
 def test_the_camera_eases_after_what_moves_and_never_lets_it_out():
     found, data = moved(0.5)
     assert 0.0 < found.eye.lookat[1] < 0.5
-    assert found.sees(data) <= 1.0 + 1e-9
+    assert found.sees(data) <= 0.99  # with air to the edge
     for _ in range(200):
         found.follow(data, 0.1)
     assert found.eye.lookat[1] == pytest.approx(0.5, abs=1e-3)

@@ -16,6 +16,8 @@ _POSES = 30
 _SMALL = 0.15  # of half the picture
 MARGIN = 1.12
 """Of the picture, over what just fits."""
+AIR = 1.02
+"""As much of it stays while the eye is late: what touches the edge looks cut."""
 EASE, ZOOM = 0.35, 1.5
 """[s] in which the camera makes up most of what it lags behind, and of a zoom that is not needed at once."""
 FURTHEST = 1.8
@@ -89,7 +91,7 @@ class Camera:
             eye.distance = wanted
             return
         eased = eye.distance + (wanted - eye.distance) * (1.0 - math.exp(-seconds / ZOOM))
-        eye.distance = max(eased, min(needed, self._furthest))
+        eye.distance = max(eased, min(AIR * needed, self._furthest))
 
     def _axes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Forward, right and up of the eye."""
