@@ -180,26 +180,29 @@ def headline() -> str:
 
 def reached() -> str:
     """What `benchmarks/reachable.py` has found: actions that do what no policy has done."""
-    study = _benchmark("reachable")
-    return _table(study.TITLES, study.rows(study.read(study.RESULTS)))
+    return _measured("reachable")
 
 
 def lifted() -> str:
     """What `benchmarks/gym_lifted.py` has measured: a row an environment."""
-    study = _benchmark("gym_lifted")
-    return _table(study.TITLES, study.rows(json.loads(study.RESULTS.read_text())))
+    return _measured("gym_lifted")
 
 
 def solved() -> str:
     """What `benchmarks/gym_solved.py` has measured: a row an environment."""
-    study = _benchmark("gym_solved")
-    return _table(study.TITLES, study.rows(study.read(study.RESULTS)))
+    return _measured("gym_solved")
 
 
 def faults() -> str:
     """What `benchmarks/cluster.py --part faults` has measured."""
     study = _benchmark("cluster")
     return _table(study.TITLES, study.costs(json.loads(study.RESULTS.read_text())))
+
+
+def _measured(name: str) -> str:
+    """The table of a script of `benchmarks/`, from its own results."""
+    study = _benchmark(name)
+    return _table(study.TITLES, study.rows(_benchmark("records").read(study.RESULTS)))
 
 
 def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
