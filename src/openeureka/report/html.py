@@ -32,7 +32,7 @@ from ..text import plain
 from ..types import Sample
 from . import charts, costs, hints, robust, tables, verdict
 from .text import duration, number, scored
-from .view import CandidateView, RunView
+from .view import CandidateState, CandidateView, RunView
 
 MAX_EMBEDDED = 8 << 20
 """Bytes of a video that goes into the page itself; the page is meant to be mailed."""
@@ -124,6 +124,7 @@ def environment() -> Environment:
         "source_hash": source_hash,
         "STYLE": STYLE,
         "SCRIPT": SCRIPT,
+        "STATES": tuple(CandidateState),
         "changes": changes,
         "anchor": anchor,
         "name": tables.name,

@@ -28,8 +28,9 @@ def layout(template: str, version: Version, **values: object) -> str:
 
 
 def start_form() -> dict[str, object]:
-    """What the form that starts a run offers."""
-    return {"envs": registry.names(), "feedbacks": FEEDBACKS, "videos": VIDEOS, "defaults": RunConfig()}
+    """What the form that starts a run offers, and the one that filters the list."""
+    shown = {"feedbacks": FEEDBACKS, "videos": VIDEOS, "standings": tuple(Standing)}
+    return {"envs": registry.names(), "defaults": RunConfig(), **shown}
 
 
 def listing(entries: Sequence[Entry]) -> Parts:
