@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
-# Repeated programs are not sampled anew here: that costs a minute, and this run has ten. Two seeds confirm the crown.
+# Repeated programs are not sampled anew here: that costs a minute. Two seeds confirm the crown.
 RUN ?= env=ballbalance sample=6 iteration=2 steps=600000 seeds=2 refill=0
 
 .DEFAULT_GOAL := help

@@ -64,7 +64,7 @@ class MeteredModel(ScriptedModel):
 
     def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
         for _ in range(n):
-            self.said = len(self.store.replies())
+            self.said = len(self.store.talk.replies())
             with self.store.directory.with_suffix(".meter").open("a") as meter:
                 meter.write(f"{self.said}\n")
             yield from super().sample(prompt, n=1, seed=seed)

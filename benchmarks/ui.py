@@ -1,14 +1,14 @@
 """How long a page on a run of 16 x 5 candidates takes to load, and what following it costs.
 
-    python benchmarks/ui.py          # needs the extra `dev` and Chromium; about 2 minutes
+    python benchmarks/ui.py          # needs the extra `dev` and Chromium; about 4 minutes
 
 The run is scripted, its replies, curves and videos are as large as those of a real one: 90 lines of code, 12 curves of
 1000 epochs, a film for each candidate. The page is `eureka ui` in a process of its own and a tab of headless Chromium.
 It is followed while a reply is committed every 2 s, faster than models write, and then while nothing happens. Seconds
 of work are processor time, those of the tab what Chromium calls TaskDuration; a busy machine prolongs the load alone.
 
-A folder of 500 copies of a small run is listed by a server that has just begun, and once more. The report is that of
-the first run, written by itself: films of candidates are files beside it.
+A folder of 500 copies of a small run is listed by a server that has just begun, and once more: medians, as of the
+loads. The report is that of the first run, written by itself: films of candidates are files beside it.
 """
 
 from __future__ import annotations
@@ -28,11 +28,12 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
-import imageio_ffmpeg
+import numpy as np
 from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
 from records import today, write
 
@@ -40,6 +41,7 @@ from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.loop import run
 from openeureka.report import html
+from openeureka.report.film import encode
 from openeureka.report.view import VIDEO, RunView
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer
@@ -51,6 +53,8 @@ PACED = CANDIDATES - CONFIG.sample
 """Replies from here on, those of the last generation, are followed."""
 SMALL = RunConfig(env="toy", model="scripted", sample=2, iteration=2, refill=0, seeds=2)
 RUNS = 500
+SETTLED = 60
+"""[s] after the last change; a page that costs much to make is made anew that rarely."""
 EPOCHS, COMPONENTS, LINES = 1000, 8, 90
 
 
@@ -92,14 +96,8 @@ def search_slowly(directory: Path, model: Paced) -> None:
 
 def film() -> bytes:
     """Six seconds as a candidate's are."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / VIDEO
-        writer = imageio_ffmpeg.write_frames(str(path), (320, 240), fps=25)
-        writer.send(None)
-        for frame in range(150):
-            writer.send(bytes((frame + pixel) % 256 for pixel in range(320 * 3)) * 240)
-        writer.close()
-        return path.read_bytes()
+    row = np.arange(320 * 3).astype(np.uint8).reshape(1, 320, 3)
+    return encode((np.repeat(row + np.uint8(frame), 240, axis=0) for frame in range(150)), rate=25)
 
 
 def show_films(directory: Path, picture: bytes) -> None:
@@ -165,24 +163,28 @@ def runs(root: Path, count: int) -> None:
         shutil.copytree(first, root / f"run-{number:03}")
 
 
-def listed(browser: Browser, root: Path, count: int) -> dict[str, object]:
-    """[s] until all runs of a folder can be seen, and the processor time of the server for that."""
-    with served(root) as (process, address):
-        page = browser.new_page()
-        before = server_work(process)
+def listed(browser: Browser, root: Path, count: int, repeats: int) -> dict[str, object]:
+    """[s] until all runs of a folder are in the page, and the processor time of the server for that: medians."""
+
+    def seconds(go: Callable[[], object], page: Page) -> float:
         begun = time.perf_counter()
-        page.goto(address)
+        go()
         page.locator("#runs tbody tr").nth(count - 1).wait_for(state="attached")
-        first, worked = time.perf_counter() - begun, server_work(process) - before
-        begun = time.perf_counter()
-        page.reload()
-        page.locator("#runs tbody tr").nth(count - 1).wait_for(state="attached")
-        again = time.perf_counter() - begun
-        quiet = share(process, page, 20)
+        return time.perf_counter() - begun
+
+    first, worked, again, quiet = [], [], [], {}
+    for repeat in range(repeats):
+        with served(root) as (process, address), browser.new_context() as visitor:
+            page, before = visitor.new_page(), server_work(process)
+            first.append(seconds(partial(page.goto, address), page))
+            worked.append(server_work(process) - before)
+            again.append(seconds(page.reload, page))
+            if repeat == 0:
+                quiet = share(process, page, 20)
     return {
-        "first": round(first, 2),
-        "server_seconds_of_the_first": round(worked, 2),
-        "again": round(again, 2),
+        "first": round(statistics.median(first), 2),
+        "server_seconds_of_the_first": round(statistics.median(worked), 2),
+        "again": round(statistics.median(again), 2),
         "share_of_a_core": quiet,
     }
 
@@ -204,8 +206,9 @@ def measure(folder: Path, pause: float, repeats: int) -> dict[str, object]:
             changing = share(process, page, pause * (CONFIG.sample - 2))
             searching.join()
             show_films(directory, picture)
-            page.wait_for_timeout(10_000)
+            page.wait_for_timeout(1000 * SETTLED)
             quiet = share(process, page, 20)
+            page.close()
         first, again, worked = [], [], []
         for _ in range(repeats):
             with served(folder) as (process, address), browser.new_context() as visitor:
@@ -220,7 +223,7 @@ def measure(folder: Path, pause: float, repeats: int) -> dict[str, object]:
         many = folder / "many"
         many.mkdir()
         runs(many, RUNS)
-        listing = listed(browser, many, RUNS)
+        listing = listed(browser, many, RUNS, repeats)
     return {
         "report": {"megabytes": round(len(report.encode()) / 1e6, 2), "seconds": round(wrote, 2)},
         f"list_of_{RUNS}_runs": listing,

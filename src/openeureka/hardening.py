@@ -131,7 +131,7 @@ def propose(lanes: Lanes, model: LanguageModel, robot: Robot, began: PolicyId) -
                 _draw(lanes, model, wrong[slot], attempt, [slot])
         else:
             _draw(lanes, model, prompt, attempt, vacant)
-        replies = store.proposals()
+        replies = store.talk.proposals()
         for slot in vacant:
             reply = replies[slot, attempt].text
             try:
@@ -146,16 +146,16 @@ def propose(lanes: Lanes, model: LanguageModel, robot: Robot, began: PolicyId) -
 
 def _draw(lanes: Lanes, model: LanguageModel, prompt: Prompt, attempt: int, slots: Sequence[int]) -> None:
     config, store = lanes.config, lanes.store
-    missing = [slot for slot in slots if (slot, attempt) not in store.proposals()]
+    missing = [slot for slot in slots if (slot, attempt) not in store.talk.proposals()]
     if not missing:
         return
     lanes.observer.phase(config.generations, "sample")
     if config.max_cost:
-        paid = [*store.replies(), *store.proposals().values()]
+        paid = [*store.talk.replies(), *store.talk.proposals().values()]
         price.afford(config.max_cost, paid, price.find(config.model, config.price), prompt, len(missing))
     seed = request_seed(config.seed, config.generations, attempt, missing[0])
     for slot, reply in zip(missing, model.sample(prompt, n=len(missing), seed=seed), strict=True):
-        store.save_proposal(slot, attempt, prompt, reply)
+        store.talk.save_proposal(slot, attempt, prompt, reply)
 
 
 def table_of(reply: str) -> str:

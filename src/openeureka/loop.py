@@ -80,6 +80,7 @@ def run(
         policy = tuning.tune_winner(lanes, checker, race.crowned(history, store.crown())) or policy
     if config.polish and policy is not None:
         polishing.polish(lanes, policy)
+    store.end()
     outcome = summarise(config, store, history)
     observer.outcome(outcome)
     return outcome

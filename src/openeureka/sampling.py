@@ -77,7 +77,7 @@ class Sampler:
             slots = range(len(samples), len(samples) + plan.count)
             prompt = prompts.render(self.context, plan, self.model.style, progress=self.config.bonus == "progress")
             parent = plan.turns[-1].sample.place if plan.turns else None
-            self.store.save_prompt(generation, slots, prompt, parent)
+            self.store.talk.save_prompt(generation, slots, prompt, parent)
             samples += self._fill(generation, prompt, slots, known=[*earlier, *samples])
         return tuple(samples)
 
@@ -87,11 +87,11 @@ class Sampler:
         Raises:
             RewardFileError: when it cannot be read or was refused; nothing is kept of it then.
         """
-        if self.store.reply(0, 0, 0) is None:
+        if self.store.talk.reply(0, 0, 0) is None:
             reply = Reply(text=f"```python\n{given(self.config).source}\n```", model=GIVEN)
             _accept(self.config, self._judged(reply)[1])
-            self.store.save_reply(0, 0, 0, reply)
-        self.store.save_slots(0, range(1), asked=None, parent=None)
+            self.store.talk.save_reply(0, 0, 0, reply)
+        self.store.talk.save_slots(0, range(1), asked=None, parent=None)
         return (self._check(0, 0, 0),)
 
     def _fill(self, generation: int, prompt: Prompt, slots: Sequence[int], known: Sequence[Sample]) -> list[Sample]:
@@ -120,17 +120,17 @@ class Sampler:
 
     def _draw(self, prompt: Prompt, generation: int, attempt: int, slots: Sequence[int]) -> None:
         """Ask for the replies that the store does not hold yet."""
-        missing = [slot for slot in slots if self.store.reply(generation, attempt, slot) is None]
+        missing = [slot for slot in slots if self.store.talk.reply(generation, attempt, slot) is None]
         if not missing:
             return
         self.observer.phase(generation, "sample")
         if self.config.max_cost:
             known = price.find(self.config.model, self.config.price)
-            price.afford(self.config.max_cost, self.store.replies(), known, prompt, len(missing))
+            price.afford(self.config.max_cost, self.store.talk.replies(), known, prompt, len(missing))
         self.observer.asked(missing)
         seed = request_seed(self.config.seed, generation, attempt, missing[0])
         for slot, reply in zip(missing, self.model.sample(prompt, n=len(missing), seed=seed), strict=True):
-            self.store.save_reply(generation, attempt, slot, reply)
+            self.store.talk.save_reply(generation, attempt, slot, reply)
             self.observer.reply(generation, slot, reply)
 
     def _check(self, generation: int, attempt: int, slot: int, repair: Sequence[Message] = ()) -> Sample:
@@ -154,7 +154,7 @@ class Sampler:
 
     def _reply(self, generation: int, attempt: int, slot: int) -> Reply:
         """As stored, not as received: so that a resumed run reads the same."""
-        reply = self.store.reply(generation, attempt, slot)
+        reply = self.store.talk.reply(generation, attempt, slot)
         assert reply is not None
         return reply
 

@@ -60,7 +60,7 @@ def test_without_limits_the_search_is_what_it_was_and_its_costs_are_kept(tmp_pat
     plain = search_in(tmp_path / "plain", [reply(7), reply(8), reply(6), reply(9)], iteration=2)
     measured = search_in(tmp_path / "measured", [reply(7), reply(8), reply(6), reply(9)], iteration=2, trainer=Costly())
     with Store.view(plain) as one, Store.view(measured) as other:
-        assert one.prompts() == other.prompts()
+        assert one.talk.prompts() == other.talk.prompts()
         assert [e.feedback for g in one.history().generations for e in g.entries] == [
             e.feedback for g in other.history().generations for e in g.entries
         ]

@@ -266,9 +266,9 @@ def test_a_given_reward_is_generation_0_and_the_parent_of_the_first_of_the_model
     assert program(3) in one.parent(0) and "task_score: [none, 1.50, 3.00]" in one.asked(0)
     assert outcome.best is not None and outcome.best.fitness == 8
     with Store.view(one.directory) as store:
-        given = store.reply(0, 0, 0)
+        given = store.talk.reply(0, 0, 0)
         assert given is not None and (given.model, given.usage.cost_usd) == ("given", 0.0)
-        assert len(store.replies()) == 4  # of which a replay gives the same
+        assert len(store.talk.replies()) == 4  # of which a replay gives the same
 
 
 def test_a_resumed_run_needs_the_given_file_no_more(begin, tmp_path: Path) -> None:

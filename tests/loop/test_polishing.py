@@ -70,7 +70,7 @@ def config(**settings) -> RunConfig:
 def search(directory: Path, trainer: ToyTrainer, worths: Sequence[float] = (7.0, 8.0), **settings) -> Outcome:
     wanted = config(**settings)
     with Store.open(directory, wanted) as store:
-        model = ScriptedModel([reply(worth) for worth in worths], said=len(store.replies()))
+        model = ScriptedModel([reply(worth) for worth in worths], said=len(store.talk.replies()))
         return run(wanted, store, model, ToyChecker(), trainer, TOY, strategies.make(wanted))
 
 

@@ -27,7 +27,7 @@ def lane(worth: float) -> str:
 
 def search(directory: Path, trainer: ToyTrainer, config: RunConfig = CONFIG) -> None:
     with Store.open(directory, config) as store:
-        model = ScriptedModel([reply(worth) for worth in WORTHS], said=len(store.replies()))
+        model = ScriptedModel([reply(worth) for worth in WORTHS], said=len(store.talk.replies()))
         run(config, store, model, ToyChecker(), trainer, TOY, make(config))
 
 

@@ -37,7 +37,7 @@ def search(
     directory: Path, trainer: ToyTrainer, config: RunConfig = CONFIG, script: Sequence[float] = (*FIRST, *SECOND)
 ) -> ScriptedModel:
     with Store.open(directory, config) as store:
-        model = ScriptedModel([reply(worth) for worth in script], said=len(store.replies()))
+        model = ScriptedModel([reply(worth) for worth in script], said=len(store.talk.replies()))
         run(config, store, model, ToyChecker(), trainer, TOY, make(config))
     return model
 
@@ -266,7 +266,7 @@ def test_a_run_that_is_killed_in_or_around_a_screen_goes_on_there(tmp_path: Path
     with Store.view(tmp_path / "whole") as one, Store.view(tmp_path / "run") as other:
         assert one.screens.all() == other.screens.all()
         assert one.lanes.results() == other.lanes.results()
-        assert one.placed_replies() == other.placed_replies()
+        assert one.talk.placed_replies() == other.talk.placed_replies()
 
 
 def test_a_decision_stands_whatever_is_computed_later(tmp_path: Path):

@@ -32,6 +32,7 @@ HUMAN = """def compute_reward(speed, effort, posture, noise):
     reward = 2.0 * speed - 0.01 * effort + 0.5 * posture + 0.3 * noise
     return reward, {}
 """
+PLAIN = "```python\ndef compute_reward(distance):\n    return distance\n```\n"
 BEST = (2.0, 0.01, 0.5)
 """What F wants of the first three numbers; of the last it wants nothing."""
 
@@ -202,7 +203,7 @@ def test_a_search_fits_the_numbers_of_its_winner(tmp_path: Path) -> None:
     def search(trainer: ToyTrainer):
         with Store.open(tmp_path, wanted) as store:
             model = ScriptedModel([reply(7.0), reply(8.0)])
-            model.said = len(store.replies())
+            model.said = len(store.talk.replies())
             return run(wanted, store, model, ToyChecker(), trainer, TOY, strategies.make(wanted))
 
     trainer = ToyTrainer()
@@ -220,6 +221,15 @@ def test_a_search_fits_the_numbers_of_its_winner(tmp_path: Path) -> None:
     again = ToyTrainer()
     assert search(again) == outcome and again.trained == []
     assert (tmp_path / "best" / "reward.py").read_text() == found_text(found)
+
+
+def test_a_search_whose_winner_has_no_number_to_fit_is_finished(tmp_path: Path) -> None:
+    wanted = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2, tune=8)
+    with Store.open(tmp_path, wanted) as store:
+        model = ScriptedModel([PLAIN, PLAIN])
+        run(wanted, store, model, ToyChecker(), ToyTrainer(), TOY, strategies.make(wanted))
+    assert RunView.read(tmp_path).tuned is None
+    assert Run(tmp_path).finished
 
 
 # --- arithmetic ------------------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from openeureka.store.db import MIGRATIONS, Database
 TABLES = (
     "run", "prompts", "replies", "verdicts", "results", "entries", "evaluations", "remarks", "heard", "trials",
     "plays", "crown", "lanes", "given", "slots", "attempts", "rungs", "best_policy",
-    "ranges", "proposals", "screens",
+    "ranges", "proposals", "screens", "ended",
 )  # fmt: skip
 REPLY = {
     "generation": 0,
@@ -110,6 +110,7 @@ def test_a_finished_row_never_changes(tmp_path: Path, database: Database, table:
         "rungs": {"lane": "a-s0", "rung": 1, "went_on": 1, "episodes": 1},
         "best_policy": {"id": 1, "lane": "a-s0", "peak": "last"},
         "ranges": {"name": "r0", "ranges": "{}"},
+        "ended": {"id": 1},
         "screens": {"generation": 1, "slot": 0, "kept": 0, "reason": "others differ more"},
         "proposals": {name: value for name, value in REPLY.items() if name != "generation"} | {"messages": "[]"},
     }

@@ -35,7 +35,7 @@ SCRIPT = [reply(1), reply(2), reply(4), reply(3)]
 def search_in(directory: Path) -> int:
     """Begin a scripted search, or go on with it; returns how many replies were asked for."""
     with Store.open(directory, CONFIG) as store:
-        model = ScriptedModel(SCRIPT, said=len(store.replies()))
+        model = ScriptedModel(SCRIPT, said=len(store.talk.replies()))
         before = model.said
         run(CONFIG, store, model, ToyChecker(), ToyTrainer(), TOY, strategies.make(CONFIG))
         return model.said - before
@@ -86,7 +86,7 @@ def test_a_full_disk_is_said_and_the_search_goes_on_when_there_is_room(small_dis
         assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
     with Store.view(directory) as store:
         assert [score.fitness for score in store.history().generations[1].entries] == [4.0, 3.0]
-        assert len(store.replies()) == len(SCRIPT)
+        assert len(store.talk.replies()) == len(SCRIPT)
 
 
 # --- damage ----------------------------------------------------------------------------------------------------------
@@ -172,7 +172,7 @@ def test_a_copy_does_not_touch_the_run_it_is_of(tmp_path: Path):
     shutil.copytree(original, tmp_path / "copy")
     search_in(tmp_path / "copy")
     with Store.view(original) as store:
-        assert len(store.replies()) == 2
+        assert len(store.talk.replies()) == 2
     assert search_in(original) == 2
 
 

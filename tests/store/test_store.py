@@ -73,14 +73,15 @@ def test_the_settings_of_a_run_can_be_read_back(store: Store) -> None:
 
 
 def test_a_reply_comes_back_as_it_was(store: Store) -> None:
-    store.save_reply(0, 1, 2, REPLY)
-    assert store.reply(0, 1, 2) == REPLY
-    assert store.reply(0, 1, 1) is None
+    store.talk.save_reply(0, 1, 2, REPLY)
+    assert store.talk.reply(0, 1, 2) == REPLY
+    assert store.talk.reply(0, 1, 1) is None
 
 
 def test_a_hostile_reply_is_made_storable(store: Store) -> None:
-    store.save_reply(0, 0, 0, dataclasses.replace(REPLY, text="a\0b \ud800 \N{GREEK SMALL LETTER PI}" + "x" * 2**21))
-    kept = store.reply(0, 0, 0)
+    hostile = "a\0b \ud800 \N{GREEK SMALL LETTER PI}" + "x" * 2**21
+    store.talk.save_reply(0, 0, 0, dataclasses.replace(REPLY, text=hostile))
+    kept = store.talk.reply(0, 0, 0)
     assert kept is not None
     assert kept.text.startswith("a\N{REPLACEMENT CHARACTER}b ? \N{GREEK SMALL LETTER PI}x")
     assert len(kept.text) == 2**20
@@ -88,15 +89,15 @@ def test_a_hostile_reply_is_made_storable(store: Store) -> None:
 
 def test_replies_are_read_in_the_order_of_asking_whatever_order_they_arrived_in(store: Store) -> None:
     for place in ((0, 0, 1), (0, 1, 0), (0, 0, 0), (1, 0, 0)):
-        store.save_reply(*place, dataclasses.replace(REPLY, text=str(place)))
+        store.talk.save_reply(*place, dataclasses.replace(REPLY, text=str(place)))
     texts = [reply.text for reply in read_replies(store.directory)]
     assert texts == ["(0, 0, 0)", "(0, 0, 1)", "(0, 1, 0)", "(1, 0, 0)"]
 
 
 def test_usage_is_the_sum_over_replies(store: Store) -> None:
-    store.save_reply(0, 0, 0, REPLY)
-    store.save_reply(0, 0, 1, REPLY)
-    assert store.usage() == Usage(prompt_tokens=6, completion_tokens=4, cost_usd=0.5)
+    store.talk.save_reply(0, 0, 0, REPLY)
+    store.talk.save_reply(0, 0, 1, REPLY)
+    assert store.talk.usage() == Usage(prompt_tokens=6, completion_tokens=4, cost_usd=0.5)
 
 
 def test_a_verdict_comes_back_with_its_graph(store: Store) -> None:
@@ -167,7 +168,7 @@ def test_a_generation_comes_back_whole(store: Store) -> None:
 def test_messages_json_shows_each_prompt_once(store: Store) -> None:
     prompt = Prompt(messages=(Message("system", "be brief"), Message("user", "write \ud800")))
     for _ in range(2):  # a resumed run asks again
-        store.save_prompt(0, range(0, 2), prompt, None)
+        store.talk.save_prompt(0, range(0, 2), prompt, None)
     (asked,) = json.loads((store.directory / "messages.json").read_text())
     assert asked["messages"] == [
         {"role": "system", "content": "be brief"},
@@ -176,10 +177,10 @@ def test_messages_json_shows_each_prompt_once(store: Store) -> None:
 
 
 def test_what_is_finished_cannot_be_written_again(store: Store) -> None:
-    store.save_reply(0, 0, 0, REPLY)
+    store.talk.save_reply(0, 0, 0, REPLY)
     with pytest.raises(sqlite3.IntegrityError):
-        store.save_reply(0, 0, 0, REPLY)
-    assert store.replies() == (REPLY,)
+        store.talk.save_reply(0, 0, 0, REPLY)
+    assert store.talk.replies() == (REPLY,)
 
 
 # --- opening ---------------------------------------------------------------------------------------------------------
@@ -204,10 +205,10 @@ def test_a_run_is_refused_to_a_second_process(store: Store) -> None:
 
 def test_a_run_can_be_viewed_while_it_goes_on_but_not_written(store: Store) -> None:
     with Store.view(store.directory) as view:
-        store.save_reply(0, 0, 0, REPLY)
-        assert view.replies() == (REPLY,)
+        store.talk.save_reply(0, 0, 0, REPLY)
+        assert view.talk.replies() == (REPLY,)
         with pytest.raises(StoreError):
-            view.save_reply(0, 0, 1, REPLY)
+            view.talk.save_reply(0, 0, 1, REPLY)
 
 
 def test_the_same_settings_reopen_a_run_also_on_another_device(tmp_path: Path) -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import csv
+import os
 import re
-import subprocess
+import shutil
 import sys
 import threading
 from collections.abc import Iterator, Sequence
@@ -12,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
-import imageio_ffmpeg
+import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, expect
 from report.scripted import search_in
@@ -21,6 +22,7 @@ from report.test_html import NamesComponents
 from openeureka.config import RunConfig
 from openeureka.display import now
 from openeureka.report import html
+from openeureka.report.film import encode
 from openeureka.report.view import VIDEO, RunView
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 from openeureka.types import Prompt, Reply, TrainingProgress, Usage
@@ -72,11 +74,7 @@ def film(directory: Path, slot: int) -> None:
     result = RunView.read(directory).candidates[slot].result
     assert result is not None
     made = directory / "grey.mp4"
-    raw = ["-f", "rawvideo", "-pix_fmt", "gray", "-video_size", "64x48", "-framerate", "10", "-i", "-"]
-    frames = b"".join(bytes([20 * shade]) * (64 * 48) for shade in range(10))
-    # imageio's own writer forks, for which there may be no memory after some thousand tests in this process.
-    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", *raw, "-pix_fmt", "yuv420p", str(made)]
-    subprocess.run(command, input=frames, check=True)
+    made.write_bytes(encode((np.full((48, 64, 3), 20 * shade, np.uint8) for shade in range(10)), rate=10))
     made.rename(directory / "lanes" / result.lane / VIDEO)
 
 
@@ -269,6 +267,22 @@ def test_candidates_are_sorted_filtered_and_found_by_their_family(page: Page, se
     expect(page.get_by_text("Improves on generation 0, slot 0.")).to_be_visible()
     page.get_by_role("link", name="beside its parent g0s0").click()
     expect(page.locator("section.candidate")).to_have_count(2)
+
+
+def test_a_long_list_shows_its_first_rows_searches_all_and_shows_all_when_asked(page: Page, tmp_path: Path):
+    first = search_in(tmp_path / "run-000", [reply(7), reply(8)])
+    for number in range(1, 103):
+        shutil.copytree(first, tmp_path / f"run-{number:03}")
+        os.utime(tmp_path / f"run-{number:03}" / "run.sqlite", (number, number))
+    page.goto("/")
+    rows = page.locator("#runs tbody tr:visible")
+    expect(rows).to_have_count(100)
+    page.get_by_label("Find").fill("run-001")  # the oldest
+    expect(rows).to_have_count(1)
+    page.get_by_label("Find").fill("run")
+    expect(rows).to_have_count(100)
+    page.get_by_label("Show more than 100").check()
+    expect(rows).to_have_count(103)
 
 
 def test_the_rows_that_are_shown_are_saved(page: Page, tmp_path: Path):

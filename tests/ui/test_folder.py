@@ -1,4 +1,5 @@
 import os
+import sqlite3
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from openeureka.config import RunConfig
 from openeureka.report.view import RunView
 from openeureka.score import human_normalised, mean
 from openeureka.store import Store
-from openeureka.store.db import LOG
+from openeureka.store.db import FILENAME, LOG
 from openeureka.testing.scripted import ScriptedModel, reply
 from openeureka.ui import folder
 from openeureka.ui.folder import Standing
@@ -62,6 +63,32 @@ def test_a_run_is_running_while_a_process_has_it_and_stopped_after_that(tmp_path
     with Store.open(tmp_path / "run", CONFIG):
         assert folder.entry("run", tmp_path / "run").standing is Standing.RUNNING
     assert folder.entry("run", tmp_path / "run").standing is Standing.STOPPED
+
+
+def test_a_run_that_was_killed_when_it_was_judged_is_stopped(tmp_path, monkeypatch):
+    def killed(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Store, "save_crown", killed)
+    with pytest.raises(KeyboardInterrupt):
+        search_in(tmp_path / "run", [reply(1), reply(2)])
+    entry = folder.entry("run", tmp_path / "run")
+    assert entry.glance is not None and entry.glance.evaluations > 0
+    assert entry.standing is Standing.STOPPED
+
+
+@pytest.mark.parametrize("ended", [True, False])
+def test_an_older_run_is_finished_where_its_last_rows_say_so(tmp_path, ended):
+    if ended:
+        search_in(tmp_path / "run", [reply(1), reply(2)])
+    else:
+        with pytest.raises(KeyboardInterrupt):
+            search_in(tmp_path / "run", [], model=Dies([]))
+    with sqlite3.connect(tmp_path / "run" / FILENAME) as connection:
+        connection.execute("DROP TABLE ended")
+        connection.execute("PRAGMA user_version = 12")
+    connection.close()
+    assert folder.entry("run", tmp_path / "run").standing is (Standing.FINISHED if ended else Standing.STOPPED)
 
 
 def test_looking_does_not_keep_a_run_from_starting(tmp_path):

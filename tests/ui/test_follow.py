@@ -32,13 +32,13 @@ def test_a_page_that_shows_nothing_known_is_sent_everything():
 
 
 def test_a_version_that_was_dear_to_make_is_looked_for_less_often(monkeypatch):
-    # 0.6 s of work at 2 % of a core are 30 s.
+    # 0.6 s of work at 1 % of a core are 60 s.
     clock = iter([0.0, 0.6])
     monkeypatch.setattr("openeureka.ui.follow.time.thread_time", lambda: next(clock))
     first = version(a="1")
     assert first.pause == PAUSE
     clock = iter([0.0, 0.6])
-    assert Version.make(lambda: {"a": "2"}, first).pause == pytest.approx(30.0)
+    assert Version.make(lambda: {"a": "2"}, first).pause == pytest.approx(60.0)
     monkeypatch.undo()
     assert Version.make(lambda: {"a": "3"}, first).pause == PAUSE
 

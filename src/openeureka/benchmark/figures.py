@@ -10,8 +10,9 @@ from pathlib import Path
 from .. import race
 from ..lanes import final_seeds, polish_seeds
 from ..report.view import RunView
+from ..runs.run import finished
 from ..score import mean, rank
-from ..store import is_run
+from ..store import is_run, look
 from ..types import Role
 from .plan import Cell
 
@@ -46,13 +47,10 @@ class Result:
 
 def read(cell: Cell, directory: Path) -> Result | None:
     """The numbers of a cell; None where its search is not at its end. Raises StoreError where it cannot be read."""
-    if not is_run(directory):
+    if not is_run(directory) or not finished(*look(directory)):
         return None
     run = RunView.read(directory)
     outcome = run.outcome
-    searched = len(run.history.generations) >= run.config.generations > 0
-    if not searched or (outcome is None and run.best is not None):  # the crown is kept last
-        return None
     slots = list(run.history.spent())
     spent = list(accumulate(steps for _, steps in slots))
     search_steps = spent[-1] if spent else 0

@@ -205,7 +205,7 @@ class RunView:
                 config=config,
                 history=history,
                 entries={entry.sample.place: entry for g in history.generations for entry in g.entries},
-                parents={} if config.model == "random" else store.parents(),  # chance reads no parent
+                parents={} if config.model == "random" else store.talk.parents(),  # chance reads no parent
                 attempts=store.attempts(),
                 ranking=strategies.Ranking(history),
                 results=results,
@@ -222,7 +222,7 @@ class RunView:
                 results=results,
                 evaluations=store.lanes.evaluations(),
                 trials=store.lanes.trials(),
-                usage=store.usage(),
+                usage=store.talk.usage(),
                 played=played,
                 ranks="training" if config.search == "eureka" else store.ranks,
                 crown=store.crown(),
@@ -359,7 +359,7 @@ class _Reader:
     store: Store
 
     def generations(self) -> tuple[GenerationView, ...]:
-        asked, replies = self.store.prompts(), self.store.placed_replies()
+        asked, replies = self.store.talk.prompts(), self.store.talk.placed_replies()
         done = len(self.history.generations)
         views = []
         for index in range(max((generation + 1 for generation, *_ in (*asked, *replies)), default=0)):

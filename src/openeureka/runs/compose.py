@@ -147,9 +147,9 @@ def _parts(
                 Store.open(directory, config) as store,
                 continuable(host.again(directory)),
                 stoppable(directory),
-                logged(directory, config, store.usage()) as log,
+                logged(directory, config, store.talk.usage()) as log,
                 _filming(directory, config, host) as films,
-                host.view(config, directory, store.usage()) as view,
+                host.view(config, directory, store.talk.usage()) as view,
             ):
                 desk = host.desk(config, directory, films)
                 strategy = strategies.make(config, store.ranks)
@@ -244,8 +244,8 @@ def robust(config: RunConfig, directory: Path, host: Host, model: LanguageModel 
         Store.open(directory, began) as store,
         continuable(host.again(directory)),
         stoppable(directory),
-        logged(directory, config, store.usage()) as log,
-        host.view(config, directory, store.usage()) as view,
+        logged(directory, config, store.talk.usage()) as log,
+        host.view(config, directory, store.talk.usage()) as view,
     ):
         harden(Lanes(config, store, trainer, Observers(*log, view)), model, robot)
 

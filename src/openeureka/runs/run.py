@@ -18,7 +18,7 @@ from ..polished import Polished
 from ..report import html, verdict
 from ..report.view import CandidateView, RunView
 from ..score import Outcome
-from ..store import Store, artifacts, is_run
+from ..store import Store, artifacts, is_run, look
 from ..training.policy import Player, Policy
 from ..tuned import Tuned
 from ..types import Evaluation, Glance, History, Lane, TrainingResult
@@ -99,12 +99,8 @@ def lanes(run: RunView) -> dict[str, LaneView]:
 
 
 def finished(config: RunConfig, glance: Glance) -> bool:
-    """Whether nothing is left to do but reports. Held-out scores come last."""
-    if not config.generations:
-        return glance.evaluations > 0
-    searched = glance.generations >= config.generations
-    last = glance.polished if config.polish else glance.tuned if config.tune else glance.evaluations
-    return searched and (last > 0 or glance.fitness is None)  # without a reward nothing is scored
+    """Whether nothing is left to do but reports."""
+    return glance.ended if config.generations else glance.evaluations > 0  # those of given rewards come last
 
 
 class RewardText(str):
@@ -139,8 +135,7 @@ class Run:
         """Whether it is complete; else `resume` goes on with it."""
         if not is_run(self.directory):
             return False
-        with Store.view(self.directory) as store:
-            return finished(store.config, store.glance())
+        return finished(*look(self.directory))
 
     @property
     def history(self) -> History:
@@ -232,7 +227,7 @@ class Run:
             ConfigError: where the run names a task that is not installed and that you never used here: it would be run
                 with your rights.
         """
-        from ..report import video
+        from ..report import film, video
         from . import trust
 
         if not 0.0 < seconds <= LONGEST:
@@ -243,7 +238,7 @@ class Run:
                 f"The run names env={task}, which is no installed task and was never used here; call play(env=...) if "
                 "you know where it comes from: it is run with your rights."
             )
-        return video.frames(
+        return film.frames(
             video.render(task, self._policy("polished" if polished else "best"), seconds=seconds, seed=seed)
         )
 

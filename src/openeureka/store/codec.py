@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+import sqlite3
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from ..codec import DecodeError, decode, defined, encode, shaped
 from ..text import safe_text
-from ..types import Evaluation, Lane, Message, Peak, Remark, Screened, TrainingResult, Verdict
+from ..types import Evaluation, Lane, Message, Peak, Remark, Reply, Screened, TrainingResult, Usage, Verdict
 from ..types.bounds import Finite, Name
 
 Costs = Mapping[Name, Finite]
@@ -34,6 +36,26 @@ def decode_verdict(text: str) -> Verdict:
 def decode_messages(text: str) -> tuple[Message, ...]:
     """Raises DecodeError for anything but a conversation."""
     return tuple(replace(message, content=safe_text(message.content)) for message in decode(tuple[Message, ...], text))
+
+
+def encode_messages(messages: Iterable[Message]) -> str:
+    return json.dumps([{"role": message.role, "content": safe_text(message.content)} for message in messages])
+
+
+def encode_reply(reply: Reply) -> dict[str, Any]:
+    """The columns that every reply has."""
+    text = {"text": safe_text(reply.text), "model": safe_text(reply.model), "seconds": reply.seconds}
+    return text | asdict(reply.usage)
+
+
+def decode_reply(row: sqlite3.Row) -> Reply:
+    return Reply(text=row["text"], model=row["model"], usage=decode_usage(row), seconds=row["seconds"])
+
+
+def decode_usage(row: sqlite3.Row) -> Usage:
+    return Usage(
+        prompt_tokens=row["prompt_tokens"], completion_tokens=row["completion_tokens"], cost_usd=row["cost_usd"]
+    )
 
 
 # --- lanes -----------------------------------------------------------------------------------------------------------

@@ -30,6 +30,8 @@ LOG = "run.log"
 """How a run goes, in lines."""
 NOW = "run.now.json"
 """What a run is doing, while it is at work."""
+SUMMARY = "run.summary.json"
+"""How a run stands, for lists."""
 STOP = "run.stop"
 """There while somebody wants the run to stop."""
 AGAIN = "start it again with the same `eureka run` command."
@@ -56,9 +58,7 @@ SELECT
         (SELECT MAX(fitness) FROM results WHERE lane IN finished)
     ) AS fitness,
     (SELECT COUNT(*) FROM evaluations) AS evaluations,
-    (SELECT COUNT(*) FROM evaluations JOIN lanes USING (lane) JOIN given ON given.candidate = lanes.reward
-        WHERE given.name <> 'original') AS tuned,
-    (SELECT COUNT(*) FROM best_policy) AS polished,
+    (SELECT COUNT(*) FROM ended) AS ended,
     (SELECT COUNT(*) FROM results) AS trainings,
     (SELECT AVG(fitness) FROM judged WHERE reward = (SELECT candidate FROM entries JOIN crown USING (generation, slot)))
         AS held_out,

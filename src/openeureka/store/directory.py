@@ -9,8 +9,8 @@ from pathlib import Path
 
 from ..config import RunConfig, short_name
 from ..errors import FeedbackError, StoreError
-from ..types import Place, Remark, Reply
-from . import artifacts
+from ..types import Glance, Place, Remark, Reply
+from . import artifacts, summary
 from .db import FILENAME, LOCK, STOP, explained
 from .store import Store
 
@@ -39,13 +39,22 @@ def read_config(directory: Path | str) -> RunConfig:
         return store.config
 
 
+def look(directory: Path | str) -> tuple[RunConfig, Glance]:
+    """The settings of a run and how far it has come, also while it goes on. Raises StoreError when there is none."""
+    kept = summary.read(Path(directory))
+    if kept is not None:
+        return kept
+    with Store.view(directory) as store:
+        return store.config, store.glance()
+
+
 def read_replies(directory: Path | str) -> tuple[Reply, ...]:
     """Every reply of a run in the order in which the same search asks for them, for `model=replay:DIR`.
 
     A replaying run that is itself resumed skips as many as its own store already holds.
     """
     with Store.view(directory) as store:
-        return store.replies()
+        return store.talk.replies()
 
 
 def read_remarks(directory: Path | str) -> dict[int, tuple[Remark, ...]]:

@@ -9,6 +9,7 @@ import json
 import re
 import sqlite3
 from collections.abc import Callable, Mapping
+from typing import cast
 
 from ..reward import extract
 from ..types import Candidate
@@ -231,6 +232,12 @@ CREATE TABLE screens (               -- accepted programs of a generation that a
 );
 """
 
+_ENDED = """
+CREATE TABLE ended (                 -- a search of which nothing is left but reports
+    id INTEGER PRIMARY KEY CHECK (id = 1)
+);
+"""
+
 MIGRATIONS: list[str] = [
     _TABLES + _immutable("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations"),
     _REMARKS + _immutable("remarks", "heard"),
@@ -244,6 +251,7 @@ MIGRATIONS: list[str] = [
     _COSTS,
     _ROBUST + _immutable("ranges", "proposals"),
     _SCREENS + _immutable("screens"),
+    _ENDED + _immutable("ended"),
 ]
 """Script n brings a file from schema n to n + 1. Published scripts are never edited, only followed by new ones."""
 
@@ -264,13 +272,22 @@ def fill_ledger(connection: sqlite3.Connection) -> None:
     _fill_slots(connection)
 
 
+def _settings(connection: sqlite3.Connection) -> dict[str, object] | None:
+    """Those of the run, as they are stored; None where they are no settings."""
+    row = connection.execute("SELECT config FROM run").fetchone()
+    try:
+        found: object = json.loads(row[0]) if row else {}
+    except (ValueError, TypeError, RecursionError):
+        return None
+    return cast(dict[str, object], found) if isinstance(found, dict) else None
+
+
 def _fill_lanes(connection: sqlite3.Connection) -> None:
     """A search trained with the run's seed, the final trainings with others."""
-    config = connection.execute("SELECT config FROM run").fetchone()
-    try:
-        own = json.loads(config[0]).get("seed", 0) if config else 0
-    except (ValueError, TypeError, AttributeError, RecursionError):
+    settings = _settings(connection)
+    if settings is None:
         return
+    own = settings.get("seed", 0)
     for (job,) in connection.execute("SELECT job FROM results ORDER BY rowid").fetchall():
         if (match := _LANE.fullmatch(str(job))) is None:
             continue
@@ -320,5 +337,24 @@ def _shown(
     return connection.execute(earlier, (programs.get(program), generation)).fetchone() or (None, None)
 
 
-FILLS: Mapping[int, Callable[[sqlite3.Connection], None]] = {5: fill_ledger}
+def fill_ended(connection: sqlite3.Connection) -> None:
+    """Schema 13: whether a search is at its end, as its last rows tell."""
+    settings = _settings(connection)
+    if settings is None or not isinstance(iteration := settings.get("iteration", 0), int):
+        return
+    wanted = iteration + bool(settings.get("init"))
+
+    def count(what: str) -> int:
+        return connection.execute(f"SELECT COUNT({what}").fetchone()[0]
+
+    tuned = (
+        "*) FROM evaluations JOIN lanes USING (lane) JOIN given ON given.candidate = reward WHERE name <> 'original'"
+    )
+    last = "*) FROM best_policy" if settings.get("polish") else tuned if settings.get("tune") else "*) FROM evaluations"
+    trained = "*) FROM entries JOIN results ON results.lane = entries.lane WHERE fitness IS NOT NULL"
+    if count("DISTINCT generation) FROM entries") >= wanted > 0 and (count(last) or not count(trained)):
+        connection.execute("INSERT INTO ended VALUES (1)")
+
+
+FILLS: Mapping[int, Callable[[sqlite3.Connection], None]] = {5: fill_ledger, 13: fill_ended}
 """By the schema that it completes: what fills the tables of a script from those of before."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import sqlite3
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Literal, TypeVar
@@ -20,7 +19,6 @@ from ..parsing import as_dict, restored
 from ..score import played
 from ..text import safe_text
 from ..types import (
-    GIVEN,
     Attempt,
     Candidate,
     CandidateId,
@@ -31,25 +29,21 @@ from ..types import (
     Message,
     Place,
     PolicyId,
-    Prompt,
     Ranges,
     Reply,
     Sample,
     Scored,
     TrainingResult,
-    Usage,
     Verdict,
 )
 from ..version import __version__
-from . import artifacts
-from .codec import (
-    decode_messages,
-    decode_verdict,
-)
+from . import artifacts, summary
+from .codec import decode_messages, decode_usage, decode_verdict, encode_messages
 from .db import AGAIN, FILENAME, LOCK, LOG, STOP, Database, changed_row, explained
 from .lane_log import LaneLog
 from .remarks import RemarkLog
 from .screens import ScreenLog
+from .talk import TalkLog
 
 T = TypeVar("T")
 LOOK_TIME = 0.5
@@ -72,6 +66,7 @@ class Store:
         lanes: what trained, and what came of it.
         remarks: what a person says while the run goes on.
         screens: which programs do not train, and why.
+        talk: what the model was asked, and replied.
     """
 
     def __init__(self, directory: Path, database: Database, lock: FileLock | None) -> None:
@@ -81,6 +76,7 @@ class Store:
         self.lanes = LaneLog(database)
         self.remarks = RemarkLog(database)
         self.screens = ScreenLog(database)
+        self.talk = TalkLog(database)
 
     @classmethod
     def open(cls, directory: Path | str, config: RunConfig) -> Store:
@@ -123,9 +119,17 @@ class Store:
         return cls(Path(directory), Database(Path(directory), writable=True), None)
 
     def close(self) -> None:
-        self._database.close()
-        if self._lock is not None:
-            self._lock.release()
+        if self._lock is None:
+            self._database.close()
+            return
+        with ExitStack() as undo:
+            undo.callback(self._lock.release)
+            stand = None
+            with suppress(StoreError):
+                stand = self.config, self.glance()
+            self._database.close()
+            if stand is not None:
+                summary.keep(self.directory, *stand)
 
     def __enter__(self) -> Store:
         return self
@@ -174,72 +178,13 @@ class Store:
         row = self._database.row("run")
         return "played" if row is not None and row["ranks"] == "played" else "training"
 
-    # --- prompts and replies -----------------------------------------------------------------------------------------
-
-    def save_prompt(self, generation: int, slots: range, prompt: Prompt, parent: Place | None) -> None:
-        """Keep what was asked, for people, and which candidate to improve: `messages.json` shows every conversation."""
-        if self._database.row("prompts", generation=generation, slot=slots.start) is None:
-            messages = _plain(prompt.messages)
-            self._database.put("prompts", {"generation": generation, "slot": slots.start, "messages": messages})
-        self.save_slots(generation, slots, asked=slots.start, parent=parent)
-        asked = [
-            {
-                **dict(row),
-                "messages": [dataclasses.asdict(m) for m in self._database.decoded(decode_messages, row["messages"])],
-            }
-            for row in self._database.rows("prompts")
-        ]
-        artifacts.write(self.directory, "messages.json", json.dumps(asked, indent=2))
-
-    def save_slots(self, generation: int, slots: range, *, asked: int | None, parent: Place | None) -> None:
-        """Keep where the programs of some slots come from: the prompt, by its first slot, and whom to improve."""
-        known = {row["slot"] for row in self._database.rows("slots", generation=generation)}
-        row = {"generation": generation, "prompt": asked}
-        if parent is not None:
-            row |= {"parent_generation": parent.generation, "parent_slot": parent.slot}
-        self._database.put("slots", *(row | {"slot": slot} for slot in slots if slot not in known))
-
-    def save_reply(self, generation: int, attempt: int, slot: int, reply: Reply) -> None:
-        place = {"generation": generation, "attempt": attempt, "slot": slot}
-        usage = dataclasses.asdict(reply.usage)
-        said = {"text": safe_text(reply.text), "model": safe_text(reply.model), "seconds": reply.seconds}
-        self._database.put("replies", place | said | usage)
-
-    def reply(self, generation: int, attempt: int, slot: int) -> Reply | None:
-        row = self._database.row("replies", generation=generation, attempt=attempt, slot=slot)
-        return _reply(row) if row is not None else None
-
-    def replies(self) -> tuple[Reply, ...]:
-        """Every reply in the order in which a run asks for them; a given reward was not asked for."""
-        return tuple(reply for reply in self.placed_replies().values() if reply.model != GIVEN)
-
-    def placed_replies(self) -> dict[tuple[int, int, int], Reply]:
-        """Every reply by generation, attempt and slot, in that order."""
-        rows = self._database.rows("replies", order=("generation", "attempt", "slot"))
-        return {(row["generation"], row["attempt"], row["slot"]): _reply(row) for row in rows}
-
-    def prompts(self) -> dict[tuple[int, int], tuple[Message, ...]]:
-        """What was asked, by generation and the first slot that it fills."""
-        rows = self._database.rows("prompts", order=("generation", "slot"))
-        return {
-            (row["generation"], row["slot"]): self._database.decoded(decode_messages, row["messages"]) for row in rows
-        }
-
-    def parents(self) -> dict[Place, Place]:
-        """Which candidate the model was asked to improve, by slot; a first answer and a given reward have none."""
-        return {
-            Place(row["generation"], row["slot"]): Place(row["parent_generation"], row["parent_slot"])
-            for row in self._database.rows("slots")
-            if row["parent_generation"] is not None
-        }
-
     def save_attempt(
         self, generation: int, attempt: int, slot: int, candidate: CandidateId | None, repair: Sequence[Message]
     ) -> None:
         """Keep which program a reply holds, once it is judged, and what a repair showed beyond the slot's prompt."""
         place = {"generation": generation, "attempt": attempt, "slot": slot}
         if self._database.row("attempts", **place) is None:
-            shown = _plain(repair) if repair else None
+            shown = encode_messages(repair) if repair else None
             self._database.put("attempts", {**place, "candidate": candidate, "repair": shown})
 
     def attempts(self) -> dict[tuple[int, int, int], Attempt]:
@@ -251,21 +196,6 @@ class Store:
             )
             for row in self._database.rows("attempts")
         }
-
-    def usage(self) -> Usage:
-        """Tokens and money spent so far, over all resumptions."""
-        return sum((reply.usage for reply in (*self.replies(), *self.proposals().values())), Usage())
-
-    def save_proposal(self, slot: int, attempt: int, asked: Prompt, reply: Reply) -> None:
-        """Keep what a model replied that was asked for ranges, before anything else happens to it."""
-        said = {"text": safe_text(reply.text), "model": safe_text(reply.model), "seconds": reply.seconds}
-        row = {"slot": slot, "attempt": attempt, "messages": _plain(asked.messages)}
-        self._database.put("proposals", row | said | dataclasses.asdict(reply.usage))
-
-    def proposals(self) -> dict[tuple[int, int], Reply]:
-        """Those replies, by slot and attempt."""
-        rows = self._database.rows("proposals", order=("slot", "attempt"))
-        return {(row["slot"], row["attempt"]): _reply(row) for row in rows}
 
     def save_ranges(self, ranges: Mapping[str, Ranges]) -> None:
         """Keep what lanes draw their worlds from, by name, as far as the run does not know the name."""
@@ -364,13 +294,12 @@ class Store:
             generations=row["generations"],
             fitness=row["fitness"],
             evaluations=row["evaluations"],
-            tuned=row["tuned"],
-            polished=bool(row["polished"]),
+            ended=bool(row["ended"]),
             trainings=row["trainings"],
             held_out=row["held_out"],
             human=row["human"],
             sparse=row["sparse"],
-            usage=_usage(row),
+            usage=decode_usage(row),
         )
 
     # --- the best ----------------------------------------------------------------------------------------------------
@@ -393,6 +322,11 @@ class Store:
             artifacts.write(self.directory, "best/reward.py", program.source)
         self.lanes.expose("best", policy)
 
+    def end(self) -> None:
+        """Keep that nothing is left of the search but reports; once more is nothing."""
+        if self._database.row("ended") is None:
+            self._database.put("ended", {"id": 1})
+
     def save_robust(self, ranges: str, policy: PolicyId) -> None:
         """Fill `robust/` with a policy and, as YAML, the ranges that made it."""
         self.lanes.expose("robust", policy)
@@ -408,17 +342,3 @@ def _foreign(directory: Path) -> bool:
     with explained(directory):
         own = {LOCK, LOG, STOP, FILENAME, f"{FILENAME}-wal", f"{FILENAME}-shm"}
         return any(path.name not in own for path in directory.iterdir())
-
-
-def _plain(messages: Iterable[Message]) -> str:
-    return json.dumps([{"role": message.role, "content": safe_text(message.content)} for message in messages])
-
-
-def _reply(row: sqlite3.Row) -> Reply:
-    return Reply(text=row["text"], model=row["model"], usage=_usage(row), seconds=row["seconds"])
-
-
-def _usage(row: sqlite3.Row) -> Usage:
-    return Usage(
-        prompt_tokens=row["prompt_tokens"], completion_tokens=row["completion_tokens"], cost_usd=row["cost_usd"]
-    )

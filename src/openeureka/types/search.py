@@ -196,10 +196,8 @@ class Glance:
     """The best F among them: played, or in training where nothing was played."""
     evaluations: int
     """Held-out scores: they come last."""
-    tuned: int
-    """Those of them that rewards with fitted numbers have."""
-    polished: bool
-    """Whether the best policy is carried on and judged."""
+    ended: bool
+    """Whether nothing is left of a search but reports."""
     trainings: int
     """Those that are done."""
     held_out: float | None

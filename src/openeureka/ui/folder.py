@@ -10,7 +10,7 @@ from pathlib import Path
 from ..config import RunConfig
 from ..errors import StoreError
 from ..runs.run import finished
-from ..store import Store, artifacts, is_held, is_run
+from ..store import artifacts, is_held, is_run, look
 from ..store.db import FILENAME, LOG, NOW
 from ..types import Glance
 from .follow import Fingerprint
@@ -91,8 +91,7 @@ def entry(name: str, directory: Path) -> Entry:
         return Entry(name=name, standing=Standing.UNBEGUN)
     held = is_held(directory)
     try:
-        with Store.view(directory) as store:
-            config, glance = store.config, store.glance()
+        config, glance = look(directory)
     except StoreError as error:
         return Entry(name=name, standing=Standing.RUNNING if held else Standing.STOPPED, problem=str(error))
     left = Standing.FINISHED if finished(config, glance) else Standing.STOPPED

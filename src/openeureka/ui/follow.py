@@ -16,8 +16,9 @@ BLINK = 0.2
 """[s] after which it is seen that nobody looks any more."""
 BEAT = 10.0
 """[s] after which a page is told that it is still heard of, so that a connection that broke is noticed."""
-SHARE = 0.02
-"""Of one core, which following may take while a run changes all the time."""
+SHARE = 0.01
+"""Of one core, which reading and drawing anew may take while a run changes all the time; looking whether it has changed
+takes nearly as much again."""
 Fingerprint = tuple[object, ...]
 """Differs when what it stands for has changed."""
 Parts = Mapping[str, str]

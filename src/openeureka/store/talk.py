@@ -1,0 +1,88 @@
+"""What the model was asked and what it replied."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+from ..types import GIVEN, Message, Place, Prompt, Reply, Usage
+from . import artifacts
+from .codec import decode_messages, decode_reply, encode_messages, encode_reply
+from .db import Database
+
+
+class TalkLog:
+    """Prompts of slots with the replies to them, and proposals of ranges. A reply is kept before anything else is done
+    with it."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def save_prompt(self, generation: int, slots: range, prompt: Prompt, parent: Place | None) -> None:
+        """Keep what was asked, for people, and which candidate to improve: `messages.json` shows every conversation."""
+        if self._database.row("prompts", generation=generation, slot=slots.start) is None:
+            messages = encode_messages(prompt.messages)
+            self._database.put("prompts", {"generation": generation, "slot": slots.start, "messages": messages})
+        self.save_slots(generation, slots, asked=slots.start, parent=parent)
+        asked = [
+            {
+                **dict(row),
+                "messages": [dataclasses.asdict(m) for m in self._database.decoded(decode_messages, row["messages"])],
+            }
+            for row in self._database.rows("prompts")
+        ]
+        artifacts.write(self._database.directory, "messages.json", json.dumps(asked, indent=2))
+
+    def save_slots(self, generation: int, slots: range, *, asked: int | None, parent: Place | None) -> None:
+        """Keep where the programs of some slots come from: the prompt, by its first slot, and whom to improve."""
+        known = {row["slot"] for row in self._database.rows("slots", generation=generation)}
+        row = {"generation": generation, "prompt": asked}
+        if parent is not None:
+            row |= {"parent_generation": parent.generation, "parent_slot": parent.slot}
+        self._database.put("slots", *(row | {"slot": slot} for slot in slots if slot not in known))
+
+    def save_reply(self, generation: int, attempt: int, slot: int, reply: Reply) -> None:
+        place = {"generation": generation, "attempt": attempt, "slot": slot}
+        self._database.put("replies", place | encode_reply(reply))
+
+    def reply(self, generation: int, attempt: int, slot: int) -> Reply | None:
+        row = self._database.row("replies", generation=generation, attempt=attempt, slot=slot)
+        return decode_reply(row) if row is not None else None
+
+    def replies(self) -> tuple[Reply, ...]:
+        """Every reply in the order in which a run asks for them; a given reward was not asked for."""
+        return tuple(reply for reply in self.placed_replies().values() if reply.model != GIVEN)
+
+    def placed_replies(self) -> dict[tuple[int, int, int], Reply]:
+        """Every reply by generation, attempt and slot, in that order."""
+        rows = self._database.rows("replies", order=("generation", "attempt", "slot"))
+        return {(row["generation"], row["attempt"], row["slot"]): decode_reply(row) for row in rows}
+
+    def prompts(self) -> dict[tuple[int, int], tuple[Message, ...]]:
+        """What was asked, by generation and the first slot that it fills."""
+        rows = self._database.rows("prompts", order=("generation", "slot"))
+        return {
+            (row["generation"], row["slot"]): self._database.decoded(decode_messages, row["messages"]) for row in rows
+        }
+
+    def parents(self) -> dict[Place, Place]:
+        """Which candidate the model was asked to improve, by slot; a first answer and a given reward have none."""
+        return {
+            Place(row["generation"], row["slot"]): Place(row["parent_generation"], row["parent_slot"])
+            for row in self._database.rows("slots")
+            if row["parent_generation"] is not None
+        }
+
+    def usage(self) -> Usage:
+        """Tokens and money spent so far, over all resumptions."""
+        return sum((reply.usage for reply in (*self.replies(), *self.proposals().values())), Usage())
+
+    def save_proposal(self, slot: int, attempt: int, asked: Prompt, reply: Reply) -> None:
+        """Keep what a model replied that was asked for ranges, before anything else happens to it."""
+        row = {"slot": slot, "attempt": attempt, "messages": encode_messages(asked.messages)}
+        self._database.put("proposals", row | encode_reply(reply))
+
+    def proposals(self) -> dict[tuple[int, int], Reply]:
+        """Those replies, by slot and attempt."""
+        rows = self._database.rows("proposals", order=("slot", "attempt"))
+        return {(row["slot"], row["attempt"]): decode_reply(row) for row in rows}
