@@ -1,8 +1,10 @@
-"""Do later generations improve on the first? What finished searches say, as a table of docs/concepts/scores.md.
+"""Do later generations improve on the first? What finished searches say, as tables of docs/concepts/scores.md and, of
+Gymnasium's environments, of docs/guides/gymnasium.md.
 
     eureka run env=quadcopter model=NAME base_url=... sample=8 iteration=2 steps=1500000 dir=outputs/quad
     python benchmarks/generations.py outputs/quad          # adds it to benchmarks/results/generations.json
-    make docs                                              # the table
+    make docs                                              # the tables
+    eureka run ... model=replay:benchmarks/generations/quadcopter.json    # the same search again, for nothing
 
 Scores are F of the best reward of each generation when its policy was played, and held-out F of fresh trainings.
 """
@@ -15,16 +17,25 @@ import math
 from pathlib import Path
 from typing import Any
 
-from records import today
+from records import machine, today, write
 
 import openeureka
-from openeureka.report.text import number
+from openeureka.benchmark import figures
+from openeureka.benchmark.plan import Cell
+from openeureka.config import short_name
+from openeureka.report.text import number, spread
+from openeureka.store import read_replies
 from openeureka.types import Generation
 
+REPLIES = Path(__file__).parent / "generations"
 RESULTS = Path(__file__).parent / "results" / "generations.json"
 TITLES = (
     *("task", "model", "rewards a generation", "steps", "best of the first, played", "best of the later ones"),
     *("better by its error", "generated, held out", "human, held out", "seeds"),
+)
+GYM = (
+    *("environment", "F", "rewards", "steps of each", "steps of all trainings", "minutes of training"),
+    *("best of each generation, played", "generated, held out", "human, held out", "the verdict"),
 )
 Record = dict[str, Any]
 
@@ -53,8 +64,37 @@ def record(run: openeureka.Run) -> Record:
         "generated": list(outcome.method.held_out),
         "human": list(outcome.human.held_out),
         "verdict": run.verdict,
+        **spent(run),
         "date": today(),
     }
+
+
+def spent(run: openeureka.Run) -> Record:
+    """Steps and time of all trainings."""
+    result = figures.read(Cell(run.config.env, run.config.model, run.config.seed), run.directory)
+    assert result is not None
+    return {"all_steps": result.steps, "minutes": round(result.minutes, 1), "device": machine("cpu")["device"]}
+
+
+def keep_replies(run: openeureka.Run) -> None:
+    """Beside this script, for `model=replay:`."""
+    name = short_name(run.config.env.partition("+")[0])
+    said = [reply.text for reply in read_replies(run.directory)]
+    kept = {"env": run.config.env, "model": run.config.model, "date": today(), "replies": said}
+    write(REPLIES / f"{name}.json", kept)
+
+
+def gym_rows(records: list[Record]) -> list[tuple[str, ...]]:
+    """A row a search on one of Gymnasium's environments."""
+    return [_gym_row(one) for one in records if one["env"].startswith("gym:")]
+
+
+def _gym_row(one: Record) -> tuple[str, ...]:
+    name, _, fitness = one["env"].removeprefix("gym:").partition("+fitness=")
+    played = ", ".join(number(score["fitness"] if score is not None else None) for score in one["best"])
+    size = (f"{one['sample']} x {len(one['best'])}", f"{one['steps']:,}", f"{one['all_steps']:,}")
+    ends = (spread(one["generated"]), spread(one["human"]), one["verdict"].partition(":")[0])
+    return (name, fitness or "return", *size, f"{one['minutes']:.0f}", played, *ends)
 
 
 def rows(records: list[Record]) -> list[tuple[str, ...]]:
@@ -81,5 +121,8 @@ def known() -> list[Record]:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("directories", type=Path, nargs="+")
-    found = [record(openeureka.open_run(directory)) for directory in parser.parse_args().directories]
+    runs = [openeureka.open_run(directory) for directory in parser.parse_args().directories]
+    found = [record(run) for run in runs]
     RESULTS.write_text(json.dumps([*known(), *found], indent=1, sort_keys=True) + "\n")
+    for run in runs:
+        keep_replies(run)

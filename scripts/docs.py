@@ -49,6 +49,7 @@ FIRST_RUNS = "<!-- make run -->\n", "<!-- /make run -->\n"
 FOUND = "<!-- found -->\n", "<!-- /found -->\n"
 CHOSEN = "<!-- choosing -->\n", "<!-- /choosing -->\n"
 LATER = "<!-- generations -->\n", "<!-- /generations -->\n"
+SEARCHED = "<!-- searched -->\n", "<!-- /searched -->\n"
 SCHEDULE = ROOT / "docs" / "concepts" / "schedule.md"
 EARLY = "<!-- predictors -->\n", "<!-- /predictors -->\n"
 RUNGS = ROOT / "benchmarks" / "results" / "rungs.json"
@@ -144,6 +145,12 @@ def later() -> str:
     """What `benchmarks/generations.py` was told: whether later generations improve on the first."""
     study = _benchmark("generations")
     return _table(study.TITLES, study.rows(study.known()))
+
+
+def searched() -> str:
+    """What it was told of Gymnasium's environments."""
+    study = _benchmark("generations")
+    return _table(study.GYM, study.gym_rows(study.known()))
 
 
 def early() -> str:
@@ -248,7 +255,7 @@ def generated() -> Mapping[Path, str]:
         SCHEDULE: _schedule(),
         LOOP: _between(LOOP.read_text(), ADVICE, advice()),
         CLUSTER: _between(CLUSTER.read_text(), FAULTS, faults()),
-        GYMNASIUM: _between(_between(GYMNASIUM.read_text(), LIFTED, lifted()), SOLVED, solved()),
+        GYMNASIUM: _gymnasium(),
         POLISH: _between(POLISH.read_text(), POLISHED, polished()),
     }
 
@@ -256,6 +263,13 @@ def generated() -> Mapping[Path, str]:
 def _scores() -> str:
     text = SCORES.read_text()
     for marks, part in ((CHOSEN, choosing()), (FIRST_RUNS, first_runs()), (LATER, later())):
+        text = _between(text, marks, part)
+    return text
+
+
+def _gymnasium() -> str:
+    text = GYMNASIUM.read_text()
+    for marks, part in ((LIFTED, lifted()), (SOLVED, solved()), (SEARCHED, searched())):
         text = _between(text, marks, part)
     return text
 
