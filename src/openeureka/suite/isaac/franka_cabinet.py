@@ -11,7 +11,7 @@ from torch import Tensor
 
 from ...tasks.rotations import rotate
 from ...tasks.sensors import body_states
-from ...tasks.task import Recipe, Score, State, Task
+from ...tasks.task import Recipe, Score, State, Task, View
 from ...types import StateSpec, StateVar
 from ..assets import REWARDS
 from ..joints import scaled
@@ -50,7 +50,7 @@ PROP_SIZE, PROP_SPACING, PROP_DENSITY = 0.08, 0.09, 400.0  # [m], [m], [kg/m3]
 Extents = tuple[tuple[float, float], ...]
 _ARM = 1  # meets cabinet, cubes and floor; nothing meets its own parts
 _TOUCHED = {"contype": 0, "conaffinity": _ARM}
-_WOOD, _RED = [0.75, 0.62, 0.45, 1], [0.8, 0.3, 0.25, 1]
+_DARK, _WOOD, _LIGHT, _RED = [0.55, 0.42, 0.29, 1], [0.75, 0.62, 0.45, 1], [0.9, 0.79, 0.62, 1], [0.8, 0.3, 0.25, 1]
 # A time constant of two substeps: fingers at 2 m/s dent a drawer by 1 cm; with MuJoCo's 20 ms they get through it.
 _SOLREF, _SOLIMP = [0.011, 1.0], [0.95, 0.99, 0.001, 0.5, 2.0]
 
@@ -69,6 +69,7 @@ class FrankaCabinet(Task):
     num_observations = 23
     num_actions = 9
     clip_observations = 5.0
+    view = View(azimuth=245.0, elevation=-25.0)  # at the drawers, past the arm
 
     spec = StateSpec(
         (
@@ -179,15 +180,15 @@ class FrankaCabinet(Task):
         spec.worldbody.add_light(pos=[3, -1, 3], dir=[-2, 1, -2])
         spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], **_TOUCHED)
         cabinet = spec.worldbody.add_body(name="cabinet", pos=[0, 0, 0.4])
-        _add_boxes(cabinet, CARCASS, mass=CARCASS_MASS)
+        _add_boxes(cabinet, CARCASS, CARCASS_MASS, _DARK)
 
         hinge = {"axis": [0, 0, 1], "limited": True, "damping": [10, 0, 0], "armature": 0.005}
         left = cabinet.add_body(name="door_left", pos=[0.3162, -0.3757, -0.1297])
         left.add_joint(name="door_left", range=[-1.57, 0], **hinge)
-        _add_boxes(left, LEFT_DOOR, DOOR_MASS)
+        _add_boxes(left, LEFT_DOOR, DOOR_MASS, _WOOD)
         right = cabinet.add_body(name="door_right", pos=[0.3162, 0.3757, -0.1297])
         right.add_joint(name="door_right", range=[0, 1.57], **hinge)
-        _add_boxes(right, RIGHT_DOOR, DOOR_MASS)
+        _add_boxes(right, RIGHT_DOOR, DOOR_MASS, _WOOD)
 
         slide = {
             **hinge,
@@ -198,10 +199,10 @@ class FrankaCabinet(Task):
         }
         bottom = cabinet.add_body(name="drawer_bottom", pos=[0.0515, 0, 0.18795])
         bottom.add_joint(name="drawer_bottom", **slide)
-        _add_boxes(bottom, BOTTOM_DRAWER, BOTTOM_DRAWER_MASS)
+        _add_boxes(bottom, BOTTOM_DRAWER, BOTTOM_DRAWER_MASS, _WOOD)
         top = cabinet.add_body(name="drawer_top", pos=[0.0515, 0, 0.3172])
         top.add_joint(name="drawer_top", **slide)
-        _add_boxes(top, TOP_DRAWER, TOP_DRAWER_MASS)
+        _add_boxes(top, TOP_DRAWER, TOP_DRAWER_MASS, _LIGHT)
         for i in range(16):
             prop = top.add_body(name=f"prop{i}", pos=[(i // 4 - 1.5) * PROP_SPACING, (i % 4 - 1.5) * PROP_SPACING, 0])
             cube = [PROP_SIZE / 2] * 3
@@ -330,10 +331,10 @@ class FrankaCabinet(Task):
         return self.terminated(s).to(torch.float32)
 
 
-def _add_boxes(body: mujoco.MjsBody, boxes: tuple[Extents, ...], mass: float) -> None:
+def _add_boxes(body: mujoco.MjsBody, boxes: tuple[Extents, ...], mass: float, rgba: list[float]) -> None:
     """Boxes of one density that weigh `mass` [kg] together."""
     lower, upper = np.moveaxis(np.array(boxes), -1, 0)
     half = (upper - lower) / 2
     density = mass / (8 * half.prod(axis=-1).sum())
     for pos, size in zip((upper + lower) / 2, half, strict=True):
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=pos, size=size, density=density, rgba=_WOOD, **_TOUCHED)
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=pos, size=size, density=density, rgba=rgba, **_TOUCHED)
