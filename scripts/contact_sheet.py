@@ -20,7 +20,7 @@ os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo reads it when it is imported
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from openeureka.report import video
+from openeureka.report import film, video
 from openeureka.report.stage import Stage
 from openeureka.tasks import registry
 
@@ -28,7 +28,7 @@ OUT = Path(__file__).parents[1] / "docs" / "images" / "tasks.png"
 COLUMNS = 5
 WIDTH, HEIGHT, CAPTION = 384, 216, 28  # [pixels] of a tile's picture and of the line below it
 OVERSAMPLING = 2
-COLOURS = 256
+COLOURS = 160
 SECONDS = 0.15  # of random control
 FILM, MOMENTS = 3.0, 4  # [s], pictures of it
 
@@ -66,7 +66,7 @@ def filmed(env: str) -> list[Image.Image]:
     begun = time.process_time() + sum(os.times()[2:4])
     encoded = video.render(env, "random", seconds=FILM)
     spent = time.process_time() + sum(os.times()[2:4]) - begun
-    pictures = video.frames(encoded)
+    pictures = film.frames(encoded)
     stage, reach = Stage(env, "random", seed=0), []
     for _ in range(round(FILM / stage.dt)):
         reach.append(stage.director.sees(stage.data))

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
-import imageio_ffmpeg
+import numpy as np
 import pytest
 from report.scripted import search_in
 from tensorboard.backend.event_processing.event_file_loader import EventFileLoader
@@ -16,6 +16,7 @@ from openeureka.config import RunConfig
 from openeureka.display import tensorboard, trackers
 from openeureka.errors import ConfigError
 from openeureka.observer import Observers
+from openeureka.report.film import encode
 from openeureka.report.view import VIDEO
 from openeureka.testing.scripted import reply
 
@@ -26,11 +27,8 @@ def mirror(directory: Path, log: str) -> Path:
     with trackers.mirrored(directory, config) as mirrors:
         search_in(directory, [reply(7), reply(8)], observer=Observers(*mirrors), log=log)
         for lane in (directory / "lanes").iterdir():
-            writer = imageio_ffmpeg.write_frames(str(lane / VIDEO), (64, 48), fps=10, macro_block_size=1)
-            writer.send(None)
-            for shade in range(5):
-                writer.send(bytes([50 * shade]) * (64 * 48 * 3))
-            writer.close()
+            pictures = (np.full((48, 64, 3), 50 * shade, np.uint8) for shade in range(5))
+            (lane / VIDEO).write_bytes(encode(pictures, rate=10))
     return directory
 
 

@@ -15,7 +15,7 @@ import openeureka
 from openeureka.cli.search import resume as resume_command
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError, ModelError, RewardFileError, StoreError
-from openeureka.report import video
+from openeureka.report import film, video
 from openeureka.runs import compose, rewards
 from openeureka.store import Store
 from openeureka.store.directory import ask_to_stop
@@ -282,19 +282,12 @@ def test_the_policy_is_a_function_of_arrays(trained):
 
 
 def test_frames_are_those_of_the_film(trained, monkeypatch):
-    import imageio_ffmpeg
-
-    def film(env, data, *, seconds, seed):
+    def render(env, data, *, seconds, seed):
         assert (env, seconds, seed) == ("cartpole", 0.2, 7) and Policy.from_bytes(data).env == "cartpole"
-        path = trained.directory / "film.mp4"
-        writer = imageio_ffmpeg.write_frames(str(path), (64, 48), fps=30, macro_block_size=1)
-        writer.send(None)
-        for level in (0, 50, 100, 150, 200, 250):
-            writer.send(np.full((48, 64, 3), level, np.uint8))
-        writer.close()
-        return path.read_bytes()
+        levels = (0, 50, 100, 150, 200, 250)
+        return film.encode((np.full((48, 64, 3), level, np.uint8) for level in levels), rate=30)
 
-    monkeypatch.setattr(video, "render", film)
+    monkeypatch.setattr(video, "render", render)
     frames = trained.play(seconds=0.2, seed=7)
     assert frames.shape == (6, 48, 64, 3) and frames.dtype == np.uint8
     assert frames.mean(axis=(1, 2, 3)) == pytest.approx([0, 50, 100, 150, 200, 250], abs=4)

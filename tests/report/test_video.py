@@ -2,7 +2,7 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 
-from openeureka.report import video
+from openeureka.report import film, video
 from openeureka.report.video import VideoUnavailable, render
 
 
@@ -23,9 +23,9 @@ def test_a_second_of_cartpole_is_a_video_of_one_second(tmp_path):
 
 def test_two_policies_play_side_by_side_under_their_captions_in_any_browser():
     needs_rendering()
-    film = render("cartpole", "zero", beside="zero", captions=("a", "b"), seconds=0.1)
-    assert b"avc1" in film and film.index(b"moov") < film.index(b"mdat")  # H.264, played before all of it is there
-    pictures = video.frames(film)
+    mp4 = render("cartpole", "zero", beside="zero", captions=("a", "b"), seconds=0.1)
+    assert b"avc1" in mp4 and mp4.index(b"moov") < mp4.index(b"mdat")  # H.264, played before all of it is there
+    pictures = film.frames(mp4)
     assert pictures.shape == (3, 720, 1280, 3)
     left, right = np.split(pictures[0].astype(int), 2, axis=1)
     assert np.abs(left[80:] - right[80:]).mean() < 3  # they begin alike

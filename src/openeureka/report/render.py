@@ -5,11 +5,8 @@ The parent sets MUJOCO_GL, which MuJoCo reads when it is imported.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -18,6 +15,7 @@ from PIL import Image, ImageDraw, ImageFont
 from ..errors import EurekaError
 from ..tasks.faults import fault, told
 from ..worker import Channel
+from . import film
 from .screen import Screen, draws_itself
 from .stage import Stage
 
@@ -59,25 +57,6 @@ def _stick(label: np.ndarray, picture: np.ndarray) -> None:
     part[:] = label[: part.shape[0], : part.shape[1], None]
 
 
-def encode(images: Iterator[np.ndarray]) -> bytes:
-    """An mp4 (H.264) of the images; ffmpeg comes with the imageio-ffmpeg wheel."""
-    import imageio_ffmpeg  # here, where its absence is not taken for that of OpenGL
-
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "video.mp4"
-        shape: dict[str, Any] = {"size": (WIDTH, HEIGHT), "fps": FPS, "macro_block_size": 1, "quality": None}
-        # What every browser plays, and begins to before it has all of it; `veryfast` costs a quarter of the default.
-        kind = ["-profile:v", "high", "-preset", "veryfast", "-crf", "23", "-movflags", "+faststart"]
-        writer = imageio_ffmpeg.write_frames(
-            str(path), **shape, codec="libx264", pix_fmt_out="yuv420p", output_params=kind
-        )
-        writer.send(None)
-        for image in images:
-            writer.send(np.ascontiguousarray(image))
-        writer.close()
-        return path.read_bytes()
-
-
 def _shown(env: str, agent: str | bytes, seed: int, beside: int) -> Stage | Screen:
     """One of several worlds that share a picture."""
     return Screen(env, agent, seed) if draws_itself(env) else Stage(env, agent, seed, WIDTH / beside / HEIGHT)
@@ -102,7 +81,7 @@ def main() -> None:
     try:
         agents = [request.blobs.get(f"policy {place}", agent) for place, agent in enumerate(wanted["agents"])]
         stages = [_shown(wanted["env"], agent, wanted["seed"], len(agents)) for agent in agents]
-        video = encode(frames(stages, wanted["seconds"], wanted["captions"]))
+        video = film.encode(frames(stages, wanted["seconds"], wanted["captions"]), FPS)
     except EurekaError as error:
         channel.send({"refused": str(error)})
     except Exception as error:

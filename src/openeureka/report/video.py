@@ -3,22 +3,13 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Iterator
-from io import BytesIO
-from pathlib import Path
-
-import imageio_ffmpeg
-import numpy as np
-from PIL import Image
 
 from ..errors import EurekaError
 from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 
 INSTALL = "install a software renderer (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri, or libosmesa6)"
 
-GIF_RATE = 10
-"""[1/s] pictures of a moving picture."""
 START = 60.0
 """[s] that the child may take to find out whether it can render."""
 
@@ -60,31 +51,6 @@ def render(
     request = {"env": env, "agents": names, "captions": captions, "seconds": seconds, "seed": seed}
     blobs = {f"policy {place}": agent for place, agent in enumerate(agents) if isinstance(agent, bytes)}
     return _first_that_works(request, blobs, timeout, background)["video"]
-
-
-def frames(video: bytes) -> np.ndarray:
-    """The pictures of an mp4, uint8 (T, height, width, 3)."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "video.mp4"
-        path.write_bytes(video)
-        pictures = imageio_ffmpeg.read_frames(str(path))
-        width, height = next(pictures)["size"]
-        return np.stack([np.frombuffer(picture, np.uint8).reshape(height, width, 3) for picture in pictures])
-
-
-def gif(film: bytes) -> tuple[bytes, int, int]:
-    """An mp4 as a moving picture that is small enough for a tracker, with its width and height."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "video.mp4"
-        path.write_bytes(film)
-        size = ["-vf", f"fps={GIF_RATE},scale=320:-2"]
-        pictures = imageio_ffmpeg.read_frames(str(path), output_params=size)
-        width, height = next(pictures)["size"]
-        height, width = height * 320 // width // 2 * 2, 320
-        first, *rest = [Image.frombytes("RGB", (width, height), picture) for picture in pictures]
-    buffer = BytesIO()
-    first.save(buffer, "gif", save_all=True, append_images=rest, duration=1000 // GIF_RATE, loop=0)
-    return buffer.getvalue(), width, height
 
 
 def renderer() -> str:
