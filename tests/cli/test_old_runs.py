@@ -11,7 +11,8 @@ import pytest
 
 from openeureka.cli.main import main
 from openeureka.executors.local import LocalExecutor
-from openeureka.report.view import CandidateState, RunView
+from openeureka.report.candidates import CandidateState
+from openeureka.report.view import RunView
 from openeureka.store import Store
 from openeureka.types import Evaluation, Place
 from openeureka.ui import pages

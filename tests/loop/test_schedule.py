@@ -10,7 +10,8 @@ from openeureka.errors import ConfigError
 from openeureka.lanes import Lanes, deal
 from openeureka.loop import run
 from openeureka.observer import NullObserver
-from openeureka.report.view import CandidateState, RunView
+from openeureka.report.candidates import CandidateState
+from openeureka.report.view import RunView
 from openeureka.schedule import Rung, leaders, why
 from openeureka.store import Store
 from openeureka.strategies import make

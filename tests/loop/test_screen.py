@@ -16,7 +16,8 @@ from openeureka.errors import ConfigError
 from openeureka.lanes import Lanes
 from openeureka.loop import run
 from openeureka.observer import NullObserver
-from openeureka.report.view import CandidateState, RunView
+from openeureka.report.candidates import CandidateState
+from openeureka.report.view import RunView
 from openeureka.sampling import Sampler
 from openeureka.screen import Rated, choose, fill, rate
 from openeureka.store import Store

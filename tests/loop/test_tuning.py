@@ -17,7 +17,7 @@ from openeureka.errors import StoreError
 from openeureka.lanes import Lanes
 from openeureka.loop import run
 from openeureka.observer import NullObserver
-from openeureka.report import html, tables
+from openeureka.report import fitted, html
 from openeureka.report.verdict import of_tuning
 from openeureka.report.view import RunView
 from openeureka.reward.weights import weighed, weights
@@ -126,7 +126,7 @@ def test_numbers_that_nothing_beats_stay_in_best(tmp_path: Path) -> None:
     found = go(tmp_path, Hill(), HUMAN)  # human numbers are the best there are
     assert (tmp_path / "best" / "reward.py").read_text() == HUMAN
     assert found.better == ORIGINAL and len(found.arms) == 3
-    assert tables.tuned(found).note.endswith("`best/` holds the reward before.")
+    assert fitted.arms(found).note.endswith("`best/` holds the reward before.")
     assert "The tuned numbers are worse than those before" in of_tuning(found)
 
 

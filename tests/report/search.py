@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from openeureka.config import RunConfig
-from openeureka.report.view import CandidateView, GenerationView, RunView
+from openeureka.report.candidates import CandidateView, GenerationView
+from openeureka.report.view import RunView
 from openeureka.types import (
     Candidate,
     Evaluation,

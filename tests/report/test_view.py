@@ -3,7 +3,8 @@ import pytest
 from openeureka import baselines
 from openeureka.errors import StoreError
 from openeureka.report import tables
-from openeureka.report.view import CandidateState, RunView
+from openeureka.report.candidates import CandidateState
+from openeureka.report.view import RunView
 from openeureka.score import Arm, Baselines
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, program, reply
 

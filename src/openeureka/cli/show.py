@@ -13,11 +13,12 @@ from ..display.progress import working
 from ..hardened import Robust
 from ..parsing import as_dict, parse
 from ..polished import Polished
-from ..report import costs, robust, tables
+from ..report import costs, fitted, robust, tables
 from ..report.build import build
+from ..report.candidates import CandidateView, GenerationView
 from ..report.text import columns, number, scored, spread
 from ..report.verdict import meaning, of_polishing, of_tuning, verdict
-from ..report.view import CandidateView, GenerationView, RunView
+from ..report.view import RunView
 from ..runs import trust
 from ..runs.run import lanes
 from ..score import Arm, Outcome
@@ -119,7 +120,7 @@ def robust_lines(found: Robust) -> list[str]:
 
 
 def _fitted(found: Tuned) -> list[str]:
-    shown = [tables.numbers(found), *([tables.tuned(found), tables.components(found)] if found.arms else [])]
+    shown = [fitted.numbers(found), *([fitted.arms(found), fitted.components(found)] if found.arms else [])]
     lines = [line for table in shown if table.rows for line in _lines(table)]
     return [*lines, plain(of_tuning(found))]
 

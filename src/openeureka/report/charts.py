@@ -13,7 +13,8 @@ from ..score import rank
 from ..text import one_line
 from ..types import Place, TrainingResult
 from ..types.dynamics import SCALES
-from .view import CandidateView, RunView
+from .candidates import CandidateView
+from .view import RunView
 
 MAX_POINTS = 150
 """Points kept of a longer curve: no screen shows more in the width of a chart."""

@@ -30,9 +30,10 @@ from ..store import artifacts
 from ..tasks import registry
 from ..text import plain
 from ..types import Sample
-from . import charts, costs, hints, robust, tables, verdict
+from . import charts, costs, fitted, hints, robust, tables, verdict
+from .candidates import CandidateState, CandidateView
 from .text import duration, number, scored
-from .view import CandidateState, CandidateView, RunView
+from .view import RunView
 
 MAX_EMBEDDED = 8 << 20
 """Bytes of a video that goes into the page itself; the page is meant to be mailed."""
@@ -114,6 +115,7 @@ def environment() -> Environment:
     environment.filters |= filters
     environment.globals |= {
         "tables": tables,
+        "fitted": fitted,
         "verdict": verdict,
         "charts": charts,
         "costs": costs,

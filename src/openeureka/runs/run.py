@@ -16,7 +16,8 @@ from ..errors import ConfigError, StoreError
 from ..hardened import Robust
 from ..polished import Polished
 from ..report import html, verdict
-from ..report.view import CandidateView, RunView
+from ..report.candidates import CandidateView
+from ..report.view import RunView
 from ..score import Outcome
 from ..store import Store, artifacts, is_run, look
 from ..training.policy import Player, Policy

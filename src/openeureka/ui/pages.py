@@ -10,8 +10,9 @@ from ..config import FEEDBACKS, VIDEOS, RunConfig
 from ..display import now as moment
 from ..parsing import as_dict
 from ..report import filming, html, tables
+from ..report.candidates import CandidateView, PromptView
 from ..report.text import duration
-from ..report.view import CandidateView, PromptView, RunView
+from ..report.view import RunView
 from ..score import Outcome, human_normalised, mean, rank
 from ..store import Store, is_held, is_run
 from ..tasks import registry

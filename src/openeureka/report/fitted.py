@@ -1,0 +1,73 @@
+"""What fitting the numbers of a reward found, as tables."""
+
+from __future__ import annotations
+
+from ..tuned import ORIGINAL, Correlation, Effect, Tuned
+from .tables import Table
+from .text import number, spread
+
+
+def arms(found: Tuned) -> Table:
+    """A row for each weighting that trained with fresh seeds."""
+    names = {ORIGINAL: "before", found.after: f"after ({found.after})"}
+    rows = [
+        (names.get(name, name), spread(arm.training), spread(arm.held_out), str(len(arm.training)))
+        for name, arm in found.arms.items()
+    ]
+    note = "Mean ± standard deviation over fresh seeds."
+    if any(arm.held_out for arm in found.arms.values()):
+        note += f" `best/` holds the reward {'before' if found.better == ORIGINAL else 'after'}."
+    return Table(("numbers", "F in training", "F held out", "seeds"), rows, note)
+
+
+def numbers(found: Tuned) -> Table:
+    """A row for each number that was fitted: before, after, and what it does to F."""
+    rows = [
+        (
+            effect.weight.name,
+            number(effect.weight.value),
+            number(effect.after),
+            _correlation(effect.trend),
+            _correlation(effect.distance),
+            _effect(effect),
+        )
+        for effect in found.effects
+    ]
+    note = (
+        f"Rank correlations of F when played with each number, and with how far it is from before, over "
+        f"{found.trained} trainings. Of each number both intervals hold together with 95 %: of twenty that do not "
+        "matter, one will seem to. Thresholds moved a tenth as far as the others."
+    )
+    return Table(("number", "before", "after", "more of it", "farther from before", "effect"), rows, note)
+
+
+def _correlation(found: Correlation | None) -> str:
+    return f"{found.value:+.2f} ({found.low:+.2f} to {found.high:+.2f})" if found is not None else "-"
+
+
+def _effect(effect: Effect) -> str:
+    """What can be said of a number, in words."""
+    if effect.trend is None and effect.distance is None:
+        return "too few trainings to tell"
+    said: list[str] = []
+    if effect.trend is not None and effect.trend.sure:
+        said.append("more is better" if effect.trend.value > 0 else "less is better")
+    if effect.distance is not None and effect.distance.sure:
+        said.append("better elsewhere" if effect.distance.value > 0 else "good where it was")
+    return ", ".join(said) or "does not matter, as far as these trainings tell"
+
+
+def components(found: Tuned) -> Table:
+    """Mean of each component with the numbers before and after."""
+    rows = [(name, number(before), number(after)) for name, (before, after) in found.components.items()]
+    note = "Mean per step in the last tenth of the final trainings, each with its own numbers in it."
+    return Table(("component", "before", "after"), rows, note)
+
+
+def trials(found: Tuned) -> Table:
+    """A row for each weighting, as they were proposed."""
+    rows = [
+        (trial.name, trial.candidate.id, ", ".join(number(value) for value in trial.values), number(trial.played))
+        for trial in found.trials
+    ]
+    return Table(("weighting", "program", "numbers", "F when played"), rows)
