@@ -117,6 +117,18 @@ def rows(measured: Mapping[str, Record]) -> list[list[str]]:
     ]
 
 
+def gains(measured: Mapping[str, Record]) -> list[tuple[str, float, float, float]]:
+    """A row a task whose human reward scores: the difference and its interval, as shares of the human one's F."""
+    found = []
+    for env in load(PLAN).tasks:
+        row = measured.get(env)
+        human = mean(row["human"]) if row is not None else None
+        if row is not None and row["difference"] is not None and human:
+            value, low, high = (end / abs(human) for end in row["difference"])
+            found.append((short_name(env), value, low, high))
+    return found
+
+
 def _interval(difference: list[float] | None) -> str:
     if difference is None:
         return "-"

@@ -227,13 +227,18 @@ def soon(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
 
 
 def telling(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
+    """Two rows a task, of text."""
+    return [(*names, *(number(cell, 2) for cell in cells)) for *names, cells in correlations(study)]
+
+
+def correlations(study: Mapping[str, Record]) -> list[tuple[str, str, str, list[float | None]]]:
     """Two rows a task: rank correlation of what lanes play at a rung with what they play at the end, and with what
     other seeds of the same rewards play at the end; mean over seeds."""
     rows = []
     for env, name, scores in _rewards(study):
         for title, fresh in (("same lane", False), ("fresh seeds", True)):
             cells = [mean([_tells(scores, seed, rung, fresh) for seed in _seeds(scores)]) for rung in range(len(RUNGS))]
-            rows.append((env, name, title, *(number(cell, 2) for cell in cells)))
+            rows.append((env, name, title, cells))
     return rows
 
 

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import figures
 import python_page
 from typer.testing import CliRunner
 
@@ -67,6 +68,9 @@ LIFTED = "<!-- lifted -->\n", "<!-- /lifted -->\n"
 SOLVED = "<!-- solved -->\n", "<!-- /solved -->\n"
 REACHED = "<!-- reachable -->\n", "<!-- /reachable -->\n"
 CHOICES = "<!-- choices -->\n", "<!-- /choices -->\n"
+ROBOT = ROOT / "docs" / "guides" / "robot.md"
+ROBUST = "<!-- robust -->\n", "<!-- /robust -->\n"
+IMAGES = ROOT / "docs" / "images"
 
 
 def commands() -> str:
@@ -206,6 +210,18 @@ def faults() -> str:
     return _table(study.TITLES, study.costs(json.loads(study.RESULTS.read_text())))
 
 
+def pictures() -> Mapping[Path, str]:
+    """Path -> SVG of what is measured."""
+    records, robust, rungs, table = map(_benchmark, ("records", "robust", "rungs", "headline"))
+    correlations = [(task, kind, cells) for task, _, kind, cells in rungs.correlations(records.read(RUNGS))]
+    found = {
+        "robust.svg": figures.robust(records.read(robust.RESULTS), robust.ENVS),
+        "rungs.svg": figures.telling(correlations, rungs.RUNGS),
+        "headline.svg": figures.bars(table.gains(records.read(table.RESULTS))),
+    }
+    return {IMAGES / name: text for name, text in found.items()}
+
+
 def _measured(name: str) -> str:
     """The table of a script of `benchmarks/`, from its own results."""
     study = _benchmark(name)
@@ -257,6 +273,8 @@ def generated() -> Mapping[Path, str]:
         CLUSTER: _between(CLUSTER.read_text(), FAULTS, faults()),
         GYMNASIUM: _gymnasium(),
         POLISH: _between(POLISH.read_text(), POLISHED, polished()),
+        ROBOT: _between(ROBOT.read_text(), ROBUST, _measured("robust")),
+        **pictures(),
     }
 
 

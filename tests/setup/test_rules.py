@@ -33,13 +33,6 @@ def _said(path: Path) -> set[str]:
     return said
 
 
-def test_processes_begin_in_four_places():
-    starts = users(
-        "subprocess.Popen", "subprocess.run", "multiprocessing.Process", "os.fork", "os.posix_spawn", "os.system"
-    )
-    assert starts == {"worker.py", "sandbox/server.py", "ui/launch.py", "llm/weights.py"}
-
-
 def test_sockets_are_opened_by_models_the_page_and_the_viewer():
     opens = users("socket", "http", "urllib.request", "httpx2", "openai", "huggingface_hub", "uvicorn", "mujoco.studio")
     assert {name for name in opens if name.split("/")[0] not in ("llm", "ui")} == {"report/page.py"}

@@ -142,7 +142,7 @@ class GymWorlds(Worlds):
         try:
             picture = self._ask(self._vector.envs[world].render)
         except TaskError as fault:
-            if isinstance(fault.__cause__, NotImplementedError):  # it says that it draws, and does not
+            if isinstance(fault.__cause__, NotImplementedError):  # of the base class: it only says that it draws
                 return None
             raise
         return picture if isinstance(picture, np.ndarray) and picture.ndim == 3 else None

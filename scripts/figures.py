@@ -1,0 +1,102 @@
+"""The pictures of measurements in the documentation, as SVG, from the same JSON as the tables beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from io import StringIO
+from typing import Any
+
+import matplotlib as mpl
+
+mpl.use("svg")
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+STYLE = {
+    "svg.hashsalt": "openeureka",  # with no date below: equal measurements make equal files
+    "font.size": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e6e6e6",
+    "legend.frameon": False,
+}
+COLOURS = {"plain": "#888888", "uniform": "#d98b2b", "ours": "#1f6fb2"}
+Record = Mapping[str, Any]
+
+
+def robust(measured: Mapping[str, Mapping[str, Record]], tasks: Sequence[str]) -> str:
+    """F of the three policies in their own world and in each hard one: a point a seed, a line through the means."""
+    shown = [task for task in tasks if measured.get(task)]
+    figure = _figure(9.0, 2.6 * max(1, len(shown)))
+    for row, task in enumerate(shown):
+        axes = figure.add_subplot(len(shown), 1, row + 1)
+        seeds = [seed["arms"] for seed in measured[task].values()]
+        worlds = ["own world", *seeds[0]["plain"]["worlds"]]
+        for arm, colour in COLOURS.items():
+            scores = [[seed[arm]["nominal"], *seed[arm]["worlds"].values()] for seed in seeds]
+            for found in scores:
+                axes.plot(range(len(worlds)), found, "o", color=colour, markersize=3.0, alpha=0.5)
+            means = [sum(column) / len(column) for column in zip(*scores, strict=True)]
+            axes.plot(range(len(worlds)), means, "-", color=colour, label=arm)
+        axes.set_xticks(range(len(worlds)), [world.replace(", ", ",\n") for world in worlds], rotation=30, ha="right")
+        axes.set_title(f"{task}, {len(seeds)} seed{'s' * (len(seeds) > 1)}", loc="left")
+        axes.set_ylabel("F, held out")
+        axes.legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
+    return _svg(figure)
+
+
+def telling(rows: Sequence[tuple[str, str, Sequence[float | None]]], shares: Sequence[float]) -> str:
+    """Rank correlation of a rung with the end, a panel a kind of end: rows of task, kind of end and a value a rung."""
+    kinds = list(dict.fromkeys(kind for _, kind, _ in rows))
+    figure = _figure(8.0, 3.0)
+    for place, kind in enumerate(kinds):
+        axes = figure.add_subplot(1, len(kinds), place + 1)
+        for task, own, values in rows:
+            if own == kind:
+                axes.plot(shares, [float("nan") if value is None else value for value in values], "o-", label=task)
+        axes.axhline(0.0, color="#444444", linewidth=0.8)
+        axes.set_ylim(-1.0, 1.05)
+        axes.set_title(
+            f"with the end of the {kind}" if kind == "same lane" else f"with the end under {kind}", loc="left"
+        )
+        axes.set_xlabel("share of the training")
+        if not place:
+            axes.set_ylabel("rank correlation of played F")
+            axes.legend(loc="lower right")
+    return _svg(figure)
+
+
+def bars(rows: Sequence[tuple[str, float, float, float]]) -> str:
+    """Rows of task, and how much more the generated reward's F is than the human one's, as a share of that, with both
+    ends of its interval."""
+    figure = _figure(8.0, 0.6 + 0.34 * len(rows))
+    axes = figure.add_subplot()
+    for place, (_, value, low, high) in enumerate(rows):
+        colour = "#1f6fb2" if low > 0.0 else "#b03a2e" if high < 0.0 else "#888888"
+        axes.barh(place, value, color=colour, height=0.6)
+        axes.plot([low, high], [place, place], "-", color="#222222", linewidth=1.0)
+    axes.axvline(0.0, color="#222222", linewidth=1.0)
+    axes.set_yticks(range(len(rows)), [task for task, *_ in rows])
+    axes.invert_yaxis()
+    axes.set_xlabel("F of the generated reward less that of the human one, held out, as a share of it")
+    _free(axes)
+    return _svg(figure)
+
+
+def _free(axes: Axes) -> None:
+    axes.grid(visible=False, axis="y")
+    axes.spines["left"].set_visible(False)
+    axes.tick_params(axis="y", length=0)
+
+
+def _figure(width: float, height: float) -> Figure:
+    mpl.rcParams.update(STYLE)
+    return Figure(figsize=(width, height), layout="constrained", facecolor="white")
+
+
+def _svg(figure: Figure) -> str:
+    text = StringIO()
+    figure.savefig(text, format="svg", metadata={"Date": None})
+    return "".join(f"{line.rstrip()}\n" for line in text.getvalue().splitlines())
