@@ -23,7 +23,7 @@ from records import Record, machine, read, write
 import openeureka
 from openeureka.cli.tune import robust
 from openeureka.hardened import PLAIN, UNIFORM, Carried, RobustArm
-from openeureka.report.text import number, spread
+from openeureka.report.text import spread
 from openeureka.report.view import RunView
 from openeureka.score import mean
 
@@ -90,7 +90,7 @@ def losses(means: Mapping[tuple[str, str], float | None]) -> tuple[float | None,
 
 
 def _percent(share: float | None) -> str:
-    return f"{number(100 * share, 2)} %" if share is not None else "-"
+    return f"{share:.0%}" if share is not None else "-"
 
 
 def main() -> None:
