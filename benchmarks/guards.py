@@ -70,14 +70,17 @@ def pace(kind: type[Population], env: str, epochs: int) -> Pace:
     return Pace(steps / (time.perf_counter() - wall), steps / (time.process_time() - processor))
 
 
-def compare(env: str, pairs: int, epochs: int) -> dict[str, object]:
+def compare(
+    env: str, on: type[Population], off: type[Population], pairs: int, epochs: int
+) -> dict[str, dict[str, float | list[float]]]:
+    """Steps a second of one kind of training over those of another, which take turns."""
     ratios: list[Pace] = []
+    for kind in (on, off):
+        pace(kind, env, 1)  # the first of a process is slower, whatever it is
     for pair in range(pairs):
-        kinds: list[type[Population]] = [Population, Unguarded]
-        paces = {kind: pace(kind, env, epochs) for kind in (kinds if pair % 2 else reversed(kinds))}
-        on, off = paces[Population], paces[Unguarded]
-        ratios.append(Pace(on.wall / off.wall, on.processor / off.processor))
-        print(f"{env} {pair + 1}/{pairs}: {on.wall:.0f} of {off.wall:.0f} steps/s, {ratios[-1].wall:.3f}", flush=True)
+        paces = {kind: pace(kind, env, epochs) for kind in ((on, off) if pair % 2 else (off, on))}
+        ratios.append(Pace(*(with_it / without for with_it, without in zip(paces[on], paces[off], strict=True))))
+        print(f"{env} {pair + 1}/{pairs}: wall {ratios[-1].wall:.3f}, processor {ratios[-1].processor:.3f}", flush=True)
     return {
         name: {"median": round(statistics.median(values), 4), "pairs": [round(value, 4) for value in values]}
         for name, values in zip(Pace._fields, zip(*ratios, strict=True), strict=True)
@@ -93,7 +96,7 @@ def main() -> None:
     options = parser.parse_args()
     pairs, epochs = (1, 1) if options.tiny else (options.pairs, options.epochs)
     found = {
-        "guarded_over_unguarded": {env: compare(env, pairs, epochs) for env in ENVS},
+        "guarded_over_unguarded": {env: compare(env, Population, Unguarded, pairs, epochs) for env in ENVS},
         "lanes": LANES,
         "epochs": epochs,
         **conditions("mujoco", "torch"),
