@@ -3,10 +3,12 @@ Gymnasium's environments, of docs/guides/gymnasium.md.
 
     eureka run env=quadcopter model=NAME base_url=... sample=8 iteration=2 steps=1500000 dir=outputs/quad
     python benchmarks/generations.py outputs/quad          # adds it to benchmarks/results/generations.json
+    python benchmarks/generations.py outputs/quad --fresh 5    # and trains its best reward and the human one five times
     make docs                                              # the tables
     eureka run ... model=replay:benchmarks/generations/quadcopter.json    # the same search again, for nothing
 
-Scores are F of the best reward of each generation when its policy was played, and held-out F of fresh trainings.
+Scores are F of the best reward of each generation when its policy was played, and held-out F of fresh trainings. Where
+the seeds of a search decide nothing, `--fresh` adds some that no reward was chosen by.
 """
 
 from __future__ import annotations
@@ -24,11 +26,14 @@ from openeureka.benchmark import figures
 from openeureka.benchmark.plan import Cell
 from openeureka.config import short_name
 from openeureka.report.text import number, spread
+from openeureka.score import difference
 from openeureka.store import read_replies
 from openeureka.types import Generation
 
 REPLIES = Path(__file__).parent / "generations"
 RESULTS = Path(__file__).parent / "results" / "generations.json"
+FIRST = 100
+"""Of the fresh seeds: no search comes near it."""
 TITLES = (
     *("task", "model", "rewards a generation", "steps", "best of the first, played", "best of the later ones"),
     *("better by its error", "generated, held out", "human, held out", "seeds"),
@@ -36,6 +41,7 @@ TITLES = (
 GYM = (
     *("environment", "F", "rewards", "steps of each", "steps of all trainings", "minutes of training"),
     *("best of each generation, played", "generated, held out", "human, held out", "the verdict"),
+    *("generated, further seeds", "human, further seeds", "difference, 95 % interval"),
 )
 Record = dict[str, Any]
 
@@ -76,6 +82,17 @@ def spent(run: openeureka.Run) -> Record:
     return {"all_steps": result.steps, "minutes": round(result.minutes, 1), "device": machine("cpu")["device"]}
 
 
+def fresh(run: openeureka.Run, seeds: int) -> Record:
+    """Held-out F of the best reward and of the human one, with seeds that no reward was chosen by."""
+    size: Record = {"steps": run.config.steps, "worlds": run.config.worlds, "seed": FIRST, "seeds": seeds}
+    rewards = ["human", run.directory / "best" / "reward.py"]
+    again = openeureka.train(
+        run.config.env, rewards, dir=run.directory.with_name(f"{run.directory.name}_fresh"), **size
+    )
+    human, generated = (list(arm.scores) for arm in again.view.given.values())
+    return {"generated": generated, "human": human}
+
+
 def keep_replies(run: openeureka.Run) -> None:
     """Beside this script, for `model=replay:`."""
     name = short_name(run.config.env.partition("+")[0])
@@ -94,7 +111,16 @@ def _gym_row(one: Record) -> tuple[str, ...]:
     played = ", ".join(number(score["fitness"] if score is not None else None) for score in one["best"])
     size = (f"{one['sample']} x {len(one['best'])}", f"{one['steps']:,}", f"{one['all_steps']:,}")
     ends = (spread(one["generated"]), spread(one["human"]), one["verdict"].partition(":")[0])
-    return (name, fitness or "return", *size, f"{one['minutes']:.0f}", played, *ends)
+    return (name, fitness or "return", *size, f"{one['minutes']:.0f}", played, *ends, *_further(one.get("fresh")))
+
+
+def _further(again: Record | None) -> tuple[str, str, str]:
+    if again is None:
+        return "-", "-", "-"
+    apart = difference(again["generated"], again["human"], [again["generated"], again["human"]])
+    assert apart is not None
+    between = f"{number(apart.value)} ({number(apart.low)} to {number(apart.high)})"
+    return spread(again["generated"]), spread(again["human"]), between
 
 
 def rows(records: list[Record]) -> list[tuple[str, ...]]:
@@ -121,8 +147,12 @@ def known() -> list[Record]:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("directories", type=Path, nargs="+")
-    runs = [openeureka.open_run(directory) for directory in parser.parse_args().directories]
-    found = [record(run) for run in runs]
+    parser.add_argument(
+        "--fresh", type=int, default=0, metavar="SEEDS", help="train the best and the human reward again"
+    )
+    options = parser.parse_args()
+    runs = [openeureka.open_run(directory) for directory in options.directories]
+    found = [record(run) | ({"fresh": fresh(run, options.fresh)} if options.fresh else {}) for run in runs]
     RESULTS.write_text(json.dumps([*known(), *found], indent=1, sort_keys=True) + "\n")
     for run in runs:
         keep_replies(run)

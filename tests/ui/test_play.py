@@ -93,7 +93,7 @@ def test_a_person_plays_with_a_policy_in_3d(page: Page, run: Path):
         page.emulate_media(color_scheme=scheme, reduced_motion="reduce")  # no colour is between two
         assert not (broken := broken_rules(page)), (scheme, broken)
     page.set_viewport_size({"width": 400, "height": 900})
-    assert page.evaluate("document.documentElement.scrollWidth") <= 400
+    page.wait_for_function("document.documentElement.scrollWidth <= 400")  # charts follow a frame later
     with page.expect_response("**/play/g0s0") as pushed:
         page.get_by_role("button", name="Push left").click()
     assert pushed.value.status == 204
