@@ -89,7 +89,9 @@ def fresh(run: openeureka.Run, seeds: int) -> Record:
     again = openeureka.train(
         run.config.env, rewards, dir=run.directory.with_name(f"{run.directory.name}_fresh"), **size
     )
-    human, generated = (list(arm.scores) for arm in again.view.given.values())
+    held_out = {name: list(arm.scores) for name, arm in again.view.given.items()}
+    human = held_out.pop("human")
+    (generated,) = held_out.values()
     return {"generated": generated, "human": human}
 
 

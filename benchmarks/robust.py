@@ -111,8 +111,9 @@ def main() -> None:
             if str(seed) in known.get(env, {}):
                 continue
             found = measure(env, seed, OUTPUTS / "robust" / f"{env}_{seed}", options.words)
-            write(RESULTS, {**known, env: {**known.get(env, {}), str(seed): found}})
-            print(*_row(env, [*read(RESULTS)[env].values()]), sep=" | ", flush=True)
+            seeds = {**known.get(env, {}), str(seed): found}
+            write(RESULTS, {**known, env: seeds})
+            print(*_row(env, [*seeds.values()]), sep=" | ", flush=True)
 
 
 if __name__ == "__main__":

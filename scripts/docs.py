@@ -263,39 +263,30 @@ def generated() -> Mapping[Path, str]:
         PYTHON: python_page.page(),
         MODULES: modules(),
         BASELINES: baselines(),
-        HEADLINE: _between(HEADLINE.read_text(), HEADLINE_TABLE, headline()),
-        BENCHMARK: _between(BENCHMARK.read_text(), REACHED, reached()),
-        README: _between(README.read_text(), FOUND, found()),
-        CONTRIBUTING: _between(CONTRIBUTING.read_text(), TREE, tree()),
-        SCORES: _scores(),
-        SCHEDULE: _schedule(),
-        LOOP: _between(LOOP.read_text(), ADVICE, advice()),
-        CLUSTER: _between(CLUSTER.read_text(), FAULTS, faults()),
-        GYMNASIUM: _gymnasium(),
-        POLISH: _between(POLISH.read_text(), POLISHED, polished()),
-        ROBOT: _between(ROBOT.read_text(), ROBUST, _measured("robust")),
+        HEADLINE: _filled(HEADLINE, (HEADLINE_TABLE, headline())),
+        BENCHMARK: _filled(BENCHMARK, (REACHED, reached())),
+        README: _filled(README, (FOUND, found())),
+        CONTRIBUTING: _filled(CONTRIBUTING, (TREE, tree())),
+        SCORES: _filled(SCORES, (CHOSEN, choosing()), (FIRST_RUNS, first_runs()), (LATER, later())),
+        SCHEDULE: _filled(
+            SCHEDULE,
+            (EARLY, early()),
+            *((marks, rungs(table)) for marks, table in ((SOON, "soon"), (TELLING, "telling"), (CHOICES, "choices"))),
+        ),
+        LOOP: _filled(LOOP, (ADVICE, advice())),
+        CLUSTER: _filled(CLUSTER, (FAULTS, faults())),
+        GYMNASIUM: _filled(GYMNASIUM, (LIFTED, lifted()), (SOLVED, solved()), (SEARCHED, searched())),
+        POLISH: _filled(POLISH, (POLISHED, polished())),
+        ROBOT: _filled(ROBOT, (ROBUST, _measured("robust"))),
         **pictures(),
     }
 
 
-def _scores() -> str:
-    text = SCORES.read_text()
-    for marks, part in ((CHOSEN, choosing()), (FIRST_RUNS, first_runs()), (LATER, later())):
+def _filled(path: Path, *parts: tuple[tuple[str, str], str]) -> str:
+    """A page with each text between its two marks."""
+    text = path.read_text()
+    for marks, part in parts:
         text = _between(text, marks, part)
-    return text
-
-
-def _gymnasium() -> str:
-    text = GYMNASIUM.read_text()
-    for marks, part in ((LIFTED, lifted()), (SOLVED, solved()), (SEARCHED, searched())):
-        text = _between(text, marks, part)
-    return text
-
-
-def _schedule() -> str:
-    text = _between(SCHEDULE.read_text(), EARLY, early())
-    for marks, table in ((SOON, "soon"), (TELLING, "telling"), (CHOICES, "choices")):
-        text = _between(text, marks, rungs(table))
     return text
 
 

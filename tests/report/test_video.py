@@ -1,3 +1,5 @@
+import subprocess
+
 import imageio_ffmpeg
 import numpy as np
 import pytest
@@ -30,6 +32,11 @@ def test_two_policies_play_side_by_side_under_their_captions_in_any_browser():
     left, right = np.split(pictures[0].astype(int), 2, axis=1)
     assert np.abs(left[80:] - right[80:]).mean() < 3  # they begin alike
     assert (left[16:60, 16:60] != right[16:60, 16:60]).any()
+
+
+def test_a_film_that_ffmpeg_refuses_is_no_film():
+    with pytest.raises((subprocess.CalledProcessError, BrokenPipeError)):  # by when it ends
+        film.encode([np.zeros((47, 63, 3), np.uint8)] * 3, rate=10)
 
 
 def test_without_opengl_one_sentence_says_what_to_install(monkeypatch):

@@ -35,6 +35,8 @@ def encode(pictures: Iterable[np.ndarray], rate: int) -> bytes:
             assert process.stdin is not None
             for picture in chain([first], pictures):
                 process.stdin.write(np.ascontiguousarray(picture).data)
+        if process.returncode:
+            raise subprocess.CalledProcessError(process.returncode, "ffmpeg")
         return path.read_bytes()
 
 
