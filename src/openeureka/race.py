@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from . import baselines
 from .config import RunConfig
 from .lanes import Lanes, beside, deal, final_lanes, final_seeds, programs
+from .reward.form import form
 from .score import Outcome, broken, compare, difference, level, mean, pooled, rank
 from .strategies import Ranking, SearchStrategy
 from .types import Evaluation, History, Place, Scored, TrainingResult
@@ -39,8 +40,8 @@ def contenders(history: History) -> tuple[Scored, ...]:
     ordered = sorted((able[name] for name in close), key=lambda entry: -rank(entry.score))
     different: dict[str, Scored] = {}
     for entry in (best, *ordered):
-        graph = entry.sample.verdict.graph  # what its components are called makes no other reward of it
-        different.setdefault(str((graph.nodes, graph.reward)) if graph is not None else "", entry)
+        graph = entry.sample.verdict.graph
+        different.setdefault(form(graph) if graph is not None else "", entry)
     return tuple(different.values())[:CONTENDERS]
 
 
@@ -106,6 +107,7 @@ def outcome(
         return Outcome(best=None)
     rivals = [entry for entry in arms if entry is not best]
     lanes = final_lanes(config, [best, *rivals], results, scores)
+    rivals = [entry for entry in rivals if lanes[entry.sample.verdict.candidate]]
     return compare(best, lanes, results, scores, baselines.chosen(config), rivals)
 
 

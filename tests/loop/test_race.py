@@ -38,8 +38,12 @@ def spec(worth: float, seed: int) -> str:
 
 
 def go(directory: Path, trainer: ToyTrainer, worths: list[float], **settings) -> Outcome:
-    config = RunConfig(sample=len(worths), iteration=1, repair=0, refill=0, **settings)
-    model = ScriptedModel([reply(worth) for worth in worths])
+    return race_of(directory, trainer, [reply(worth) for worth in worths], **settings)
+
+
+def race_of(directory: Path, trainer: ToyTrainer, replies: list[str], **settings) -> Outcome:
+    config = RunConfig(sample=len(replies), iteration=1, repair=0, refill=0, **settings)
+    model = ScriptedModel(replies)
     with Store.open(directory, config) as store:
         return run(config, store, model, ToyChecker(), trainer, TOY, strategies.make(config))
 
@@ -62,6 +66,14 @@ def test_only_those_level_with_the_best_train_again_and_at_most_three(tmp_path: 
     go(tmp_path, trainer, [4, 7, 8, 8.5, 9], seeds=2)
     again = {name for name in trainer.trained if name.endswith("-s1")}
     assert again == {spec(8, 1), spec(8.5, 1), spec(9, 1), "human-s1"}
+
+
+def test_a_reward_that_is_written_twice_races_once(tmp_path: Path) -> None:
+    again = reply(9).replace("    return", "    # the same in other words\n    return")
+    trainer = ToyTrainer(error=1.0)
+    outcome = race_of(tmp_path, trainer, [reply(9), again, reply(8.5)], seeds=2)
+    assert {name for name in trainer.trained if name.endswith("-s1")} == {spec(9, 1), spec(8.5, 1), "human-s1"}
+    assert set(outcome.rivals) == {Place(0, 2)}
 
 
 def test_a_clear_winner_trains_alone_and_no_longer_than_needed(tmp_path: Path) -> None:

@@ -1,0 +1,84 @@
+"""What a reward is, whatever the order in which it adds: two programs of one form are one reward."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from typing import cast
+
+from ..types import Arg, Node, Part, RewardGraph
+
+Terms = dict[str, float]
+"""A value as a weighted sum: how often each term is in it."""
+
+_EITHER_WAY = frozenset({"mul.Tensor", "maximum.default", "minimum.default"})
+"""Of what is not a sum, where the order of two arguments does not matter."""
+_ZERO = "0"
+_DIGITS = 9
+"""Of a weight: 1 / 0.1 and 10 are one."""
+
+
+def form(graph: RewardGraph) -> str:
+    """Equal for rewards that differ in the names and places of their terms, not in what they pay but for rounding.
+
+    It knows sums, differences and weights. What else is algebraically equal, such as x * x and x ** 2, stays apart.
+    """
+    done: list[Terms] = []
+    for node in graph.nodes:
+        done.append(_terms(node, done))
+    return _digest({name: weight for name, weight in done[graph.reward].items() if name != _ZERO})
+
+
+def _terms(node: Node, done: Sequence[Terms]) -> Terms:
+    """A node's value, from those before it."""
+    name = node.op.partition(".")[0]
+    if name == "zeros_like":
+        return {_ZERO: 1.0}  # kept inside other operations: there its shape may count
+    if name == "neg":
+        return _sum({}, _sides(node, done)[0], -1)
+    if name in ("add", "sub"):
+        alpha = node.kwargs.get("alpha", 1)
+        if isinstance(alpha, int | float):
+            own, other = _sides(node, done)
+            return _sum(own, other, alpha if name == "add" else -alpha)
+    if name in ("mul", "div") and not node.kwargs:
+        weight = node.args[1]
+        if isinstance(weight, int | float) and weight:
+            return _sum({}, _sides(node, done)[0], weight if name == "mul" else 1 / weight)
+    args = [_spelled(arg, done) for arg in node.args]
+    if node.op in _EITHER_WAY:
+        args.sort()
+    named = sorted((key, _spelled(arg, done)) for key, arg in node.kwargs.items())
+    return {_short((node.op, args, named)): 1.0}
+
+
+def _sides(node: Node, done: Sequence[Terms]) -> list[Terms]:
+    """The arguments of a sum."""
+
+    def side(arg: Arg) -> Terms:
+        if not isinstance(arg, Mapping):
+            return {"1": float(cast(float, arg))}
+        return done[arg["ref"]] if "ref" in arg else {"worlds": float(arg["n"])}
+
+    return [side(arg) for arg in node.args]
+
+
+def _sum(own: Terms, other: Terms, weight: float) -> Terms:
+    names = dict.fromkeys((*own, *other))
+    total = {name: own.get(name, 0.0) + weight * other.get(name, 0.0) for name in names}
+    return {name: value for name, value in total.items() if value}
+
+
+def _spelled(arg: Arg, done: Sequence[Terms]) -> str:
+    def part(value: Part) -> str:
+        return _digest(done[value["ref"]]) if isinstance(value, Mapping) and "ref" in value else repr(value)
+
+    return repr([part(value) for value in arg]) if isinstance(arg, tuple) else part(arg)
+
+
+def _digest(terms: Terms) -> str:
+    return _short(sorted((name, f"{value:.{_DIGITS}g}") for name, value in terms.items()))
+
+
+def _short(value: object) -> str:
+    return hashlib.sha256(repr(value).encode()).hexdigest()[:32]

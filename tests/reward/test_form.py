@@ -1,0 +1,71 @@
+"""Two programs of one form are one reward."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+import torch
+
+from openeureka.reward import graph
+from openeureka.reward.form import form
+from openeureka.sandbox.client import Sandbox
+from openeureka.types import Candidate, Node, RewardGraph
+from reward.honest import CARTPOLE, recorded
+
+HEAD = "def compute_reward(dof_pos, dof_vel):\n    x, v = dof_pos[:, 0], dof_vel[:, 0]\n"
+SAME = {
+    "one after the other": "a = torch.exp(-x.abs() / 0.1) * 2; b = 0.01 * v**2; return a - b, {'a': a, 'b': b}",
+    "the other way round": "b = -0.01 * v**2; a = 2.0 * torch.exp(-x.abs() * 10); return b + a, {'b': b, 'a': a}",
+    "begun with zeros": "r = torch.zeros_like(x); r += torch.exp(-10 * x.abs()) * 2; r -= v**2 / 100; return r, {}",
+    "in halves": "half = torch.exp(x.abs() / -0.1) - 0.005 * v**2; return half + half, {'unused': half * x}",
+}
+OTHER = {
+    "another weight": "return 2 * torch.exp(-x.abs() / 0.1) - 0.02 * v**2, {}",
+    "another sign": "return 2 * torch.exp(-x.abs() / 0.1) + 0.01 * v**2, {}",
+    "a constant more": "return 2 * torch.exp(-x.abs() / 0.1) - 0.01 * v**2 + 1, {}",
+    "another scale inside": "return 2 * torch.exp(-x.abs() / 0.2) - 0.01 * v**2, {}",
+    "another variable": "return 2 * torch.exp(-v.abs() / 0.1) - 0.01 * v**2, {}",
+    "a term twice": "a = 2 * torch.exp(-x.abs() / 0.1)\n    return a + a - 0.01 * v**2, {}",
+    "a product of the terms": "return 2 * torch.exp(-x.abs() / 0.1) * (-0.01 * v**2), {}",
+    "only one of them": "return 2 * torch.exp(-x.abs() / 0.1), {}",
+}
+
+
+@pytest.fixture(scope="module")
+def graphs() -> dict[str, RewardGraph]:
+    found = {}
+    with Sandbox(CARTPOLE, recorded(CARTPOLE)) as checker:
+        for name, body in (SAME | OTHER).items():
+            verdict = checker.check(Candidate.of(f"import torch\n\n{HEAD}    {body}\n"))
+            assert verdict.graph is not None, (name, verdict.message)
+            found[name] = verdict.graph
+    return found
+
+
+def test_order_spelling_and_names_make_no_other_reward(graphs: dict[str, RewardGraph]) -> None:
+    assert len({form(graphs[name]) for name in SAME}) == 1
+    paid = [graph.compile(graphs[name], CARTPOLE)(recorded(CARTPOLE))[0] for name in SAME]
+    for own, other in itertools.pairwise(paid):
+        torch.testing.assert_close(own, other)
+
+
+def test_what_pays_otherwise_has_another_form(graphs: dict[str, RewardGraph]) -> None:
+    names = ["one after the other", *OTHER]
+    assert len({form(graphs[name]) for name in names}) == len(names)
+
+
+def test_a_sum_that_doubles_itself_is_cheap() -> None:
+    start = [Node("input", ("dof_pos",)), Node("select.int", ({"ref": 0}, 1, 0))]
+    doubled = [Node("add.Tensor", ({"ref": index}, {"ref": index})) for index in range(1, 1900)]
+    assert form(RewardGraph(nodes=(*start, *doubled), reward=1900, components=()))
+
+
+def test_the_number_of_worlds_is_a_term_like_another() -> None:
+    nodes = (
+        Node("input", ("dof_pos",)),
+        Node("select.int", ({"ref": 0}, 1, 0)),
+        Node("add.Tensor", ({"ref": 1}, {"n": 1})),
+    )
+    counted, plain = (RewardGraph(nodes=nodes, reward=index, components=()) for index in (2, 1))
+    assert form(counted) != form(plain)
