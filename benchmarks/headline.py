@@ -3,6 +3,7 @@
     python benchmarks/headline.py              # what is missing of benchmarks/plans/headline.yaml; hours to days
     python benchmarks/headline.py --env ant    # one task
     python benchmarks/headline.py --left       # what is missing, and about how long it will take
+    python benchmarks/headline.py --again ant  # repeats a row that is known, and says whether it is the same
 
 A row is a search from committed replies: eight rewards, the human and the sparse one train, the leading rewards race
 with fresh seeds, and what wins is judged in held-out episodes. What a search found is kept twice: figures in
@@ -38,29 +39,44 @@ ARCHIVE = ROOT / "benchmarks" / "headline"
 RESULTS = ROOT / "benchmarks" / "results" / "headline.json"
 BASELINES = ROOT / "benchmarks" / "results" / "baselines.json"
 OUTPUTS = ROOT / "outputs" / "headline"
+AGAIN = ROOT / "outputs" / "headline_again"
 TRAININGS = 20
 """Lanes of a row, about: ten in the search, and three fresh seeds of what races."""
 
 TITLES = (
     *("task", "steps", "generated, F held out", "human", "sparse"),
-    *("generated less human, 95 % interval", "the generated one is", "score", "clipped"),
+    *("generated less human, 95 % interval", "the generated one is", "score", "clipped", "correlation"),
 )
 ENDINGS = ("better", "level", "worse", "one seed", "both at zero")
+OF_THE_DAY = ("minutes", "date", "device", "processor", "versions")
+"""What a repetition may have otherwise."""
 Record = dict[str, Any]
 
 
 def measure(whole: Plan, env: str) -> None:
     """Search on one task, or go on with it, and keep what it found."""
+    store, row = search(whole, env, OUTPUTS / env)
+    ARCHIVE.mkdir(exist_ok=True)
+    (ARCHIVE / f"{env}.sqlite.xz").write_bytes(lzma.compress(store.read_bytes(), preset=9))
+    write(RESULTS, {**read(RESULTS), env: row})
+
+
+def repeat(whole: Plan, env: str) -> str:
+    """Search on a task again, and say what is the same: equal on one kind of processor with the same versions."""
+    _, again = search(whole, env, AGAIN / env)
+    return compared(env, read(RESULTS)[env], again)
+
+
+def search(whole: Plan, env: str, directory: Path) -> tuple[Path, Record]:
+    """The store of a finished search on one task, and what came of it."""
     (cell,) = (cell for cell in whole.cells() if cell.task == env)
     one = replace(whole, tasks=(env,), per_task={env: whole.per_task[env]})
     found: list[bench.Bench] = []
-    bench.run(one, OUTPUTS / env, Script(), found.append, print)
+    bench.run(one, directory, Script(), found.append, print)
     for name, error in found[-1].failures.items():
         raise SystemExit(f"{name}: {error}")
-    store = OUTPUTS / env / cell.name / FILENAME
-    ARCHIVE.mkdir(exist_ok=True)
-    (ARCHIVE / f"{env}.sqlite.xz").write_bytes(lzma.compress(store.read_bytes(), preset=9))
-    write(RESULTS, {**read(RESULTS), env: outcome(store.parent, cell, found[-1])})
+    store = directory / cell.name / FILENAME
+    return store, outcome(store.parent, cell, found[-1])
 
 
 def outcome(directory: Path, cell: Cell, found: bench.Bench) -> Record:
@@ -87,6 +103,18 @@ def outcome(directory: Path, cell: Cell, found: bench.Bench) -> Record:
     }
 
 
+def compared(env: str, kept: Record, again: Record) -> str:
+    """A row and its repetition, in a sentence or a line a difference."""
+    other = [name for name in kept if name not in OF_THE_DAY and again[name] != kept[name]]
+    if not other:
+        return f"{env}: every number is the same to the bit."
+    lines = [f"  {name}: {again[name]}, the table has {kept[name]}" for name in other]
+    where = ", ".join(
+        [kept["device"], kept.get("processor", "a processor that nobody wrote down"), str(kept["versions"])]
+    )
+    return "\n".join([f"{env}: not the same. The table was measured on {where}.", *lines])
+
+
 def ending(row: Record) -> str:
     """How a row ends; a tie of zeros is undecided, as it says nothing of either reward."""
     values = [value for name in ("generated", "human") for value in row[name] if value is not None]
@@ -111,6 +139,7 @@ def rows(measured: Mapping[str, Record]) -> list[list[str]]:
             ending(row),
             number(row["score"], 3),
             number(clipped(row["score"]), 3),
+            number(row["correlation_with_human"], 2),
         ]
         for env in load(PLAN).tasks
         if (row := measured.get(env)) is not None
@@ -164,10 +193,14 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--env", nargs="+")
     parser.add_argument("--left", action="store_true")
+    parser.add_argument("--again", choices=sorted(read(RESULTS)), nargs="+", help="rows that are known")
     options = parser.parse_args()
     whole = load(PLAN)
     if options.left:
         print(left(read(RESULTS)))
+    elif options.again:
+        for env in options.again:
+            print(repeat(whole, env), flush=True)
     else:
         for env in options.env or whole.tasks:
             if env not in read(RESULTS):

@@ -1,58 +1,75 @@
 """What `observe=measurable` costs in F: the human reward, policies that see all against those that see what a robot's
-sensors tell, held out, seed by seed.
+sensors tell, held out, seed by seed. A table of docs/guides/robot.md.
 
-    python benchmarks/measurable.py              # hours on 2 cores
+    python benchmarks/measurable.py              # what is missing, hours on 2 cores
+    python benchmarks/measurable.py --env ant    # one task
     python benchmarks/measurable.py --tiny       # minutes, to see that it works
 
-Runs are kept in outputs/measurable_bench, and the same command goes on where it was.
+A task is kept in benchmarks/results/measurable.json once it is known. Runs are under outputs/measurable_bench/, and the
+same command goes on where it was.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from records import conditions, write
+from ledger import OUTPUTS
+from records import Record, machine, read, write
 
 import openeureka
+from openeureka.report.text import number, spread
 from openeureka.score import difference, mean
 
 ENVS = ("anymal", "ant", "humanoid")
+SIGHTS = ("all", "measurable")
+SEEDS = 3
+RESULTS = Path(__file__).parent / "results" / "measurable.json"
+TITLES = ("task", "steps", "sees all, F held out", "sees what sensors tell", "difference, 95 % interval", "as a share")
 
 
-def scores(env: str, observe: str, seeds: int, out: Path, **settings: object) -> list[float]:
-    """Held-out F by seed."""
-    directory = out / f"{env.partition('+')[0]}_{observe}"
-    run = openeureka.train(env, "human", observe=observe, seeds=seeds, dir=directory, **settings)  # type: ignore[arg-type]
-    return list(run.view.given["human"].scores)
-
-
-def compare(env: str, seeds: int, out: Path, **settings: object) -> dict[str, object]:
-    everything, measurable = (scores(env, observe, seeds, out, **settings) for observe in ("all", "measurable"))
-    found = difference(measurable, everything, [measurable, everything])
-    interval = [found.low, found.high] if found is not None else None
-    return {
-        "all": everything,
-        "measurable": measurable,
-        "means": [mean(everything), mean(measurable)],
-        "difference_95": interval,
+def measure(env: str, seeds: int, out: Path, **settings: Any) -> Record:
+    """Held-out F by seed, of both kinds of policies."""
+    runs = {
+        sight: openeureka.train(
+            env, "human", observe=sight, seeds=seeds, dir=out / f"{env.partition('+')[0]}_{sight}", **settings
+        )
+        for sight in SIGHTS
     }
+    scores = {sight: list(run.view.given["human"].scores) for sight, run in runs.items()}
+    return {"steps": runs["all"].config.steps, **machine("cpu"), "held_out": scores}
+
+
+def rows(measured: Mapping[str, Record]) -> list[list[str]]:
+    """A row a task."""
+    return [_row(env, measured[env]) for env in ENVS if env in measured]
+
+
+def _row(env: str, found: Record) -> list[str]:
+    everything, sensed = (found["held_out"][sight] for sight in SIGHTS)
+    apart = difference(sensed, everything, [sensed, everything])
+    before, after = mean(everything), mean(sensed)
+    interval = f"{number(apart.value, 3)} ({number(apart.low, 3)} to {number(apart.high, 3)})" if apart else "-"
+    share = f"{(after - before) / abs(before):+.0%}" if before and after is not None else "-"
+    return [env, f"{found['steps']:,}", spread(everything), spread(sensed), interval, share]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--tiny", action="store_true", help="short episodes and trainings of one task, for a look")
-    parser.add_argument("--runs", type=Path, default=Path("outputs/measurable_bench"))
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "measurable.json")
+    parser.add_argument("--env", action="append", choices=ENVS, help="a task; may be repeated")
+    parser.add_argument("--tiny", action="store_true", help="short episodes and trainings of one task, kept nowhere")
     options = parser.parse_args()
-    envs, seeds, small = ENVS, options.seeds, {}
     if options.tiny:
-        envs, seeds, small = ("ant+episode_length=20",), 1, {"steps": 2048, "worlds": 32}
-    found = {env: compare(env, seeds, options.runs, **small) for env in envs}
-    for env, own in found.items():
-        print(env, own)
-    write(options.out, {"tasks": found, **conditions("mujoco", "torch")})
+        tiny = "ant+episode_length=20"
+        print(*_row(tiny, measure(tiny, 1, OUTPUTS / "measurable_bench" / "tiny", steps=2048, worlds=32)), sep=" | ")
+        return
+    for env in options.env or ENVS:
+        if env not in read(RESULTS):
+            found = measure(env, SEEDS, OUTPUTS / "measurable_bench")
+            write(RESULTS, {**read(RESULTS), env: found})
+        print(*_row(env, read(RESULTS)[env]), sep=" | ", flush=True)
 
 
 if __name__ == "__main__":

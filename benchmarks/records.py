@@ -55,15 +55,30 @@ def thinned(curves: Mapping[str, Sequence[float | None]]) -> dict[str, list[floa
 
 
 def machine(device: str) -> Record:
-    """Where and when a training was, for the record."""
+    """Where and when a training was, for the record.
+
+    Rounding differs between kinds of processor, and training amplifies it: numbers repeat to the bit on one kind.
+    """
     import torch  # which who makes tables of records can do without
 
-    cores = f"{len(os.sched_getaffinity(0))} cores, {platform.machine()}"
+    cores = f"{len(os.sched_getaffinity(0))} cores, {platform.machine()}, {torch.backends.cpu.get_cpu_capability()}"
     return {
         "device": torch.cuda.get_device_name(device.split(",")[0]) if device.startswith("cuda") else cores,
+        "processor": processor(),
         "date": today(),
         "versions": {name: version(name) for name in ("torch", "mujoco")},
     }
+
+
+def processor() -> str:
+    """Its name, family and model."""
+    table = Path("/proc/cpuinfo")
+    if not table.exists():
+        return platform.processor()
+    pairs = (line.partition(":") for line in table.read_text().split("\n\n")[0].splitlines())
+    known = {name.strip(): value.strip() for name, _, value in pairs}
+    parts = [known.get("model name"), *(f"{name} {known[name]}" for name in ("cpu family", "model") if name in known)]
+    return ", ".join(part for part in parts if part) or platform.machine()
 
 
 def conditions(*packages: str) -> Record:

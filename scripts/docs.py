@@ -70,6 +70,7 @@ REACHED = "<!-- reachable -->\n", "<!-- /reachable -->\n"
 CHOICES = "<!-- choices -->\n", "<!-- /choices -->\n"
 ROBOT = ROOT / "docs" / "guides" / "robot.md"
 ROBUST = "<!-- robust -->\n", "<!-- /robust -->\n"
+SENSED = "<!-- measurable -->\n", "<!-- /measurable -->\n"
 IMAGES = ROOT / "docs" / "images"
 
 
@@ -225,7 +226,8 @@ def pictures() -> Mapping[Path, str]:
 def _measured(name: str) -> str:
     """The table of a script of `benchmarks/`, from its own results."""
     study = _benchmark(name)
-    return _table(study.TITLES, study.rows(_benchmark("records").read(study.RESULTS)))
+    rows = study.rows(_benchmark("records").read(study.RESULTS))
+    return _table(study.TITLES, rows) if rows else "Not measured yet: it takes hours.\n"
 
 
 def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -277,7 +279,7 @@ def generated() -> Mapping[Path, str]:
         CLUSTER: _filled(CLUSTER, (FAULTS, faults())),
         GYMNASIUM: _filled(GYMNASIUM, (LIFTED, lifted()), (SOLVED, solved()), (SEARCHED, searched())),
         POLISH: _filled(POLISH, (POLISHED, polished())),
-        ROBOT: _filled(ROBOT, (ROBUST, _measured("robust"))),
+        ROBOT: _filled(ROBOT, (ROBUST, _measured("robust")), (SENSED, _measured("measurable"))),
         **pictures(),
     }
 

@@ -28,6 +28,7 @@ def row(generated: list[float], human: list[float], difference: list[float] | No
         "sparse": [0.0],
         "difference": difference,
         "score": 1.5,
+        "correlation_with_human": 0.5,
     }
 
 
@@ -62,3 +63,11 @@ def test_what_is_left_is_what_is_not_measured(headline: ModuleType):
     every = headline.left({}).splitlines()
     assert len(every) == 1 + len(load(headline.PLAN).tasks)
     assert len(headline.left({"ant": {}}).splitlines()) == len(every) - 1
+
+
+def test_a_repetition_is_the_same_or_says_what_is_not(headline: ModuleType):
+    kept = {**row([3.0, 4.0], [1.0], None), "minutes": 3.0, "date": "", "device": "2 cores", "versions": {"torch": "2"}}
+    later = {**kept, "minutes": 9.0, "date": "later", "device": "4 cores"}
+    assert headline.compared("ant", kept, later) == "ant: every number is the same to the bit."
+    text = headline.compared("ant", kept, {**later, "human": [1.0000001]})
+    assert "not the same" in text and "human: [1.0000001], the table has [1.0]" in text and "generated:" not in text
