@@ -1,0 +1,36 @@
+"""What a ranking is worth, from the records of lanes."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+import choosing
+
+
+def lane(played: float, held_out: float) -> dict[str, Any]:
+    one = {"fitness": played, "episodes": 64}
+    return {"training": played, "played": {"reward": [one]}, "held_out": {"reward": {"fitness": held_out}}}
+
+
+@pytest.fixture
+def measured() -> dict[str, Any]:
+    """Four rewards that play 4, 3, 2 and 1 in a search; with fresh seeds they are worth 10, 40, 20 and 0."""
+    worth = {"a": (4.0, 10.0), "b": (3.0, 40.0), "c": (2.0, 20.0), "d": (1.0, 0.0), "human": (2.0, 15.0)}
+    lanes = {f"{name}-s0": lane(played, played) for name, (played, _) in worth.items()}
+    lanes |= {f"{name}-s{seed}": lane(fresh, fresh) for name, (_, fresh) in worth.items() for seed in (1, 2)}
+    return {"ant": {"lanes": lanes}}
+
+
+def test_f_of_the_one_chosen_from_so_many_is_that_of_all_draws(measured: dict[str, Any]) -> None:
+    ((task, one, two, four, best, human),) = choosing.fewer(measured)
+    # Of the six pairs three hold a, two more b, one is c with d.
+    assert (task, one, two, four) == ("ant", "17.5", "21.67", "10")
+    assert (best, human) == ("40", "15")
+
+
+def test_a_task_without_fresh_seeds_has_no_row(measured: dict[str, Any]) -> None:
+    lanes = {name: one for name, one in measured["ant"]["lanes"].items() if name.endswith("-s0")}
+    assert choosing.fewer({"ant": {"lanes": lanes}}) == []
