@@ -84,8 +84,8 @@ NOTES = (
     """*Same policy*: rank correlation with held-out F of the policy that was ranked. *Fresh seeds*: with that of
 trainings with other seeds; the last five columns are held-out F over those seeds. Three race, the first by playing.
 
-How many rewards does it take? So many train with one seed, drawn from the eight in all ways, and the one that plays best
-is chosen. Held-out F with fresh seeds, mean over the draws:
+How many rewards does it take? So many train with one seed, drawn from the eight in all ways, and the one that plays
+best is chosen. Held-out F with fresh seeds, mean over the draws:
 """,
     """Which policy should stand for a lane? Held-out F, the mean over all lanes and seeds:
 """,
