@@ -46,10 +46,15 @@ def chosen(config: RunConfig) -> Baselines | None:
     """
     if config.baselines != "known":
         return None
-    plain = not config.curriculum and config.randomise == NO_RANGES
-    found = known(config.env, _held_out(config)) if plain else None
+    other = {
+        "a curriculum": bool(config.curriculum),
+        "randomise=": config.randomise != NO_RANGES,
+        "observe=measurable": config.observe != "all",
+    }
+    apart = [name for name, chosen in other.items() if chosen]
+    found = known(config.env, _held_out(config)) if not apart else None
     if found is None or not (found.human.training and found.sparse.training):
-        what = config.env if plain else f"{config.env} with {'a curriculum' if config.curriculum else 'randomise='}"
+        what = f"{config.env} with {apart[0]}" if apart else config.env
         raise ConfigError(f"The baselines of {what} were not measured beforehand; use baselines=train.")
     return found
 

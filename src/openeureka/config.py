@@ -41,9 +41,9 @@ class RunConfig:
     base_url: str = ""
     """OpenAI-compatible endpoint; empty means the one the openai package uses."""
     sample: int = 0
-    """Candidates per generation, K."""
+    """Candidates per generation, K; 0 means 8, or 16 with an endpoint."""
     iteration: int = 0
-    """Generations, N."""
+    """Generations, N; 0 means 3, or 5 with an endpoint."""
     search: str = "best"
     """`best` (the best so far is the parent), `eureka` (as published) or `pkg.mod:Name` of your own."""
     init: str = ""
@@ -81,9 +81,9 @@ class RunConfig:
     seeds: int = 3
     """Fresh seeds that the leading rewards train with at the end, at most; fewer where two already decide."""
     steps: int = 0
-    """Environment steps per candidate, over all stages of a curriculum."""
+    """Environment steps per candidate, over all stages of a curriculum; 0 means the task's own."""
     worlds: int = 0
-    """Worlds per candidate."""
+    """Worlds per candidate; 0 means the task's own."""
     screen: int = 1
     """Ask for so many times the rewards that train, drop what pays against F, and train those that differ most."""
     schedule: str = "full"
@@ -202,9 +202,9 @@ class TrainConfig:
     seed: int = 0
     """First seed."""
     steps: int = 0
-    """Environment steps per training, over all stages of a curriculum."""
+    """Environment steps per training, over all stages of a curriculum; 0 means the task's own."""
     worlds: int = 0
-    """Worlds per training."""
+    """Worlds per training; 0 means the task's own."""
     bonus: str = "none"
     """What generated rewards get: `none`; `original`, 250 on success in hand tasks; `progress`, pay for rare stages."""
     device: str = "cpu"

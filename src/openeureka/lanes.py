@@ -81,14 +81,22 @@ def polish_seeds(config: RunConfig) -> range:
 
 
 def final_lanes(
-    config: RunConfig, arms: Iterable[Scored], results: Container[str], scores: Container[str]
+    config: RunConfig,
+    arms: Iterable[Scored],
+    results: Container[str],
+    scores: Container[str],
+    seeds: Sequence[int] | None = None,
 ) -> dict[str, list[str]]:
     """Lane ids of the final trainings by reward: those of the candidates, and of each baseline that is trained.
 
     A baseline's training beside the first generation counts as well where it has a score: nobody picked it.
+
+    Args:
+        seeds: fresh ones to look for; None for all that a run may take.
     """
-    fresh = {entry.sample.verdict.candidate: list(final_seeds(config)) for entry in arms}
-    fresh |= {name: [config.seed, *final_seeds(config)] for name, _ in beside(config)}
+    wanted = final_seeds(config) if seeds is None else seeds
+    fresh = {entry.sample.verdict.candidate: list(wanted) for entry in arms}
+    fresh |= {name: [config.seed, *wanted] for name, _ in beside(config)}
     return {
         name: [
             lane
@@ -240,15 +248,14 @@ class Lanes:
 
     def _keep(self, result: TrainingResult, specs: Iterable[LaneSpec]) -> None:
         own = [dataclasses.replace(result, lane=spec.id) for spec in specs]
-        for each in own:
-            self.store.lanes.save_result(each)
+        self.store.lanes.save_results(own)
         self.store.lanes.forget(result.lane)
         for each in own:
             self.observer.result(each)
 
-    def final(self, arms: Iterable[Scored]) -> dict[str, list[str]]:
+    def final(self, arms: Iterable[Scored], seeds: Sequence[int] | None = None) -> dict[str, list[str]]:
         """Lane ids of the final trainings by reward, as far as they are done: see `final_lanes`."""
-        return final_lanes(self.config, arms, self.store.lanes.results(), self.store.lanes.plays())
+        return final_lanes(self.config, arms, self.store.lanes.results(), self.store.lanes.plays(), seeds)
 
     def play(self, ids: Iterable[str], strategy: SearchStrategy) -> dict[str, Evaluation]:
         """What each lane scores by the one of its policies that plays best, on start states kept for choosing; nothing
@@ -263,11 +270,21 @@ class Lanes:
         self._look(0, ids, strategy.peaks)
         records, beside = self.store.lanes.all(), dict(BASELINES)
         rivals = [lane for lane in ids if records[lane].role == "given" or records[lane].reward not in beside]
-        lawful = {lane: s for lane, s in self._scores(rivals).items() if not broken(s, self.config.limited)}
+        lawful = {lane: s for lane, s in self.first_looks(rivals).items() if not broken(s, self.config.limited)}
         self._look(1, level(lawful), strategy.peaks)
         scores = self._scores(ids)
         self.observer.played(scores)
         return scores
+
+    def first_looks(self, ids: Iterable[str]) -> dict[str, Evaluation]:
+        """What each lane scored when it played first. Whether it has played again depends on when a run was stopped, so
+        what a resumed run decides anew rests on this."""
+        plays, limits = self.store.lanes.plays(), self.config.limited
+        return {
+            lane: played({peak: looks[:1] for peak, looks in plays[lane].items()}, limits)
+            for lane in ids
+            if lane in plays
+        }
 
     def _scores(self, ids: Iterable[str]) -> dict[str, Evaluation]:
         plays = self.store.lanes.plays()

@@ -15,7 +15,7 @@ from .observer import NullObserver, Observer
 from .person import Desk, EmptyDesk, Hearing
 from .reflection import reflect
 from .sampling import Checker, Sampler
-from .score import Outcome, rank
+from .score import Outcome, worth
 from .store import Store
 from .strategies import Ranking, SearchStrategy
 from .types import History, PolicyId, Scored, TaskContext, Trainer, lane_id
@@ -95,7 +95,8 @@ def conclude(
     The search's own scores are the best of many tries; only fresh seeds and fresh episodes say what a reward is worth.
     """
     observer.phase(config.generations, "final")
-    best = race.crown(history, lanes, strategy)
+    confirmed = store.crown()
+    best = race.crowned(history, confirmed) if confirmed is not None else race.crown(history, lanes, strategy)
     if best is None:
         nearest = Ranking(history).nearest or Ranking(history).best
         if nearest is not None and nearest.result is not None:  # nobody wins, and that is told in numbers
@@ -107,11 +108,11 @@ def conclude(
     scores = lanes.evaluate(lanes.standing([lane for own in arms.values() for lane in own], strategy))
     results = store.lanes.results()
     own = {lane: results[lane] for lane in arms[best.sample.verdict.candidate] if lane in scores}
-    winner = max(own, key=lambda lane: rank(scores[lane].fitness), default=None)
+    winner = max(own, key=lambda lane: worth(scores[lane], config.limited), default=None)
     policy = keep(store, lanes, strategy, best, winner)
     if winner is not None:
         lanes.try_out(hacking.trials(own, winner, lanes.standing(own, strategy)))
-    if store.crown() is None:
+    if confirmed is None:
         store.save_crown(best.sample.place)
     return policy
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from .score import Estimate, gain
-from .types import Evaluation, Lane, PolicyId, Start, TrainingResult
+from .score import NO_LIMITS, Estimate, breach, gain
+from .types import Evaluation, Lane, Limits, PolicyId, Start, TrainingResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +35,9 @@ class Polished:
     after: Evaluation | None
     """F of that policy, held out."""
     best: PolicyId | None
-    """The one of both with the higher F, held out; None before they are judged."""
+    """The one of both with the higher F, held out, of those that keep the limits; None before they are judged."""
+    breach: str = ""
+    """The limits that the chosen lane's policy breaks, held out; empty where none."""
 
     @property
     def better(self) -> bool:
@@ -54,6 +56,7 @@ def read(
     played: Mapping[str, Evaluation],
     evaluations: Mapping[str, Evaluation],
     best: PolicyId | None,
+    limits: Limits = NO_LIMITS,
 ) -> Polished | None:
     """What the store of a run says of it; None where no policy was carried on.
 
@@ -62,6 +65,7 @@ def read(
         played: what lanes scored when they were played to choose by.
         evaluations: what they scored in held-out episodes.
         best: `LaneLog.best_policy`.
+        limits: of the run.
     """
     tries = [
         Try(lane=lane, start=lane.start, result=results.get(name), played=played.get(name))
@@ -78,5 +82,6 @@ def read(
         before=evaluations.get(began.lane),
         chosen=chosen,
         after=evaluations[chosen.lane.id] if chosen is not None else None,
+        breach=breach(evaluations[chosen.lane.id], limits) if chosen is not None else "",
         best=best,
     )

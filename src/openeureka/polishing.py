@@ -9,10 +9,10 @@ from collections.abc import Mapping
 
 from .config import RunConfig
 from .lanes import BASELINES, Lanes, Wanted, polish_seeds
-from .score import rank
+from .score import worth
 from .store import Store
 from .strategies import Best
-from .types import Evaluation, Lane, PolicyId, RewardGraph, Start
+from .types import Evaluation, Lane, Limits, PolicyId, RewardGraph, Start
 
 SHARES = (0.0, 0.1, 0.25, 0.5)
 """Of fresh weights in the mixture that a lane begins with."""
@@ -38,8 +38,9 @@ def polish(lanes: Lanes, began: PolicyId) -> None:
         observer.phase(config.generations, "play")
         played = lanes.play(results, Best(samples=0))
         observer.phase(config.generations, "evaluate")
-        scores = lanes.evaluate({policy.lane: policy.peak for policy in (began, _leader(played)) if policy is not None})
-    better = max((began.lane, *results), key=lambda lane: rank(scores[lane].fitness if lane in scores else None))
+        leader = _leader(played, config.limited)
+        scores = lanes.evaluate({policy.lane: policy.peak for policy in (began, leader) if policy is not None})
+    better = max((began.lane, *results), key=lambda lane: worth(scores.get(lane), config.limited))
     best = PolicyId(better, scores[better].peak or began.peak) if better != began.lane else began
     if best != began:
         log.expose("polished", best)
@@ -73,8 +74,8 @@ def rewards(store: Store, own: str) -> dict[str, RewardGraph]:
     return found
 
 
-def _leader(played: Mapping[str, Evaluation]) -> PolicyId | None:
-    """The policy that plays best; of equals that of the first lane."""
-    lane = max(played, key=lambda lane: rank(played[lane].fitness), default=None)
+def _leader(played: Mapping[str, Evaluation], limits: Limits) -> PolicyId | None:
+    """The policy that plays best, of those that keep the limits if any does; of equals that of the first lane."""
+    lane = max(played, key=lambda lane: worth(played[lane], limits), default=None)
     peak = played[lane].peak if lane is not None else None
     return PolicyId(lane, peak) if lane is not None and peak is not None else None

@@ -13,7 +13,7 @@ from .lanes import Lanes, beside, deal, final_lanes, final_seeds, programs
 from .reward.form import form
 from .score import Outcome, broken, compare, difference, level, mean, pooled, rank
 from .strategies import Ranking, SearchStrategy
-from .types import Evaluation, History, Place, Scored, TrainingResult
+from .types import Evaluation, History, Limits, Place, Scored, TrainingResult
 
 CONTENDERS = 3
 """The most rewards that train again."""
@@ -62,29 +62,35 @@ def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | 
         return None
     config, names, raced = lanes.config, list(arms), strategy.judge == "played"
     known, others = baselines.chosen(config), beside(config)[: 1 if raced else None]
-    for seeds in rounds(final_seeds(config), raced=raced):
-        lanes.train(deal([*programs(arms[name].sample for name in names), *others], seeds, "final"))
+    seeds: list[int] = []
+    for more in rounds(final_seeds(config), raced=raced):
+        lanes.train(deal([*programs(arms[name].sample for name in names), *others], more, "final"))
         if not raced:
             break
-        finals = lanes.final(tuple(arms.values()))
-        played = lanes.play([lane for own in finals.values() for lane in own], strategy)
+        seeds += more  # a resumed race decides each round by what there was in it
+        finals = lanes.final(tuple(arms.values()), seeds)
+        ids = [lane for own in finals.values() for lane in own]
+        lanes.play(ids, strategy)
+        played = lanes.first_looks(ids)
         scores = {
             name: [score.fitness for lane in own if (score := played.get(lane)) and score.fitness is not None]
             for name, own in finals.items()
         }
         if known is not None:
             scores["human"] = list(known.human.scores)
-        names = [name for name in names if _lawful(history, [played[lane] for lane in finals[name] if lane in played])]
+        looks = {name: [played[lane] for lane in finals[name] if lane in played] for name in names}
+        names = [name for name in names if lawful(history.limits, looks[name])]
         if not names:
             return None
         names = running(scores, names)
-        if len(names) == 1 and sure(scores, names[0], "human"):
+        if len(names) == 1 and sure(scores, names[0], "human", claims=len(arms)):
             break
     return arms[names[0]]
 
 
-def _lawful(history: History, plays: Sequence[Evaluation]) -> bool:
-    return not plays or not broken(pooled(plays), history.limits)
+def lawful(limits: Limits, plays: Sequence[Evaluation]) -> bool:
+    """Whether a reward's policies keep the limits, on average over its trainings."""
+    return not plays or not broken(pooled(plays), limits)
 
 
 def crowned(history: History, place: Place | None) -> Scored | None:

@@ -11,8 +11,8 @@ from statistics import NormalDist
 from .config import FEWEST_TUNED, RunConfig
 from .lanes import final_seeds
 from .reward.weights import Weight, values, weights
-from .score import CONFIDENCE, Arm, Difference, difference, mean, pearson, rank
-from .types import Candidate, Evaluation, TrainingResult, lane_id
+from .score import CONFIDENCE, NO_LIMITS, Arm, Difference, breach, difference, mean, pearson, pooled, rank
+from .types import Candidate, Evaluation, Limits, TrainingResult, lane_id
 
 ORIGINAL = "original"
 """What the text as it came is called; the others are `trial_1` and so on."""
@@ -89,11 +89,15 @@ class Tuned:
     )
     """Mean of each component at the end of the final trainings, before and after."""
 
+    breach: str = ""
+    """The limits that its policies break, on average over its final trainings; empty where none."""
+
     @property
     def better(self) -> str:
-        """Which of both has the higher mean of held-out F, and stands in `best/`; of equals the text as it came."""
+        """Which of both has the higher mean of held-out F, and stands in `best/`; of equals the text as it came, and
+        where the other breaks a limit."""
         return max(
-            (ORIGINAL, self.after) if self.after else (ORIGINAL,),
+            (ORIGINAL, self.after) if self.after and not self.breach else (ORIGINAL,),
             key=lambda name: rank(mean(self.arms[name].scores)) if name in self.arms else 0.0,
         )
 
@@ -134,7 +138,10 @@ def read(
     ]
     trained = [trial for trial in trials if lane_id(trial.candidate.id, config.seed) in results]
     lanes = final_lanes(config, texts, results)
-    after = winner({name: [played.get(lane) for lane in own] for name, own in lanes.items() if name != ORIGINAL})
+    limits = config.limited
+    after = winner(
+        {name: [played.get(lane) for lane in own] for name, own in lanes.items() if name != ORIGINAL}, limits
+    )
     fitted = next((trial.values for trial in trials if trial.name == after), None)
     found = Tuned(
         trials=tuple(trials),
@@ -154,7 +161,9 @@ def read(
         return found
     before_after = ([results[lane] for lane in lanes[name]] for name in (ORIGINAL, after))
     arms = {name: _arm(own, results, evaluations) for name, own in lanes.items()}
-    return replace(found, arms=arms, components=_components(*before_after))
+    judged = [score for lane in lanes[after] if (score := evaluations.get(lane) or played.get(lane)) is not None]
+    broken = breach(pooled(judged), limits) if judged else ""
+    return replace(found, arms=arms, components=_components(*before_after), breach=broken)
 
 
 def size(config: RunConfig) -> int:
@@ -184,11 +193,14 @@ def final_lanes(
     return {name: lanes for name, lanes in found.items() if lanes or name == ORIGINAL}
 
 
-def winner(scores: Mapping[str, Sequence[Evaluation | None]]) -> str:
-    """Who raced longest, and of those who played best on average; empty where nobody raced."""
+def winner(scores: Mapping[str, Sequence[Evaluation | None]], limits: Limits = NO_LIMITS) -> str:
+    """Who raced longest, and of those who played best on average; one that keeps the limits before others; empty where
+    nobody raced."""
 
-    def standing(name: str) -> tuple[int, float]:
-        return len(scores[name]), rank(mean([_fitness(score) for score in scores[name]]))
+    def standing(name: str) -> tuple[bool, int, float]:
+        known = [score for score in scores[name] if score is not None]
+        lawful = not known or not breach(pooled(known), limits)
+        return lawful, len(scores[name]), rank(mean([_fitness(score) for score in scores[name]]))
 
     return max(scores, key=standing, default="")
 

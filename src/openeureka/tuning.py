@@ -17,7 +17,7 @@ from .errors import StoreError
 from .lanes import Lanes, deal, final_seeds
 from .reward.weights import Weight, values, weighed, weights
 from .sampling import Checker
-from .score import played, rank
+from .score import broken, played, rank, worth
 from .store import Store
 from .strategies import Best
 from .tuned import ORIGINAL
@@ -109,7 +109,7 @@ def tune(lanes: Lanes, checker: Checker) -> PolicyId | None:
         last = own is every[-1]
         _train(lanes, index, candidates, over=bool(_raced(store, kept)) if last else _name(own.stop) in kept)
         if not last:
-            optimiser.tell(*_scores(store, candidates, origin, config.seed))
+            optimiser.tell(*_scores(lanes, candidates, origin))
     return _race(lanes, len(every))
 
 
@@ -169,29 +169,21 @@ def _train(lanes: Lanes, index: int, candidates: Iterable[Candidate], *, over: b
 
 
 def _scores(
-    store: Store, candidates: Sequence[Candidate], origin: Candidate, seed: int
+    lanes: Lanes, candidates: Sequence[Candidate], origin: Candidate
 ) -> tuple[list[tuple[float, ...]], list[float | None]]:
-    """The numbers of weightings, and what each scored."""
-    lanes = [lane_id(candidate.id, seed) for candidate in candidates]
-    looks = _first_looks(store, lanes)
+    """The numbers of weightings, and what each scored: None for one whose policy breaks a limit."""
+    ids, limits = [lane_id(candidate.id, lanes.config.seed) for candidate in candidates], lanes.config.limited
+    lawful = {lane: score.fitness for lane, score in lanes.first_looks(ids).items() if not broken(score, limits)}
     numbers = [values(candidate.source, origin.source) for candidate in candidates]
     assert all(own is not None for own in numbers)  # all come from `weighed`
-    return [own for own in numbers if own is not None], [looks.get(lane) for lane in lanes]
-
-
-def _first_looks(store: Store, ids: Iterable[str]) -> dict[str, float | None]:
-    """Played F by lane id, of the first look alone: whether there is another depends on when the run was stopped."""
-    plays = store.lanes.plays()
-    return {
-        lane: played({peak: looks[:1] for peak, looks in plays[lane].items()}).fitness for lane in ids if lane in plays
-    }
+    return [own for own in numbers if own is not None], [lawful.get(lane) for lane in ids]
 
 
 def _race(lanes: Lanes, last: int) -> PolicyId | None:
     """Train those that lead and the text as it came with fresh seeds, more of them only while it is undecided."""
     config, store, strategy = lanes.config, lanes.store, Best(samples=0)
     texts = store.texts()
-    racing, seeds = _raced(store, texts) or _leading(store, texts, config.seed), list[int]()
+    racing, seeds = _raced(store, texts) or _leading(lanes, texts), list[int]()
     arms = {name: texts[name] for name in (ORIGINAL, *racing)}
     lanes.observer.phase(last, "final")
     for more in race.rounds(final_seeds(config), raced=True):
@@ -199,16 +191,14 @@ def _race(lanes: Lanes, last: int) -> PolicyId | None:
         lanes.train(deal(_graphs(store, [arms[name] for name in (ORIGINAL, *racing)]), more, "final"))
         own = tuned.final_lanes(config, arms, store.lanes.results(), seeds)
         lanes.play([lane for ids in own.values() for lane in ids], strategy)
-        scores = {name: _defined(_first_looks(store, ids).values()) for name, ids in own.items()}
-        racing = race.running(scores, [name for name in racing if name in scores])
-        if len(racing) < 2 and (not racing or race.sure(scores, racing[0], ORIGINAL)):
+        looks = {name: [*lanes.first_looks(ids).values()] for name, ids in own.items()}
+        scores = {name: [look.fitness for look in found if look.fitness is not None] for name, found in looks.items()}
+        lawful = [name for name in racing if name in scores and race.lawful(config.limited, looks[name])]
+        racing = race.running(scores, lawful)
+        if len(racing) < 2 and (not racing or race.sure(scores, racing[0], ORIGINAL, claims=len(arms) - 1)):
             break
     lanes.observer.phase(last, "evaluate")
     return _conclude(lanes, texts, strategy)
-
-
-def _defined(scores: Iterable[float | None]) -> list[float]:
-    return [score for score in scores if score is not None]
 
 
 def _raced(store: Store, texts: tuned.Texts) -> list[str]:
@@ -217,12 +207,12 @@ def _raced(store: Store, texts: tuned.Texts) -> list[str]:
     return [name for name, candidate in texts.items() if candidate.id in final - {texts[ORIGINAL].id}]
 
 
-def _leading(store: Store, texts: tuned.Texts, seed: int) -> list[str]:
-    """Names of the best weightings by played F, without the text as it came."""
-    plays = store.lanes.plays()
-    ids = {name: lane_id(texts[name].id, seed) for name in texts if texts[name].id != texts[ORIGINAL].id}
-    known = {name: played(plays[lane]).fitness for name, lane in ids.items() if lane in plays}
-    best = sorted(known, key=lambda name: -rank(known[name]))[:RIVALS]
+def _leading(lanes: Lanes, texts: tuned.Texts) -> list[str]:
+    """Names of the best weightings by played F, those first that keep the limits; without the text as it came."""
+    plays, limits = lanes.store.lanes.plays(), lanes.config.limited
+    ids = {name: lane_id(texts[name].id, lanes.config.seed) for name in texts if texts[name].id != texts[ORIGINAL].id}
+    known = {name: played(plays[lane], limits) for name, lane in ids.items() if lane in plays}
+    best = sorted(known, key=lambda name: worth(known[name], limits), reverse=True)[:RIVALS]
     return [name for name in texts if name in best]  # as `_raced` finds them again
 
 
@@ -233,11 +223,11 @@ def _conclude(lanes: Lanes, texts: tuned.Texts, strategy: Best) -> PolicyId | No
     own = tuned.final_lanes(config, texts, results)
     standing = lanes.standing([lane for ids in own.values() for lane in ids], strategy)
     scores = lanes.evaluate(standing)
-    plays = {lane: played(looks) for lane, looks in store.lanes.plays().items()}
+    plays = {lane: played(looks, config.limited) for lane, looks in store.lanes.plays().items()}
     found = tuned.read(config, texts, results, plays, scores)
     if found is None or not own[found.better]:
         return None
-    lane = max(own[found.better], key=lambda lane: rank(scores[lane].fitness if lane in scores else None))
+    lane = max(own[found.better], key=lambda lane: worth(scores.get(lane), config.limited))
     kept = scores[lane].peak if lane in scores else None
     policy = PolicyId(lane, kept or standing[lane])
     store.save_best(texts[found.better], policy)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -118,3 +118,26 @@ def test_limits_need_a_search_that_plays() -> None:
     with pytest.raises(ConfigError, match="search=best"):
         RunConfig(limits="torque=40", search="eureka")
     assert RunConfig(limits="torque=40, falls=0.1").limited == {"torque": 40.0, "falls": 0.1}
+
+
+@dataclass
+class Hungry(Costly):
+    """As told by worth, to two digits: another torque, and F 3 higher where that is more than 90."""
+
+    torques: dict[float, float] = field(default_factory=dict)
+
+    def evaluate(self, env: str, policies: Any, *, seed: int, **options: Any) -> Iterator[Evaluation]:
+        for score in super().evaluate(env, policies, seed=seed, **options):
+            torque = self.torques.get(round(float(policies[score.lane]), 2), 40.0)
+            bonus = 3.0 if torque > 90.0 else 0.0
+            yield replace(score, fitness=(score.fitness or 0.0) + bonus, costs={"torque": torque})
+
+
+def test_of_the_winner_s_policies_one_that_keeps_the_limits_is_handed_over(tmp_path: Path) -> None:
+    """One of three fresh seeds takes 95, all of them 65 on average: F of that one is the highest."""
+    trainer = Hungry(torques={7.0: 50.0, 7.01: 50.0, 7.02: 95.0, 7.03: 50.0})
+    settings: dict[str, Any] = {"limits": "torque=75", "seeds": 3}
+    run = RunView.read(search_in(tmp_path / "run", [reply(7), reply(5)], trainer=trainer, **settings))
+    with Store.view(tmp_path / "run") as store:
+        (kept, *_) = store.lanes.exposed("best")
+    assert run.crown is not None and run.evaluations[kept.lane].costs["torque"] == 50.0

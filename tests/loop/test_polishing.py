@@ -246,3 +246,17 @@ def test_settings_that_make_no_sense_are_refused() -> None:
         RunConfig(polish_steps=1000)
     with pytest.raises(ConfigError, match="`polish` must be zero or more"):
         RunConfig(polish=-1)
+
+
+def test_a_policy_that_breaks_a_limit_is_not_handed_over(tmp_path: Path) -> None:
+    class Costly(Runner):
+        def evaluate(self, env, policies, *, seed, **options):
+            for score in super().evaluate(env, policies, seed=seed, **options):
+                yield replace(score, costs={"torque": 10 * float(policies[score.lane])})
+
+    search(tmp_path, Costly(), worths=(7.0, 5.0), limits="torque=75")
+    found = polished(tmp_path)
+    assert found.after is not None and found.after.fitness is not None and found.before is not None
+    assert found.after.fitness > (found.before.fitness or 0.0)  # more, and a torque of 100 and more
+    assert not found.better and not (tmp_path / "polished").exists()
+    assert "breaks a limit, torque" in of_polishing(found)

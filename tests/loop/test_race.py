@@ -99,6 +99,56 @@ def test_one_that_is_shown_to_be_worse_leaves_the_race() -> None:
     assert race.running(scores, ["b", "a", "c"]) == ["b", "a"]  # both mean 10.1: of equals the first leads
 
 
+class Killed(Exception):
+    """As a process that ends."""
+
+
+@dataclass
+class Mortal(Lucky):
+    """Ends where it is said: while the third seed plays, or on held-out episodes."""
+
+    dies: str = ""
+
+    def evaluate(self, env: str, policies, *, seed: int, **options):
+        held_out = 1_000_000 < seed < 2_000_000
+        if (self.dies == "race" and any("-s3" in name for name in policies)) or (self.dies == "judging" and held_out):
+            raise Killed
+        yield from super().evaluate(env, policies, seed=seed, **options)
+
+
+LEADS = {spec(8.2, 1): 10.0, spec(8.2, 2): 10.2, spec(8.2, 3): 5.0}
+"""Ahead in the first round, and behind once its third seed is known."""
+TRAILS = {spec(8, 1): 9.0, spec(8, 2): 9.2, spec(8, 3): 9.1}
+CLOSE = {"human-s0": 10.0, "human-s1": 10.1, "human-s2": 10.2, "human-s3": 10.1}
+
+
+@pytest.mark.parametrize("dies", ["race", "judging"])
+def test_a_resumed_race_decides_each_round_as_an_undisturbed_one(tmp_path: Path, dies: str) -> None:
+    said = LEADS | TRAILS | CLOSE
+    whole = go(tmp_path / "whole", Mortal(error=0.5, said=said), [8.2, 8.0], seeds=3)
+    with pytest.raises(Killed):
+        go(tmp_path / "killed", Mortal(error=0.5, said=said, dies=dies), [8.2, 8.0], seeds=3)
+    assert go(tmp_path / "killed", Mortal(error=0.5, said=said), [8.2, 8.0], seeds=3) == whole
+    assert whole.best is not None and whole.best.sample.place == Place(0, 0)
+
+
+def test_a_finished_search_keeps_its_crown(tmp_path: Path) -> None:
+    said = LEADS | TRAILS | CLOSE
+    first = go(tmp_path, Mortal(error=0.5, said=said), [8.2, 8.0], seeds=3)
+    again = Mortal(error=0.5, said=said)
+    assert go(tmp_path, again, [8.2, 8.0], seeds=3) == first and again.trained == []
+    assert (tmp_path / "best" / "reward.py").read_text() == program(8.2)
+
+
+def test_the_race_stops_by_the_interval_of_the_verdict(tmp_path: Path) -> None:
+    """Beyond doubt after two seeds if the best had not been picked among three, which the verdict allows for."""
+    said = {spec(8.2, 1): 9.0, spec(8.2, 2): 11.0, spec(8.1, 1): 3.0, spec(8.1, 2): 5.0, spec(8, 1): 2.0}
+    human = {"human-s0": 5.3, "human-s1": 6.3, "human-s2": 7.0}
+    trainer = Lucky(error=1.0, said={**said, spec(8, 2): 4.0, spec(8.2, 3): 10.0, "human-s3": 6.2, **human})
+    outcome = go(tmp_path, trainer, [8.2, 8.1, 8.0], seeds=5)
+    assert spec(8.2, 3) in trainer.trained and outcome.difference is not None and outcome.difference.sure
+
+
 def test_where_training_ranks_the_best_trains_with_all_seeds_at_once(tmp_path: Path) -> None:
     trainer = ToyTrainer(error=1.0)
     go(tmp_path, trainer, [7, 8], seeds=3, search="eureka")

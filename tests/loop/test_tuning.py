@@ -11,6 +11,8 @@ from random import Random
 import pytest
 
 from openeureka import strategies, tuned, tuning
+from openeureka.benchmark import figures
+from openeureka.benchmark.plan import Cell
 from openeureka.cli.show import summary
 from openeureka.config import NO_MODEL, RunConfig
 from openeureka.errors import StoreError
@@ -22,7 +24,7 @@ from openeureka.report.verdict import of_tuning
 from openeureka.report.view import RunView
 from openeureka.reward.weights import weighed, weights
 from openeureka.runs.run import Run
-from openeureka.score import Difference
+from openeureka.score import Difference, mean
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program
 from openeureka.tuned import ORIGINAL, Tuned
@@ -218,6 +220,10 @@ def test_a_search_fits_the_numbers_of_its_winner(tmp_path: Path) -> None:
     for text in ("\n".join(summary(view)), html.report(view, tmp_path)):
         assert "The best reward with fitted numbers" in text and of_tuning(found) in text
     assert Run(tmp_path).finished
+    told = figures.read(Cell("cartpole", "fitted", 0), tmp_path)  # a bench compares what is handed over
+    assert told is not None and told.held_out == mean(found.arms[found.better].held_out) != mean(
+        outcome.method.held_out
+    )
     again = ToyTrainer()
     assert search(again) == outcome and again.trained == []
     assert (tmp_path / "best" / "reward.py").read_text() == found_text(found)
@@ -260,3 +266,34 @@ def test_the_difference_allows_for_the_best_having_been_picked(tmp_path: Path) -
         found.arms[found.after].scores, found.arms[ORIGINAL].scores, arms, claims=2
     )
     assert isinstance(found.difference, Difference)
+
+
+class Hungry(ToyTrainer):
+    """A policy of worth w takes a torque of 10 w; on held-out episodes some more of what is worth more than 7.2."""
+
+    more = 0.0
+
+    def evaluate(self, env, policies, *, seed, **options):
+        held_out = 1_000_000 < seed < 2_000_000
+        for score in super().evaluate(env, policies, seed=seed, **options):
+            worth = float(policies[score.lane])
+            yield replace(score, costs={"torque": 10 * worth + (self.more if held_out and worth > 7.2 else 0.0)})
+
+
+@pytest.mark.parametrize("more", [0.0, 20.0])
+def test_numbers_whose_policies_break_a_limit_do_not_win(tmp_path: Path, more: float) -> None:
+    trainer = Hungry()
+    trainer.more = more
+    wanted = RunConfig(sample=8, iteration=1, repair=0, refill=0, seeds=2, tune=24, limits="torque=75")
+    with Store.open(tmp_path, wanted) as store:
+        text = f"```python\n{program(7.0).replace('7.0', '7.0 * x')}```\n"
+        run(wanted, store, ScriptedModel([text] * 8), ToyChecker(), trainer, TOY, strategies.make(wanted))
+    found = RunView.read(tmp_path).tuned
+    assert found is not None
+    before, after = (max(found.arms[name].scores) for name in (ORIGINAL, found.after))
+    assert before < after <= 6.5  # played, a policy scores one less than its worth
+    best = (tmp_path / "best" / "reward.py").read_text()
+    if more:
+        assert found.better == ORIGINAL and "7.0 * x" in best and "break a limit, torque 9" in of_tuning(found)
+    else:
+        assert found.better == found.after and "7.0 * x" not in best and not found.breach

@@ -69,3 +69,12 @@ def test_the_number_of_worlds_is_a_term_like_another() -> None:
     )
     counted, plain = (RewardGraph(nodes=nodes, reward=index, components=()) for index in (2, 1))
     assert form(counted) != form(plain)
+
+
+def test_what_a_bonus_pays_for_makes_another_reward() -> None:
+    nodes = (Node("input", ("dist",)), Node("input", ("height",)), Node("neg.default", ({"ref": 0},)))
+    done, high, none = (
+        RewardGraph(nodes=nodes, reward=2, components=components)
+        for components in ((("progress_done", 0),), (("progress_done", 1),), (("done", 0),))
+    )
+    assert len({form(done), form(high), form(none)}) == 3

@@ -117,7 +117,7 @@ def test_a_refusal_comes_back_with_its_findings(store: Store) -> None:
 
 
 def test_a_result_comes_back_with_undefined_numbers_as_none_and_its_policies_apart(store: Store) -> None:
-    store.lanes.save_result(result("human-s0", fitness=math.nan))
+    store.lanes.save_results([result("human-s0", fitness=math.nan)])
     kept = store.lanes.result("human-s0")
     assert kept is not None
     assert kept.fitness is None
@@ -130,7 +130,7 @@ def test_a_result_comes_back_with_undefined_numbers_as_none_and_its_policies_apa
 
 def test_the_clock_of_a_training_is_kept_and_an_older_result_has_none(store: Store) -> None:
     timed = dataclasses.replace(result("a"), clock=(1.5, 3.0))
-    store.lanes.save_result(timed)
+    store.lanes.save_results([timed])
     older = json.loads(encode_result(result("b")))
     del older["clock"]
     store._database.put("results", {"lane": "b", "fitness": 2.0, "result": json.dumps(older)})
@@ -138,7 +138,7 @@ def test_the_clock_of_a_training_is_kept_and_an_older_result_has_none(store: Sto
 
 
 def test_an_undefined_fitness_is_null_in_the_tables(store: Store) -> None:
-    store.lanes.save_result(result("a", fitness=math.inf))
+    store.lanes.save_results([result("a", fitness=math.inf)])
     store.lanes.save_evaluations([Evaluation(lane="a", fitness=math.nan, episode_length=2.0, episodes=3)])
     assert store.lanes.evaluations()["a"].fitness is None
     with sqlite3.connect(store.directory / "run.sqlite") as connection:
@@ -149,7 +149,7 @@ def test_an_undefined_fitness_is_null_in_the_tables(store: Store) -> None:
 def test_a_generation_comes_back_whole(store: Store) -> None:
     no_program = Verdict(candidate="", code=VerdictCode.NO_PROGRAM, findings=(Finding(rule="r", message="m"),))
     store.save_verdict(CANDIDATE, ACCEPTED, REPLY)
-    store.lanes.save_result(result("a-s0"))
+    store.lanes.save_results([result("a-s0")])
     trained = store.lanes.result("a-s0")
     entries = (
         Scored(
@@ -281,3 +281,10 @@ def test_a_result_that_was_changed_is_named(store: Store, field: str) -> None:
     store._database.put("results", {"lane": "a", "fitness": 1.0, "result": json.dumps(data)})
     with pytest.raises(StoreError, match="was changed"):
         store.lanes.results()
+
+
+def test_lanes_that_trained_as_one_are_kept_together(store: Store) -> None:
+    store.lanes.save_results([result("a-s0")])
+    with pytest.raises(sqlite3.IntegrityError):
+        store.lanes.save_results([result("b-s0"), result("a-s0")])
+    assert set(store.lanes.results()) == {"a-s0"}

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
 
-from .. import race
+from .. import race, tuned
 from ..lanes import final_seeds, polish_seeds
 from ..report.view import RunView
 from ..runs.run import finished
 from ..score import mean, rank
 from ..store import is_run, look
-from ..types import Role
+from ..types import Role, lane_id
 from .plan import Cell
 
 
@@ -61,7 +61,7 @@ def read(cell: Cell, directory: Path) -> Result | None:
         seed=cell.seed,
         search_steps=search_steps,
         steps=search_steps + sum(result.env_steps for result in others),
-        held_out=mean(outcome.method.held_out) if outcome is not None else None,
+        held_out=mean(_handed_over(run)),
         human=mean(outcome.human.held_out) if outcome is not None else None,
         sparse=mean(outcome.sparse.held_out) if outcome is not None else None,
         cost_usd=run.usage.cost_usd,
@@ -72,6 +72,14 @@ def read(cell: Cell, directory: Path) -> Result | None:
             if slot.played is not None
         ),
     )
+
+
+def _handed_over(run: RunView) -> Sequence[float | None]:
+    """Held-out F of the reward in `best/`, a value a seed: with its fitted numbers where those are better."""
+    found = run.tuned
+    if found is not None and found.better in found.arms:
+        return found.arms[found.better].held_out
+    return run.outcome.method.held_out if run.outcome is not None else ()
 
 
 def _rises(played: Iterable[tuple[int, float | None]]) -> tuple[tuple[int, float], ...]:
@@ -85,18 +93,27 @@ def _rises(played: Iterable[tuple[int, float | None]]) -> tuple[tuple[int, float
 
 def _seconds(run: RunView) -> float:
     """A generation trains side by side, the first with the rewards that come with the task; so do final trainings,
-    and those that carry its policy on."""
+    weightings of a round, and lanes that carry a policy on."""
 
-    def lanes(role: Role, seeds: Container[int]) -> set[str]:
-        return {name for name, lane in run.lanes.items() if lane.role == role and lane.seed in seeds}
+    def lanes(role: Role, seeds: Container[int], *, fitted: bool = False) -> set[str]:
+        own = {name: lane for name, lane in run.lanes.items() if (lane.reward in weightings) == fitted}
+        return {name for name, lane in own.items() if lane.role == role and lane.seed in seeds}
+
+    config, texts = run.config, list(run.texts.values())
+    weightings = {text.id for text in texts[1:]}
+    raced = [*race.rounds(final_seeds(config), raced=run.ranks == "played")]
 
     rounds = [
         {slot.result.lane for slot in generation.candidates if slot.result is not None}
         for generation in run.generations
     ]
-    rounds[0] |= lanes("baseline", [run.config.seed])
-    rounds += [lanes("final", seeds) for seeds in race.rounds(final_seeds(run.config), raced=run.ranks == "played")]
-    rounds.append(lanes("polish", polish_seeds(run.config)))
+    rounds[0] |= lanes("baseline", [config.seed])
+    rounds += [lanes("final", seeds) for seeds in raced]
+    rounds += [
+        {lane_id(text.id, config.seed) for text in texts[part.start : part.stop]} for part in tuned.rounds(config)
+    ]
+    rounds += [lanes("final", seeds, fitted=True) for seeds in raced]
+    rounds.append(lanes("polish", polish_seeds(config)) | lanes("polish", polish_seeds(config), fitted=True))
     seconds, known = 0.0, set[str]()
     for own in rounds:
         seconds += max((run.results[lane].seconds for lane in own - known if lane in run.results), default=0.0)

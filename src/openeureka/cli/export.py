@@ -33,9 +33,9 @@ def export(words: Sequence[str]) -> None:
             f"{directory} was not started here, and its task {run.config.env} would be run; say env=... if you know it."
         )
     task = registry.get(config.env or run.config.env)
+    text = task.handed_back(best.verdict.graph, best.candidate.source)  # refuses a task that is of no other program
     if config.to not in ("", task.suite):
         raise ConfigError(f"`{task.env}` comes from {task.suite}, so its rewards go to={task.suite}, not {config.to}.")
-    text = task.handed_back(best.verdict.graph, best.candidate.source)
     name = f"best/reward_{task.suite}.py"
     artifacts.write(directory, name, text)
     print(f"Wrote {directory / name}. Its first lines say how it is used.")

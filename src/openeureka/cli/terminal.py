@@ -35,7 +35,7 @@ class Terminal:
         if config.model == NO_MODEL:
             print(f"{short_name(config.env)}: given rewards, in {directory}")
             return
-        size = f"{config.iteration} generations of {config.sample} rewards"
+        size = f"{config.iteration} generation{'s' * (config.iteration > 1)} of {config.sample} rewards"
         print(f"{short_name(config.env)}: {size}, written by model={one_line(config.model)}, in {directory}")
         if config.model == "random":
             print(CONTROL)

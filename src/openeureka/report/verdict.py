@@ -33,6 +33,8 @@ def of_tuning(found: Tuned | None) -> str:
     if not before.scores or not after.scores:
         which = "before" if not before.scores else "after"
         return f"Not decided: with the numbers {which}, no final training left a policy that could be scored."
+    if found.breach:
+        return f"The numbers stay as they came: the policies of the tuned ones break a limit, {found.breach}."
     between = f"F {_arm(after)} against {_arm(before)}, held out"
     difference = found.difference
     if difference is None:
@@ -47,6 +49,8 @@ def of_polishing(found: Polished) -> str:
         return "Not decided yet: the policies that were carried on are not judged."
     if found.chosen is None or found.after is None or found.after.fitness is None:
         return "Carrying the policy on left none that could be scored: the one in best/ is the best."
+    if found.breach and not found.better:
+        return f"The policy stays as it was: the one that was carried on breaks a limit, {found.breach}."
     between = f"F {scored(found.after)} against {scored(found.before)} of the policy it began from, held out"
     gain = found.gain
     if gain is None or gain.low is None:

@@ -131,7 +131,8 @@ class RunView:
     @property
     def polished(self) -> Polished | None:
         """What came of carrying the best policy on; None where none is."""
-        return polished.read(self.lanes, self.results, self.played, self.evaluations, self.best_policy)
+        best, limits = self.best_policy, self.config.limited
+        return polished.read(self.lanes, self.results, self.played, self.evaluations, best, limits)
 
     @property
     def given(self) -> dict[str, Arm]:

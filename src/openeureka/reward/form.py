@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from typing import cast
 
-from ..types import Arg, Node, Part, RewardGraph
+from ..types import PROGRESS, Arg, Node, Part, RewardGraph
 
 Terms = dict[str, float]
 """A value as a weighted sum: how often each term is in it."""
@@ -26,7 +26,9 @@ def form(graph: RewardGraph) -> str:
     done: list[Terms] = []
     for node in graph.nodes:
         done.append(_terms(node, done))
-    return _digest({name: weight for name, weight in done[graph.reward].items() if name != _ZERO})
+    progress = [_digest(done[index]) for name, index in graph.components if name.startswith(PROGRESS)]
+    reward = _digest({name: weight for name, weight in done[graph.reward].items() if name != _ZERO})
+    return _short([reward, *progress]) if progress else reward  # with bonus=progress they pay, in the total or not
 
 
 def _terms(node: Node, done: Sequence[Terms]) -> Terms:

@@ -277,6 +277,8 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
         "threads": config.threads,
         "snapshots": directory / "snapshots",
     }
+    if config.address and config.executor == "local":
+        raise ConfigError("`address=` names a Ray cluster: add executor=ray, or say `address=` with nothing after it.")
     options |= {"address": config.address} if config.address else {}
     trainer: Trainer = EXECUTORS.make(config.executor, **options)
     ranges.find(config.env, config.randomise)  # refuses what is none, before anything is trained

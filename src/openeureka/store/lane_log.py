@@ -50,13 +50,17 @@ class LaneLog:
         rows = [dict(row) for row in self._database.rows("lanes")]
         return {row["lane"]: self._database.decoded(decode_lane, row) for row in rows}
 
-    def save_result(self, result: TrainingResult) -> None:
-        folder = f"lanes/{result.lane}"
-        text = encode_result(result)
-        artifacts.write(self._directory, f"{folder}/curves.json", text)
-        for name, policy in result.policies.items():
-            artifacts.write(self._directory, f"{folder}/{name}.safetensors", policy)
-        self._database.put("results", {"lane": result.lane, "fitness": finite(result.fitness), "result": text})
+    def save_results(self, results: Iterable[TrainingResult]) -> None:
+        """Keep what lanes found that trained as one: all or none of them."""
+        rows: list[dict[str, object]] = []
+        for result in results:
+            folder = f"lanes/{result.lane}"
+            text = encode_result(result)
+            artifacts.write(self._directory, f"{folder}/curves.json", text)
+            for name, policy in result.policies.items():
+                artifacts.write(self._directory, f"{folder}/{name}.safetensors", policy)
+            rows.append({"lane": result.lane, "fitness": finite(result.fitness), "result": text})
+        self._database.put("results", *rows)
 
     def result(self, lane: str) -> TrainingResult | None:
         """The stored result, its checkpoints without policies: `policy` reads those."""

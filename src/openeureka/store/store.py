@@ -50,7 +50,7 @@ LOOK_TIME = 0.5
 """[s] to wait for the lock: who only asks whether the run is at work (`is_held`) has it for microseconds."""
 
 FREE_TO_CHANGE = {
-    *("dir", "device", "threads", "executor", "base_url", "max_cost", "price", "video", "log"),
+    *("dir", "device", "threads", "executor", "address", "base_url", "max_cost", "price", "video", "log"),
     *("feedback_timeout", "unsafe_no_sandbox"),
 }
 """Settings that say how and where to run, not what is searched: a resumed run may have others."""

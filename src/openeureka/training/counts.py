@@ -12,8 +12,6 @@ from typing import Any
 import torch
 from torch import Tensor
 
-PREFIX = "progress_"
-"""Of the names of components that are progress values."""
 VALUES = 3
 """Progress values of a program that count, the first ones."""
 BINS = 10

@@ -13,8 +13,8 @@ from torch import Tensor
 from ..reward import graph
 from ..tasks.faults import per_world
 from ..tasks.task import State, Task
-from ..types import Bonus, RewardProgram
-from .counts import PREFIX, VALUES, ProgressCounts
+from ..types import PROGRESS, Bonus, RewardProgram
+from .counts import VALUES, ProgressCounts
 from .replay import Replay, waits
 
 MAX_CALL_SECONDS = 2.0
@@ -189,7 +189,7 @@ class _Part:
 
 
 def _progress(program: graph.CompiledReward) -> list[str]:
-    return [name for name, _ in program.graph.components if name.startswith(PREFIX)][:VALUES]
+    return [name for name, _ in program.graph.components if name.startswith(PROGRESS)][:VALUES]
 
 
 def moments(own: Tensor, human: Tensor) -> Tensor:

@@ -7,7 +7,7 @@ from .costs import COSTS, Limits
 from .dynamics import NOMINAL, Dynamics, Ranges
 from .remarks import Place, Remark, RemarkKind
 from .replies import GIVEN, Attempt, Message, Prompt, Reply, Usage
-from .rewards import Arg, Candidate, CandidateId, Finding, Node, Part, RewardGraph, Verdict, VerdictCode
+from .rewards import PROGRESS, Arg, Candidate, CandidateId, Finding, Node, Part, RewardGraph, Verdict, VerdictCode
 from .search import Generation, Glance, History, Opinion, PromptPlan, Sample, Scored, Screened
 from .tasks import StateKind, StateSpec, StateUse, StateVar, TaskContext
 from .training import (
@@ -37,6 +37,7 @@ __all__ = [
     "COSTS",
     "GIVEN",
     "NOMINAL",
+    "PROGRESS",
     "Arg",
     "Attempt",
     "Bonus",

@@ -28,6 +28,10 @@ class Node:
     kwargs: Mapping[str, Arg] = field(default_factory=dict[str, Arg])
 
 
+PROGRESS = "progress_"
+"""What the names of those components begin with that say how far an episode has come."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RewardGraph:
     """A reward program as data: a straight line of tensor operations, valid for any number of worlds."""

@@ -117,7 +117,9 @@ def _make(name: str, **keywords: Any) -> Env[Any, Any]:
         except (error.UnregisteredEnv, error.DeprecatedEnv, error.Error) as fault:
             raise TaskError(f"Gymnasium has no `{bare}`.{_hints(package, bare, fault)}") from None
         except ModuleNotFoundError as fault:
-            raise TaskError(f"`{name}` needs the module `{fault.name}`, which is not installed.") from None
+            raise TaskError(
+                f"`{name}` needs the module `{fault.name}`: install it, or set PYTHONPATH to its folder."
+            ) from None
         except Exception as fault:
             raise TaskError(f"The environment `{name}` cannot be made: {told(fault)}") from fault
 
