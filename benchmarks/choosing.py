@@ -167,7 +167,7 @@ def _ranking(env: str, lanes: Mapping[str, Record]) -> tuple[str, ...]:
     training = [own[name]["training"] for name in names]
     played = [_score(own[name], _standing(own[name])) for name in names]
     cells = [
-        _correlation(training, [own[name]["held_out"]["reward"]["fitness"] for name in names]),
+        _correlation(training, [own[name]["held_out"]["fitness"]["fitness"] for name in names]),
         _correlation(played, [own[name]["held_out"][_standing(own[name])]["fitness"] for name in names]),
     ]
     fresh = {name: _fresh(lanes, name) for name in [*names, "human"]}

@@ -24,8 +24,7 @@ from openeureka.config import TrainConfig
 from openeureka.report.text import number, spread
 from openeureka.score import mean, rank
 from openeureka.tasks.registry import get
-from openeureka.training.counts import PREFIX
-from openeureka.types import TrainingResult
+from openeureka.types import PROGRESS, TrainingResult
 
 FOLDER = Path(__file__).parent
 REWARDS = FOLDER / "progress"
@@ -68,10 +67,9 @@ def measure(env: str, arm: str, entry: Record, options: argparse.Namespace) -> R
 def furthest(result: TrainingResult) -> Record:
     """The highest mean over an epoch of each progress value, as far as it counts."""
     curves = {name.removeprefix("component/"): curve for name, curve in result.curves.items()}
-    told = {name: curve for name, curve in curves.items() if name.startswith(PREFIX)}
-    return {
-        name: max(round(min(1.0, value), 4) for value in curve if value is not None) for name, curve in told.items()
-    }
+    told = {name: curve for name, curve in curves.items() if name.startswith(PROGRESS)}
+    known = {name: [value for value in curve if value is not None] for name, curve in told.items()}
+    return {name: round(min(1.0, max(values)), 4) for name, values in known.items() if values}
 
 
 # --- what it says ----------------------------------------------------------------------------------------------------
@@ -103,7 +101,7 @@ def _reached(lanes: Sequence[Record]) -> str:
     """Mean over seeds of each progress value's highest epoch."""
     names = {name: None for lane in lanes for name in lane["progress"]}
     means = {name: mean([lane["progress"].get(name) for lane in lanes]) for name in names}
-    return ", ".join(f"{name.removeprefix(PREFIX)} {number(value, 2)}" for name, value in means.items())
+    return ", ".join(f"{name.removeprefix(PROGRESS)} {number(value, 2)}" for name, value in means.items())
 
 
 def show(study: Mapping[str, Record]) -> None:

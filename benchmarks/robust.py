@@ -33,7 +33,7 @@ ARMS = (PLAIN, UNIFORM, "ours")
 RESULTS = Path(__file__).parent / "results" / "robust.json"
 TITLES = (
     *("task", "seeds", "plain: own world", "hard ones", "uniform: own world", "hard ones", "ours: own world"),
-    *("hard ones", "ours loses in its own world", "and in hard ones, of what plain loses there"),
+    *("hard ones", "ours gives up in its own world", "ours loses in hard ones, as a share of what plain loses"),
 )
 
 

@@ -278,7 +278,7 @@ def _seeds(scores: Played) -> list[int]:
 
 def _worth(scores: Played, reward: str, but: int) -> float:
     """What the best of its policies plays, with the other seeds."""
-    return mean([_best(scores[reward][seed]) for seed in _seeds(scores) if seed != but]) or -math.inf
+    return rank(mean([_best(scores[reward][seed]) for seed in _seeds(scores) if seed != but]))
 
 
 def _best(played: Sequence[float | None]) -> float | None:

@@ -16,7 +16,7 @@ Settings have the names and defaults of [the command line](commands.md). A run t
 [examples/notebook.ipynb](../../examples/notebook.ipynb) shows it in use.
 
 """
-FUNCTIONS = ("search", "searching", "train", "tune", "bench", "check", "open_run")
+FUNCTIONS = ("search", "searching", "train", "tune", "robust", "bench", "check", "open_run")
 CLASSES = ("Run", "LaneView", "TrainedPolicy", "Bench", "Plan")
 EVENTS = [kind.__name__ for kind in openeureka.Event.__args__]
 
