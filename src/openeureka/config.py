@@ -120,6 +120,8 @@ class RunConfig:
         for key in ("sample", "iteration", "repair", "refill", "screen", "tune", "polish", "seeds"):
             if getattr(self, key) > _MANY:
                 raise ConfigError(f"`{key}` must be at most {_MANY}.")
+        if not self.model.strip():
+            raise ConfigError("`model` is empty: say model=local, model=random or the name of a model at an endpoint.")
         if "@" in self.base_url.partition("://")[2].partition("/")[0]:
             raise ConfigError(
                 "`base_url` must not hold a user or a password, as settings are stored and shown; set the environment "

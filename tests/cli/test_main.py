@@ -55,6 +55,9 @@ def test_help_imports_nothing_slow():
         (("run", "model=random", "init=absent.py"), "Cannot read the reward file "),
         (("run", "model=random", "device=tpu"), "There is no device `tpu`"),
         (("run", "model=random", "env=anymal", "curriculum=no"), "`anymal` has no curriculum"),
+        (("run", "model="), "`model` is empty"),
+        (("run", "model=random", "address=auto"), "`address=` names a Ray cluster: add executor=ray"),
+        (("ui", "absent"), "There is no folder absent"),
     ],
 )
 def test_a_mistake_is_one_sentence_and_exit_code_2_and_leaves_no_folder(words, sentence, capsys, monkeypatch, tmp_path):

@@ -69,8 +69,15 @@ def test_a_task_whose_file_has_moved_is_found_where_env_says(asked, tmp_path):
 
 
 def test_a_run_without_a_policy_says_so(asked, tmp_path):
-    with pytest.raises(ConfigError, match=r"Cannot read the policy .*best/policy\.safetensors: No such file"):
+    with pytest.raises(ConfigError, match="has no policy yet; `eureka show"):
         play.play([str(tmp_path)])
+
+
+def test_a_name_that_fits_no_file_says_what_does(asked, tmp_path):
+    with pytest.raises(ConfigError, match=r"end in \.mp4, not \.gif"):
+        play.play(["env=ant", "policy=zero", f"out={tmp_path}/a.gif"])
+    with pytest.raises(ConfigError, match="no policy file sparse; beside= is human, random, zero"):
+        play.play(["env=ant", "policy=zero", "beside=sparse", f"out={tmp_path}/a.mp4"])
 
 
 @pytest.fixture

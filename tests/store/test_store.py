@@ -288,3 +288,11 @@ def test_lanes_that_trained_as_one_are_kept_together(store: Store) -> None:
     with pytest.raises(sqlite3.IntegrityError):
         store.lanes.save_results([result("b-s0"), result("a-s0")])
     assert set(store.lanes.results()) == {"a-s0"}
+
+
+def test_what_is_no_run_says_what_is_there(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="is not a run: there is no such directory"):
+        Store.view(tmp_path / "absent")
+    Store.open(tmp_path / "outputs" / "mine", RunConfig()).close()
+    with pytest.raises(StoreError, match="is not a run: it holds runs, name one such as .*mine"):
+        Store.view(tmp_path / "outputs")

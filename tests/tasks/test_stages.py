@@ -80,7 +80,7 @@ def test_what_could_not_be_trained_is_refused_in_one_sentence(written, text: str
     ("env", "name", "sentence"),
     [
         ("shadow_hand_spin", "pen_spining", "Did you mean `pen_spinning`"),
-        ("cartpole", "pen_spinning", "`cartpole` has no curriculum `pen_spinning`. Name one or a YAML file"),
+        ("cartpole", "pen_spinning", "`cartpole` has no curriculum `pen_spinning`. It has none: name a YAML file"),
         ("cartpole", "no/such.yaml", "Cannot read the curriculum no/such.yaml: No such file"),
     ],
 )

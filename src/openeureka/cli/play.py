@@ -55,6 +55,8 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
         viewer.window(Stage(env, policy, config.seed))
         return
     target = Path(config.out or f"{short_name(env)}.mp4")
+    if target.suffix != ".mp4":
+        raise ConfigError(f"A video is an MP4: let out= end in .mp4, not {target.suffix or 'in nothing'}.")
     folder, name = (directory, "play.mp4") if directory and not config.out else (target.parent, target.name)
     beside = _beside(directory, config.beside)
     captions = tuple(map(_caption, (config.policy or "best reward", config.beside))) if beside is not None else ()
@@ -79,15 +81,14 @@ def _of_run(directory: Path, wanted: str) -> bytes:
             f"{directory} holds no policy that was carried on to more (polish=N); leave policy=polished out."
         )
     if policy is None:
-        path = directory / "best" / "policy.safetensors"
-        raise ConfigError(
-            f"Cannot read the policy {path}: No such file; name a run directory or policy=FILE, random or zero."
-        )
+        raise ConfigError(f"{directory} has no policy yet; `eureka show {directory}` says how far it is.")
     return policy
 
 
 def _beside(directory: Path | None, wanted: str) -> bytes | str | None:
     """The other policy of a film."""
+    if wanted and wanted not in (HUMAN, *AGENTS) and not Path(wanted).exists():
+        raise ConfigError(f"There is no policy file {wanted}; beside= is human, random, zero or such a file.")
     if wanted != HUMAN:
         return wanted if wanted in AGENTS else _read(Path(wanted)) if wanted else None
     policy = filming.human(directory) if directory is not None and is_run(directory) else None

@@ -18,4 +18,7 @@ def ui(words: Sequence[str]) -> None:
         from ..ui.server import serve
     except ModuleNotFoundError as error:
         raise ConfigError(f"The page needs {error.name}: pip install 'openeureka[ui]'.") from None
-    serve(only_path(paths or [OUTPUTS], "eureka ui outputs"), config.host, config.port)
+    folder = only_path(paths or [OUTPUTS], "eureka ui outputs")
+    if paths and not folder.is_dir():
+        raise ConfigError(f"There is no folder {folder}; name the one that holds your runs.")
+    serve(folder, config.host, config.port)

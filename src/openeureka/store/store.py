@@ -110,7 +110,7 @@ class Store:
         """Read a run, also while it is going on. Raises StoreError when there is none."""
         directory = Path(directory)
         if not (directory / FILENAME).is_file():
-            raise StoreError(f"{directory} is not a run: it has no {FILENAME}.")
+            raise StoreError(f"{directory} is not a run: {_missing(directory)}.")
         return cls(directory, Database(directory, writable=False), None)
 
     @classmethod
@@ -342,3 +342,11 @@ def _foreign(directory: Path) -> bool:
     with explained(directory):
         own = {LOCK, LOG, STOP, FILENAME, f"{FILENAME}-wal", f"{FILENAME}-shm"}
         return any(path.name not in own for path in directory.iterdir())
+
+
+def _missing(directory: Path) -> str:
+    """Why a directory is no run, and what to name instead where that is plain."""
+    if not directory.exists():
+        return "there is no such directory"
+    below = sorted(path.parent for path in directory.glob(f"*/{FILENAME}"))
+    return f"it holds runs, name one such as {below[-1]}" if below else f"it has no {FILENAME}"

@@ -26,10 +26,9 @@ def find(env: str, curriculum: str) -> tuple[Stage, ...]:
     elif curriculum in task.curricula:
         stages = task.curricula[curriculum]
     else:
-        own = f" It has {', '.join(task.curricula)}." if task.curricula else ""
+        own = f" It has {', '.join(task.curricula)}. Name one or a" if task.curricula else " It has none: name a"
         raise ConfigError(
-            f"`{task.env}` has no curriculum `{curriculum}`.{nearest(curriculum, task.curricula)}{own} Name one or a "
-            "YAML file."
+            f"`{task.env}` has no curriculum `{curriculum}`.{nearest(curriculum, task.curricula)}{own} YAML file."
         )
     if stages[-1].env or stages[-1].set:
         raise ConfigError(f"The last stage of `{curriculum}` is the task itself, leave `env` and `set` out of it.")
