@@ -72,13 +72,10 @@ def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | 
         ids = [lane for own in finals.values() for lane in own]
         lanes.play(ids, strategy)
         played = lanes.first_looks(ids)
-        scores = {
-            name: [score.fitness for lane in own if (score := played.get(lane)) and score.fitness is not None]
-            for name, own in finals.items()
-        }
+        looks = {name: [played[lane] for lane in own if lane in played] for name, own in finals.items()}
+        scores = {name: [look.fitness for look in found if look.fitness is not None] for name, found in looks.items()}
         if known is not None:
             scores["human"] = list(known.human.scores)
-        looks = {name: [played[lane] for lane in finals[name] if lane in played] for name in names}
         names = [name for name in names if lawful(history.limits, looks[name])]
         if not names:
             return None
