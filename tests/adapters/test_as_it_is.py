@@ -153,7 +153,7 @@ def test_a_strangers_package_is_imported_first():
     "env, said",
     [
         ("gym:Hoper-v5", "Gymnasium has no `Hoper-v5`. Did you mean `Hopper-v5`?"),
-        ("gym:no_such_package:X-v0", "needs the module `no_such_package`, which is not installed"),
+        ("gym:no_such_package:X-v0", "needs the module `no_such_package`: install it, or set PYTHONPATH"),
         ("gym:CartPole-v1+gravity=3", "cannot be made"),
         ("gym:CartPole-v1+episode_length=soon", "is a number of steps, not `soon`"),
         ("gym:CartPole-v1+fitness=cart_speed", "names `cart_speed`, which the environment does not have. Did you mean"),
