@@ -80,17 +80,14 @@ RANKING = (
 SIZES = (1, 2, 4, 8)
 FEWER = ("task", *(f"of {size}" if size > 1 else "a random one" for size in SIZES), "the best there was", "human")
 CHECKPOINTS = ("task", "lanes", "peak of F", "peak of own reward", "end of training", "the one that plays best")
-NOTES = (
-    """*Same policy*: rank correlation with held-out F of the policy that was ranked. *Fresh seeds*: with that of
+RANKED = """*Same policy*: rank correlation with held-out F of the policy that was ranked. *Fresh seeds*: with that of
 trainings with other seeds; the last five columns are held-out F over those seeds. Three race, the first by playing.
 
 How many rewards does it take? So many train with one seed, drawn from the eight in all ways, and the one that plays
 best is chosen. Held-out F with fresh seeds, mean over the draws:
-""",
-    """Which policy should stand for a lane? Held-out F, the mean over all lanes and seeds:
-""",
-)
-"""Between the tables."""
+"""
+STANDING = """Which policy should stand for a lane? Held-out F, the mean over all lanes and seeds:
+"""
 
 Record = dict[str, Any]
 
@@ -161,9 +158,8 @@ def ranking(measured: Record) -> list[tuple[str, ...]]:
 
 
 def _ranking(env: str, lanes: Mapping[str, Record]) -> tuple[str, ...]:
-    names = sorted({lane.rpartition("-s")[0] for lane in lanes} - {"human"})
-    own = {name: lanes[lane_id(name, SEEDS[0])] for name in names}
-    names = [name for name in names if own[name]["held_out"] and own[name]["training"] is not None]
+    own = _searched(lanes)
+    names = list(own)
     training = [own[name]["training"] for name in names]
     played = [_score(own[name], _standing(own[name])) for name in names]
     cells = [
@@ -183,6 +179,13 @@ def _ranking(env: str, lanes: Mapping[str, Record]) -> tuple[str, ...]:
     seeds = len(_seeds(lanes, known[0]))
     scores = [*first, max(racing, key=rank), max(again, key=rank), fresh["human"]]
     return (env, str(len(names)), *cells, str(seeds), *map(number, scores))
+
+
+def _searched(lanes: Mapping[str, Record]) -> dict[str, Record]:
+    """Records with the search's seed, by reward; the human one and those without a score left out."""
+    names = sorted({lane.rpartition("-s")[0] for lane in lanes} - {"human"})
+    own = {name: lanes[lane_id(name, SEEDS[0])] for name in names}
+    return {name: one for name, one in own.items() if one["held_out"] and one["training"] is not None}
 
 
 def _standing(record: Record) -> Peak:
@@ -216,20 +219,15 @@ def _correlation(xs: Sequence[float | None], ys: Sequence[float | None]) -> str:
 
 def fewer(measured: Record) -> list[tuple[str, ...]]:
     """A row a task with fresh seeds: F of the reward that is chosen from so many, over all ways to draw them."""
-    return [_fewer(env, measured[env]["lanes"]) for env in STEPS if env in measured and _raced(measured[env]["lanes"])]
-
-
-def _raced(lanes: Mapping[str, Record]) -> bool:
-    return lane_id("human", SEEDS[1]) in lanes
+    known = {env: measured[env]["lanes"] for env in STEPS if env in measured}
+    return [_fewer(env, lanes) for env, lanes in known.items() if _fresh(lanes, "human") is not None]
 
 
 def _fewer(env: str, lanes: Mapping[str, Record]) -> tuple[str, ...]:
     """The reward that plays best with the search's seed is chosen, and judged by held-out F with fresh ones."""
-    names = {lane.rpartition("-s")[0] for lane in lanes} - {"human"}
-    own = {name: lanes[lane_id(name, SEEDS[0])] for name in names}
-    names = {name for name in names if own[name]["held_out"] and _fresh(lanes, name) is not None}
-    ordered = sorted(names, key=lambda name: (-_score(own[name], _standing(own[name])), name))
-    fresh = [_fresh(lanes, name) or 0.0 for name in ordered]
+    own = _searched(lanes)
+    ordered = sorted(own, key=lambda name: -_score(own[name], _standing(own[name])))
+    fresh = [score for name in ordered if (score := _fresh(lanes, name)) is not None]
     found = [
         sum(comb(len(fresh) - 1 - place, size - 1) * value for place, value in enumerate(fresh))
         / comb(len(fresh), size)

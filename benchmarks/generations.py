@@ -19,7 +19,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from records import machine, today, write
+from records import interval, machine, today, write
 
 import openeureka
 from openeureka.benchmark import figures
@@ -121,8 +121,7 @@ def _further(again: Record | None) -> tuple[str, str, str]:
         return "-", "-", "-"
     apart = difference(again["generated"], again["human"], [again["generated"], again["human"]])
     assert apart is not None
-    between = f"{number(apart.value)} ({number(apart.low)} to {number(apart.high)})"
-    return spread(again["generated"]), spread(again["human"]), between
+    return spread(again["generated"]), spread(again["human"]), interval(apart.value, apart.low, apart.high)
 
 
 def rows(records: list[Record]) -> list[tuple[str, ...]]:

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from ledger import Script
-from records import machine, read, write
+from records import interval, machine, read, write
 
 from openeureka.benchmark import bench
 from openeureka.benchmark.plan import Cell, Plan, load
@@ -135,7 +135,7 @@ def rows(measured: Mapping[str, Record]) -> list[list[str]]:
             spread(row["generated"]),
             spread(row["human"]),
             spread(row["sparse"]),
-            _interval(row["difference"]),
+            interval(*row["difference"], digits=3) if row["difference"] is not None else "-",
             ending(row),
             number(row["score"], 3),
             number(clipped(row["score"]), 3),
@@ -156,13 +156,6 @@ def gains(measured: Mapping[str, Record]) -> list[tuple[str, float, float, float
             value, low, high = (end / abs(human) for end in row["difference"])
             found.append((short_name(env), value, low, high))
     return found
-
-
-def _interval(difference: list[float] | None) -> str:
-    if difference is None:
-        return "-"
-    value, low, high = (number(end, 3) for end in difference)
-    return f"{value} ({low} to {high})"
 
 
 def summary(measured: Mapping[str, Record]) -> str:

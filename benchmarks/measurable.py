@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 from ledger import OUTPUTS
-from records import Record, machine, read, write
+from records import Record, interval, machine, read, write
 
 import openeureka
-from openeureka.report.text import number, spread
+from openeureka.report.text import spread
 from openeureka.score import difference, mean
 
 ENVS = ("anymal", "ant", "humanoid")
@@ -51,9 +51,9 @@ def _row(env: str, found: Record) -> list[str]:
     everything, sensed = (found["held_out"][sight] for sight in SIGHTS)
     apart = difference(sensed, everything, [sensed, everything])
     before, after = mean(everything), mean(sensed)
-    interval = f"{number(apart.value, 3)} ({number(apart.low, 3)} to {number(apart.high, 3)})" if apart else "-"
+    between = interval(apart.value, apart.low, apart.high, digits=3) if apart else "-"
     share = f"{(after - before) / abs(before):+.0%}" if before and after is not None else "-"
-    return [env, f"{found['steps']:,}", spread(everything), spread(sensed), interval, share]
+    return [env, f"{found['steps']:,}", spread(everything), spread(sensed), between, share]
 
 
 def main() -> None:

@@ -11,6 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from openeureka.report.text import number
 from openeureka.types import Evaluation, Peak, TrainingResult
 
 PEAKS: tuple[Peak, ...] = ("fitness", "reward")
@@ -79,6 +80,11 @@ def processor() -> str:
     known = {name.strip(): value.strip() for name, _, value in pairs}
     parts = [known.get("model name"), *(f"{name} {known[name]}" for name in ("cpu family", "model") if name in known)]
     return ", ".join(part for part in parts if part) or platform.machine()
+
+
+def interval(value: float, low: float, high: float, digits: int = 4) -> str:
+    """A difference and the ends of its interval, for a table."""
+    return f"{number(value, digits)} ({number(low, digits)} to {number(high, digits)})"
 
 
 def conditions(*packages: str) -> Record:

@@ -142,13 +142,10 @@ def choosing() -> str:
     """What `benchmarks/choosing.py` has measured: how well a ranking tells what rewards are worth, and which policy."""
     study = _benchmark("choosing")
     measured: Mapping[str, Any] = json.loads(CHOOSING.read_text())
-    tables = (
-        (study.RANKING, study.ranking(measured)),
-        (study.FEWER, study.fewer(measured)),
-        (study.CHECKPOINTS, study.checkpoints(measured)),
-    )
-    parts = [part for table, note in zip(tables, (*study.NOTES, ""), strict=True) for part in (_table(*table), note)]
-    return "\n".join(parts[:-1])
+    ranking = _table(study.RANKING, study.ranking(measured))
+    fewer = _table(study.FEWER, study.fewer(measured))
+    checkpoints = _table(study.CHECKPOINTS, study.checkpoints(measured))
+    return "\n".join((ranking, study.RANKED, fewer, study.STANDING, checkpoints))
 
 
 def later() -> str:

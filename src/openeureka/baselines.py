@@ -46,15 +46,15 @@ def chosen(config: RunConfig) -> Baselines | None:
     """
     if config.baselines != "known":
         return None
-    other = {
-        "a curriculum": bool(config.curriculum),
-        "randomise=": config.randomise != NO_RANGES,
-        "observe=measurable": config.observe != "all",
-    }
-    apart = [name for name, chosen in other.items() if chosen]
+    unlike = (
+        ("a curriculum", bool(config.curriculum)),
+        ("randomise=", config.randomise != NO_RANGES),
+        ("observe=measurable", config.observe != "all"),
+    )
+    apart = next((f" with {name}" for name, differs in unlike if differs), "")
     found = known(config.env, _held_out(config)) if not apart else None
     if found is None or not (found.human.training and found.sparse.training):
-        what = f"{config.env} with {apart[0]}" if apart else config.env
+        what = f"{config.env}{apart}"
         raise ConfigError(f"The baselines of {what} were not measured beforehand; use baselines=train.")
     return found
 

@@ -279,17 +279,19 @@ class Lanes:
     def first_looks(self, ids: Iterable[str]) -> dict[str, Evaluation]:
         """What each lane scored when it played first. Whether it has played again depends on when a run was stopped, so
         what a resumed run decides anew rests on this."""
+        return self._scores(ids, looks=1)
+
+    def scores(self) -> dict[str, Evaluation]:
+        """What every lane that has played scored, in all looks."""
+        return self._scores(self.store.lanes.plays())
+
+    def _scores(self, ids: Iterable[str], looks: int | None = None) -> dict[str, Evaluation]:
         plays, limits = self.store.lanes.plays(), self.config.limited
         return {
-            lane: played({peak: looks[:1] for peak, looks in plays[lane].items()}, limits)
+            lane: played({peak: own[:looks] for peak, own in plays[lane].items()}, limits)
             for lane in ids
             if lane in plays
         }
-
-    def _scores(self, ids: Iterable[str]) -> dict[str, Evaluation]:
-        plays = self.store.lanes.plays()
-        limits = self.config.limited
-        return {lane: played(plays[lane], limits) for lane in ids if lane in plays}
 
     def _look(self, look: int, ids: Sequence[str], peaks: Sequence[Peak]) -> None:
         """Let those play that have not yet, in this look, side by side on the same start states."""

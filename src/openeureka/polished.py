@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from .score import NO_LIMITS, Estimate, breach, gain
+from .score import Estimate, breach, gain
 from .types import Evaluation, Lane, Limits, PolicyId, Start, TrainingResult
 
 
@@ -56,7 +56,7 @@ def read(
     played: Mapping[str, Evaluation],
     evaluations: Mapping[str, Evaluation],
     best: PolicyId | None,
-    limits: Limits = NO_LIMITS,
+    limits: Limits,
 ) -> Polished | None:
     """What the store of a run says of it; None where no policy was carried on.
 

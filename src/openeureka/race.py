@@ -11,9 +11,9 @@ from . import baselines
 from .config import RunConfig
 from .lanes import Lanes, beside, deal, final_lanes, final_seeds, programs
 from .reward.form import form
-from .score import Outcome, broken, compare, difference, level, mean, pooled, rank
+from .score import Outcome, broken, compare, difference, lawful, level, mean, rank
 from .strategies import Ranking, SearchStrategy
-from .types import Evaluation, History, Limits, Place, Scored, TrainingResult
+from .types import Evaluation, History, Place, Scored, TrainingResult
 
 CONTENDERS = 3
 """The most rewards that train again."""
@@ -68,15 +68,10 @@ def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | 
         if not raced:
             break
         seeds += more  # a resumed race decides each round by what there was in it
-        finals = lanes.final(tuple(arms.values()), seeds)
-        ids = [lane for own in finals.values() for lane in own]
-        lanes.play(ids, strategy)
-        played = lanes.first_looks(ids)
-        looks = {name: [played[lane] for lane in own if lane in played] for name, own in finals.items()}
-        scores = {name: [look.fitness for look in found if look.fitness is not None] for name, found in looks.items()}
+        looks, scores = play_finals(lanes, lanes.final(tuple(arms.values()), seeds), strategy)
         if known is not None:
             scores["human"] = list(known.human.scores)
-        names = [name for name in names if lawful(history.limits, looks[name])]
+        names = [name for name in names if lawful(looks[name], history.limits)]
         if not names:
             return None
         names = running(scores, names)
@@ -85,9 +80,15 @@ def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | 
     return arms[names[0]]
 
 
-def lawful(limits: Limits, plays: Sequence[Evaluation]) -> bool:
-    """Whether a reward's policies keep the limits, on average over its trainings."""
-    return not plays or not broken(pooled(plays), limits)
+def play_finals(
+    lanes: Lanes, finals: Mapping[str, Sequence[str]], strategy: SearchStrategy
+) -> tuple[dict[str, list[Evaluation]], dict[str, list[float]]]:
+    """Let final lanes play: their first looks by the name of the reward, and F of those where it is defined."""
+    ids = [lane for own in finals.values() for lane in own]
+    lanes.play(ids, strategy)
+    played = lanes.first_looks(ids)
+    looks = {name: [played[lane] for lane in own if lane in played] for name, own in finals.items()}
+    return looks, {name: [look.fitness for look in own if look.fitness is not None] for name, own in looks.items()}
 
 
 def crowned(history: History, place: Place | None) -> Scored | None:

@@ -68,6 +68,11 @@ def broken(score: Evaluation | None, limits: Limits) -> tuple[str, ...]:
     return tuple(name for name, most in limits.items() if costs.get(name, -math.inf) > most)
 
 
+def lawful(scores: Sequence[Evaluation], limits: Limits) -> bool:
+    """Whether policies keep the limits on average over their episodes; those of which nothing is known do."""
+    return not scores or not broken(pooled(scores), limits)
+
+
 def excess(score: Evaluation, limits: Limits) -> float:
     """By how much a policy is beyond its limits: shares of them, in all."""
     return math.fsum((score.costs[name] - limits[name]) / (limits[name] or 1.0) for name in broken(score, limits))

@@ -11,7 +11,7 @@ from statistics import NormalDist
 from .config import FEWEST_TUNED, RunConfig
 from .lanes import final_seeds
 from .reward.weights import Weight, values, weights
-from .score import CONFIDENCE, NO_LIMITS, Arm, Difference, breach, difference, mean, pearson, pooled, rank
+from .score import CONFIDENCE, Arm, Difference, breach, difference, lawful, mean, pearson, pooled, rank
 from .types import Candidate, Evaluation, Limits, TrainingResult, lane_id
 
 ORIGINAL = "original"
@@ -88,7 +88,6 @@ class Tuned:
         default_factory=dict[str, tuple[float | None, float | None]]
     )
     """Mean of each component at the end of the final trainings, before and after."""
-
     breach: str = ""
     """The limits that its policies break, on average over its final trainings; empty where none."""
 
@@ -193,14 +192,13 @@ def final_lanes(
     return {name: lanes for name, lanes in found.items() if lanes or name == ORIGINAL}
 
 
-def winner(scores: Mapping[str, Sequence[Evaluation | None]], limits: Limits = NO_LIMITS) -> str:
+def winner(scores: Mapping[str, Sequence[Evaluation | None]], limits: Limits) -> str:
     """Who raced longest, and of those who played best on average; one that keeps the limits before others; empty where
     nobody raced."""
 
     def standing(name: str) -> tuple[bool, int, float]:
-        known = [score for score in scores[name] if score is not None]
-        lawful = not known or not breach(pooled(known), limits)
-        return lawful, len(scores[name]), rank(mean([_fitness(score) for score in scores[name]]))
+        keeps = lawful([score for score in scores[name] if score is not None], limits)
+        return keeps, len(scores[name]), rank(mean([_fitness(score) for score in scores[name]]))
 
     return max(scores, key=standing, default="")
 

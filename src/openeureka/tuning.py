@@ -17,7 +17,7 @@ from .errors import StoreError
 from .lanes import Lanes, deal, final_seeds
 from .reward.weights import Weight, values, weighed, weights
 from .sampling import Checker
-from .score import broken, played, rank, worth
+from .score import broken, lawful, rank, worth
 from .store import Store
 from .strategies import Best
 from .tuned import ORIGINAL
@@ -173,10 +173,10 @@ def _scores(
 ) -> tuple[list[tuple[float, ...]], list[float | None]]:
     """The numbers of weightings, and what each scored: None for one whose policy breaks a limit."""
     ids, limits = [lane_id(candidate.id, lanes.config.seed) for candidate in candidates], lanes.config.limited
-    lawful = {lane: score.fitness for lane, score in lanes.first_looks(ids).items() if not broken(score, limits)}
+    kept = {lane: score.fitness for lane, score in lanes.first_looks(ids).items() if not broken(score, limits)}
     numbers = [values(candidate.source, origin.source) for candidate in candidates]
     assert all(own is not None for own in numbers)  # all come from `weighed`
-    return [own for own in numbers if own is not None], [lawful.get(lane) for lane in ids]
+    return [own for own in numbers if own is not None], [kept.get(lane) for lane in ids]
 
 
 def _race(lanes: Lanes, last: int) -> PolicyId | None:
@@ -190,11 +190,9 @@ def _race(lanes: Lanes, last: int) -> PolicyId | None:
         seeds += more
         lanes.train(deal(_graphs(store, [arms[name] for name in (ORIGINAL, *racing)]), more, "final"))
         own = tuned.final_lanes(config, arms, store.lanes.results(), seeds)
-        lanes.play([lane for ids in own.values() for lane in ids], strategy)
-        looks = {name: [*lanes.first_looks(ids).values()] for name, ids in own.items()}
-        scores = {name: [look.fitness for look in found if look.fitness is not None] for name, found in looks.items()}
-        lawful = [name for name in racing if name in scores and race.lawful(config.limited, looks[name])]
-        racing = race.running(scores, lawful)
+        looks, scores = race.play_finals(lanes, own, strategy)
+        racing = [name for name in racing if name in looks and lawful(looks[name], config.limited)]
+        racing = race.running(scores, racing)
         if len(racing) < 2 and (not racing or race.sure(scores, racing[0], ORIGINAL, claims=len(arms) - 1)):
             break
     lanes.observer.phase(last, "evaluate")
@@ -209,9 +207,9 @@ def _raced(store: Store, texts: tuned.Texts) -> list[str]:
 
 def _leading(lanes: Lanes, texts: tuned.Texts) -> list[str]:
     """Names of the best weightings by played F, those first that keep the limits; without the text as it came."""
-    plays, limits = lanes.store.lanes.plays(), lanes.config.limited
+    scores, limits = lanes.scores(), lanes.config.limited
     ids = {name: lane_id(texts[name].id, lanes.config.seed) for name in texts if texts[name].id != texts[ORIGINAL].id}
-    known = {name: played(plays[lane], limits) for name, lane in ids.items() if lane in plays}
+    known = {name: scores[lane] for name, lane in ids.items() if lane in scores}
     best = sorted(known, key=lambda name: worth(known[name], limits), reverse=True)[:RIVALS]
     return [name for name in texts if name in best]  # as `_raced` finds them again
 
@@ -223,8 +221,7 @@ def _conclude(lanes: Lanes, texts: tuned.Texts, strategy: Best) -> PolicyId | No
     own = tuned.final_lanes(config, texts, results)
     standing = lanes.standing([lane for ids in own.values() for lane in ids], strategy)
     scores = lanes.evaluate(standing)
-    plays = {lane: played(looks, config.limited) for lane, looks in store.lanes.plays().items()}
-    found = tuned.read(config, texts, results, plays, scores)
+    found = tuned.read(config, texts, results, lanes.scores(), scores)
     if found is None or not own[found.better]:
         return None
     lane = max(own[found.better], key=lambda lane: worth(scores.get(lane), config.limited))

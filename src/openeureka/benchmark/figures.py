@@ -95,25 +95,25 @@ def _seconds(run: RunView) -> float:
     """A generation trains side by side, the first with the rewards that come with the task; so do final trainings,
     weightings of a round, and lanes that carry a policy on."""
 
-    def lanes(role: Role, seeds: Container[int], *, fitted: bool = False) -> set[str]:
-        own = {name: lane for name, lane in run.lanes.items() if (lane.reward in weightings) == fitted}
-        return {name for name, lane in own.items() if lane.role == role and lane.seed in seeds}
+    def lanes(role: Role, seeds: Container[int]) -> set[str]:
+        return {name for name, lane in run.lanes.items() if lane.role == role and lane.seed in seeds}
 
     config, texts = run.config, list(run.texts.values())
     weightings = {text.id for text in texts[1:]}
-    raced = [*race.rounds(final_seeds(config), raced=run.ranks == "played")]
+    fitted = {name for name, lane in run.lanes.items() if lane.reward in weightings}
+    finals = [lanes("final", seeds) for seeds in race.rounds(final_seeds(config), raced=run.ranks == "played")]
 
     rounds = [
         {slot.result.lane for slot in generation.candidates if slot.result is not None}
         for generation in run.generations
     ]
     rounds[0] |= lanes("baseline", [config.seed])
-    rounds += [lanes("final", seeds) for seeds in raced]
+    rounds += [own - fitted for own in finals]
     rounds += [
         {lane_id(text.id, config.seed) for text in texts[part.start : part.stop]} for part in tuned.rounds(config)
     ]
-    rounds += [lanes("final", seeds, fitted=True) for seeds in raced]
-    rounds.append(lanes("polish", polish_seeds(config)) | lanes("polish", polish_seeds(config), fitted=True))
+    rounds += [own & fitted for own in finals]
+    rounds.append(lanes("polish", polish_seeds(config)))
     seconds, known = 0.0, set[str]()
     for own in rounds:
         seconds += max((run.results[lane].seconds for lane in own - known if lane in run.results), default=0.0)
