@@ -12,6 +12,8 @@ from openeureka.types import Candidate, Evaluation, Generation, History
 
 from .search import BASELINES, BEST, HISTORY, finished, refused, result, run
 
+AGAIN = "eureka train env=cartpole reward=human,DIR/best/reward.py"
+
 
 def ended(generated: list[float], human: list[float]) -> RunView:
     """HISTORY with these held-out scores of fresh seeds."""
@@ -61,8 +63,8 @@ def test_an_open_verdict_says_how_many_seeds_would_close_it() -> None:
 @pytest.mark.parametrize(
     ("generated", "human", "first"),
     [
-        ([40.0, 42.0], [39.0, 41.0], "eureka run ... seeds=17: about enough to decide it"),
-        ([41.0], [40.0], "eureka run ... seeds=3: more seeds say more"),
+        ([40.0, 42.0], [39.0, 41.0], f"{AGAIN} seed=3 seeds=17: about enough to decide it"),
+        ([41.0], [40.0], f"{AGAIN} seed=2 seeds=3: about enough to decide it"),
         ([49.0, 51.0], [39.0, 41.0], "eureka play DIR: watch the best reward's policy"),
         ([40.01, 42.0], [39.0, 43.0], "eureka play DIR: watch the best reward's policy"),  # too many
     ],

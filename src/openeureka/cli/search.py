@@ -14,7 +14,7 @@ from ..given import Given
 from ..parsing import changed, parse
 from ..report import tables
 from ..report.text import columns
-from ..report.verdict import verdict
+from ..report.verdict import deciding, verdict
 from ..report.view import RunView
 from ..runs import compose, trust
 from ..runs.rewards import named
@@ -67,6 +67,8 @@ def _tell(directory: Path, problems: Sequence[str]) -> None:
     for problem in problems:
         print(plain(problem))
     print(f"\nEverything is in {directory}; begin with report.html")
+    if command := deciding(result, str(directory)):
+        print(f"To decide what is open: {plain(command)}")
 
 
 def train(words: Sequence[str], *, as_json: bool = False) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+import shlex
 from collections.abc import Mapping
 
+from ..config import TrainConfig
 from ..errors import TaskError
-from ..lanes import beside
+from ..lanes import beside, polish_seeds
 from ..polished import Polished
 from ..prompts import scale
 from ..score import Arm, Difference, Estimate, difference, mean, rank
@@ -15,6 +18,9 @@ from ..tuned import ORIGINAL, Tuned
 from .costs import nobody
 from .text import number, scored
 from .view import RunView
+
+WORTH_REPEATING = {"curriculum", "randomise", "observe", "steps", "worlds", "bonus", "device", "executor", "address"}
+"""Settings of a search that its reward trains with again, where they are not the task's own."""
 
 
 def verdict(run: RunView) -> str:
@@ -127,19 +133,30 @@ def nexts(run: RunView) -> list[str]:
         return ["eureka resume DIR: go on where it was"]
     found = run.polished
     carried = ["eureka play DIR policy=polished: watch the best policy"] if found is not None and found.better else []
-    return [*_deciding(run), "eureka play DIR: watch the best reward's policy", *carried]
+    decide = [f"{command}: about enough to decide it"] if (command := deciding(run)) else []
+    return [*decide, "eureka play DIR: watch the best reward's policy", *carried]
 
 
-def _deciding(run: RunView) -> list[str]:
-    """How to decide what is not, where so many seeds are within reach."""
-    if run.outcome is None or not beside(run.config):
-        return []
-    found = run.outcome.difference
-    if found is None:
-        return ["eureka run ... seeds=3: more seeds say more"]
-    if found.sure or found.seeds is None:
-        return []
-    return [f"eureka run ... seeds={max(found.seeds, len(run.outcome.method.scores) + 1)}: about enough to decide it"]
+def deciding(run: RunView, directory: str = "DIR") -> str:
+    """The command that decides what a search left open, where so many seeds are within reach: its reward and the human
+    one train with seeds that chose neither. Empty where nothing is open.
+    """
+    outcome, config = run.outcome, run.config
+    if outcome is None or not outcome.method.scores or not beside(config):
+        return ""
+    found = outcome.difference
+    if found is not None and (found.sure or found.seeds is None):
+        return ""
+    fields = [field for field in dataclasses.fields(TrainConfig) if field.name in WORTH_REPEATING]
+    same = {field.name: getattr(config, field.name) for field in fields}
+    settings = {
+        "env": config.env,
+        "reward": f"human,{directory}/best/reward.py",
+        **{field.name: same[field.name] for field in fields if same[field.name] != field.default},
+        "seed": polish_seeds(config).stop,
+        "seeds": max(3, found.seeds or 0) if found is not None else 3,
+    }
+    return f"eureka train {' '.join(shlex.quote(f'{key}={value}') for key, value in settings.items())}"
 
 
 def _arm(arm: Arm) -> str:
