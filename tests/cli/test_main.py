@@ -56,6 +56,8 @@ def test_help_imports_nothing_slow():
         (("run", "model=random", "device=tpu"), "There is no device `tpu`"),
         (("run", "model=random", "env=anymal", "curriculum=no"), "`anymal` has no curriculum"),
         (("run", "model="), "`model` is empty"),
+        (("run", "model=local:hub:owner/file.gguf"), "`owner/file.gguf` does not name a file of a model hub; write"),
+        (("run", "model=random", "price=1,2"), "model=random costs nothing: leave price= out."),
         (("run", "model=random", "address=auto"), "`address=` names a Ray cluster: add executor=ray"),
         (("ui", "absent"), "There is no folder absent"),
     ],

@@ -29,9 +29,8 @@ def fetch(name: str, folder: Path | None = None) -> Path:
         ConfigError: the name has another form.
         ModelError: the hub cannot be reached, has no such file or no hash of it, or sent other bytes.
     """
-    match = _NAME.fullmatch(name)
-    if match is None or ".." in name:
-        raise _misnamed(name)
+    match = _NAME.fullmatch(named(name))
+    assert match is not None
     target = (folder or weights.cache_dir()) / match["repo"].replace("/", "--") / match["file"].replace("/", "--")
     if target.is_file():
         return target
@@ -39,6 +38,13 @@ def fetch(name: str, folder: Path | None = None) -> Path:
         if not target.is_file():
             _download(match["repo"], match["file"], target, match["sha256"])
     return target
+
+
+def named(name: str) -> str:
+    """The name itself. Raises ConfigError when it is not of the form OWNER/REPO/FILE.gguf."""
+    if _NAME.fullmatch(name) is None or ".." in name:
+        raise _misnamed(name)
+    return name
 
 
 def _misnamed(name: str) -> ConfigError:

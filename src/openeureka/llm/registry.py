@@ -50,6 +50,19 @@ def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
     return _endpoint(config)
 
 
+def expect(config: RunConfig) -> None:
+    """Refuse an embedded model that is not there before a run begins with it; one that went on may need it no more.
+
+    Raises:
+        ModelError, ConfigError: it names no weights.
+    """
+    kind, _, where = config.model.partition(":")
+    if kind == "local" and where.startswith("hub:"):
+        hub.named(where.removeprefix("hub:"))
+    elif kind == "local" and where:
+        weights.existing(Path(where))
+
+
 def _local(config: RunConfig, where: str) -> LanguageModel:
     if where.startswith("hub:"):
         find = partial(hub.fetch, where.removeprefix("hub:"))

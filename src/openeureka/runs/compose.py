@@ -18,7 +18,7 @@ from ..given import Given
 from ..hardened import GRID
 from ..hardening import Robot, harden
 from ..lanes import Lanes
-from ..llm import open_model
+from ..llm import expect, open_model
 from ..llm.client import LanguageModel
 from ..llm.registry import KINDS
 from ..observer import Observer, Observers
@@ -77,6 +77,9 @@ def admitted(config: RunConfig, typed: Collection[str]) -> RunConfig:
         raise ConfigError("model=none searches for nothing; `eureka train` trains and compares given rewards.")
     if config.base_url and config.model.partition(":")[0] in KINDS:
         raise ConfigError(f"model={config.model} is at no endpoint: name the one at base_url= with model=NAME.")
+    if config.price and config.model.partition(":")[0] in KINDS:
+        raise ConfigError(f"model={config.model} costs nothing: leave price= out.")
+    expect(config)
     if config.feedback == "human" and "video" not in typed:
         config = replace(config, video="all")  # who is to judge needs to see
     trust.remember(config)
