@@ -148,7 +148,7 @@ def test_a_server_of_another_version_is_refused(tmp_path: Path, monkeypatch: pyt
         (f"python:{HERE / 'carts.py'}:resets_itself", "autoreset_mode=AutoresetMode.DISABLED"),
         ("python:no_such_package:make", "No module named 'no_such_package'"),
         ("python:carts", "name what makes the environment: pkg.mod:factory"),
-        ("mjlab:Mjlab-Cartpole", "No module named 'mjlab'"),
+        ("mjlab:Mjlab-Cartpole", "lacks it: python= names the interpreter that has it"),
     ],
 )
 def test_what_cannot_be_made_is_one_sentence(env: str, words: str):

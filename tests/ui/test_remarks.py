@@ -32,6 +32,11 @@ def test_what_is_no_candidate_is_refused(place):
         remarks.read({"favourite": place})
 
 
+def test_a_vote_is_between_two():
+    with pytest.raises(FeedbackError, match="votes for a candidate over itself"):
+        remarks.read({"vote": "g0s1:g0s1"})
+
+
 @pytest.mark.parametrize("vote", ["g0s1", "g0s1:", ":g0s1", "g0s1:x"])
 def test_a_vote_names_two(vote):
     with pytest.raises(FeedbackError, match="names no candidate"):

@@ -150,7 +150,7 @@ def new(words: Sequence[str]) -> None:
     if bad > 0:
         _say_what_breaks(bad, at_rest=_try(path, 0.0)[1] > 0)
     print("Read it, and say what you want of the robot. Then")
-    for command in ("play", "train", "run"):
+    for command in ("play", "train", "run")[: 1 if drafted.aim.missing else None]:
         print(f"  eureka {command} env={path}{' policy=random' if command == 'play' else ''}")
 
 

@@ -84,6 +84,8 @@ def remark(word: str) -> Remark:
     if kind is not RemarkKind.VOTE:
         return Remark(kind=kind, candidate=_place(named))
     better, _, worse = named.replace(">", ":").partition(":")  # an unquoted > is the shell's
+    if _place(better) == _place(worse):
+        raise FeedbackError(f"`{named}` votes for a candidate over itself; name two, as g0s3:g0s1.")
     return Remark(kind=kind, candidate=_place(better), over=_place(worse))
 
 

@@ -168,5 +168,7 @@ class Link:
             raise WorkerError(f"{self._python} ended during {doing} `{self._env}`. {said}".rstrip()) from None
         if "broken" in answer.header:
             failed = "cannot be made" if question["do"] == "describe" else "failed"
-            raise TaskError(f"The environment `{self._env}` {failed}: {answer.header['broken']}.")
+            said = answer.header["broken"]
+            elsewhere = f" {self._python} lacks it: python= names the interpreter that has it." * ("No module" in said)
+            raise TaskError(f"The environment `{self._env}` {failed}: {said}.{elsewhere}")
         return answer
