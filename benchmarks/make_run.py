@@ -1,6 +1,6 @@
 """What `make run` finds, over seeds: a table in docs/concepts/scores.md, a sentence in README.md.
 
-    python benchmarks/make_run.py                    # seeds 0 to 4, about 9 minutes each on 2 cores
+    python benchmarks/make_run.py                    # seeds 0 to 4, about 12 minutes each on 2 cores
     python benchmarks/make_run.py --seeds 7          # another; seeds that are done are not run again
     python benchmarks/make_run.py --markdown         # the table
 
@@ -88,10 +88,15 @@ def markdown() -> str:
         "human reward, F held out": [spread(one["human"]) for one in measured.values()],
         "sparse reward, F held out": [spread(one["sparse"]) for one in measured.values()],
         "human-normalised score": [number(one["score"], 3) for one in measured.values()],
+        "fresh seeds, at most": [_most(one["settings"]) for one in measured.values()],
         "minutes": [str(one["minutes"]) for one in measured.values()],
     }
     lines = [["", *(f"seed {seed}" for seed in measured)], ["---"] * (len(measured) + 1)]
     return "\n".join(f"| {' | '.join(line)} |" for line in [*lines, *([name, *cells] for name, cells in rows.items())])
+
+
+def _most(words: str) -> str:
+    return dict(word.split("=", 1) for word in words.split())["seeds"]
 
 
 def summary() -> str:
