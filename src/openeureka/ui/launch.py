@@ -10,7 +10,7 @@ from typing import BinaryIO
 from ..config import RunConfig
 from ..errors import ConfigError, StoreError
 from ..executors.devices import devices
-from ..llm import open_model
+from ..llm import expect, open_model
 from ..parsing import parse
 from ..store import artifacts, is_held, is_run
 from ..store.db import LOG, explained
@@ -37,7 +37,7 @@ class Launcher:
         Raises:
             ConfigError: for a setting that does not fit, or an environment that is not installed.
             TaskError: for an environment that an adapter does not find.
-            ModelError: for a model that has no key.
+            ModelError: for a model that has no key, or is not there.
             StoreError: where the folder cannot be written.
         """
         if is_run(self._root):
@@ -48,6 +48,7 @@ class Launcher:
             raise ConfigError(f"`{config.env}` is not a task that can be started from here; use `eureka run`.")
         registry.get(config.env)
         devices(config.device)
+        expect(config)
         open_model(config).close()
         directory = output_directory("", config.env, root=self._root)
         with explained(directory):
