@@ -151,46 +151,55 @@ class Lanes:
         """
         lanes = dict(wanted)
         self.store.lanes.add(lanes)
+        sharing = self._shared(lanes)
+        going = {lane: group[0] for lane, group in sharing.items()}
+        rivals = [lane.id for lane in lanes if lane.role == "candidate"]
+        for number, rung in enumerate((*RUNGS[self.config.schedule], WHOLE), start=1):
+            self._train_to(rung, self._due(number, rung, going, rivals), number, steps, sharing)
+            going = self._climb(number, rung, going, rivals, sharing)
+        results = self.store.lanes.results()
+        return {lane.id: results[lane.id] for lane in lanes}
+
+    def _shared(self, lanes: Mapping[Lane, RewardProgram]) -> dict[str, list[LaneSpec]]:
+        """The lanes without a result, by the one of them that trains for all that would train alike: programs that
+        differ only in comments or local names have equal graphs."""
         known = self.store.lanes.results()
-        # Programs that differ only in comments or local names have equal graphs: they train once and share the result.
-        twins: dict[str, list[LaneSpec]] = {}
+        alike: dict[str, list[LaneSpec]] = {}
         for lane, program in lanes.items():
             if lane.id in known:
                 self.store.lanes.forget(lane.id)  # killed just before it could
             else:
                 spec = self._spec(lane, program)
-                twins.setdefault(f"{lane.seed} {lane.start} {spec.randomise} {program}", []).append(spec)
-        sharing = {group[0].id: group for group in twins.values()}
-        going = {group[0].id: group[0] for group in twins.values()}
-        rivals = [lane.id for lane in lanes if lane.role == "candidate"]
-        drawn = _drawn(self.config)
+                alike.setdefault(f"{lane.seed} {lane.start} {spec.randomise} {program}", []).append(spec)
+        return {group[0].id: group for group in alike.values()}
+
+    def _train_to(self, rung: Rung, due: Sequence[LaneSpec], number: int, steps: int, sharing: Sharing) -> None:
+        """Train to a rung, or to the end, and keep what comes of it."""
+        failed: list[TrainingResult] = []
+        for event in self.trainer.train(self.config.env, due, self._budget(rung, steps)) if due else ():
+            if isinstance(event, TrainingProgress):
+                self.observer.progress(event)
+            elif event.state is TrainingState.PAUSED:
+                self.store.lanes.pause(number, event)
+            elif event.state is TrainingState.FAILED:
+                failed.append(event)
+            else:
+                self._keep(event, sharing[event.lane])
+        if failed and len(failed) == len(due) and any(isinstance(spec.program, str) for spec in due):
+            raise WorkerError(failed[0].message)
+        for result in failed:
+            self._keep(result, sharing[result.lane])
+
+    def _budget(self, rung: Rung, steps: int) -> TrainBudget:
         observe: Observe = "measurable" if self.config.observe == "measurable" else "all"
-        for number, rung in enumerate((*RUNGS[self.config.schedule], WHOLE), start=1):
-            missing, failed = self._due(number, rung, going, rivals), list[TrainingResult]()
-            budget = TrainBudget(
-                env_steps=steps or self.config.steps,
-                worlds=self.config.worlds,
-                until=rung.share,
-                bonus=cast("Bonus", self.config.bonus),
-                randomise=drawn,
-                observe=observe,
-            )
-            for event in self.trainer.train(self.config.env, missing, budget) if missing else ():
-                if isinstance(event, TrainingProgress):
-                    self.observer.progress(event)
-                elif event.state is TrainingState.PAUSED:
-                    self.store.lanes.pause(number, event)
-                elif event.state is TrainingState.FAILED:
-                    failed.append(event)
-                else:
-                    self._keep(event, sharing[event.lane])
-            if failed and len(failed) == len(missing) and any(isinstance(spec.program, str) for spec in missing):
-                raise WorkerError(failed[0].message)
-            for result in failed:
-                self._keep(result, sharing[result.lane])
-            going = self._climb(number, rung, going, rivals, sharing)
-        results = self.store.lanes.results()
-        return {lane.id: results[lane.id] for lane in lanes}
+        return TrainBudget(
+            env_steps=steps or self.config.steps,
+            worlds=self.config.worlds,
+            until=rung.share,
+            bonus=cast("Bonus", self.config.bonus),
+            randomise=_drawn(self.config),
+            observe=observe,
+        )
 
     def _spec(self, lane: Lane, program: RewardProgram) -> LaneSpec:
         drawn = self.store.ranges()[lane.ranges] if lane.ranges else None

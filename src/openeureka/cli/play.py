@@ -31,29 +31,33 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
     write a video and say where it is."""
     settings, paths = split(words)
     config = parse(PlayConfig, settings)
-    in_window = not (web or config.out or config.beside) and viewer.has_display()
     directory = only_path(paths, "eureka play DIR") if paths else None
-    if directory is None and not config.policy:
-        raise ConfigError("Name what to play: a run directory, or policy=FILE, random or zero.")
-    if config.policy in AGENTS:
-        policy = config.policy
-        env = config.env or "cartpole"
-    else:
-        of_run = config.policy in ("", POLISHED)
-        policy = _of_run(directory, config.policy) if directory and of_run else _read(Path(config.policy))
-        env = _env_of(policy, config.env)
-    if (web or in_window) and draws_itself(env):
-        if web:
-            raise ConfigError(f"`{env}` draws its own pictures, which no page shows in 3-D; leave --web out.")
-        in_window = False
+    env, policy = _chosen(config, directory)
+    if web and draws_itself(env):
+        raise ConfigError(f"`{env}` draws its own pictures, which no page shows in 3-D; leave --web out.")
     if web:
         from ..report.page import page  # loads a user interface
 
         page(Stage(env, policy, config.seed), config.port)
-        return
-    if in_window:
+    elif not (config.out or config.beside or draws_itself(env)) and viewer.has_display():
         viewer.window(Stage(env, policy, config.seed))
-        return
+    else:
+        _film(env, policy, config, directory)
+
+
+def _chosen(config: PlayConfig, directory: Path | None) -> tuple[str, bytes | str]:
+    """What to play: the environment, and a policy file or the name of an agent."""
+    if directory is None and not config.policy:
+        raise ConfigError("Name what to play: a run directory, or policy=FILE, random or zero.")
+    if config.policy in AGENTS:
+        return config.env or "cartpole", config.policy
+    of_run = config.policy in ("", POLISHED)
+    policy = _of_run(directory, config.policy) if directory and of_run else _read(Path(config.policy))
+    return _env_of(policy, config.env), policy
+
+
+def _film(env: str, policy: bytes | str, config: PlayConfig, directory: Path | None) -> None:
+    """Write a video, into the run's directory where nothing else is said."""
     target = Path(config.out or f"{short_name(env)}.mp4")
     if target.suffix != ".mp4":
         raise ConfigError(f"A video is an MP4: let out= end in .mp4, not {target.suffix or 'in nothing'}.")
@@ -61,14 +65,7 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
     beside = _beside(directory, config.beside)
     captions = tuple(map(_caption, (config.policy or "best reward", config.beside))) if beside is not None else ()
     with working(f"Filming {config.seconds:g} s"):
-        video = render(
-            env,
-            policy,
-            beside=beside,
-            captions=tuple(map(_caption, captions)),
-            seconds=config.seconds,
-            seed=config.seed,
-        )
+        video = render(env, policy, beside=beside, captions=captions, seconds=config.seconds, seed=config.seed)
     artifacts.write(folder, name, video)
     print(f"Wrote {folder / name}")
 

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from ..tasks import registry
 from ..tasks.costs import Meter
+from ..tasks.env import BatchedEnv
 from ..types import NOMINAL, Dynamics, Episodes, Evaluation, Ranges
 from .episodes import Recorder
 from .policy import Player, Policy
@@ -72,11 +73,23 @@ def evaluate(
     recorded = [place for place, lane in enumerate(policies) if lane in record]
     recorder = Recorder(simulation.task.spec, recorded, worlds)
     play = Player([Policy.from_bytes(data) for data in policies.values()], simulation.sim.device)
+    total, contributions = _play_once(simulation, play, meter, recorder, after_step)
+    sums, parts = (x.unflatten(1, (lanes, worlds)).transpose(0, 1) for x in (total, contributions))
+    costs = meter.read(lanes)
+    kept = dict(zip(recorded, recorder.read([sums[place] for place in recorded]), strict=True))
+    played = zip(policies, sums, parts, costs, map(kept.get, range(lanes)), strict=True)
+    return scores + [_evaluation(*one) for one in played]
+
+
+def _play_once(
+    simulation: BatchedEnv, play: Player, meter: Meter, recorder: Recorder, after_step: Callable[[], None]
+) -> tuple[Tensor, Tensor]:
+    """One episode in every world: the sums (3, N) of value times weight, weight and steps, and the contributions
+    (steps, N) to the first of them."""
     observation = simulation.reset()
     running = torch.ones(simulation.num_worlds, dtype=torch.bool, device=observation.device)
     total = torch.zeros(3, simulation.num_worlds, dtype=torch.float64, device=observation.device)
     contributions: list[Tensor] = []
-
     for number in itertools.count():
         # On a GPU the host looks now and then whether any world still plays: looking waits for the device.
         if number % (LOOK if simulation.masked else 1) == 0 and not bool(running.any()):
@@ -91,11 +104,7 @@ def evaluate(
         observation = step.observation
         after_step()
     simulation.check()
-    sums, parts = (x.unflatten(1, (lanes, worlds)).transpose(0, 1) for x in (total, torch.stack(contributions)))
-    costs = meter.read(lanes)
-    kept = dict(zip(recorded, recorder.read([sums[place] for place in recorded]), strict=True))
-    played = zip(policies, sums, parts, costs, map(kept.get, range(lanes)), strict=True)
-    return scores + [_evaluation(*one) for one in played]
+    return total, torch.stack(contributions)
 
 
 def _evaluation(
