@@ -101,10 +101,13 @@ def _most(words: str) -> str:
 
 def summary() -> str:
     """How the runs ended, in a sentence."""
-    verdicts = [one["verdict"] for one in read(RESULTS).values()]
-    ends = Counter(verdict.partition(":")[0] for verdict in verdicts)
-    each = ", ".join(f"*{end[0].lower()}{end[1:]}* ({times})" for end, times in ends.items())
-    return f"{len(verdicts)} runs of `make run` ended so: {each}."
+    runs: list[Any] = list(read(RESULTS).values())
+    parts: list[str] = []
+    for most in sorted({_most(one["settings"]) for one in runs}, reverse=True):
+        ends = Counter(one["verdict"].partition(":")[0] for one in runs if _most(one["settings"]) == most)
+        each = ", ".join(f"*{end[0].lower()}{end[1:]}* ({times})" for end, times in ends.most_common())
+        parts.append(f"with at most {most} fresh seeds {each}")
+    return f"{len(runs)} runs of `make run` ended so: {'; '.join(parts)}."
 
 
 if __name__ == "__main__":

@@ -34,6 +34,7 @@ RESULTS = Path(__file__).parent / "results" / "robust.json"
 TITLES = (
     *("task", "seeds", "plain: own world", "hard ones", "uniform: own world", "hard ones", "ours: own world"),
     *("hard ones", "ours gives up in its own world", "ours loses in hard ones, as a share of what plain loses"),
+    "uniform loses",
 )
 
 
@@ -76,17 +77,18 @@ def rows(measured: Mapping[str, Mapping[str, Record]]) -> list[list[str]]:
 
 def _row(env: str, seeds: Sequence[Record]) -> list[str]:
     of = {(arm, kind): [seed["arms"][arm][kind] for seed in seeds] for arm in ARMS for kind in ("nominal", "hard")}
-    nominal, share = losses({key: mean(values) for key, values in of.items()})
-    return [env, str(len(seeds)), *map(spread, of.values()), _percent(nominal), _percent(share)]
+    means = {key: mean(values) for key, values in of.items()}
+    (nominal, share), (_, uniform) = losses(means, "ours"), losses(means, UNIFORM)
+    return [env, str(len(seeds)), *map(spread, of.values()), *map(_percent, (nominal, share, uniform))]
 
 
-def losses(means: Mapping[tuple[str, str], float | None]) -> tuple[float | None, float | None]:
-    """What ours loses in its own world, as a share of plain's F; and in hard ones, as a share of plain's loss there."""
-    plain, hard, ours, ours_hard = (means[arm, kind] for arm in (PLAIN, "ours") for kind in ("nominal", "hard"))
-    if plain is None or hard is None or ours is None or ours_hard is None:
+def losses(means: Mapping[tuple[str, str], float | None], arm: str) -> tuple[float | None, float | None]:
+    """What an arm loses: in its own world as a share of plain's F, in hard ones as a share of what plain loses."""
+    plain, hard, own, own_hard = (means[which, kind] for which in (PLAIN, arm) for kind in ("nominal", "hard"))
+    if plain is None or hard is None or own is None or own_hard is None:
         return None, None
-    nominal = (plain - ours) / abs(plain) if plain else None
-    return nominal, (ours - ours_hard) / (plain - hard) if plain > hard else None
+    nominal = (plain - own) / abs(plain) if plain else None
+    return nominal, (own - own_hard) / (plain - hard) if plain > hard else None
 
 
 def _percent(share: float | None) -> str:

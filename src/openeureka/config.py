@@ -35,7 +35,7 @@ class RunConfig:
     """One search. Zero means: the default of the task (steps, worlds) or of the kind of model (sample, iteration)."""
 
     env: str = "cartpole"
-    """A name of `eureka envs`, `FILE.py`, `pkg.mod:Class` or, of Gymnasium, `gym:ID`."""
+    """A name of `eureka envs`, `FILE.py`, `pkg.mod:Class`, `gym:ID`, or `dmc:`, `mjlab:` and others with `python=`."""
     model: str = "local"
     """`local`, `local:PATH.gguf`, `random`, `replay:RUN` or `FILE.json`, or the name of a model at an endpoint."""
     base_url: str = ""
@@ -99,7 +99,7 @@ class RunConfig:
     address: str = ""
     """Of the Ray cluster: `auto`, the one that this machine is part of, `HOST:PORT`, or `local`, one of its own."""
     max_cost: float = 0.0
-    """Stop before the spending on replies exceeds this many US dollars; 0 means no limit."""
+    """Stop before replies cost more than this many US dollars; 0 means no limit."""
     price: str = ""
     """`INPUT,OUTPUT` in US dollars per million tokens; empty means the built-in table of prices."""
     baselines: str = "train"

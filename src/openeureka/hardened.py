@@ -30,7 +30,8 @@ HARD: Mapping[str, Dynamics] = {
     "heavy, weak, late": Dynamics(mass=1.3, strength=0.7, delay=0.04),
     "light, slippery, noisy": Dynamics(mass=0.7, friction=0.7, noise=0.05),
 }
-"""Worlds that no policy is trained for and no model is shown; F over them is what robust means here."""
+"""Worlds that no model is shown; F over them is what robust means here. Policies are chosen and judged by them, each on
+start states of its own."""
 KEEPS = 0.75
 """Share of what was learnt that a policy keeps where it is said to work."""
 PEAKS: tuple[Peak, ...] = ("reward", "last", "fitness")

@@ -2,8 +2,10 @@ import pytest
 import torch
 
 from openeureka.cli import play
+from openeureka.config import RunConfig
 from openeureka.errors import ConfigError, RewardFileError
 from openeureka.report import page
+from openeureka.store import Store
 from openeureka.training.policy import Policy
 
 
@@ -49,6 +51,12 @@ def test_the_policy_that_was_carried_on_is_shown_where_it_is_better(asked, tmp_p
 
 def test_random_play_needs_no_file(asked, tmp_path):
     play.play(["env=ant", "policy=random", f"out={tmp_path}/a.mp4"])
+    assert asked == [("ant", "random", 10.0)]
+
+
+def test_random_play_beside_a_run_is_of_its_task(asked, tmp_path):
+    Store.open(tmp_path / "run", RunConfig(env="ant")).close()
+    play.play([f"{tmp_path}/run", "policy=random"])
     assert asked == [("ant", "random", 10.0)]
 
 

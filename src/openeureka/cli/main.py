@@ -174,7 +174,7 @@ def tune(words: Settings = None, as_json: Json = False) -> None:
 
 @app.command(epilog=describe(RobustConfig))
 def robust(words: Words = None) -> None:
-    """Have a model propose how worlds of training differ, and train the best reward for worlds that nobody saw.
+    """Have a model propose how worlds of training differ, and train the best reward in such worlds.
 
     Example: eureka robust outputs/2026-01-31_12-00-00_anymal sample=8
     """
@@ -242,7 +242,7 @@ def context(words: Settings = None) -> None:
 
 @app.command(epilog=describe(NewConfig))
 def new(words: Words = None) -> None:
-    """Draft a task of your own from a MuJoCo model or an environment: it trains as it is, and says what to change.
+    """Draft a task of your own from a MuJoCo model or an environment: it runs as it is, and says what to change.
 
     Example: eureka new hopper.py model=hopper.xml intent="to hop forward as fast as possible"
     """

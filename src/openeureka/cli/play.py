@@ -14,7 +14,7 @@ from ..report.screen import draws_itself
 from ..report.stage import Stage
 from ..report.video import render
 from ..runs import trust
-from ..store import artifacts, is_run
+from ..store import artifacts, is_run, read_config
 from ..text import one_line
 from ..training.policy import Policy
 from .settings import PlayConfig, only_path, split
@@ -50,7 +50,8 @@ def _chosen(config: PlayConfig, directory: Path | None) -> tuple[str, bytes | st
     if directory is None and not config.policy:
         raise ConfigError("Name what to play: a run directory, or policy=FILE, random or zero.")
     if config.policy in AGENTS:
-        return config.env or "cartpole", config.policy
+        run = read_config(directory).env if directory is not None else ""
+        return _trusted(run, config.env) if run else config.env or "cartpole", config.policy
     of_run = config.policy in ("", POLISHED)
     policy = _of_run(directory, config.policy) if directory and of_run else _read(Path(config.policy))
     return _env_of(policy, config.env), policy
@@ -108,16 +109,19 @@ def _read(path: Path) -> bytes:
 
 
 def _env_of(policy: bytes, wanted: str) -> str:
-    """The task a policy was trained on; it fits no other. `wanted` may say where its file lies now.
-
-    A policy may come from anybody: what it names is imported where it is installed, or was typed here before.
-    """
+    """The task a policy was trained on; it fits no other. `wanted` may say where its file lies now."""
     trained = Policy.from_bytes(policy).env
     if wanted and short_name(wanted) != short_name(trained):
         raise ConfigError(f"The policy was trained on env={trained}, not on env={wanted}; leave env= out.")
-    if not wanted and trust.unknown(PlayConfig(env=trained)):
+    return _trusted(trained, wanted, "The policy")
+
+
+def _trusted(named: str, wanted: str, who: str = "The run") -> str:
+    """The task that is wanted, or else the one that a file names which may come from anybody: that is imported where it
+    is installed, or was typed here before."""
+    if not wanted and trust.unknown(PlayConfig(env=named)):
         raise ConfigError(
-            f"The policy names env={trained}, which is no installed task and was never typed here; add that to the "
-            "command if you know where it comes from: it is run with your rights."
+            f"{who} names env={named}, which is no installed task and was never typed here; add that to the command if "
+            "you know where it comes from: it is run with your rights."
         )
-    return wanted or trained
+    return wanted or named

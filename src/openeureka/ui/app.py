@@ -1,4 +1,4 @@
-"""The addresses of the page and what answers them. It reads stores and adds remarks; nothing else of a run is written.
+"""The addresses of the page and what answers them. It reads stores, adds remarks, and starts and stops runs.
 
 Handlers work in the thread of the server: one person looks, and what has not changed is not read again.
 """
