@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Collection, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import cast
@@ -107,13 +107,17 @@ def final_lanes(
     }
 
 
-def affordable(trained: Iterable[TrainingResult], peaks: int) -> int:
-    """Episodes that each of so many policies of a lane may play in one of two looks."""
+def affordable(trained: Collection[TrainingResult], peaks: int) -> int:
+    """Episodes that each of so many policies of a lane may play in one of two looks. Lanes share what they trained: one
+    that was cut or diverged early takes no episodes from the others."""
     fewest, most = EPISODES
-    for result in trained:
-        longest = max((length for length in result.curves.get("episode_length", ()) if length), default=1.0)
-        most = min(most, int(SHARE * result.env_steps / (2 * peaks * longest)))
-    return max(fewest, most)
+    longest = max((length for result in trained for length in _lengths(result) if length), default=1.0)
+    steps = sum(result.env_steps for result in trained) / max(1, len(trained))
+    return max(fewest, min(most, int(SHARE * steps / (2 * peaks * longest))))
+
+
+def _lengths(result: TrainingResult) -> Sequence[float | None]:
+    return result.curves.get("episode_length", ())
 
 
 def _drawn(config: RunConfig) -> Ranges | None:
@@ -234,7 +238,8 @@ class Lanes:
         if not stood:
             stood = self._stand(rung, paused, rivals)
             log.save_rung(number, stood.values())
-        racing = {lane: standing.played for lane, standing in stood.items() if lane in rivals}
+        # Of a run that was killed between two cuts, some of those that raced have a result already.
+        racing = {lane: at[number].played for lane, at in log.rungs().items() if lane in rivals and number in at}
         on: dict[str, LaneSpec] = {}
         for lane in stood:
             result = paused.get(lane)

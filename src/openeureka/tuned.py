@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 
@@ -177,7 +177,7 @@ def rounds(config: RunConfig) -> list[range]:
 
 
 def final_lanes(
-    config: RunConfig, texts: Texts, results: Mapping[str, TrainingResult], seeds: Sequence[int] | None = None
+    config: RunConfig, texts: Texts, results: Container[str], seeds: Sequence[int] | None = None
 ) -> dict[str, list[str]]:
     """Ids of the lanes that trained with fresh seeds, by name; the text as it came first, others that have some.
 
@@ -187,9 +187,17 @@ def final_lanes(
     wanted = final_seeds(config) if seeds is None else seeds
     found = {
         name: [lane for seed in wanted if (lane := lane_id(candidate.id, seed)) in results]
-        for name, candidate in texts.items()
+        for name, candidate in distinct(texts).items()
     }
     return {name: lanes for name, lanes in found.items() if lanes or name == ORIGINAL}
+
+
+def distinct(texts: Texts) -> Texts:
+    """Each text once, under its first name: proposals are rounded, so two may be one, or that which came."""
+    names: dict[str, str] = {}
+    for name in sorted(texts, key=lambda name: name != ORIGINAL):
+        names.setdefault(texts[name].id, name)
+    return {name: candidate for name, candidate in texts.items() if names[candidate.id] == name}
 
 
 def winner(scores: Mapping[str, Sequence[Evaluation | None]], limits: Limits) -> str:

@@ -202,13 +202,14 @@ def _race(lanes: Lanes, last: int) -> PolicyId | None:
 def _raced(store: Store, texts: tuned.Texts) -> list[str]:
     """Names of the weightings that were chosen to race; none before that."""
     final = {lane.reward for lane in store.lanes.all().values() if lane.role == "final"}
-    return [name for name, candidate in texts.items() if candidate.id in final - {texts[ORIGINAL].id}]
+    return [name for name, candidate in tuned.distinct(texts).items() if name != ORIGINAL and candidate.id in final]
 
 
 def _leading(lanes: Lanes, texts: tuned.Texts) -> list[str]:
     """Names of the best weightings by played F, those first that keep the limits; without the text as it came."""
     scores, limits = lanes.scores(), lanes.config.limited
-    ids = {name: lane_id(texts[name].id, lanes.config.seed) for name in texts if texts[name].id != texts[ORIGINAL].id}
+    others = {name: candidate for name, candidate in tuned.distinct(texts).items() if name != ORIGINAL}
+    ids = {name: lane_id(candidate.id, lanes.config.seed) for name, candidate in others.items()}
     known = {name: scores[lane] for name, lane in ids.items() if lane in scores}
     best = sorted(known, key=lambda name: worth(known[name], limits), reverse=True)[:RIVALS]
     return [name for name in texts if name in best]  # as `_raced` finds them again

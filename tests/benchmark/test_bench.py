@@ -111,6 +111,16 @@ def test_an_arm_that_fails_says_so_and_the_others_go_on(tmp_path, capsys):
     assert "cartpole-keyless-0 could not be finished" in (tmp_path / "bench" / "bench.html").read_text()
 
 
+def test_a_cell_that_cannot_be_read_stops_no_other(tmp_path, capsys):
+    plan = {**PLAN, "seeds": [0]}
+    assert run(tmp_path, plan) == 0
+    (tmp_path / "bench" / "cartpole-full-0" / "run.sqlite").write_bytes(b"no database" * 100)
+    assert run(tmp_path, plan) != 0
+    found = json.loads((tmp_path / "bench" / "bench.json").read_text())
+    assert list(found["failed"]) == ["cartpole-full-0"]
+    assert [(row["arm"], row["seeds"]) for row in found["rows"]] == [("full", 0), ("weaker", 1)]
+
+
 def test_the_command_prints_a_table_and_ctrl_c_says_how_to_go_on(tmp_path, meters, capsys, monkeypatch):
     seen = figures.read
 

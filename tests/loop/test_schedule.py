@@ -1,5 +1,6 @@
 """Candidates that trail are cut, and the run knows when and why."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,16 +8,17 @@ import pytest
 
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
-from openeureka.lanes import Lanes, deal
+from openeureka.lanes import Lanes, affordable, deal
 from openeureka.loop import run
 from openeureka.observer import NullObserver
 from openeureka.report.candidates import CandidateState
 from openeureka.report.view import RunView
 from openeureka.schedule import Rung, leaders, why
 from openeureka.store import Store
+from openeureka.store.lane_log import LaneLog
 from openeureka.strategies import make
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
-from openeureka.types import Candidate, Evaluation, TrainingState, lane_id
+from openeureka.types import Candidate, Evaluation, TrainingResult, TrainingState, lane_id
 
 WORTHS = (3, 8, 1, 6, 5, 2, 7, 4)
 CONFIG = RunConfig(sample=8, iteration=1, seeds=2, schedule="halving", refill=0)
@@ -116,6 +118,34 @@ def test_a_run_that_is_killed_in_a_rung_goes_on_there(tmp_path: Path, lanes: int
     with Store.view(tmp_path / "whole") as one, Store.view(tmp_path / "run") as other:
         assert one.lanes.rungs() == other.lanes.rungs()
         assert one.lanes.results() == other.lanes.results()
+
+
+def test_a_run_that_is_killed_between_two_cuts_says_the_same_of_both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    search(tmp_path / "whole", ToyTrainer())
+    keep, cuts = LaneLog.save_results, list[str]()
+
+    def dying(log: LaneLog, results: Sequence[TrainingResult]) -> None:
+        keep(log, results)
+        cuts.extend(result.lane for result in results if result.state is TrainingState.CUT)
+        if len(cuts) == 2:
+            raise Killed
+
+    with monkeypatch.context() as patched, pytest.raises(Killed):
+        patched.setattr(LaneLog, "save_results", dying)
+        search(tmp_path / "run", ToyTrainer())
+    search(tmp_path / "run", ToyTrainer())
+    with Store.view(tmp_path / "whole") as one, Store.view(tmp_path / "run") as other:
+        assert one.lanes.results() == other.lanes.results()
+
+
+def test_a_lane_that_ended_early_takes_few_episodes_from_the_others():
+    def trained(steps: int) -> TrainingResult:
+        curves = {"episode_length": (100.0,)}
+        state = TrainingState.FINISHED
+        return TrainingResult(lane="-", state=state, fitness=1.0, curves=curves, env_steps=steps, seconds=1.0)
+
+    assert affordable([trained(120_000)] * 8, 3) == 20  # 2 looks x 3 policies x 20 episodes x 100 steps
+    assert affordable([*[trained(120_000)] * 7, trained(0)], 3) == 17
 
 
 def test_a_lane_whose_state_was_lost_begins_anew(tmp_path: Path):

@@ -24,11 +24,21 @@ from openeureka.report.verdict import of_tuning
 from openeureka.report.view import RunView
 from openeureka.reward.weights import weighed, weights
 from openeureka.runs.run import Run
-from openeureka.score import Difference, mean
+from openeureka.score import Arm, Difference, mean
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program
-from openeureka.tuned import ORIGINAL, Tuned
-from openeureka.types import Candidate, LaneSpec, Node, RewardGraph, TrainingResult, TrainingState, Verdict, VerdictCode
+from openeureka.tuned import ORIGINAL, Tuned, distinct, final_lanes
+from openeureka.types import (
+    Candidate,
+    LaneSpec,
+    Node,
+    RewardGraph,
+    TrainingResult,
+    TrainingState,
+    Verdict,
+    VerdictCode,
+    lane_id,
+)
 
 HUMAN = """def compute_reward(speed, effort, posture, noise):
     reward = 2.0 * speed - 0.01 * effort + 0.5 * posture + 0.3 * noise
@@ -191,6 +201,21 @@ def test_a_single_number_is_fitted_too(tmp_path: Path) -> None:
     found = go(tmp_path, Hill(), text, tune=24)
     (effect,) = found.effects
     assert effect.after is not None and 1.0 < effect.after < 5.0  # 2 is the best
+
+
+def test_a_text_that_was_proposed_twice_or_is_the_one_that_came_races_once() -> None:
+    first, second = Candidate.of("a"), Candidate.of("b")
+    texts = {"t0.1": first, ORIGINAL: first, "t0.2": second, "t1.0": second}
+    assert dict(distinct(texts)) == {ORIGINAL: first, "t0.2": second}
+    lanes = [lane_id(candidate.id, 1) for candidate in (first, second)]
+    assert final_lanes(RunConfig(seeds=1), texts, lanes) == {ORIGINAL: lanes[:1], "t0.2": lanes[1:]}
+
+
+def test_nothing_is_said_of_a_race_before_its_policies_are_judged() -> None:
+    going = Arm(training=(5.0, 6.0), held_out=(None, None))
+    found = Tuned(trials=(), trained=0, effects=(), after="t0.1", arms={ORIGINAL: going, "t0.1": going})
+    assert of_tuning(found) == "Not decided yet: the final trainings are not done."
+    assert "best/" not in fitted.arms(found).note
 
 
 # --- at the end of a search ------------------------------------------------------------------------------------------

@@ -36,6 +36,18 @@ def test_the_best_video_is_made_once(run):
     assert filmed == ["toy"]
 
 
+def test_a_film_of_a_policy_that_is_no_longer_the_best_is_not_kept(run, monkeypatch):
+    directory, _ = run
+
+    def render(*_: object, **__: object) -> bytes:
+        (directory / "best" / "policy.safetensors").write_bytes(policy(4, 1, (16,)).to_bytes())
+        return b"mp4"
+
+    monkeypatch.setattr(video, "render", render)
+    build.build(directory, "best", env="toy")
+    assert not (directory / "best" / "video.mp4").exists()
+
+
 def test_no_video_is_made_where_none_is_wanted(run):
     directory, filmed = run
     assert build.build(directory, "none") == []

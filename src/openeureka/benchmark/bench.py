@@ -151,7 +151,7 @@ def _cells(
     say: Callable[[str], object],
 ) -> None:
     failures: dict[str, EurekaError] = {}
-    results = {cell: figures.read(cell, directory / cell.name) for cell in configs}
+    results = {cell: _read(cell, directory / cell.name, failures) for cell in configs}
     _renew(plan, directory, results, failures, tell)
     for number, (cell, config) in enumerate(configs.items(), start=1):
         place = directory / cell.name
@@ -165,8 +165,17 @@ def _cells(
         except EurekaError as error:
             failures[cell.name] = error
             say(f"{cell.name} failed: {error}")
-        results[cell] = figures.read(cell, place)
+        results[cell] = _read(cell, place, failures)
         _renew(plan, directory, results, failures, tell)
+
+
+def _read(cell: Cell, place: Path, failures: dict[str, EurekaError]) -> figures.Result | None:
+    """What came of a cell, as far as its run can be read."""
+    try:
+        return figures.read(cell, place)
+    except EurekaError as error:
+        failures[cell.name] = error
+        return None
 
 
 def _finish(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from ..errors import ConfigError
 from ..parsing import parse
-from ..report.view import RunView
 from ..runs import trust
-from ..store import artifacts
+from ..store import Store, artifacts, read_config
 from ..tasks import registry
+from ..types import Candidate, RewardGraph
 from .settings import ExportConfig, only_path, split
 
 USAGE = "eureka export outputs/<time>_hopper_v5 to=gymnasium"
@@ -24,18 +25,26 @@ def export(words: Sequence[str]) -> None:
     """
     settings, paths = split(words)
     config, directory = parse(ExportConfig, settings), only_path(paths, USAGE)
-    run = RunView.read(directory)
-    best = run.best
-    if best is None or best.verdict is None or best.verdict.graph is None or best.candidate is None:
-        raise ConfigError(f"{directory} has found no reward yet; `eureka show {directory}` says how far it is.")
-    if not config.env and "env" in trust.unknown(run.config):
+    began = read_config(directory)
+    source, graph = _best(directory)
+    if not config.env and "env" in trust.unknown(began):
         raise ConfigError(
-            f"{directory} was not started here, and its task {run.config.env} would be run; say env=... if you know it."
+            f"{directory} was not started here, and its task {began.env} would be run; say env=... if you know it."
         )
-    task = registry.get(config.env or run.config.env)
-    text = task.handed_back(best.verdict.graph, best.candidate.source)  # refuses a task that is of no other program
+    task = registry.get(config.env or began.env)
+    text = task.handed_back(graph, source)  # refuses a task that is of no other program
     if config.to not in ("", task.suite):
         raise ConfigError(f"`{task.env}` comes from {task.suite}, so its rewards go to={task.suite}, not {config.to}.")
     name = f"best/reward_{task.suite}.py"
     artifacts.write(directory, name, text)
     print(f"Wrote {directory / name}. Its first lines say how it is used.")
+
+
+def _best(directory: Path) -> tuple[str, RewardGraph]:
+    """The reward in `best/`, with its fitted numbers where it has some: its text, and what was accepted of it."""
+    source = (artifacts.read(directory, "best/reward.py") or b"").decode(errors="replace")
+    with Store.view(directory) as store:
+        verdict = store.verdict(Candidate.of(source).id)
+    if verdict is None or verdict.graph is None:
+        raise ConfigError(f"{directory} has found no reward yet; `eureka show {directory}` says how far it is.")
+    return source, verdict.graph

@@ -61,7 +61,9 @@ def policy_files(directory: Path, folder: str, wanted: str, env: str) -> str:
             return _STRANGE.format(directory=directory)
         other = filming.human(directory) if folder == "best" else None
         captions = ("the best reward", "the human reward") if other is not None else ()
-        artifacts.write(directory, f"{folder}/{VIDEO}", video.render(env, data, beside=other, captions=captions))
+        film = video.render(env, data, beside=other, captions=captions)
+        if artifacts.read(directory, f"{folder}/policy.safetensors") == data:  # a search that goes on may have a better
+            artifacts.write(directory, f"{folder}/{VIDEO}", film)
     except (RewardFileError, video.VideoUnavailable) as error:
         return str(error)
     return ""

@@ -15,7 +15,7 @@ def arms(found: Tuned) -> Table:
         for name, arm in found.arms.items()
     ]
     note = "Mean ± standard deviation over fresh seeds."
-    if any(arm.held_out for arm in found.arms.values()):
+    if any(arm.scores for arm in found.arms.values()):
         note += f" `best/` holds the reward {'before' if found.better == ORIGINAL else 'after'}."
     return Table(("numbers", "F in training", "F held out", "seeds"), rows, note)
 

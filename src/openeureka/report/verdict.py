@@ -33,7 +33,7 @@ def verdict(run: RunView) -> str:
 
 def of_tuning(found: Tuned | None) -> str:
     """Whether the fitted numbers are better than those that came."""
-    if found is None or not any(arm.held_out for arm in found.arms.values()):
+    if found is None or not any(arm.scores for arm in found.arms.values()):
         return "Not decided yet: the final trainings are not done."
     before, after = found.arms[ORIGINAL], found.arms[found.after]
     if not before.scores or not after.scores:
