@@ -40,8 +40,15 @@ def rank(fitness: float | None) -> float:
     return fitness if fitness is not None and math.isfinite(fitness) else -math.inf
 
 
-def pooled(looks: Sequence[Evaluation]) -> Evaluation:
-    """One policy's score over all episodes that it played in several looks, where F was defined in them."""
+def pooled(looks: Sequence[Evaluation], *, shared: bool = False) -> Evaluation:
+    """One policy's score over all episodes that it played in several looks, where F was defined in them.
+
+    Args:
+        shared: whether all play the same start states, as one policy does in several worlds (`report.robust`). Their
+            errors then add up, as if all went wrong together; of independent ones the squares do. `played` pools looks
+            on start states of their own. `lawful` and `tuned` pool trainings, and read costs alone, which have no
+            error.
+    """
     defined = [look for look in looks if look.fitness is not None] or looks
     episodes = sum(look.episodes for look in defined)
 
@@ -55,7 +62,7 @@ def pooled(looks: Sequence[Evaluation]) -> Evaluation:
     return replace(
         looks[0],
         fitness=total([look.fitness for look in defined]),
-        error=math.hypot(*errors) / episodes if looks[0].error is not None else None,
+        error=(math.fsum(errors) if shared else math.hypot(*errors)) / episodes if looks[0].error is not None else None,
         episode_length=total([look.episode_length for look in defined]) or 0.0,
         episodes=episodes,
         costs={name: total([look.costs.get(name) for look in defined]) or 0.0 for name in looks[0].costs},

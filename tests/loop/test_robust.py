@@ -88,6 +88,7 @@ def test_the_proposal_that_plays_best_in_hard_worlds_is_kept_with_its_ranges(sea
     assert found is not None and found.ours == "r1"
     assert [arm.name for arm in found.arms] == ["plain", "uniform", "r0", "r1"]
     plain, _, _, ours = found.arms
+    assert plain.hard is not None and ours.hard is not None
     # Held out the toy's F is its worth, 8.01, less one. Off by 0.3 costs 3, and 3 / 2.2 with ranges that are 1.2 wide.
     assert plain.worlds["mass -30 %"].fitness == pytest.approx(4.01)
     assert ours.worlds["mass -30 %"].fitness == pytest.approx(7 - 3 / 2.2 - 0.12)
@@ -97,6 +98,11 @@ def test_the_proposal_that_plays_best_in_hard_worlds_is_kept_with_its_ranges(sea
     unsure = {name: replace(score, error=9.0) for name, score in ours.worlds.items()}
     blurred = replace(found, arms=(plain, replace(ours, worlds=unsure)))
     assert told.verdict(blurred).startswith("Not decided in hard worlds: F ")
+    level = [{name: replace(score, error=1.0) for name, score in arm.worlds.items()} for arm in (plain, ours)]
+    shared = replace(found, arms=(replace(plain, worlds=level[0]), replace(ours, worlds=level[1])))
+    # The worlds share start states: an error of 1 in each is one of 1 over all, and 1.96 * sqrt(2) = 2.77 of both.
+    gap = ours.hard - plain.hard
+    assert f"95 % interval {gap - 2.772:+.3g} to {gap + 2.772:+.3g}" in told.verdict(shared)
     mass = charts.carried(found)[0]
     assert mass.x_label == "mass [factor]" and [line.name for line in mass.lines] == ["before", "after"]
     assert dict(zip(mass.places, mass.lines[0].values, strict=True))[1.5] == pytest.approx(2.01)

@@ -5,6 +5,7 @@ import pytest
 
 from openeureka import score
 from openeureka.score import Arm, Outcome, clipped, human_normalised, mean, pearson, rank
+from openeureka.types import Evaluation
 
 
 @pytest.mark.parametrize(
@@ -52,6 +53,16 @@ def test_pearson_is_undefined_for_constants_and_single_pairs() -> None:
     assert pearson([1, 1, 1], [1, 2, 3]) is None
     assert pearson([1], [2]) is None
     assert pearson([], []) is None
+
+
+def test_errors_of_looks_that_share_start_states_add_up() -> None:
+    looks = [
+        Evaluation(lane="a", fitness=f, episode_length=1.0, episodes=n, error=0.4) for f, n in ((1.0, 8), (3.0, 8))
+    ]
+    # Equal shares: half of sqrt(0.4^2 + 0.4^2) where they are independent, half of 0.4 + 0.4 where they are not.
+    assert score.pooled(looks).error == pytest.approx(0.4 / math.sqrt(2))
+    assert score.pooled(looks, shared=True).error == pytest.approx(0.4)
+    assert score.pooled(looks, shared=True).fitness == score.pooled(looks).fitness == 2.0
 
 
 def test_an_outcome_is_normalised_by_means_over_seeds() -> None:

@@ -15,7 +15,7 @@ def verdict(found: Robust) -> str:
     ours, plain, uniform = by_name.get(found.ours), by_name[PLAIN], by_name.get(UNIFORM)
     if ours is None or ours.hard is None or plain.hard is None:
         return "Not decided yet: `eureka robust DIR` goes on with it."
-    more = gain(pooled([*ours.worlds.values()]), pooled([*plain.worlds.values()]))
+    more = gain(*(pooled([*arm.worlds.values()], shared=True) for arm in (ours, plain)))
     between = f"F {number(ours.hard)} against {number(plain.hard)} of the policy before"
     if uniform is not None and uniform.hard is not None:
         between += f" and {number(uniform.hard)} with uniform ranges"
