@@ -63,7 +63,8 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot) -> None:
     if began is None:
         raise ConfigError(f"{store.directory} holds no policy yet; `eureka resume {store.directory}` goes on with it.")
     lanes.observer.phase(config.generations, "evaluate")
-    lanes.try_out(sweep(began, robot.quantities), episodes=SWEEP_EPISODES)
+    # What a model is shown must not be what judges its ranges; both sweeps are on equal start states, to compare them.
+    lanes.try_out(sweep(began, robot.quantities), choosing=True, episodes=SWEEP_EPISODES)
     proposed = propose(lanes, model, robot, began)
     model.close()  # an embedded model must not run while training does: they fight for the same cores
     store.save_ranges({UNIFORM: robot.uniform, **proposed})
@@ -79,7 +80,7 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot) -> None:
     judged = (began, arms[UNIFORM], arms[ours])
     hard = hard_worlds(robot.quantities)
     lanes.try_out([trial for own in judged for trial in trials(own, hard)], episodes=HARD_EPISODES)
-    lanes.try_out(sweep(arms[ours], robot.quantities), episodes=SWEEP_EPISODES)
+    lanes.try_out(sweep(arms[ours], robot.quantities), choosing=True, episodes=SWEEP_EPISODES)
     store.save_robust(written(store.ranges()[ours]), arms[ours])
 
 

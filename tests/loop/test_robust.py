@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from report.scripted import search_in
 
 from openeureka.errors import ConfigError, ModelError
 from openeureka.hardening import Robot, asked, hard_worlds, harden, table_of
-from openeureka.lanes import Lanes
+from openeureka.lanes import CHOOSING, HELD_OUT, Lanes
 from openeureka.llm.client import LanguageModel
 from openeureka.llm.random import RandomModel
 from openeureka.observer import NullObserver
@@ -119,6 +119,25 @@ def test_the_model_is_told_where_the_policy_still_works(searched: Path) -> None:
     # Of 8.01 - 1 at its own mass; training began at half of the worth, 4.005: a tenth of the mass is a third of that.
     assert "- mass: 0.4: 1.01 (-100%), 0.6: 3.01 (-33%), 0.8: 5.01 (33%), 0.9: 6.01 (67%), 1: 7.01 (100%)" in text
     assert "works from 1 to 1" in text and "- delay [s], 0 to 1" in text and "A cart." in text
+
+
+@dataclass
+class Recording(Toughening):
+    """Keeps the worlds that were played with each seed of start states."""
+
+    seeds: dict[int, set[str]] = field(default_factory=dict)
+
+    def evaluate(self, env: str, policies: Any, *, seed: int, **options: Any) -> Iterator[Evaluation]:
+        self.seeds.setdefault(seed, set()).update(name.partition(" ")[2] for name in options.get("dynamics") or ())
+        return super().evaluate(env, policies, seed=seed, **options)
+
+
+def test_what_the_model_is_shown_is_not_played_where_policies_are_judged(searched: Path) -> None:
+    trainer = Recording()
+    make(searched, ScriptedModel([TABLE.format(0.9, 1.1)]), trainer, sample=1)
+    held_out, choosing = trainer.seeds[HELD_OUT], trainer.seeds[CHOOSING]
+    assert {name.partition(" ")[0] for name in held_out} == {"hard"}
+    assert {name.partition(" ")[0] for name in choosing} == {"sweep", "choose"}
 
 
 def test_a_reply_that_is_no_table_is_told_why_and_repaired(searched: Path) -> None:
