@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from .score import mean, rank
+from .score import breach, mean, pooled, worth
 from .store import Store
-from .types import NOMINAL, Dynamics, Evaluation, Peak, Ranges, TrainingResult
+from .types import NOMINAL, Dynamics, Evaluation, Limits, Peak, Ranges, TrainingResult
 
 _FACTOR = (0.4, 0.6, 0.8, 0.9, 1.1, 1.2, 1.5, 2.0)
 GRID: Mapping[str, tuple[float, ...]] = {
@@ -85,6 +85,9 @@ class RobustArm:
     """By hard world."""
     chosen_by: float | None
     """The same mean on start states for choosing; the plain policy was not chosen so."""
+    breach: str = ""
+    """The limits of the run that it breaks, held out where it was judged: in its own world, or on average over hard
+    ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,17 +108,38 @@ def read(store: Store, results: Mapping[str, TrainingResult]) -> Robust | None:
     began = next((lane for lane, named in scores.items() if "sweep" in named and lane not in records.values()), None)
     if began is None:
         return None
-    arms = [_arm(PLAIN, None, scores[began]), *(_arm(n, own[n], scores.get(records.get(n, ""), {})) for n in own)]
-    swept = [arm for arm in arms if "sweep" in scores.get(records.get(arm.name, ""), {})]
-    ours = max(swept, key=lambda arm: rank(arm.chosen_by)).name if swept else ""
+    tried, limits = {name: scores.get(records.get(name, ""), {}) for name in own}, store.config.limited
+    arms = [_arm(PLAIN, None, scores[began], limits), *(_arm(name, own[name], tried[name], limits) for name in own)]
+    swept = [name for name in own if "sweep" in tried[name]]
+    ours = max(swept, key=lambda name: worth(chosen(tried[name], limits), limits), default="")
     quantities = [name for name in GRID if any(key.startswith(f"sweep {name}=") for key in scores[began])]
     after = carries(store, records[ours], quantities) if ours else ()
     before = carries(store, began, quantities)
     return Robust(arms=tuple(arms), ours=ours, before=tuple(before), after=tuple(after))
 
 
-def _arm(name: str, ranges: Ranges | None, scores: Mapping[str, Evaluation]) -> RobustArm:
-    peaks = [mean_of(scores, f"choose {peak} hard ") for peak in PEAKS]
+def chosen(scores: Mapping[str, Evaluation], limits: Limits) -> Evaluation | None:
+    """Of a lane's policies that which does best in hard worlds, on start states for choosing: one that keeps the limits
+    before others. None where F is undefined for all."""
+    found = [_over(scores, f"choose {peak} hard ") for peak in PEAKS]
+    return max((one for one in found if one is not None), key=lambda one: worth(one, limits), default=None)
+
+
+def _over(scores: Mapping[str, Evaluation], prefix: str) -> Evaluation | None:
+    """One score of a policy for its hard worlds, in which a cost is the mean over them, or that in its own world where
+    it is higher. None before it has one, or where F is undefined in one of them."""
+    worlds = {name: score for name, score in scores.items() if name.startswith(prefix)}
+    fitness = mean_of(worlds, prefix)
+    if fitness is None:
+        return None
+    nominal = worlds.pop(f"{prefix}nominal", None)
+    hard = pooled([*worlds.values()], shared=True)
+    own = nominal.costs if nominal is not None else hard.costs
+    return replace(hard, costs={name: max(cost, own.get(name, cost)) for name, cost in hard.costs.items()})
+
+
+def _arm(name: str, ranges: Ranges | None, scores: Mapping[str, Evaluation], limits: Limits) -> RobustArm:
+    choice = chosen(scores, limits)
     worlds = {key.removeprefix("hard "): score for key, score in scores.items() if key.startswith("hard ")}
     return RobustArm(
         name=name,
@@ -123,7 +147,8 @@ def _arm(name: str, ranges: Ranges | None, scores: Mapping[str, Evaluation]) -> 
         nominal=worlds.pop("nominal", None),
         hard=mean_of(scores, "hard "),
         worlds=worlds,
-        chosen_by=max((peak for peak in peaks if peak is not None), default=None),
+        chosen_by=choice.fitness if choice is not None else None,
+        breach=breach(_over(scores, "hard ") or choice, limits),
     )
 
 

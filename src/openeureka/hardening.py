@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from . import prompts
 from .errors import ConfigError, ModelError
 from .hacking import Trial
-from .hardened import GRID, HARD, KEEPS, PEAKS, UNIFORM, Carried, carries, mean_of
+from .hardened import GRID, HARD, KEEPS, PEAKS, UNIFORM, Carried, carries, chosen
 from .lanes import BASELINES, Lanes, Wanted
 from .llm import price
 from .llm.client import LanguageModel
 from .sampling import request_seed
-from .score import rank
+from .score import worth
 from .store import Store, artifacts
 from .types import NOMINAL, Candidate, Dynamics, Lane, Peak, PolicyId, Prompt, Ranges, RewardProgram
 from .types.dynamics import SCALES
@@ -76,7 +76,7 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot) -> None:
     lanes.observer.phase(config.generations, "play")
     arms = {lane.ranges: PolicyId(lane.id, _peak(lanes, lane, robot.quantities)) for lane, _ in wanted}
     lanes.observer.phase(config.generations, "evaluate")
-    ours = max((name for name in arms if name != UNIFORM), key=lambda name: rank(_chosen_by(store, arms[name])))
+    ours = max((name for name in arms if name != UNIFORM), key=lambda name: _worth(lanes, arms[name].lane))
     judged = (began, arms[UNIFORM], arms[ours])
     hard = hard_worlds(robot.quantities)
     lanes.try_out([trial for own in judged for trial in trials(own, hard)], episodes=HARD_EPISODES)
@@ -212,12 +212,14 @@ def _peak(lanes: Lanes, lane: Lane, quantities: Sequence[str]) -> Peak:
     own = [PolicyId(lane.id, peak) for peak in PEAKS]
     choosing = [trial for policy in own for trial in trials(policy, hard, f"choose {policy.peak} ")]
     lanes.try_out(choosing, choosing=True, episodes=CHOOSING_EPISODES)
-    return max(own, key=lambda policy: rank(_chosen_by(lanes.store, policy))).peak
+    found = chosen(lanes.store.lanes.trials().get(lane.id, {}), lanes.config.limited)
+    return (found.peak if found is not None else None) or PEAKS[0]
 
 
-def _chosen_by(store: Store, policy: PolicyId) -> float | None:
-    """Mean F over hard worlds on start states for choosing."""
-    return mean_of(store.lanes.trials().get(policy.lane, {}), f"choose {policy.peak} hard ")
+def _worth(lanes: Lanes, lane: str) -> tuple[bool, float]:
+    """To rank lanes by, on start states for choosing."""
+    limits = lanes.config.limited
+    return worth(chosen(lanes.store.lanes.trials().get(lane, {}), limits), limits)
 
 
 def written(ranges: Ranges) -> str:

@@ -11,6 +11,7 @@ import pytest
 from report.scripted import search_in
 
 from openeureka.errors import ConfigError, ModelError
+from openeureka.hardened import chosen
 from openeureka.hardening import Robot, asked, hard_worlds, harden, table_of
 from openeureka.lanes import CHOOSING, HELD_OUT, Lanes
 from openeureka.llm.client import LanguageModel
@@ -138,6 +139,42 @@ def test_what_the_model_is_shown_is_not_played_where_policies_are_judged(searche
     held_out, choosing = trainer.seeds[HELD_OUT], trainer.seeds[CHOOSING]
     assert {name.partition(" ")[0] for name in held_out} == {"hard"}
     assert {name.partition(" ")[0] for name in choosing} == {"sweep", "choose"}
+
+
+@dataclass
+class Straining(Toughening):
+    """The wider a lane's ranges, the more torque its policy takes: 30 N m a unit."""
+
+    def evaluate(self, env: str, policies: Any, **options: Any) -> Iterator[Evaluation]:
+        wide = {lane: float(policy.decode().partition("/")[2] or 0) for lane, policy in policies.items()}
+        for score in super().evaluate(env, policies, **options):
+            yield replace(score, costs={"torque": 30 * wide[score.lane]})
+
+
+def test_a_policy_that_breaks_a_limit_of_the_run_is_kept_only_where_all_do(tmp_path: Path) -> None:
+    tables = [TABLE.format(0.4, 1.6), TABLE.format(0.9, 1.1), TABLE.format(0.8, 1.2)]
+    # Widths of 1.2, 0.2 and 0.4 take 36, 6 and 12 N m; the widest is the best in hard worlds.
+    for most, ours in ((40, "r0"), (20, "r2"), (1, "r0")):
+        run = tmp_path / f"most_{most}"
+        search_in(run, [reply(7), reply(8)], trainer=Straining(), limits=f"torque={most}")
+        found = make(run, ScriptedModel(tables), Straining(), sample=3).robust
+        assert found is not None and found.ours == ours
+        (kept,) = [arm for arm in found.arms if arm.name == ours]
+        said = told.verdict(found)
+        if most == 1:
+            assert kept.breach == "torque 36 N m, above 1"
+            assert said.endswith("But it breaks a limit of the run: torque 36 N m, above 1.")
+        else:
+            assert not kept.breach and "limit" not in said
+
+
+def test_a_limit_counts_in_a_policys_own_world_too() -> None:
+    def scored(torque: float) -> Evaluation:
+        return Evaluation(lane="a", fitness=1.0, episode_length=1.0, episodes=4, peak="last", costs={"torque": torque})
+
+    scores = {"choose last hard nominal": scored(50.0), "choose last hard delay 40 ms": scored(10.0)}
+    found = chosen(scores, {"torque": 40.0})
+    assert found is not None and found.costs == {"torque": 50.0} and found.peak == "last"
 
 
 def test_a_reply_that_is_no_table_is_told_why_and_repaired(searched: Path) -> None:

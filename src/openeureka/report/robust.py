@@ -19,11 +19,12 @@ def verdict(found: Robust) -> str:
     between = f"F {number(ours.hard)} against {number(plain.hard)} of the policy before"
     if uniform is not None and uniform.hard is not None:
         between += f" and {number(uniform.hard)} with uniform ranges"
-    nominal = f"In its own world: {_nominal(ours)} against {_nominal(plain)} before"
+    nominal = f"In its own world: {_nominal(ours)} against {_nominal(plain)} before."
+    broken = f" But it breaks a limit of the run: {ours.breach}." if ours.breach else ""
     if more is None or more.low is None:
-        return f"Not decided in hard worlds: {between}. {nominal}."
+        return f"Not decided in hard worlds: {between}. {nominal}{broken}"
     told = decided(more, "In hard worlds the policy is {}", between, unless="Not decided in hard worlds")
-    return f"{told} {nominal}. One training each."
+    return f"{told} {nominal} One training each.{broken}"
 
 
 def arms(found: Robust) -> Table:
