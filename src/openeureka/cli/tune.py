@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext, redirect_stdout
 from pathlib import Path
 
 from ..config import RobustConfig, RunConfig, TuneConfig
-from ..display.progress import working
 from ..parsing import parse
-from ..report.build import build
 from ..report.view import RunView
 from ..runs import compose, trust
 from ..runs.rewards import to_tune
@@ -50,9 +49,8 @@ def robust(words: Sequence[str]) -> None:
     config = parse(RobustConfig, settings).changed(compose.stored(directory))
     typed = {word.partition("=")[0] for word in settings}
     trust.agree(config, directory, typed=typed, trusted=Path(trusted[-1]) if trusted else None)
-    compose.robust(config, directory, Terminal())
-    with working("Writing the report"):
-        problems = build(directory, env=config.env)
+    again = shlex.join(["eureka", "robust", str(directory), *settings])
+    problems = compose.robust(config, directory, Terminal(), again=again)
     found = RunView.read(directory).robust
     if found is not None:
         print("\n".join(["", *lines(found)]))

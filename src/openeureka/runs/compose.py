@@ -216,12 +216,18 @@ def tune(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] |
         return build(directory, config.video, config.env)
 
 
-def robust(config: RunConfig, directory: Path, host: Host, model: LanguageModel | None = None) -> None:
-    """Do what is missing to make the best policy of a run robust; its report is for the caller to write.
+def robust(
+    config: RunConfig, directory: Path, host: Host, model: LanguageModel | None = None, *, again: str
+) -> list[str]:
+    """Do what is missing to make the best policy of a run robust, then report.
 
     Args:
         config: the run's, with what this command changes: the model, how many proposals it makes, where they train.
         model: instead of the one that the settings name.
+        again: what to write to go on with it; `Host.again` says how to go on with what made the run.
+
+    Returns:
+        As `search` does.
 
     Raises:
         ConfigError: for a task of which nothing can be changed, or a run without a model.
@@ -245,12 +251,14 @@ def robust(config: RunConfig, directory: Path, host: Host, model: LanguageModel 
     with (
         closing(model),
         Store.open(directory, began) as store,
-        continuable(host.again(directory)),
+        continuable(again),
         stoppable(directory),
         logged(directory, config, store.talk.usage()) as log,
         host.view(config, directory, store.talk.usage()) as view,
     ):
         harden(Lanes(config, store, trainer, Observers(*log, view)), model, robot)
+    with host.working("Writing the report"):
+        return build(directory, config.video, config.env)
 
 
 @contextmanager

@@ -253,7 +253,11 @@ def robust(
     typed = taken(RobustConfig, {"model": name, **settings})
     config = RobustConfig(**typed).changed(compose.stored(directory))
     _agree(config, directory, typed=[key for key, value in typed.items() if value], trusted=trusted)
-    return done(directory, on_event, lambda host: compose.robust(config, directory, host, own))
+    words = [repr(str(directory)), *(f"{key}={value!r}" for key, value in typed.items() if key != "model")]
+    if own is not None or name:
+        words.append("model=..." if own is not None else f"model={name!r}")  # what prints as itself is no object
+    again = f"openeureka.robust({', '.join(words)})"
+    return done(directory, on_event, lambda host: compose.robust(config, directory, host, own, again=again))
 
 
 def check(env: str | Path, program: str | Path, *, unsafe_no_sandbox: bool = False) -> Verdict:

@@ -1,0 +1,75 @@
+"""`eureka robust` and `openeureka.robust` on a run that fakes made: what they print, write and refuse."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from report.scripted import search_in
+
+import openeureka
+from openeureka.cli.tune import robust
+from openeureka.errors import Interrupted
+from openeureka.runs import compose
+from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
+
+TABLE = "```yaml\nmass: [{}, {}]\n```\n"
+
+
+@pytest.fixture(autouse=True)
+def trainer(monkeypatch: pytest.MonkeyPatch) -> ToyTrainer:
+    toy = ToyTrainer()
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: toy)
+    return toy
+
+
+@pytest.fixture
+def searched(tmp_path: Path) -> Path:
+    return search_in(tmp_path / "run", [reply(7), reply(8)], env="cartpole", model=None, video="none")
+
+
+def kill(trainer: ToyTrainer, monkeypatch: pytest.MonkeyPatch, after: int) -> None:
+    """Ctrl-C when so many more lanes are trained."""
+    whole, before = trainer._result, len(trainer.trained)
+
+    def result(lane):
+        if len(trainer.trained) > before + after:
+            raise KeyboardInterrupt
+        return whole(lane)
+
+    monkeypatch.setattr(trainer, "_result", result)
+
+
+def test_a_stopped_command_says_itself_how_to_go_on(searched, trainer, monkeypatch):
+    with monkeypatch.context() as once, pytest.raises(Interrupted) as stop:
+        kill(trainer, once, after=1)
+        robust([str(searched), "model=random", "sample=2"])
+    assert str(stop.value).endswith(f"Continue with: eureka robust {searched} model=random sample=2")
+
+
+def test_from_python_it_names_the_call(searched, trainer, monkeypatch, capsys):
+    with monkeypatch.context() as once:
+        kill(trainer, once, after=1)
+        openeureka.robust(searched, model="random", sample=2)
+        assert f"Continue with: openeureka.robust('{searched}', sample=2, model='random')\n" in capsys.readouterr().out
+        openeureka.robust(searched, model=ScriptedModel([]), sample=2)
+        assert f"Continue with: openeureka.robust('{searched}', sample=2, model=...)\n" in capsys.readouterr().out
+
+
+def test_from_python_it_leaves_the_report(searched, capsys):
+    run = openeureka.robust(searched, model=ScriptedModel([TABLE.format(0.9, 1.1)]), sample=1)
+    assert run.robust is not None and run.robust.ours == "r0"
+    assert "r0, chosen" in run.report.read_text() and capsys.readouterr().out == ""
+
+
+def test_the_command_writes_its_report_once(searched, monkeypatch, capsys):
+    written, build = [], compose.build
+
+    def counted(directory, *options):
+        written.append(directory)
+        return build(directory, *options)
+
+    monkeypatch.setattr(compose, "build", counted)
+    robust([str(searched), "model=random", "sample=1"])
+    assert written == [searched] and "r0, chosen" in (searched / "report.html").read_text()
+    assert "begin with report.html" in capsys.readouterr().out
