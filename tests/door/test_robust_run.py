@@ -9,7 +9,7 @@ from report.scripted import search_in
 
 import openeureka
 from openeureka.cli.tune import robust
-from openeureka.errors import Interrupted
+from openeureka.errors import ConfigError, Interrupted
 from openeureka.runs import compose
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 
@@ -25,7 +25,7 @@ def trainer(monkeypatch: pytest.MonkeyPatch) -> ToyTrainer:
 
 @pytest.fixture
 def searched(tmp_path: Path) -> Path:
-    return search_in(tmp_path / "run", [reply(7), reply(8)], env="cartpole", model=None, video="none")
+    return search_in(tmp_path / "run", [reply(7), reply(8)], env="cartpole", video="none")
 
 
 def kill(trainer: ToyTrainer, monkeypatch: pytest.MonkeyPatch, after: int) -> None:
@@ -60,6 +60,14 @@ def test_from_python_it_leaves_the_report(searched, capsys):
     run = openeureka.robust(searched, model=ScriptedModel([TABLE.format(0.9, 1.1)]), sample=1)
     assert run.robust is not None and run.robust.ours == "r0"
     assert "r0, chosen" in run.report.read_text() and capsys.readouterr().out == ""
+
+
+def test_a_run_from_elsewhere_is_refused_with_the_argument_that_agrees(tmp_path):
+    run = search_in(tmp_path / "run", [reply(7), reply(8)], env="cartpole", video="none", base_url="http://127.0.0.1:9")
+    with pytest.raises(ConfigError, match=r"base_url=http://127.0.0.1:9; call robust\(..., trusted=True\) if you know"):
+        openeureka.robust(run)
+    found = openeureka.robust(run, model=ScriptedModel([TABLE.format(0.9, 1.1)]), sample=1, trusted=True).robust
+    assert found is not None and found.ours == "r0"
 
 
 def test_the_command_writes_its_report_once(searched, monkeypatch, capsys):

@@ -252,7 +252,8 @@ def robust(
     own, name = (None, model) if isinstance(model, str) else (model, model.name)
     typed = taken(RobustConfig, {"model": name, **settings})
     config = RobustConfig(**typed).changed(compose.stored(directory))
-    _agree(config, directory, typed=[key for key, value in typed.items() if value], trusted=trusted)
+    given = [key for key, value in typed.items() if value]
+    _agree(config, directory, typed=given, trusted=trusted, again="robust(..., trusted=True)")
     words = [repr(str(directory)), *(f"{key}={value!r}" for key, value in typed.items() if key != "model")]
     if own is not None or name:
         words.append("model=..." if own is not None else f"model={name!r}")  # what prints as itself is no object
@@ -293,20 +294,20 @@ def resume(
     """See `Run.resume`."""
     directory = run.directory
     config = replace(compose.stored(directory), **taken(RunConfig, settings))
-    _agree(config, directory, typed=[*settings, *(["model"] if model is not None else [])], trusted=trust)
+    typed = [*settings, *(["model"] if model is not None else [])]
+    _agree(config, directory, typed=typed, trusted=trust, again="resume(trust=True)")
     if config.model == NO_MODEL:
         work = compose.tune if config.tune else compose.train
         return done(directory, on_event, lambda host: work(config, directory, None, host))
     return done(directory, on_event, lambda host: compose.search(config, directory, host, model))
 
 
-def _agree(config: RunConfig, directory: Path, *, typed: Sequence[str], trusted: bool) -> None:
+def _agree(config: RunConfig, directory: Path, *, typed: Sequence[str], trusted: bool, again: str) -> None:
     asked = {key: value for key, value in trust.unknown(config).items() if key not in typed}
     if asked and not trusted:
         listed = ", ".join(f"{key}={value}" for key, value in asked.items())
         raise ConfigError(
-            f"{directory} would use what was never used here: {listed}; call resume(trust=True) if you know where it "
-            "comes from."
+            f"{directory} would use what was never used here: {listed}; call {again} if you know where it comes from."
         )
     trust.remember(config)
 
