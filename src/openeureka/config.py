@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -284,7 +285,7 @@ class RobustConfig:
     threads: int = 0
     """Cores to train on; 0 means those of the run."""
     max_cost: float = 0.0
-    """Stop before the spending on replies, the search's included, exceeds this many US dollars; 0 means no limit."""
+    """As in `eureka run`, the search's replies included; without it the run's, and 0 lifts that limit."""
     price: str = ""
     """As in `eureka run`; empty means the run's."""
 
@@ -292,9 +293,14 @@ class RobustConfig:
         if not 1 <= self.sample <= 1000:
             raise ConfigError(f"`sample` must be from 1 to 1000, not {self.sample}.")
 
-    def changed(self, run: RunConfig) -> RunConfig:
-        """The run's settings with those that are given here."""
-        given = {key: value for key, value in dataclasses.asdict(self).items() if value}
+    def changed(self, run: RunConfig, typed: Collection[str] = ()) -> RunConfig:
+        """The run's settings with those that are given here.
+
+        Args:
+            typed: settings that somebody gave. No limit of cost is then told from none given: both are 0.
+        """
+        counts = {"repair", *({"max_cost"} & set(typed))}
+        given = {key: value for key, value in dataclasses.asdict(self).items() if value or key in counts}
         return dataclasses.replace(run, schedule="full", **given)
 
 

@@ -24,8 +24,6 @@ from .types import NOMINAL, Candidate, Dynamics, Lane, Peak, PolicyId, Prompt, R
 from .types.dynamics import SCALES
 
 SWEEP_EPISODES, CHOOSING_EPISODES, HARD_EPISODES = 32, 16, 64
-REPAIRS = 2
-"""Times that a model may correct ranges that cannot be used, where the settings say no number."""
 _BLOCK = re.compile(r"```(?:ya?ml)?[ \t]*\n(.*?)```", re.DOTALL)
 LONGEST = 4000
 """Characters of a table that is read at all."""
@@ -125,7 +123,7 @@ def propose(lanes: Lanes, model: LanguageModel, robot: Robot, began: PolicyId) -
     found: dict[str, Ranges] = {}
     wrong: dict[int, Prompt] = {}
     reason = ""
-    for attempt in range(1 + (config.repair or REPAIRS)):
+    for attempt in range(1 + config.repair):
         vacant = [slot for slot in range(config.sample) if f"r{slot}" not in found]
         if attempt:
             for slot in vacant:

@@ -9,7 +9,9 @@ from report.scripted import search_in
 
 import openeureka
 from openeureka.cli.tune import robust
-from openeureka.errors import ConfigError, Interrupted
+from openeureka.config import RobustConfig, RunConfig
+from openeureka.errors import ConfigError, EurekaError, Interrupted, ModelError
+from openeureka.parsing import parse
 from openeureka.runs import compose
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 
@@ -60,6 +62,25 @@ def test_from_python_it_leaves_the_report(searched, capsys):
     run = openeureka.robust(searched, model=ScriptedModel([TABLE.format(0.9, 1.1)]), sample=1)
     assert run.robust is not None and run.robust.ours == "r0"
     assert "r0, chosen" in run.report.read_text() and capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize(("settings", "replies"), [({"repair": 0}, 1), ({"repair": 1}, 2), ({}, 3)])
+def test_so_many_repairs_as_are_given_and_two_otherwise(searched, settings, replies):
+    model = ScriptedModel(["No table."] * 9)
+    with pytest.raises(ModelError, match="No reply holds ranges"):
+        openeureka.robust(searched, model=model, sample=1, **settings)
+    assert model.said == replies
+
+
+def test_the_runs_limit_of_cost_holds_unless_another_is_given(tmp_path):
+    model = ScriptedModel([TABLE.format(0.9, 1.1)], name="gpt-5")
+    run = search_in(tmp_path / "run", [reply(7), reply(8)], env="cartpole", video="none", max_cost=0.02)
+    with pytest.raises(EurekaError, match="max_cost"):  # the search's two replies took all of it
+        openeureka.robust(run, model=model, sample=1, price="1,1")
+    assert openeureka.robust(run, model=model, sample=1, price="1,1", max_cost=0).robust is not None
+    assert parse(RobustConfig, ["max_cost=0"]).changed(RunConfig(max_cost=5), ["max_cost"]).max_cost == 0
+    assert RobustConfig(max_cost=2).changed(RunConfig(max_cost=5), ["max_cost"]).max_cost == 2
+    assert RobustConfig().changed(RunConfig(max_cost=5, steps=7)).max_cost == 5
 
 
 def test_a_run_from_elsewhere_is_refused_with_the_argument_that_agrees(tmp_path):

@@ -46,8 +46,8 @@ def robust(words: Sequence[str]) -> None:
     directory = only_path(paths, "eureka robust outputs/<time>_anymal")
     trusted = [word.removeprefix("trust=") for word in settings if word.startswith("trust=")]
     settings = [word for word in settings if not word.startswith("trust=")]
-    config = parse(RobustConfig, settings).changed(compose.stored(directory))
     typed = {word.partition("=")[0] for word in settings}
+    config = parse(RobustConfig, settings).changed(compose.stored(directory), typed)
     trust.agree(config, directory, typed=typed, trusted=Path(trusted[-1]) if trusted else None)
     again = shlex.join(["eureka", "robust", str(directory), *settings])
     problems = compose.robust(config, directory, Terminal(), again=again)

@@ -251,7 +251,7 @@ def robust(
     directory = run.directory if isinstance(run, Run) else Path(run)
     own, name = (None, model) if isinstance(model, str) else (model, model.name)
     typed = taken(RobustConfig, {"model": name, **settings})
-    config = RobustConfig(**typed).changed(compose.stored(directory))
+    config = RobustConfig(**typed).changed(compose.stored(directory), typed)
     given = [key for key, value in typed.items() if value]
     _agree(config, directory, typed=given, trusted=trusted, again="robust(..., trusted=True)")
     words = [repr(str(directory)), *(f"{key}={value!r}" for key, value in typed.items() if key != "model")]
