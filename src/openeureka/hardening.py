@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from . import prompts
+from .config import RunConfig
 from .errors import ConfigError, ModelError
 from .hacking import Trial
 from .hardened import GRID, HARD, KEEPS, PEAKS, UNIFORM, Carried, carries, chosen
@@ -70,6 +71,7 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot) -> None:
     graph = program(store, reward)
     wanted: list[Wanted] = [(Lane(reward, config.seed, "robust", ranges=name), graph) for name in store.ranges()]
     lanes.observer.phase(config.generations, "train")
+    store.save_robust_steps(config.steps)
     lanes.train(wanted)
     lanes.observer.phase(config.generations, "play")
     arms = {lane.ranges: PolicyId(lane.id, _peak(lanes, lane, robot.quantities)) for lane, _ in wanted}
@@ -80,6 +82,17 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot) -> None:
     lanes.try_out([trial for own in judged for trial in trials(own, hard)], episodes=HARD_EPISODES)
     lanes.try_out(sweep(arms[ours], robot.quantities), choosing=True, episodes=SWEEP_EPISODES)
     store.save_robust(written(store.ranges()[ours]), arms[ours])
+
+
+def expect_steps(config: RunConfig, store: Store) -> None:
+    """Proposals that train for longer or shorter than others cannot be compared. Raises ConfigError for steps that the
+    first of them were not given."""
+    kept = store.robust_steps()
+    if kept is None or kept == config.steps:
+        return
+    said = "leave `steps=` out" if kept == store.config.steps else f"add steps={kept}"
+    own = f"{kept} steps" if kept else "the task's own number of steps"
+    raise ConfigError(f"The robust policies of {store.directory} train for {own} each: {said} to go on with them.")
 
 
 def _best(store: Store) -> PolicyId | None:

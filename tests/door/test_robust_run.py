@@ -83,6 +83,25 @@ def test_the_runs_limit_of_cost_holds_unless_another_is_given(tmp_path):
     assert RobustConfig().changed(RunConfig(max_cost=5, steps=7)).max_cost == 5
 
 
+def test_what_was_begun_with_other_steps_does_not_go_on_with_these(searched, trainer, monkeypatch):
+    with monkeypatch.context() as once, pytest.raises(Interrupted):
+        kill(trainer, once, after=1)
+        robust([str(searched), "model=random", "sample=2", "steps=1e6"])
+    trained = len(trainer.trained)
+    for words in ([], ["steps=5e5"]):
+        with pytest.raises(ConfigError, match=r"train for 1000000 steps each: add steps=1000000 to go on with them\.$"):
+            robust([str(searched), "model=random", "sample=2", *words])
+    assert len(trainer.trained) == trained
+    assert openeureka.robust(searched, model="random", sample=2, steps=1e6).robust is not None
+
+
+def test_what_was_begun_with_the_runs_steps_takes_no_others(searched):
+    openeureka.robust(searched, model="random", sample=1)
+    with pytest.raises(ConfigError, match=r"the task's own number of steps each: leave `steps=` out"):
+        openeureka.robust(searched, model="random", sample=1, steps=9)
+    assert openeureka.robust(searched, model="random", sample=2).robust is not None
+
+
 def test_a_run_from_elsewhere_is_refused_with_the_argument_that_agrees(tmp_path):
     run = search_in(tmp_path / "run", [reply(7), reply(8)], env="cartpole", video="none", base_url="http://127.0.0.1:9")
     with pytest.raises(ConfigError, match=r"base_url=http://127.0.0.1:9; call robust\(..., trusted=True\) if you know"):

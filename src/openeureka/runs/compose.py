@@ -16,7 +16,7 @@ from ..errors import ConfigError, Interrupted
 from ..executors import EXECUTORS
 from ..given import Given
 from ..hardened import GRID
-from ..hardening import Robot, harden
+from ..hardening import Robot, expect_steps, harden
 from ..lanes import Lanes
 from ..llm import expect, open_model
 from ..llm.client import LanguageModel
@@ -230,7 +230,7 @@ def robust(
         As `search` does.
 
     Raises:
-        ConfigError: for a task of which nothing can be changed, or a run without a model.
+        ConfigError: for a task of which nothing can be changed, a run without a model, or other steps than before.
         EurekaError: as `search` does.
     """
     task = get(config.env)
@@ -238,6 +238,8 @@ def robust(
         raise ConfigError(f"MuJoCo has no part in `{task.env}`, so nothing of it can be changed.")
     if config.model == NO_MODEL:
         raise ConfigError("The run has no model: name one, as in model=gpt-5, or model=random for chance.")
+    with Store.view(directory) as store:
+        expect_steps(config, store)
     trainer, known = trainer_of(config, directory), task.compile_model()
     model = model or open_model(config)
     robot = Robot(

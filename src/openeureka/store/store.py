@@ -46,6 +46,8 @@ from .screens import ScreenLog
 from .talk import TalkLog
 
 T = TypeVar("T")
+ROBUST_STEPS = "robust.steps"
+"""Not in `robust/`: what that holds goes whenever another policy comes."""
 LOOK_TIME = 0.5
 """[s] to wait for the lock: who only asks whether the run is at work (`is_held`) has it for microseconds."""
 
@@ -331,6 +333,16 @@ class Store:
         """Fill `robust/` with a policy and, as YAML, the ranges that made it."""
         self.lanes.expose("robust", policy)
         artifacts.write(self.directory, "robust/ranges.yaml", ranges)
+
+    def save_robust_steps(self, steps: int) -> None:
+        """Keep for how long the policies train that are to be robust; the first word counts."""
+        if self.robust_steps() is None:
+            artifacts.write(self.directory, ROBUST_STEPS, f"{steps}\n")
+
+    def robust_steps(self) -> int | None:
+        """What `save_robust_steps` kept; None before that, and where it is no number."""
+        text = (artifacts.read(self.directory, ROBUST_STEPS) or b"").strip()
+        return int(text) if text.isdigit() and len(text) < 20 else None
 
 
 def _restored(text: str) -> RunConfig:
