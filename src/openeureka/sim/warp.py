@@ -6,6 +6,7 @@ It also runs on the CPU (`device=warp-cpu`), far slower than `cpu.py`: so the tw
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping
 from operator import attrgetter
 
 import mujoco
@@ -162,6 +163,11 @@ class WarpSimulator(Simulator):
         fields = {name: tensor for name, (tensor, _) in self._defaults.items()}
         fields |= {f"bound/{name}": tensor for name, tensor in self._bound.items()}
         return fields | {f"expanded/{name}": values for name, (values, _) in self._expanded.items()}
+
+    def load_state_dict(self, saved: Mapping[str, Tensor]) -> None:
+        super().load_state_dict(saved)
+        with wp.ScopedDevice(self._device):
+            self._refresh()  # a step begins with what the step before derived from its end
 
     def _tensor(self, field: str) -> Tensor:
         """An MjData field (N, ...) of the simulator's own memory, in MuJoCo's own shape."""
