@@ -3,6 +3,7 @@
 import dataclasses
 from pathlib import Path
 
+import mujoco
 import pytest
 import torch
 
@@ -13,7 +14,7 @@ from openeureka.observer import NullObserver
 from openeureka.store import Store
 from openeureka.tasks import registry
 from openeureka.tasks.randomise import RandomisedEnv
-from openeureka.tasks.ranges import NAMED, find, ranges
+from openeureka.tasks.ranges import NAMED, find, ranges, useless
 from openeureka.testing.scripted import ToyTrainer
 from openeureka.training import population
 from openeureka.training.population import Population
@@ -123,8 +124,6 @@ def test_a_push_changes_the_speed_of_the_whole_robot_by_what_was_drawn():
 
 
 def _momentum(model, data) -> torch.Tensor:
-    import mujoco
-
     mujoco.mj_subtreeVel(model, data)
     return torch.tensor(data.subtree_linvel[1, :2] * model.body_subtreemass[1])
 
@@ -192,6 +191,23 @@ def test_a_name_takes_what_the_task_has():
     assert set(anymal.drawn) == set(NAMED["wide"]) and set(cartpole.drawn) == set(anymal.drawn) - {"friction", "push"}
 
 
+def test_what_a_hand_holds_is_not_pushed():
+    found = find("shadow_hand", "wide")
+    assert found is not None and "push" not in found.drawn
+    assert not made("shadow_hand", ranges({"push": (0.5, 0.5)}), worlds=1)._pushed  # ranges of an older version
+
+
+def test_what_flies_by_propellers_alone_is_pushed():
+    spec = mujoco.MjSpec()
+    body = spec.worldbody.add_body(name="drone")
+    body.add_freejoint()
+    body.add_geom(size=[0.1, 0, 0])
+    body.add_site(name="rotor")
+    gear = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+    spec.add_actuator(name="thrust", target="rotor", trntype=mujoco.mjtTrn.mjTRN_SITE, gear=gear)
+    assert not useless(registry.get("quadcopter"), spec.compile(), "push")
+
+
 def test_a_file_gives_ranges_by_quantity(tmp_path: Path):
     (tmp_path / "r.yaml").write_text("mass: [0.8, 1.2]\nstiffness: [0.9, 1]\npush_every: 5\n")
     found = find("anymal", str(tmp_path / "r.yaml"))
@@ -218,6 +234,7 @@ def test_a_file_gives_ranges_by_quantity(tmp_path: Path):
         ("anymal", "- mass", "holds no ranges, such as"),
         ("anymal", "a: b: c", "are not YAML"),
         ("cartpole", "push: [0, 1]", "`push` in .* changes nothing of `cartpole`, which has no floating base"),
+        ("allegro_hand", "push_every: 5", "`push_every` in .* changes nothing of `allegro_hand`, which has no"),
         ("cartpole", "stiffness: [0.9, 1.1]", "changes nothing of `cartpole`, whose model has nothing of the kind"),
     ],
 )

@@ -87,6 +87,14 @@ def base(model: mujoco.MjModel) -> int | None:
     return next((body for body in carriers if along_x(model, body) is not None), None)
 
 
+def floating_joint(model: mujoco.MjModel) -> int:
+    """The free joint of a robot, whose body carries what actuators move; -1 for none. What a hand holds is no robot."""
+    driven = {int(model.jnt_bodyid[joint]) for joint in driven_joints(model)} | _pushed(model)
+    roots = {int(model.body_rootid[body]) for body in driven}
+    free = (joint for joint in range(model.njnt) if model.jnt_type[joint] == FREE)
+    return next((joint for joint in free if int(model.jnt_bodyid[joint]) in roots), -1)
+
+
 def own_joints(model: mujoco.MjModel, body: int) -> range:
     return range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body])
 

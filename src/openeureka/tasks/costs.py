@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ..errors import ConfigError, nearest
 from ..types import COSTS, Limits
-from .anatomy import driven_joints, scalar_joints
+from .anatomy import driven_joints, floating_joint, scalar_joints
 from .env import BatchedEnv, Step
 from .registry import get
 
@@ -58,7 +58,7 @@ class Meter:
                 ((at[:, places] < ends[:, 0] + near) | (at[:, places] > ends[:, 1] - near)).any(1).float()
             )
         if "contact_force" in self.names:
-            base = int(model.jnt_dofadr[_floating(model)])
+            base = int(model.jnt_dofadr[floating_joint(model)])
             pressed = env.sim.bind("qfrc_constraint")  # of a free joint: all contacts of what hangs on it
             self._each["contact_force"] = lambda: pressed[:, base : base + 3].norm(dim=1)
         zeros = torch.zeros(len(self._each), env.num_worlds, dtype=torch.float64, device=device)
@@ -107,7 +107,7 @@ def measured(model: mujoco.MjModel) -> tuple[str, ...]:
     if joints:
         found |= set(_TORQUES)
         found |= {"joint_limits"} if any(model.jnt_limited[joint] for joint in joints) else set()
-    if _floating(model) >= 0:
+    if floating_joint(model) >= 0:
         found.add("falls")
         touches = (model.geom_contype | model.geom_conaffinity) != 0
         found |= {"contact_force"} if touches.any() else set()
@@ -131,10 +131,3 @@ def check(env: str, limits: Limits) -> None:
 def _driven(model: mujoco.MjModel) -> list[int]:
     """Hinges and slides that an actuator moves."""
     return sorted(set(driven_joints(model)) & set(scalar_joints(model)))
-
-
-def _floating(model: mujoco.MjModel) -> int:
-    """The free joint of the robot, whose body carries driven joints; -1 for none."""
-    roots = {int(model.body_rootid[model.jnt_bodyid[joint]]) for joint in _driven(model)}
-    free = (joint for joint in range(model.njnt) if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE)
-    return next((joint for joint in free if int(model.jnt_bodyid[joint]) in roots), -1)

@@ -6,13 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import mujoco
 import torch
 from torch import Tensor
 
 from ..sim.perturb import FACTORS, Perturbed
 from ..types import NOMINAL, Ranges
 from ..types.dynamics import QUANTITIES
+from .anatomy import floating_joint
 from .env import BatchedEnv
 from .noise import WorldNoise
 from .task import State, Task
@@ -59,7 +59,10 @@ class RandomisedEnv(BatchedEnv):
         """(N, quantities) what each world is now, in the order of `Dynamics`."""
         self._every = torch.arange(self.num_worlds, device=device_)
         self._model = Perturbed(self.sim, [name for name in FACTORS if name in drawn])
-        self._noisy, self._pushed = "noise" in drawn, "push" in drawn
+        model = self.sim.model
+        floating = floating_joint(model)
+        self._noisy = "noise" in drawn
+        self._pushed = "push" in drawn and floating >= 0  # older runs hold ranges of pushes to what a hand holds
         self._errors = torch.zeros(self.num_worlds, task.num_observations, device=device_)
         longest = max(lane.high.delay for lane in ranges)
         self._asked = torch.zeros(
@@ -68,8 +71,7 @@ class RandomisedEnv(BatchedEnv):
         """Actions of the last steps, the newest first."""
         if self._pushed:
             self._forces = self.sim.bind("xfrc_applied")
-            model = self.sim.model
-            self._base = int(model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE][0])
+            self._base = int(model.jnt_bodyid[floating])
             self._mass = float(model.body_subtreemass[self._base])
 
     def quantity(self, name: str) -> Tensor:

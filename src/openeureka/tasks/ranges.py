@@ -15,7 +15,7 @@ from ..errors import ConfigError, nearest
 from ..sim.perturb import FACTORS, acts
 from ..types import NOMINAL, Ranges
 from ..types.dynamics import QUANTITIES, SCALES, Dynamics
-from .anatomy import driven_joints
+from .anatomy import driven_joints, floating_joint
 from .registry import get
 from .task import Task
 
@@ -163,7 +163,7 @@ def useless(task: type[Task], model: mujoco.MjModel, name: str) -> str:
     """Why a quantity changes nothing of a task; empty where it does."""
     if name in FACTORS and not acts(model, name):
         return "whose model has nothing of the kind"
-    if name in ("push", "push_every") and not (model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any():
+    if name in ("push", "push_every") and floating_joint(model) < 0:
         return "which has no floating base"
     if name == "delay" and task.choices:
         return "whose actions are choices"
