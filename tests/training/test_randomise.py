@@ -95,6 +95,14 @@ def test_an_action_is_acted_on_after_the_delay(monkeypatch: pytest.MonkeyPatch):
     assert asked == [0.1, 0.2, 0.3] and acted == [0.0, 0.0, 0.1, 0.0]
 
 
+def test_a_delay_of_half_a_step_too_many_finds_its_action():
+    # ANYmal acts every 0.02 s: 0.09 s are 4.5 steps, a little more in single precision: 5. Double precision has 4.
+    env = made("anymal", ranges({"delay": (0.09, 0.09)}), worlds=1)
+    assert env._asked.shape[1] == 1 + 5
+    env.reset()
+    assert bool(env.step(torch.zeros(1, 12)).observation.isfinite().all())
+
+
 def test_noise_is_the_policys_alone_and_as_large_as_drawn():
     env = made("cartpole", ranges({"noise": (0.1, 0.1)}), worlds=200)
     env.reset()

@@ -64,10 +64,8 @@ class RandomisedEnv(BatchedEnv):
         self._noisy = "noise" in drawn
         self._pushed = "push" in drawn and floating >= 0  # older runs hold ranges of pushes to what a hand holds
         self._errors = torch.zeros(self.num_worlds, task.num_observations, device=device_)
-        longest = max(lane.high.delay for lane in ranges)
-        self._asked = torch.zeros(
-            self.num_worlds, 1 + round(longest / task.control_dt), task.num_actions, device=device_
-        )
+        self._latest = self._late(self._high[:, QUANTITIES.index("delay")])
+        self._asked = torch.zeros(self.num_worlds, 1 + int(self._latest.max()), task.num_actions, device=device_)
         """Actions of the last steps, the newest first."""
         if self._pushed:
             self._forces = self.sim.bind("xfrc_applied")
@@ -97,7 +95,7 @@ class RandomisedEnv(BatchedEnv):
     def _advance(self, actions: Tensor) -> None:
         self._mistake()
         self._asked = torch.cat((actions[:, None], self._asked[:, :-1]), dim=1)
-        late = (self.quantity("delay") / self.task.control_dt).round().long()
+        late = torch.minimum(self._late(self.quantity("delay")), self._latest)
         acted = self._asked.gather(1, late[:, None, None].expand(-1, 1, actions.shape[1]))[:, 0]
         if not self._pushed:
             super()._advance(acted)
@@ -107,6 +105,10 @@ class RandomisedEnv(BatchedEnv):
         self._forces[:, self._base, :2] += self._push()
         self.task.advance()
         self._forces[:, self._base] = before
+
+    def _late(self, delay: Tensor) -> Tensor:
+        """(N,) steps of a delay (N,) [s]: in single precision 0.09 s / 0.02 s is above 4.5, in double it is not."""
+        return (delay / self.task.control_dt).round().long()
 
     def _push(self) -> Tensor:
         """(N, 2) force [N] that is pushed with on this step; most worlds are left alone."""
