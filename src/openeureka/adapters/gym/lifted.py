@@ -40,12 +40,13 @@ class LiftedTask(PaidTask):
     """Whether it reads forces, which a step leaves behind for its beginning alone."""
     normal: ClassVar[bool] = False
     """Whether speeds at the start are normal; else uniform, as positions are."""
+    lags: ClassVar[bool] = False
+    """Whether it reads what the last substep began with; `memory` then lists `late`."""
 
     def __init__(self, sim: Any, noise: WorldNoise) -> None:
         super().__init__(sim, noise)
         self.qpos, self.qvel, self.ctrl = (self.sim.bind(field) for field in ("qpos", "qvel", "ctrl"))
         self.data = {field: self.sim.bind(field) for field in self.fields}
-        self.lags = self.sim.model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER and bool(self.fields)
         self.everywhere = torch.ones(self.num_envs, dtype=torch.bool, device=self.device)
         low, high = torch.from_numpy(self.sim.model.actuator_ctrlrange).float().to(self.device).unbind(1)
         self.middle, self.half = (low + high) / 2, (high - low) / 2
@@ -53,8 +54,8 @@ class LiftedTask(PaidTask):
         self.control = torch.zeros(self.num_envs, self.num_actions, device=self.device)
         self.before = torch.zeros(self.num_envs, self.num_observations, device=self.device)
         self.place_before = torch.zeros(self.num_envs, 2, device=self.device)
-        self.late: dict[str, Tensor] = {}
-        """Fields as they were before the last substep, where that is what Gymnasium reads."""
+        self.late = torch.full_like(self.together(), torch.nan) if self.lags else torch.zeros(0)
+        """(N, numbers) `fields` before the last substep, where Gymnasium reads those; NaN until the first step."""
 
     @classmethod
     def model(cls) -> mujoco.MjSpec:  # pyright: ignore[reportIncompatibleMethodOverride]  static where a class is one task
@@ -89,19 +90,25 @@ class LiftedTask(PaidTask):
     def advance(self) -> None:
         if self.lags:
             self.sim.step(self.substeps - 1)
-            self.late = {field: value.clone() for field, value in self.data.items()}
+            self.late = self.together()
             self.sim.step(1)
             return
         super().advance()
         if self.forces:
             self.sim.forward(self.everywhere)
 
+    def together(self) -> Tensor:
+        """(N, numbers) `fields` as they are, one after the other."""
+        return torch.cat([value.flatten(1) for value in self.data.values()], dim=1)
+
     def read(self, field: str) -> Tensor:
         """(N, ...) what Gymnasium finds in a field after a step, or at the start of an episode."""
         now = self.data[field]
-        if field not in self.late:
+        if not self.lags:
             return now.clone()
-        return torch.where((self.progress == 0).view(-1, *[1] * (now.dim() - 1)), now, self.late[field])
+        sizes = [value[0].numel() for value in self.data.values()]
+        late = dict(zip(self.data, self.late.split(sizes, dim=1), strict=True))[field].view_as(now)
+        return torch.where(late.isnan(), now, late)
 
     def place(self) -> Tensor:
         """(N, 2) [m] that speeds are taken of."""
@@ -128,6 +135,8 @@ class LiftedTask(PaidTask):
     def reset(self, worlds: Tensor) -> None:
         self.qpos[worlds], self.qvel[worlds] = self.begin(worlds)
         self.returned[worlds] = 0.0
+        if self.lags:
+            self.late[worlds] = torch.nan
 
     def begin(self, worlds: Tensor) -> tuple[Tensor, Tensor]:
         """Positions (k, nq) and speeds (k, nv) with which these worlds start."""

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any, cast
 
 import gymnasium
+import mujoco
 from gymnasium import Env, error
 from gymnasium.envs.registration import load_env_creator
 
@@ -82,12 +83,17 @@ def _lifted(env: Env[Any, Any], found: Survey) -> dict[str, Any]:
     kind = type(inner)
     if kind.__name__ not in FAMILIES or not re.fullmatch(r"gymnasium\.envs\.mujoco\.\w+_v5", kind.__module__):
         return {}
+    family = FAMILIES[kind.__name__]
+    # Euler's rule leaves behind what its last substep began with.
+    lags = bool(family.fields) and inner.model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
     return {
         "path": inner.fullpath,
         "substeps": inner.frame_skip,
         "constants": {name[1:]: value for name, value in vars(inner).items() if name[0] == "_"},
         "skipped": (getattr(inner, "observation_structure", None) or {}).get("skipped_qpos", 0),
-        "recipe": FAMILIES[kind.__name__].recipe,
+        "recipe": family.recipe,
+        "lags": lags,
+        "memory": (*family.memory, "late") if lags else family.memory,
     }
 
 
