@@ -8,6 +8,7 @@ import torch
 from openeureka.adapters.gym.families import FAMILIES
 from openeureka.errors import TaskError
 from openeureka.tasks import registry
+from openeureka.tasks.ranges import ranges
 from openeureka.testing.conformance.task import TaskConformance
 
 STEPS = 200
@@ -89,6 +90,15 @@ def test_pusher_goes_on_from_what_gymnasium_saw_before(paused: bool):
     steps = [simulation.step(torch.zeros(3, 7)) for simulation in (first, second)]
     assert torch.equal(*(step.state["previous_obs_buf"] for step in steps))
     assert torch.equal(*(step.final_observation for step in steps))
+
+
+def test_effort_is_that_of_the_action_asked_for():
+    # Hopper acts every 0.008 s: 80 ms are 10 steps, in which nothing acts.
+    simulation = registry.make("gym:Hopper-v5", worlds=1, ranges=[ranges({"delay": (0.08, 0.08)})])
+    simulation.reset()
+    simulation.step(torch.full((1, 3), 0.5))
+    assert simulation.task.effort().tolist() == [0.75]  # 3 * 0.5^2, controls reach from -1 to 1
+    assert float(simulation.task.ctrl.abs().max()) == 0.0
 
 
 def test_every_family_has_the_observation_of_its_environment():

@@ -51,7 +51,6 @@ class LiftedTask(PaidTask):
         low, high = torch.from_numpy(self.sim.model.actuator_ctrlrange).float().to(self.device).unbind(1)
         self.middle, self.half = (low + high) / 2, (high - low) / 2
         self.start = torch.from_numpy(self.sim.model.qpos0).float().to(self.device)
-        self.control = torch.zeros(self.num_envs, self.num_actions, device=self.device)
         self.before = torch.zeros(self.num_envs, self.num_observations, device=self.device)
         self.place_before = torch.zeros(self.num_envs, 2, device=self.device)
         self.late = torch.full_like(self.together(), torch.nan) if self.lags else torch.zeros(0)
@@ -84,8 +83,7 @@ class LiftedTask(PaidTask):
     def apply_action(self, actions: Tensor) -> None:
         self.before.copy_(self.seen())
         self.place_before.copy_(self.place())
-        self.control = self.middle + self.half * actions
-        self.ctrl[:] = self.control
+        self.ctrl[:] = self.middle + self.half * actions
 
     def advance(self) -> None:
         if self.lags:
@@ -120,8 +118,8 @@ class LiftedTask(PaidTask):
         return torch.where((self.progress == 0)[:, None], 0.0, moved)
 
     def effort(self) -> Tensor:
-        """(N,) sum of the squares of the controls."""
-        return self.control.square().sum(1)
+        """(N,) sum of the squares of the controls that were asked for; a drawn delay has others act."""
+        return (self.middle + self.half * self.actions).square().sum(1)
 
     def seen_before(self, seen: Tensor) -> Tensor:
         return torch.where((self.progress == 0)[:, None], seen, self.before)
