@@ -91,6 +91,20 @@ def test_file_and_metadata_say_the_same(folder: Path):
     assert about["observation_scales"][9:12] == [2.0, 2.0, 0.25]
 
 
+def test_a_drive_without_a_limit_is_said_to_have_none(wanted: Policy, monkeypatch: pytest.MonkeyPatch):
+    spec, model = Anymal.compiled()
+    model.actuator_forcelimited[:3] = 0
+    model.actuator_forcerange[:3] = 0.0
+    model.jnt_actfrclimited[2:4] = 1  # the first is the base's: these are the second and the third of the legs'
+    model.jnt_actfrcrange[2:4] = [-30.0, 30.0]
+    monkeypatch.setattr(Anymal, "compiled", lambda: (spec, model))
+    found = export.deployed(wanted, Anymal)
+    limits = [float("inf"), 30.0, 30.0, *[80.0] * 9]
+    assert yaml.safe_load(found["deploy.yaml"])["torque_limit"] == limits
+    said = onnxruntime.InferenceSession(found["policy.onnx"]).get_modelmeta().custom_metadata_map["torque_limit"]
+    assert [float(text) for text in said.split(",")] == limits
+
+
 def test_a_task_that_does_not_say_what_it_observes_says_that(wanted: Policy):
     found = export.deployed(policy(60, 8, (8,)), Ant)
     assert set(found) == {"policy.onnx", "deploy.yaml"}

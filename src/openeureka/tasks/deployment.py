@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import accumulate
@@ -66,7 +67,7 @@ class Interface:
     joint_damping: tuple[float, ...]
     """[N m s/rad]"""
     torque_limit: tuple[float, ...]
-    """[N m]"""
+    """[N m]; infinite where nothing limits the drive."""
     action_scale: tuple[float, ...]
     """[rad] at full action."""
     observation_names: tuple[str, ...]
@@ -119,7 +120,7 @@ def interface(
         default_joint_pos=wanted.default_pose,
         joint_stiffness=tuple((-model.actuator_biasprm[:, 1]).tolist()),
         joint_damping=tuple((-model.actuator_biasprm[:, 2]).tolist()),
-        torque_limit=tuple(model.actuator_forcerange[:, 1].tolist()),
+        torque_limit=tuple(_torque_limit(model, drive, joint) for drive, joint in enumerate(joints)),
         action_scale=(wanted.action_scale,) * count,
         observation_names=tuple(term.source for term in terms),
         observation_sizes=tuple(parts),
@@ -130,3 +131,16 @@ def interface(
         command_low=tuple(low for _, low, _ in wanted.commands),
         command_high=tuple(high for _, _, high in wanted.commands),
     )
+
+
+def _torque_limit(model: mujoco.MjModel, drive: int, joint: int) -> float:
+    """[N m] MuJoCo's ranges without a limit read 0 to 0."""
+    limits = [
+        float(found[index, 1])
+        for found, limited, index in (
+            (model.actuator_forcerange, model.actuator_forcelimited, drive),
+            (model.jnt_actfrcrange, model.jnt_actfrclimited, joint),
+        )
+        if limited[index]
+    ]
+    return min(limits, default=math.inf)
