@@ -72,7 +72,10 @@ def test_a_training_goes_on_to_the_bit_where_it_was_saved():
     list(whole.train())
     begun.until = 2
     list(begun.train())
+    told: list[int] = []
+    after.env.sim.after_replayed_step = lambda: told.append(1)
     after.load_state_dict(pausing.load(pausing.save(begun.state_dict()), torch.device("cpu")))
+    assert len(told) == int(begun.env.sim.memory()["steps"].max()) > 0
     list(after.train())
     assert torch.equal(whole.ppo.network.flat, after.ppo.network.flat)
     assert torch.equal(whole.observation, after.observation)

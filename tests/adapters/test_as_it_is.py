@@ -1,5 +1,6 @@
 """Environments that step themselves: nothing is counted across episodes, and every run is the same to the bit."""
 
+import dataclasses
 import importlib.util
 
 import numpy as np
@@ -15,7 +16,7 @@ from openeureka.tasks.record import record_states
 from openeureka.testing.conformance.task import TaskConformance
 from openeureka.training import pausing
 from openeureka.training.population import Population
-from openeureka.types import LaneSpec, TrainBudget
+from openeureka.types import LaneSpec, TrainBudget, TrainingResult
 
 from . import worlds  # noqa: F401  registers its environments
 
@@ -130,6 +131,23 @@ def test_a_training_goes_on_to_the_bit_where_it_was_saved():
     assert whole.epoch == after.epoch == 4
     assert torch.equal(whole.ppo.network.flat, after.ppo.network.flat)
     assert torch.equal(whole.observation, after.observation)
+
+
+@pytest.mark.parametrize("paused", [False, True])
+def test_each_step_that_is_played_again_is_told(paused: bool):
+    env, lane = "gym:Pendulum-v1", LaneSpec(id="a", program="human")
+    budget = TrainBudget(env_steps=2 * 4 * 64, worlds=4)
+    begun = Population(env, [lane], budget)
+    begun.until = 1
+    (*_, result) = begun.train()
+    assert isinstance(result, TrainingResult)
+    told: list[int] = []
+    if paused:
+        lane = dataclasses.replace(lane, paused=result.paused)
+    after = Population(env, [lane], budget, after_replayed_step=lambda: told.append(1))
+    if not paused:
+        after.load_state_dict(begun.state_dict())
+    assert len(told) == int(begun.env.sim.memory()["steps"].sum()) > 0
 
 
 def test_names_come_from_the_documentation_and_no_word_of_what_counts():

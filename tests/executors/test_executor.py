@@ -1,12 +1,14 @@
 import dataclasses
+import time
 from pathlib import Path
 
 import pytest
 
 from openeureka.errors import TaskError, WorkerError
-from openeureka.executors import local, retry
+from openeureka.executors import child, local, retry
 from openeureka.executors.local import LocalExecutor
 from openeureka.executors.snapshots import Snapshot
+from openeureka.training import population
 from openeureka.training.wire import pack, pack_lanes, unpack, unpack_lanes
 from openeureka.types import (
     Checkpoint,
@@ -18,6 +20,7 @@ from openeureka.types import (
     TrainingResult,
     TrainingState,
 )
+from openeureka.worker import Frame
 
 GRAPH = RewardGraph(nodes=(Node("input", ("pole_angle",)),), reward=0, components=(("angle", 0),))
 
@@ -169,6 +172,35 @@ def test_an_evaluation_may_take_longer_than_a_worker_may_be_silent(monkeypatch: 
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     (score,) = LocalExecutor(module="evaluating_worker", silence=2.0).evaluate("cartpole", {"a": b""}, seed=0)
     assert (score.lane, score.fitness, score.episode_length, score.episodes) == ("a", 1.0, 2.0, 3)
+
+
+def test_a_training_that_comes_back_to_where_it_was_gives_signs_of_life(monkeypatch: pytest.MonkeyPatch):
+    said: list[dict] = []
+    request = pack_lanes("cartpole", [LaneSpec(id="a", program="human")], TrainBudget(env_steps=64, worlds=4))
+    header = {"do": "train", "device": "cpu", "threads": 0, "snapshot_seconds": 0.0, **request.header}
+    left = [Frame(header, request.blobs), None]
+
+    class Said:
+        def receive(self):
+            return left.pop(0)
+
+        def ready(self):
+            return False
+
+        def send(self, header, blobs=None):
+            said.append(header)
+
+    class Replaying(population.Population):
+        def __init__(self, *args, after_replayed_step, **options):
+            for _ in range(3):
+                time.sleep(1.01)
+                after_replayed_step()
+            super().__init__(*args, after_replayed_step=after_replayed_step, **options)
+
+    monkeypatch.setattr(child, "Channel", Said)
+    monkeypatch.setattr(child, "Population", Replaying)
+    child.main()
+    assert said[:3] == [{}] * 3 and said[-1] == {"done": True}
 
 
 def test_an_unknown_environment_is_an_error_of_the_caller_and_not_of_the_worker():

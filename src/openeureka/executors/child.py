@@ -25,13 +25,14 @@ def main() -> None:
     channel = Channel()
     while (request := channel.receive()) is not None:
         header = request.header
-        options = {"device": header["device"], "threads": header["threads"]}
+        options: dict[str, Any] = {"device": header["device"], "threads": header["threads"]}
         if header["threads"]:
             torch.set_num_threads(header["threads"])
         if header["device"].startswith("cuda"):
             torch.cuda.set_device(header["device"])  # graphs are captured on the current device
         try:
             if header["do"] == "train":
+                options["after_replayed_step"] = _signs_of_life(channel)
                 _train(channel, request, Population(*unpack_lanes(request), **options))
             elif header["do"] == "rewards":
                 for name, paid in rewards(*unpack_question(request)):

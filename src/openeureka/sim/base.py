@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import mujoco
 import torch
@@ -22,6 +22,7 @@ class Worlds(ABC):
     Attributes:
         num_worlds: N.
         bad: (N,) bool, worlds that broke down in the last `step`; the caller resets them.
+        after_replayed_step: called after each step that `load_state_dict` plays again, which may take minutes.
 
     Worlds are named by their indices (k,) int64, or by a mask (N,) bool, which no device needs to be asked the size of.
     """
@@ -29,6 +30,7 @@ class Worlds(ABC):
     num_worlds: int
     device: torch.device
     bad: Tensor
+    after_replayed_step: Callable[[], object] | None = None
 
     @abstractmethod
     def step(self, substeps: int) -> None:

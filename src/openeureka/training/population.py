@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import torch
@@ -39,6 +39,7 @@ class Population:
         env: name of the task.
         specs: one a lane.
         budget: steps and worlds of each lane; zeros take the task's recipe.
+        after_replayed_step: as of `sim.base.Worlds`.
 
     Attributes:
         epoch: epochs that are done.
@@ -47,7 +48,14 @@ class Population:
     """
 
     def __init__(
-        self, env: str, specs: Sequence[LaneSpec], budget: TrainBudget, *, device: str = "cpu", threads: int = 0
+        self,
+        env: str,
+        specs: Sequence[LaneSpec],
+        budget: TrainBudget,
+        *,
+        device: str = "cpu",
+        threads: int = 0,
+        after_replayed_step: Callable[[], object] | None = None,
     ) -> None:
         task = registry.get(env)
         self.env_name, self.specs, self.recipe = env, list(specs), task.recipe
@@ -61,6 +69,7 @@ class Population:
         self.env = registry.make(
             env, worlds=self.worlds, lane_seeds=seeds, device=device, threads=threads, ranges=ranges
         )
+        self.env.sim.after_replayed_step = after_replayed_step
         self.device = self.env.sim.device
         self.rewards = LaneRewards(self.env.task, [spec.program for spec in specs], self.worlds, bonus=budget.bonus)
         self.ppo = PPO(

@@ -150,6 +150,7 @@ class ForeignWorlds(GymWorlds):
             action = torch.where((waits <= number)[:, None], taken[each, (number - waits).clamp(min=0)], 0.0)
             *_, terminated, truncated, _ = self._vector.step(self._actions.taken(action))
             self._begin((waits > number) & torch.from_numpy(terminated | truncated))
+            self._replayed()
         self._begin(waits == longest)
 
     def _begin(self, worlds: Tensor) -> None:

@@ -131,6 +131,11 @@ class GymWorlds(Worlds):
         for world, env in enumerate(self._vector.envs):
             for action in self._actions.taken(taken[world, : int(steps[world])]):
                 self._ask(lambda env=env, action=action: env.step(action))
+                self._replayed()
+
+    def _replayed(self) -> None:
+        if self.after_replayed_step is not None:
+            self.after_replayed_step()
 
     def check(self, task: str) -> None:
         """Nothing here runs out of room."""
