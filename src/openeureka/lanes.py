@@ -159,7 +159,13 @@ class Lanes:
         going = {lane: group[0] for lane, group in sharing.items()}
         rivals = [lane.id for lane in lanes if lane.role == "candidate"]
         for number, rung in enumerate((*RUNGS[self.config.schedule], WHOLE), start=1):
-            self._train_to(rung, self._due(number, rung, going, rivals), number, steps, sharing)
+            due, failed = self._due(number, rung, going, rivals), list[TrainingResult]()
+            for event in self.trainer.train(self.config.env, due, self._budget(rung, steps)) if due else ():
+                self._hear(event, number, sharing, failed)
+            if failed and len(failed) == len(due) and any(isinstance(spec.program, str) for spec in due):
+                raise WorkerError(failed[0].message)
+            for result in failed:
+                self._keep(result, sharing[result.lane])
             going = self._climb(number, rung, going, rivals, sharing)
         results = self.store.lanes.results()
         return {lane.id: results[lane.id] for lane in lanes}
@@ -177,22 +183,18 @@ class Lanes:
                 alike.setdefault(f"{lane.seed} {lane.start} {spec.randomise} {program}", []).append(spec)
         return {group[0].id: group for group in alike.values()}
 
-    def _train_to(self, rung: Rung, due: Sequence[LaneSpec], number: int, steps: int, sharing: Sharing) -> None:
-        """Train to a rung, or to the end, and keep what comes of it."""
-        failed: list[TrainingResult] = []
-        for event in self.trainer.train(self.config.env, due, self._budget(rung, steps)) if due else ():
-            if isinstance(event, TrainingProgress):
-                self.observer.progress(event)
-            elif event.state is TrainingState.PAUSED:
-                self.store.lanes.pause(number, event)
-            elif event.state is TrainingState.FAILED:
-                failed.append(event)
-            else:
-                self._keep(event, sharing[event.lane])
-        if failed and len(failed) == len(due) and any(isinstance(spec.program, str) for spec in due):
-            raise WorkerError(failed[0].message)
-        for result in failed:
-            self._keep(result, sharing[result.lane])
+    def _hear(
+        self, event: TrainingProgress | TrainingResult, number: int, sharing: Sharing, failed: list[TrainingResult]
+    ) -> None:
+        """Keep what comes of a lane on the way to a rung; those that failed are for the caller to judge together."""
+        if isinstance(event, TrainingProgress):
+            self.observer.progress(event)
+        elif event.state is TrainingState.PAUSED:
+            self.store.lanes.pause(number, event)
+        elif event.state is TrainingState.FAILED:
+            failed.append(event)
+        else:
+            self._keep(event, sharing[event.lane])
 
     def _budget(self, rung: Rung, steps: int) -> TrainBudget:
         observe: Observe = "measurable" if self.config.observe == "measurable" else "all"
