@@ -106,8 +106,8 @@ def summary() -> str:
     for most in sorted({_most(one["settings"]) for one in runs}, reverse=True):
         ends = Counter(one["verdict"].partition(":")[0] for one in runs if _most(one["settings"]) == most)
         each = ", ".join(f"*{end[0].lower()}{end[1:]}* ({times})" for end, times in ends.most_common())
-        parts.append(f"with at most {most} fresh seeds {each}")
-    return f"{len(runs)} runs of `make run` ended so: {'; '.join(parts)}."
+        parts.append(f"With at most {most} fresh seeds: {each}.")
+    return f"{len(runs)} runs of `make run` ended so. {' '.join(parts)}"
 
 
 if __name__ == "__main__":

@@ -111,13 +111,10 @@ def affordable(trained: Collection[TrainingResult], peaks: int) -> int:
     """Episodes that each of so many policies of a lane may play in one of two looks. Lanes share what they trained: one
     that was cut or diverged early takes no episodes from the others."""
     fewest, most = EPISODES
-    longest = max((length for result in trained for length in _lengths(result) if length), default=1.0)
+    lengths = [length for result in trained for length in result.curves.get("episode_length", ()) if length]
+    longest = max(lengths, default=1.0)
     steps = sum(result.env_steps for result in trained) / max(1, len(trained))
     return max(fewest, min(most, int(SHARE * steps / (2 * peaks * longest))))
-
-
-def _lengths(result: TrainingResult) -> Sequence[float | None]:
-    return result.curves.get("episode_length", ())
 
 
 def _drawn(config: RunConfig) -> Ranges | None:
@@ -158,9 +155,11 @@ class Lanes:
         sharing = self._shared(lanes)
         going = {lane: group[0] for lane, group in sharing.items()}
         rivals = [lane.id for lane in lanes if lane.role == "candidate"]
+        whole = self._budget(steps)
         for number, rung in enumerate((*RUNGS[self.config.schedule], WHOLE), start=1):
             due, failed = self._due(number, rung, going, rivals), list[TrainingResult]()
-            for event in self.trainer.train(self.config.env, due, self._budget(rung, steps)) if due else ():
+            budget = dataclasses.replace(whole, until=rung.share)
+            for event in self.trainer.train(self.config.env, due, budget) if due else ():
                 self._hear(event, number, sharing, failed)
             if failed and len(failed) == len(due) and any(isinstance(spec.program, str) for spec in due):
                 raise WorkerError(failed[0].message)
@@ -196,12 +195,12 @@ class Lanes:
         else:
             self._keep(event, sharing[event.lane])
 
-    def _budget(self, rung: Rung, steps: int) -> TrainBudget:
+    def _budget(self, steps: int) -> TrainBudget:
+        """What each lane trains with, as long as nothing cuts it."""
         observe: Observe = "measurable" if self.config.observe == "measurable" else "all"
         return TrainBudget(
             env_steps=steps or self.config.steps,
             worlds=self.config.worlds,
-            until=rung.share,
             bonus=cast("Bonus", self.config.bonus),
             randomise=_drawn(self.config),
             observe=observe,

@@ -29,8 +29,7 @@ def fetch(name: str, folder: Path | None = None) -> Path:
         ConfigError: the name has another form.
         ModelError: the hub cannot be reached, has no such file or no hash of it, or sent other bytes.
     """
-    match = _NAME.fullmatch(named(name))
-    assert match is not None
+    match = parsed(name)
     target = (folder or weights.cache_dir()) / match["repo"].replace("/", "--") / match["file"].replace("/", "--")
     if target.is_file():
         return target
@@ -40,11 +39,12 @@ def fetch(name: str, folder: Path | None = None) -> Path:
     return target
 
 
-def named(name: str) -> str:
-    """The name itself. Raises ConfigError when it is not of the form OWNER/REPO/FILE.gguf."""
-    if _NAME.fullmatch(name) is None or ".." in name:
+def parsed(name: str) -> re.Match[str]:
+    """The parts of `OWNER/REPO/FILE.gguf`. Raises ConfigError for a name of another form."""
+    match = _NAME.fullmatch(name)
+    if match is None or ".." in name:
         raise _misnamed(name)
-    return name
+    return match
 
 
 def _misnamed(name: str) -> ConfigError:

@@ -58,7 +58,7 @@ def expect(config: RunConfig) -> None:
     """
     kind, _, where = config.model.partition(":")
     if kind == "local" and where.startswith("hub:"):
-        hub.named(where.removeprefix("hub:"))
+        hub.parsed(where.removeprefix("hub:"))
     elif kind == "local" and where:
         weights.existing(Path(where))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import shlex
 from collections.abc import Mapping
 
@@ -19,7 +18,7 @@ from .costs import nobody
 from .text import number, scored
 from .view import RunView
 
-WORTH_REPEATING = {"curriculum", "randomise", "observe", "steps", "worlds", "bonus", "device", "executor", "address"}
+WORTH_REPEATING = ("curriculum", "randomise", "observe", "steps", "worlds", "bonus", "device", "executor", "address")
 """Settings of a search that its reward trains with again, where they are not the task's own."""
 
 
@@ -147,12 +146,11 @@ def deciding(run: RunView, directory: str = "DIR") -> str:
     found = outcome.difference
     if found is not None and (found.sure or found.seeds is None):
         return ""
-    fields = [field for field in dataclasses.fields(TrainConfig) if field.name in WORTH_REPEATING]
-    same = {field.name: getattr(config, field.name) for field in fields}
+    usual = TrainConfig()
     settings = {
         "env": config.env,
         "reward": f"human,{directory}/best/reward.py",
-        **{field.name: same[field.name] for field in fields if same[field.name] != field.default},
+        **{key: own for key in WORTH_REPEATING if (own := getattr(config, key)) != getattr(usual, key)},
         "seed": polish_seeds(config).stop,
         "seeds": max(3, found.seeds or 0) if found is not None else 3,
     }

@@ -75,9 +75,10 @@ def admitted(config: RunConfig, typed: Collection[str]) -> RunConfig:
     """
     if config.model == NO_MODEL:
         raise ConfigError("model=none searches for nothing; `eureka train` trains and compares given rewards.")
-    if config.base_url and config.model.partition(":")[0] in KINDS:
+    nowhere = config.model.partition(":")[0] in KINDS
+    if nowhere and config.base_url:
         raise ConfigError(f"model={config.model} is at no endpoint: name the one at base_url= with model=NAME.")
-    if config.price and config.model.partition(":")[0] in KINDS:
+    if nowhere and config.price:
         raise ConfigError(f"model={config.model} costs nothing: leave price= out.")
     expect(config)
     if config.feedback == "human" and "video" not in typed:

@@ -169,6 +169,6 @@ class Link:
         if "broken" in answer.header:
             failed = "cannot be made" if question["do"] == "describe" else "failed"
             said = answer.header["broken"]
-            elsewhere = f" {self._python} lacks it: python= names the interpreter that has it." * ("No module" in said)
-            raise TaskError(f"The environment `{self._env}` {failed}: {said}.{elsewhere}")
+            lacking = f" {self._python} lacks it: python= names the interpreter that has it."
+            raise TaskError(f"The environment `{self._env}` {failed}: {said}.{lacking if 'No module' in said else ''}")
         return answer
