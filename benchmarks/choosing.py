@@ -161,10 +161,10 @@ def _ranking(env: str, lanes: Mapping[str, Record]) -> tuple[str, ...]:
     own = _searched(lanes)
     names = list(own)
     training = [own[name]["training"] for name in names]
-    played = [_score(own[name], _standing(own[name])) for name in names]
+    played = [_score(own[name], standing(own[name])) for name in names]
     cells = [
         _correlation(training, [own[name]["held_out"]["fitness"]["fitness"] for name in names]),
-        _correlation(played, [own[name]["held_out"][_standing(own[name])]["fitness"] for name in names]),
+        _correlation(played, [own[name]["held_out"][standing(own[name])]["fitness"] for name in names]),
     ]
     fresh = {name: _fresh(lanes, name) for name in [*names, "human"]}
     known = [name for name in names if fresh[name] is not None]
@@ -183,12 +183,16 @@ def _ranking(env: str, lanes: Mapping[str, Record]) -> tuple[str, ...]:
 
 def _searched(lanes: Mapping[str, Record]) -> dict[str, Record]:
     """Records with the search's seed, by reward; the human one and those without a score left out."""
-    names = sorted({lane.rpartition("-s")[0] for lane in lanes} - {"human"})
-    own = {name: lanes[lane_id(name, SEEDS[0])] for name in names}
+    own = {name: lanes[lane_id(name, SEEDS[0])] for name in generated(lanes)}
     return {name: one for name, one in own.items() if one["held_out"] and one["training"] is not None}
 
 
-def _standing(record: Record) -> Peak:
+def generated(lanes: Mapping[str, Record]) -> list[str]:
+    """The rewards but for the human one."""
+    return sorted({lane.rpartition("-s")[0] for lane in lanes} - {"human"})
+
+
+def standing(record: Record) -> Peak:
     """The policy that plays best."""
     return max(record["played"], key=lambda peak: _score(record, peak))
 
@@ -207,7 +211,7 @@ def _seeds(lanes: Mapping[str, Record], name: str) -> list[int]:
 def _fresh(lanes: Mapping[str, Record], name: str) -> float | None:
     """Held-out F of further trainings, mean over seeds; None where there are none."""
     done = [lanes[lane_id(name, seed)] for seed in _seeds(lanes, name)]
-    return mean([one["held_out"][_standing(one)]["fitness"] for one in done if one["held_out"]])
+    return mean([one["held_out"][standing(one)]["fitness"] for one in done if one["held_out"]])
 
 
 def _correlation(xs: Sequence[float | None], ys: Sequence[float | None]) -> str:
@@ -226,7 +230,7 @@ def fewer(measured: Record) -> list[tuple[str, ...]]:
 def _fewer(env: str, lanes: Mapping[str, Record]) -> tuple[str, ...]:
     """The reward that plays best with the search's seed is chosen, and judged by held-out F with fresh ones."""
     own = _searched(lanes)
-    ordered = sorted(own, key=lambda name: -_score(own[name], _standing(own[name])))
+    ordered = sorted(own, key=lambda name: -_score(own[name], standing(own[name])))
     fresh = [score for name in ordered if (score := _fresh(lanes, name)) is not None]
     found = [
         sum(comb(len(fresh) - 1 - place, size - 1) * value for place, value in enumerate(fresh))
@@ -242,7 +246,7 @@ def checkpoints(measured: Record) -> list[tuple[str, ...]]:
     for env in (env for env in STEPS if env in measured):
         lanes = [one for one in measured[env]["lanes"].values() if set(one["held_out"]) == set(PEAKS)]
         means = [mean([one["held_out"][peak]["fitness"] for one in lanes]) for peak in PEAKS]
-        best = mean([one["held_out"][_standing(one)]["fitness"] for one in lanes])
+        best = mean([one["held_out"][standing(one)]["fitness"] for one in lanes])
         rows.append((env, str(len(lanes)), *map(number, [*means, best])))
     return rows
 

@@ -1,11 +1,11 @@
 """What tells early how a training will end? Curves of finished searches, cut off at a share of their epochs.
 
     python benchmarks/predictors.py outputs/ant outputs/quad     # adds the lanes of these runs to the results
-    make docs                                                    # the table in docs/concepts/schedule.md
+    make docs                                                    # the tables in docs/concepts/schedule.md
 
 A lane is worth what its policy scores when it is played at the end. A signal is a number that its curves held after
 1/16, 1/8, 1/4 or 1/2 of the training; it is good if it ranks lanes as their worth does, and if the best lane is near
-its top. Lanes of all runs of a task, of candidates alone, stand together; equal steps are a must.
+its top. Lanes of generated rewards, of all runs of a task, stand together; equal steps are a must.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from statistics import stdev
 from typing import Any
 
 from scipy.stats import spearmanr
@@ -26,6 +27,7 @@ from openeureka.score import mean
 
 RESULTS = Path(__file__).parent / "results" / "predictors.json"
 SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2)
+BASELINES = ("human", "sparse")
 Curves = Mapping[str, Sequence[float | None]]
 Record = dict[str, Any]
 
@@ -71,14 +73,20 @@ def length(curves: Curves, end: int, _: int) -> float | None:
     return window(curves["episode_length"], end)
 
 
+FITNESS = "F in the window"
 SIGNALS: Mapping[str, Callable[[Curves, int, int], float | None]] = {
-    "F in the window": fitness,
+    FITNESS: fitness,
     "best F so far": best,
     "F, extrapolated": extrapolated,
     "F and own reward together": together,
     "entropy lost": certainty,
     "episode length": length,
 }
+SHOWN = (FITNESS, "entropy lost")
+PLACES = range(len(SHARES))
+AFTER = tuple(f"after 1/{round(1 / share)}" for share in SHARES)
+SIGNAL_TITLES = ("signal", *AFTER)
+TASK_TITLES = ("task", "trainings", *AFTER)
 
 
 def rounded(value: float | None) -> float | None:
@@ -98,16 +106,15 @@ def _correlation(pairs: Sequence[tuple[float | None, float | None]]) -> float | 
 
 
 def lanes(run: openeureka.Run) -> Record:
-    """Of each candidate's lane in the search: its worth, and every signal at every share."""
+    """Of each training of a generated reward that was played: its worth, and every signal at every share."""
     found: Record = {}
-    for candidate in run.candidates:
-        result, score = candidate.result, candidate.played
-        if result is None or score is None or score.fitness is None or result.message:
+    for lane, score in run.view.played.items():
+        result = run.view.results[lane]
+        if run.view.lanes[lane].reward in BASELINES or score.fitness is None or result.message:
             continue
         total = len(result.curves["fitness"])
         ends = [max(1, round(share * total)) for share in SHARES]
-        found[result.lane] = {
-            "model": run.config.model,
+        found[lane] = {
             "played": score.fitness,
             "error": score.error,
             "signals": {
@@ -117,29 +124,53 @@ def lanes(run: openeureka.Run) -> Record:
     return found
 
 
-def table(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
-    """Of each signal and share: its rank correlation with worth, and the place of the best lane by it, task by task."""
-    rows: list[tuple[str, ...]] = []
-    for title in SIGNALS:
-        for place, share in enumerate(SHARES):
-            cells = [_cell(task["lanes"], title, place) for task in study.values()]
-            known = [correlation for correlation, _ in cells if correlation is not None]
-            shown = [f"{number(c, 2)}, {rank}" if c is not None else f"-, {rank}" for c, rank in cells]
-            rows.append((title, f"1/{round(1 / share)}", *shown, number(mean(known), 2)))
-    return rows
+def signals(study: Mapping[str, Record]) -> list[list[str]]:
+    """Of each signal and share: its rank correlation with worth, mean over tasks and the standard error of that."""
+    return [
+        [title, *(_over([_correlation(_pairs(task, title, place)) for task in study.values()]) for place in PLACES)]
+        for title in SIGNALS
+    ]
 
 
-def _cell(found: Mapping[str, Record], title: str, place: int) -> tuple[float | None, str]:
-    """The correlation, and the place that the signal gives to the lane of the highest worth (ties count against it)."""
-    pairs = [(lane["signals"][title][place], lane["played"]) for lane in found.values()]
-    ranked = [(-math.inf if signal is None else signal, worth) for signal, worth in pairs]
-    top = max(ranked, key=lambda pair: pair[1])
-    rank = sum(signal >= top[0] for signal, _ in ranked)
-    return _correlation(ranked), f"{rank} of {len(ranked)}"
+def tasks(study: Mapping[str, Record]) -> list[list[str]]:
+    """Of each task and share: rank correlation of F in the window with worth, and the place of the best lane by it."""
+    return [
+        [name, str(len(task["lanes"])), *(_cell(_pairs(task, FITNESS, place)) for place in PLACES)]
+        for name, task in study.items()
+    ]
 
 
-def titles(study: Mapping[str, Record]) -> tuple[str, ...]:
-    return ("signal", "after", *study, "mean")
+def correlations(study: Mapping[str, Record]) -> list[tuple[str, str, list[float | None]]]:
+    """Task, signal, and the rank correlation at each share, of the signals that the figure shows."""
+    return [
+        (name, title, [_correlation(_pairs(task, title, place)) for place in PLACES])
+        for title in SHOWN
+        for name, task in study.items()
+    ]
+
+
+def _pairs(task: Record, title: str, place: int) -> list[tuple[float, float]]:
+    """Of each lane the signal, lowest where it is not known yet, and the worth."""
+    return [
+        (-math.inf if (signal := lane["signals"][title][place]) is None else signal, lane["played"])
+        for lane in task["lanes"].values()
+    ]
+
+
+def _over(found: Sequence[float | None]) -> str:
+    """Mean and standard error. A signal that is the same for all lanes of a task tells nothing of it: 0."""
+    told = [value or 0.0 for value in found]
+    return f"{number(mean(told), 2)} ± {number(stdev(told) / math.sqrt(len(told)), 2)}"
+
+
+def _cell(pairs: Sequence[tuple[float, float]]) -> str:
+    """The correlation, and the place that the signal gives to a lane of the highest worth. Equal signals count against
+    it; of lanes of equal worth the one that the signal prefers counts."""
+    top = max(worth for _, worth in pairs)
+    preferred = max(signal for signal, worth in pairs if worth == top)
+    place = sum(signal >= preferred for signal, _ in pairs)
+    correlation = _correlation(pairs)
+    return f"{number(correlation, 2) if correlation is not None else '-'}, {place} of {len(pairs)}"
 
 
 def known() -> dict[str, Record]:
@@ -159,7 +190,7 @@ def main() -> None:
         task["lanes"] |= lanes(run)
         task["date"] = datetime.now(UTC).date().isoformat()
     RESULTS.write_text(json.dumps(study, sort_keys=True) + "\n")
-    for row in [titles(study), *table(study)]:
+    for row in [SIGNAL_TITLES, *signals(study), (), TASK_TITLES, *tasks(study)]:
         print(" | ".join(row))
 
 

@@ -22,7 +22,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
-from statistics import stdev
 from typing import Any
 from unittest.mock import patch
 
@@ -35,8 +34,6 @@ from openeureka.errors import EurekaError
 from openeureka.report.text import number
 from openeureka.reward import extract
 from openeureka.sandbox.client import Sandbox
-from openeureka.schedule import RUNGS as RUNGS_OF
-from openeureka.schedule import Rung
 from openeureka.score import mean, rank
 from openeureka.tasks import registry
 from openeureka.tasks.context import context
@@ -200,20 +197,8 @@ def measure(
 
 # --- what it says ----------------------------------------------------------------------------------------------------
 
-SCHEDULES: Mapping[str, Sequence[Rung]] = {
-    "all to the end": (),
-    "halving at 1/8, 1/4, 1/2": RUNGS_OF["halving"],
-    "halving at 1/4, 1/2": (Rung(1 / 4, 1 / 2), Rung(1 / 2, 1 / 2)),
-    "a quarter goes on at 1/4": (Rung(1 / 4, 1 / 4),),
-    "a quarter goes on at 1/8": (Rung(1 / 8, 1 / 4),),
-    "all end at 1/2": (Rung(1 / 2, 0.0),),
-    "all end at 1/4": (Rung(1 / 4, 0.0),),
-    "all end at 1/8": (Rung(1 / 8, 0.0),),
-}
-"""Where candidates pause, and how many of them go on; where none does, the first by its play is chosen there."""
 SOON = ("task", "worlds x horizon, steps", "seeds", "after 1/16", "1/8", "1/4", "1/2", "3/4", "at the end")
 TELLING = ("task", "worlds x horizon, steps", "ends as", "after 1/16", "1/8", "1/4", "1/2", "3/4", "at the end")
-CHOICES = ("schedule", "steps, of all", "the chosen reward: 0 a random one, 1 the best")
 
 
 def soon(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
@@ -235,22 +220,12 @@ def correlations(study: Mapping[str, Record]) -> list[tuple[str, str, str, list[
     """Two rows a task: rank correlation of what lanes play at a rung with what they play at the end, and with what
     other seeds of the same rewards play at the end; mean over seeds."""
     rows = []
-    for env, name, scores in _rewards(study):
+    for env, name, scores in studied(study):
         for title, fresh in (("same lane", False), ("fresh seeds", True)):
-            cells = [mean([_tells(scores, seed, rung, fresh) for seed in _seeds(scores)]) for rung in range(len(RUNGS))]
+            cells = [
+                mean([_tells(scores, seed, rung, fresh) for seed in common_seeds(scores)]) for rung in range(len(RUNGS))
+            ]
             rows.append((env, name, title, cells))
-    return rows
-
-
-def choices(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
-    """A row a schedule: the share of the steps that it takes, and how good the reward that it chooses is when it trains
-    with the other seeds, mean over tasks and seeds."""
-    rows = []
-    for title, rungs in SCHEDULES.items():
-        cells = [_chosen(scores, seed, rungs) for _, _, scores in _rewards(study) for seed in _seeds(scores)]
-        worth, spent = ([cell[part] for cell in cells] for part in (0, 1))
-        error = stdev(worth) / len(worth) ** 0.5 if len(worth) > 1 else 0.0
-        rows.append((title, number(mean(spent), 2), f"{number(mean(worth), 2)} ± {number(error, 2)}"))
     return rows
 
 
@@ -258,7 +233,7 @@ Played = dict[str, dict[int, Sequence[float | None]]]
 """What policies play at the rungs, by reward and seed."""
 
 
-def _rewards(study: Mapping[str, Record]) -> Iterator[tuple[str, str, Played]]:
+def studied(study: Mapping[str, Record]) -> Iterator[tuple[str, str, Played]]:
     """Task, recipe and scores of those that trained more than the human reward."""
     for env, recipes in study.items():
         for name, found in recipes.items():
@@ -271,41 +246,25 @@ def _rewards(study: Mapping[str, Record]) -> Iterator[tuple[str, str, Played]]:
                 yield env, name, scores
 
 
-def _seeds(scores: Played) -> list[int]:
+def common_seeds(scores: Played) -> list[int]:
     """Those that every reward trained with."""
     return sorted(set.intersection(*(set(of) for of in scores.values())))
 
 
-def _worth(scores: Played, reward: str, but: int) -> float:
+def worth(scores: Played, reward: str, but: int) -> float:
     """What the best of its policies plays, with the other seeds."""
-    return rank(mean([_best(scores[reward][seed]) for seed in _seeds(scores) if seed != but]))
+    return rank(mean([best(scores[reward][seed]) for seed in common_seeds(scores) if seed != but]))
 
 
-def _best(played: Sequence[float | None]) -> float | None:
+def best(played: Sequence[float | None]) -> float | None:
     return max((score for score in played if score is not None), default=None)
 
 
 def _tells(scores: Played, seed: int, rung: int, fresh: bool) -> float | None:
     now = [rank(of[seed][rung]) for of in scores.values()]
-    end = [_worth(scores, reward, seed) if fresh else rank(of[seed][-1]) for reward, of in scores.items()]
+    end = [worth(scores, reward, seed) if fresh else rank(of[seed][-1]) for reward, of in scores.items()]
     found = float(spearmanr(now, end).statistic) if len(set(now)) > 1 and len(set(end)) > 1 else math.nan
     return found if math.isfinite(found) else None
-
-
-def _chosen(scores: Played, seed: int, rungs: Sequence[Rung]) -> tuple[float, float]:
-    """How good the reward is that a schedule chooses by the lanes of one seed, and the share of the steps it took."""
-    alive, spent, before = list(scores), 0.0, 0.0
-    for rung in rungs:
-        spent, before = spent + len(alive) * (rung.share - before), rung.share
-        place = RUNGS.index(rung.share)
-        alive.sort(key=lambda reward: -rank(scores[reward][seed][place]))
-        alive = alive[: max(1, math.ceil(rung.kept * len(alive)))]
-    if not rungs or rungs[-1].kept:
-        spent += len(alive) * (1.0 - before)
-        alive.sort(key=lambda reward: -rank(_best(scores[reward][seed])))
-    worth = {reward: _worth(scores, reward, seed) for reward in scores}
-    usual, best = mean(list(worth.values())) or 0.0, max(worth.values())
-    return (worth[alive[0]] - usual) / (best - usual), spent / len(scores)
 
 
 def main() -> None:

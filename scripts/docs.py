@@ -52,7 +52,8 @@ CHOSEN = "<!-- choosing -->\n", "<!-- /choosing -->\n"
 LATER = "<!-- generations -->\n", "<!-- /generations -->\n"
 SEARCHED = "<!-- searched -->\n", "<!-- /searched -->\n"
 SCHEDULE = ROOT / "docs" / "concepts" / "schedule.md"
-EARLY = "<!-- predictors -->\n", "<!-- /predictors -->\n"
+EARLY = "<!-- signals -->\n", "<!-- /signals -->\n"
+EARLY_TASKS = "<!-- signal -->\n", "<!-- /signal -->\n"
 RUNGS = ROOT / "benchmarks" / "results" / "rungs.json"
 SOON = "<!-- soon -->\n", "<!-- /soon -->\n"
 TELLING = "<!-- telling -->\n", "<!-- /telling -->\n"
@@ -160,16 +161,23 @@ def searched() -> str:
     return _table(study.GYM, study.gym_rows(study.known()))
 
 
-def early() -> str:
-    """What `benchmarks/predictors.py` was told: which curves say early how a training will end."""
+def early() -> tuple[str, str]:
+    """What `benchmarks/predictors.py` was told: which curves say early how a training will end, and on which tasks."""
     study = _benchmark("predictors")
-    return _table(study.titles(study.known()), study.table(study.known()))
+    found = study.known()
+    return _table(study.SIGNAL_TITLES, study.signals(found)), _table(study.TASK_TITLES, study.tasks(found))
 
 
 def rungs(table: str) -> str:
     """A table of what `benchmarks/rungs.py` has measured."""
     study = _benchmark("rungs")
     return _table(getattr(study, table.upper()), getattr(study, table)(json.loads(RUNGS.read_text())))
+
+
+def choices() -> str:
+    """How good the reward is that a schedule chooses."""
+    study = _benchmark("choices")
+    return _table(study.TITLES, study.rows())
 
 
 def polished() -> str:
@@ -215,11 +223,14 @@ def faults() -> str:
 
 def pictures() -> Mapping[Path, str]:
     """Path -> SVG of what is measured."""
-    records, robust, rungs, table = map(_benchmark, ("records", "robust", "rungs", "headline"))
-    correlations = [(task, kind, cells) for task, _, kind, cells in rungs.correlations(records.read(RUNGS))]
+    records, robust, rungs, early, table = map(_benchmark, ("records", "robust", "rungs", "predictors", "headline"))
+    told = [(task, kind, cells) for task, _, kind, cells in rungs.correlations(records.read(RUNGS))]
     found = {
         "robust.svg": figures.robust(records.read(robust.RESULTS), robust.ENVS),
-        "rungs.svg": figures.telling(correlations, rungs.RUNGS),
+        "rungs.svg": figures.correlations(told, rungs.RUNGS, "with the end: {}", "rank correlation of played F"),
+        "predictors.svg": figures.correlations(
+            early.correlations(early.known()), early.SHARES, "{}", "rank correlation with played F"
+        ),
         "headline.svg": figures.bars(table.gains(records.read(table.RESULTS))),
     }
     return {IMAGES / name: text for name, text in found.items()}
@@ -274,8 +285,9 @@ def generated() -> Mapping[Path, str]:
         SCORES: _filled(SCORES, (CHOSEN, choosing()), (FIRST_RUNS, first_runs()), (LATER, later())),
         SCHEDULE: _filled(
             SCHEDULE,
-            (EARLY, early()),
-            *((marks, rungs(table)) for marks, table in ((SOON, "soon"), (TELLING, "telling"), (CHOICES, "choices"))),
+            *zip((EARLY, EARLY_TASKS), early(), strict=True),
+            *((marks, rungs(table)) for marks, table in ((SOON, "soon"), (TELLING, "telling"))),
+            (CHOICES, choices()),
         ),
         LOOP: _filled(LOOP, (ADVICE, advice())),
         CLUSTER: _filled(CLUSTER, (FAULTS, faults())),

@@ -47,24 +47,24 @@ def robust(measured: Mapping[str, Mapping[str, Record]], tasks: Sequence[str]) -
     return _svg(figure)
 
 
-def telling(rows: Sequence[tuple[str, str, Sequence[float | None]]], shares: Sequence[float]) -> str:
-    """Rank correlation of a rung with the end, a panel a kind of end: rows of task, kind of end and a value a rung."""
-    kinds = list(dict.fromkeys(kind for _, kind, _ in rows))
+def correlations(
+    rows: Sequence[tuple[str, str, Sequence[float | None]]], shares: Sequence[float], title: str, of: str
+) -> str:
+    """How a rank correlation rises with the share of a training: rows of task, panel and a value a share."""
+    panels = list(dict.fromkeys(panel for _, panel, _ in rows))
     figure = _figure(8.0, 3.0)
-    for place, kind in enumerate(kinds):
-        axes = figure.add_subplot(1, len(kinds), place + 1)
+    for place, panel in enumerate(panels):
+        axes = figure.add_subplot(1, len(panels), place + 1)
         for task, own, values in rows:
-            if own == kind:
+            if own == panel:
                 axes.plot(shares, [float("nan") if value is None else value for value in values], "o-", label=task)
         axes.axhline(0.0, color="#444444", linewidth=0.8)
         axes.set_ylim(-1.0, 1.05)
-        axes.set_title(
-            f"with the end of the {kind}" if kind == "same lane" else f"with the end under {kind}", loc="left"
-        )
+        axes.set_title(title.format(panel), loc="left")
         axes.set_xlabel("share of the training")
         if not place:
-            axes.set_ylabel("rank correlation of played F")
-            axes.legend(loc="lower right")
+            axes.set_ylabel(of)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside right center")
     return _svg(figure)
 
 

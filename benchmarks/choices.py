@@ -1,0 +1,127 @@
+"""How good is the reward that a schedule chooses? From trainings that are known whole; nothing trains here.
+
+    python benchmarks/choices.py      # the table, also in docs/concepts/schedule.md
+
+A schedule sees the trainings of one seed, and cuts by one number at its rungs. The reward that it chooses is judged by
+trainings with the other seeds. Two numbers to cut by, of two studies: what policies play at the rungs (`rungs.py`,
+short trainings), and F in the window of the curves (`predictors.py`, judged by held-out F of `choosing.py`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import stdev
+
+import choosing
+import predictors
+import rungs
+from records import Record, read
+
+from openeureka.report.text import number
+from openeureka.schedule import RUNGS, Rung
+from openeureka.score import mean, rank
+from openeureka.types import lane_id
+
+SCHEDULES: Mapping[str, Sequence[Rung]] = {
+    "all to the end": (),
+    "halving at 1/8, 1/4, 1/2": RUNGS["halving"],
+    "halving at 1/4, 1/2": (Rung(1 / 4, 1 / 2), Rung(1 / 2, 1 / 2)),
+    "a quarter goes on at 1/4": (Rung(1 / 4, 1 / 4),),
+    "a quarter goes on at 1/8": (Rung(1 / 8, 1 / 4),),
+    "all end at 1/2": (Rung(1 / 2, 0.0),),
+    "all end at 1/4": (Rung(1 / 4, 0.0),),
+    "all end at 1/8": (Rung(1 / 8, 0.0),),
+}
+"""Where candidates pause, and how many of them go on; where none does, the first is chosen there."""
+TITLES = ("schedule", "steps, of all", "cut by played F", "cut by F in the window")
+
+
+@dataclass(frozen=True)
+class Search:
+    """The trainings of one task and seed, by reward."""
+
+    told: Mapping[str, Mapping[float, float]]
+    """What a schedule cuts by, by share of the training."""
+    end: Mapping[str, float]
+    """F of the final policies, played."""
+    worth: Mapping[str, float]
+    """F of trainings with the other seeds."""
+
+    def choose(self, schedule: Sequence[Rung]) -> tuple[float, float]:
+        """How good the chosen reward is (0 a random one, 1 the best), and the share of the steps it took."""
+        alive, spent, before = list(self.end), 0.0, 0.0
+        for rung in schedule:
+            spent, before = spent + len(alive) * (rung.share - before), rung.share
+            alive.sort(key=lambda reward: -self.told[reward][rung.share])
+            alive = alive[: max(1, math.ceil(rung.kept * len(alive)))]
+        if not schedule or schedule[-1].kept:
+            spent += len(alive) * (1.0 - before)
+            alive.sort(key=lambda reward: -self.end[reward])
+        usual, best = mean([*self.worth.values()]) or 0.0, max(self.worth.values())
+        return (self.worth[alive[0]] - usual) / (best - usual), spent / len(self.end)
+
+
+def by_play() -> Iterator[Search]:
+    """Those of `rungs.py`."""
+    for _, _, scores in rungs.studied(read(rungs.RESULTS)):
+        for seed in rungs.common_seeds(scores):
+            yield Search(
+                {reward: dict(zip(rungs.RUNGS, map(rank, by[seed]), strict=True)) for reward, by in scores.items()},
+                {reward: rank(rungs.best(by[seed])) for reward, by in scores.items()},
+                {reward: rungs.worth(scores, reward, seed) for reward in scores},
+            )
+
+
+def by_window() -> Iterator[Search]:
+    """Those of tasks whose curves and held-out scores are both known, of seeds that most rewards trained with."""
+    curves, judged = predictors.known(), read(choosing.RESULTS)
+    for env in (env for env in choosing.STEPS if env in curves and env in judged):
+        lanes = judged[env]["lanes"]
+        for seed in choosing.SEEDS:
+            worth = {reward: _held_out(lanes, reward, seed) for reward in choosing.generated(lanes)}
+            found = {
+                reward: curves[env]["lanes"][lane_id(reward, seed)]
+                for reward, value in worth.items()
+                if value is not None and lane_id(reward, seed) in curves[env]["lanes"]
+            }
+            if 2 * len(found) > len(worth) and len({worth[reward] for reward in found}) > 1:
+                yield Search(
+                    {
+                        reward: dict(
+                            zip(predictors.SHARES, map(rank, lane["signals"][predictors.FITNESS]), strict=True)
+                        )
+                        for reward, lane in found.items()
+                    },
+                    {reward: lane["played"] for reward, lane in found.items()},
+                    {reward: worth[reward] for reward in found},
+                )
+
+
+def _held_out(lanes: Mapping[str, Record], reward: str, but: int) -> float | None:
+    """Mean over the other seeds, of the policy that stands for each training."""
+    others = [lanes[lane] for seed in choosing.SEEDS if seed != but and (lane := lane_id(reward, seed)) in lanes]
+    return mean([one["held_out"][choosing.standing(one)]["fitness"] for one in others if one["held_out"]])
+
+
+def rows() -> list[tuple[str, ...]]:
+    """A row a schedule."""
+    studies = [*by_play()], [*by_window()]
+    return [(title, *_row(studies, schedule)) for title, schedule in SCHEDULES.items()]
+
+
+def _row(studies: Sequence[Sequence[Search]], schedule: Sequence[Rung]) -> tuple[str, ...]:
+    found = [[search.choose(schedule) for search in study] for study in studies]
+    spent = mean([steps for study in found for _, steps in study])
+    return number(spent, 2), *(_spread([worth for worth, _ in study]) for study in found)
+
+
+def _spread(found: Sequence[float]) -> str:
+    """Mean and its standard error."""
+    return f"{number(mean(found), 2)} ± {number(stdev(found) / math.sqrt(len(found)), 2)}"
+
+
+if __name__ == "__main__":
+    for row in (TITLES, *rows()):
+        print(" | ".join(row))
