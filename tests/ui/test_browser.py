@@ -142,6 +142,29 @@ def test_what_a_person_types_opens_and_chooses_survives_the_news(page: Page, tmp
         page.get_by_role("button", name="Say, and go on").click()
 
 
+def test_a_link_that_is_pressed_while_news_comes_is_followed(page: Page, tmp_path: Path):
+    search_in(tmp_path / "run", [reply(7), reply(8)])
+    page.goto("/")
+    page.get_by_role("link", name="run", exact=True).first.hover()
+    page.mouse.down()
+    search_in(tmp_path / "other", [reply(7), reply(8)])
+    page.wait_for_function("waiting.length > 0")
+    expect(page.get_by_role("link", name="other", exact=True)).to_be_hidden()
+    page.mouse.up()
+    expect(page).to_have_url(re.compile(r"/runs/run/$"))
+
+
+def test_news_that_waited_for_a_press_is_shown_after_it(page: Page, tmp_path: Path):
+    search_in(tmp_path / "run", [reply(7), reply(8)])
+    page.goto("/")
+    page.get_by_role("heading").first.hover()
+    page.mouse.down()
+    search_in(tmp_path / "other", [reply(7), reply(8)])
+    page.wait_for_function("waiting.length > 0")
+    page.mouse.up()
+    expect(page.get_by_role("link", name="other", exact=True)).to_be_visible()
+
+
 def test_nothing_that_others_wrote_runs(page: Page, tmp_path: Path):
     text = f"{ATTACK}\n```python\ndef compute_reward(x):\n    # {ATTACK}\n    return 7\n```"
     with running(

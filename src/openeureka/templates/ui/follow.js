@@ -49,6 +49,19 @@ function renew({ order, changed }) {
 }
 
 let source = null;
+let pressed = false;
+const waiting = [];
+
+/** What is replaced between a press and its release is not clicked: news waits for the release. */
+function hear(news) {
+  waiting.push(news);
+  if (!pressed) waiting.splice(0).forEach(renew);
+}
+
+function release() {
+  pressed = false;
+  setTimeout(() => { if (!pressed) waiting.splice(0).forEach(renew); });  // after the click
+}
 
 /** Browsers hold few connections to one server: a tab that nobody looks at gives its own back. */
 function follow() {
@@ -59,7 +72,7 @@ function follow() {
   address.searchParams.set("shown", [...parts.children].map((part) => part.dataset.mark).join(","));
   source = new EventSource(address);
   source.onopen = () => { lost.hidden = true; };
-  source.onmessage = ({ data }) => renew(JSON.parse(data));
+  source.onmessage = ({ data }) => hear(JSON.parse(data));
   source.onerror = () => {
     source?.close();
     lost.hidden = false;
@@ -67,6 +80,9 @@ function follow() {
   };
 }
 
+addEventListener("pointerdown", () => { pressed = true; }, true);
+for (const end of ["pointerup", "pointercancel"]) addEventListener(end, release, true);
+addEventListener("blur", release);  // of the window alone
 document.addEventListener("visibilitychange", follow);
 addEventListener("pagehide", () => source?.close());
 awaitFilms();
