@@ -1,13 +1,15 @@
-"""What ranges are worth: F of a policy trained in one world (plain), in worlds that nobody gave a reason for (uniform)
-and in those of `eureka robust` (ours), in its own world and in hard ones. A table of docs/guides/robot.md.
+"""What ranges are worth: F of a policy trained in one world (plain), trained on there (longer), in worlds that nobody
+gave a reason for (uniform) and in those of `eureka robust` (ours), in its own world and in hard ones. A table of
+docs/guides/robot.md.
 
     python benchmarks/robust.py model=gpt-5                     # all that is missing, hours; model=random is the floor
     python benchmarks/robust.py model=gpt-5 --env ant --seed 1  # one of nine
+    python benchmarks/robust.py model=gpt-5 start=scratch       # nine more, whose trainings begin anew
     python benchmarks/robust.py --tiny                          # minutes, to see that it works
 
-The reward is the task's human one, so that only the worlds differ. Every training takes the task's own number of steps.
-A seed is kept in benchmarks/results/robust.json once it is known. Runs are under outputs/robust/, and the same command
-goes on where it was.
+The reward is the task's human one, so that only the worlds differ. The plain policy takes the task's own number of
+steps, the others half of that from there, or all of it from scratch. A seed is kept in benchmarks/results/robust.json
+once it is known. Runs are under outputs/robust/, and the same command goes on where it was.
 """
 
 from __future__ import annotations
@@ -22,19 +24,19 @@ from records import Record, machine, read, write
 
 import openeureka
 from openeureka.cli.tune import robust
-from openeureka.hardened import PLAIN, UNIFORM, Carried, RobustArm
+from openeureka.config import STARTS
+from openeureka.hardened import LONGER, PLAIN, UNIFORM, Carried, RobustArm
 from openeureka.report.text import spread
 from openeureka.report.view import RunView
 from openeureka.score import mean
 
 ENVS = ("anymal", "ant", "quadcopter")
 SEEDS = 3
-ARMS = (PLAIN, UNIFORM, "ours")
+ARMS = (PLAIN, LONGER, UNIFORM, "ours")
 RESULTS = Path(__file__).parent / "results" / "robust.json"
 TITLES = (
-    *("task", "seeds", "plain: own world", "hard ones", "uniform: own world", "hard ones", "ours: own world"),
-    *("hard ones", "ours gives up in its own world", "ours loses in hard ones, as a share of what plain loses"),
-    "uniform loses",
+    *("task", "trainings begin with", "seeds", *ARMS, "ours gives up in its own world"),
+    *("ours loses in hard ones, as a share of what plain loses", "uniform loses"),
 )
 
 
@@ -52,7 +54,7 @@ def measure(env: str, seed: int, directory: Path, words: Sequence[str], **settin
         **machine("cpu"),
         "ranges": {arm.name: str(arm.ranges) for arm in found.arms if arm.ranges is not None},
         "ours": found.ours,
-        "arms": {name: _arm(arms[name]) for name in ARMS},
+        "arms": {name: _arm(arms[name]) for name in ARMS if name in arms},
         "before": _swept(found.before),
         "after": _swept(found.after),
     }
@@ -70,16 +72,28 @@ def _swept(found: Sequence[Carried]) -> dict[str, list[tuple[float, float | None
     return {one.name: [(value, fitness) for value, fitness, _ in one.points] for one in found}
 
 
-def rows(measured: Mapping[str, Mapping[str, Record]]) -> list[list[str]]:
-    """A row a task, over the seeds that are known."""
-    return [_row(env, [*measured[env].values()]) for env in ENVS if measured.get(env)]
+def rows(measured: Mapping[str, Mapping[str, Mapping[str, Record]]]) -> list[list[str]]:
+    """A row a task and a start, over the seeds that are known."""
+    return [
+        _row(env, start, [*measured[start][env].values()])
+        for env in ENVS
+        for start in STARTS
+        if measured.get(start, {}).get(env)
+    ]
 
 
-def _row(env: str, seeds: Sequence[Record]) -> list[str]:
-    of = {(arm, kind): [seed["arms"][arm][kind] for seed in seeds] for arm in ARMS for kind in ("nominal", "hard")}
+def drawn(measured: Mapping[str, Mapping[str, Mapping[str, Record]]]) -> Mapping[str, Mapping[str, Record]]:
+    """Of each task the seeds of the first start that has some."""
+    return {env: seeds for start in reversed(STARTS) for env, seeds in measured.get(start, {}).items()}
+
+
+def _row(env: str, start: str, seeds: Sequence[Record]) -> list[str]:
+    shown = [arm for arm in ARMS if all(arm in seed["arms"] for seed in seeds)]
+    of = {(arm, kind): [seed["arms"][arm][kind] for seed in seeds] for arm in shown for kind in ("nominal", "hard")}
     means = {key: mean(values) for key, values in of.items()}
     (nominal, share), (_, uniform) = losses(means, "ours"), losses(means, UNIFORM)
-    return [env, str(len(seeds)), *map(spread, of.values()), *map(_percent, (nominal, share, uniform))]
+    both = [f"{spread(of[arm, 'nominal'])} / {spread(of[arm, 'hard'])}" if arm in shown else "-" for arm in ARMS]
+    return [env, start, str(len(seeds)), *both, *map(_percent, (nominal, share, uniform))]
 
 
 def losses(means: Mapping[tuple[str, str], float | None], arm: str) -> tuple[float | None, float | None]:
@@ -102,20 +116,23 @@ def main() -> None:
     parser.add_argument("--seed", action="append", type=int, help="may be repeated; 0, 1 and 2 by default")
     parser.add_argument("--tiny", action="store_true", help="short episodes and trainings of one task, kept nowhere")
     options = parser.parse_args()
+    start = next((word.removeprefix("start=") for word in options.words if word.startswith("start=")), STARTS[0])
     if options.tiny:
         tiny = "quadcopter+episode_length=20"
         found = measure(tiny, 0, OUTPUTS / "robust" / "tiny", [*options.words, "sample=2"], steps=2048, worlds=32)
-        print(*_row(tiny, [found]), sep=" | ")
+        print(*_row(tiny, start, [found]), sep=" | ")
         return
     for env in options.env or ENVS:
         for seed in options.seed or range(SEEDS):
-            known = read(RESULTS)
-            if str(seed) in known.get(env, {}):
+            if str(seed) in read(RESULTS).get(start, {}).get(env, {}):
                 continue
-            found = measure(env, seed, OUTPUTS / "robust" / f"{env}_{seed}", options.words)
-            seeds = {**known.get(env, {}), str(seed): found}
-            write(RESULTS, {**known, env: seeds})
-            print(*_row(env, [*seeds.values()]), sep=" | ", flush=True)
+            began = OUTPUTS / "robust" / "_".join((env, str(seed), *([start] if start != STARTS[0] else [])))
+            found = measure(env, seed, began, options.words)
+            known = read(RESULTS)  # again: another task may have ended meanwhile
+            of_start = known.get(start, {})
+            seeds = dict(sorted({**of_start.get(env, {}), str(seed): found}.items()))
+            write(RESULTS, {**known, start: {**of_start, env: seeds}})
+            print(*_row(env, start, [*seeds.values()]), sep=" | ", flush=True)
 
 
 if __name__ == "__main__":

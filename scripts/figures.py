@@ -22,12 +22,12 @@ STYLE = {
     "grid.color": "#e6e6e6",
     "legend.frameon": False,
 }
-COLOURS = {"plain": "#888888", "uniform": "#d98b2b", "ours": "#1f6fb2"}
+COLOURS = {"plain": "#888888", "longer": "#5aa469", "uniform": "#d98b2b", "ours": "#1f6fb2"}
 Record = Mapping[str, Any]
 
 
 def robust(measured: Mapping[str, Mapping[str, Record]], tasks: Sequence[str]) -> str:
-    """F of the three policies in their own world and in each hard one: a point a seed, a line through the means."""
+    """F of the policies in their own world and in each hard one: a point a seed, a line through the means."""
     shown = [task for task in tasks if measured.get(task)]
     figure = _figure(9.0, 2.6 * max(1, len(shown)))
     for row, task in enumerate(shown):
@@ -35,6 +35,8 @@ def robust(measured: Mapping[str, Mapping[str, Record]], tasks: Sequence[str]) -
         seeds = [seed["arms"] for seed in measured[task].values()]
         worlds = ["own world", *seeds[0]["plain"]["worlds"]]
         for arm, colour in COLOURS.items():
+            if any(arm not in seed for seed in seeds):
+                continue
             scores = [[seed[arm]["nominal"], *seed[arm]["worlds"].values()] for seed in seeds]
             for found in scores:
                 axes.plot(range(len(worlds)), found, "o", color=colour, markersize=3.0, alpha=0.5)
@@ -43,7 +45,7 @@ def robust(measured: Mapping[str, Mapping[str, Record]], tasks: Sequence[str]) -
         axes.set_xticks(range(len(worlds)), [world.replace(", ", ",\n") for world in worlds], rotation=30, ha="right")
         axes.set_title(f"{task}, {len(seeds)} seed{'s' * (len(seeds) > 1)}", loc="left")
         axes.set_ylabel("F, held out")
-        axes.legend(ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
+        axes.legend(ncols=len(COLOURS), loc="lower right", bbox_to_anchor=(1.0, 1.0))
     return _svg(figure)
 
 

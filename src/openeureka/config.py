@@ -19,6 +19,8 @@ BONUSES = ("none", "original", "progress")
 SCHEDULES = ("full", "halving")
 OBSERVES = ("all", "measurable")
 VIDEOS = ("all", "best", "none")
+SCRATCH = "scratch"
+STARTS = ("best", SCRATCH)
 LOGS = ("", "wandb", "mlflow", "tensorboard")
 FEEDBACKS = ("none", "human")
 _MANY = 100_000
@@ -278,8 +280,10 @@ class RobustConfig:
     """Proposals."""
     repair: int = 2
     """Times that the model may correct one that cannot be used."""
+    start: str = "best"
+    """What its trainings begin with: `best`, the policy itself, or `scratch`."""
     steps: int = 0
-    """Environment steps of each training; 0 means those of the run."""
+    """Environment steps of each training; 0 means half of the policy's own, and from scratch those of the run."""
     device: str = ""
     """As in `eureka run`; empty means the run's."""
     threads: int = 0
@@ -292,15 +296,19 @@ class RobustConfig:
     def __post_init__(self) -> None:
         if not 1 <= self.sample <= 1000:
             raise ConfigError(f"`sample` must be from 1 to 1000, not {self.sample}.")
+        if self.start not in STARTS:
+            raise ConfigError(f"`start` must be {' or '.join(STARTS)}, not `{self.start}`.")
 
     def changed(self, run: RunConfig, typed: Collection[str] = ()) -> RunConfig:
-        """The run's settings with those that are given here.
+        """The run's settings with those that are given here, but for `start` and `steps`: both say how policies of the
+        run go on, not how its own were made.
 
         Args:
             typed: settings that somebody gave. No limit of cost is then told from none given: both are 0.
         """
-        counts = {"repair", *({"max_cost"} & set(typed))}
-        given = {key: value for key, value in dataclasses.asdict(self).items() if value or key in counts}
+        counts, apart = {"repair", *({"max_cost"} & set(typed))}, {"start", "steps"}
+        own = {key: value for key, value in dataclasses.asdict(self).items() if key not in apart}
+        given = {key: value for key, value in own.items() if value or key in counts}
         return dataclasses.replace(run, schedule="full", **given)
 
 

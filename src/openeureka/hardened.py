@@ -35,8 +35,8 @@ start states of its own."""
 KEEPS = 0.75
 """Share of what was learnt that a policy keeps where it is said to work."""
 PEAKS: tuple[Peak, ...] = ("reward", "last", "fitness")
-PLAIN, UNIFORM = "plain", "uniform"
-"""The policy that the search left, and ranges that nobody gave a reason for."""
+PLAIN, LONGER, UNIFORM = "plain", "longer", "uniform"
+"""The policy that the search left; the same, trained on in its own world; and ranges that nobody gave a reason for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,7 +154,7 @@ def _arm(name: str, ranges: Ranges | None, scores: Mapping[str, Evaluation], lim
 
 def carries(store: Store, lane: str, quantities: Iterable[str]) -> list[Carried]:
     """How far a lane's policy carries along each quantity, as far as it was tried."""
-    scores, result = store.lanes.trials().get(lane, {}), store.lanes.result(lane)
+    scores, result = store.lanes.trials().get(lane, {}), store.lanes.result(_origin(store, lane))
     nominal = scores["sweep"].fitness if "sweep" in scores else None
     untrained = next((v for v in (result.curves.get("fitness", ()) if result else ()) if v is not None), None)
     learnt = nominal - untrained if nominal is not None and untrained is not None else 0.0
@@ -171,6 +171,14 @@ def carries(store: Store, lane: str, quantities: Iterable[str]) -> list[Carried]
         points.append(point(float(getattr(NOMINAL, name)), scores.get("sweep")))
         found.append(Carried(name=name, points=tuple(sorted(points))))
     return found
+
+
+def _origin(store: Store, lane: str) -> str:
+    """The lane that began untrained, of those that led to this one."""
+    lanes = store.lanes.all()
+    while (start := lanes[lane].start) is not None:
+        lane = start.policy.lane
+    return lane
 
 
 def mean_of(scores: Mapping[str, Evaluation], prefix: str) -> float | None:

@@ -11,20 +11,22 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from . import prompts
-from .config import RunConfig
+from .config import SCRATCH
 from .errors import ConfigError, ModelError
 from .hacking import Trial
-from .hardened import GRID, HARD, KEEPS, PEAKS, UNIFORM, Carried, carries, chosen
+from .hardened import GRID, HARD, KEEPS, LONGER, PEAKS, UNIFORM, Carried, carries, chosen
 from .lanes import BASELINES, Lanes, Wanted
 from .llm import price
 from .llm.client import LanguageModel
 from .sampling import request_seed
 from .score import worth
 from .store import Store, artifacts
-from .types import NOMINAL, Candidate, Dynamics, Lane, Peak, PolicyId, Prompt, Ranges, RewardProgram
+from .types import NOMINAL, Candidate, Dynamics, Lane, Peak, PolicyId, Prompt, Ranges, RewardProgram, Start
 from .types.dynamics import SCALES
 
 SWEEP_EPISODES, CHOOSING_EPISODES, HARD_EPISODES = 32, 16, 64
+PARTS = 2
+"""Of a training's steps; a policy that goes on takes one of them where the settings do not say."""
 _BLOCK = re.compile(r"```(?:ya?ml)?[ \t]*\n(.*?)```", re.DOTALL)
 LONGEST = 4000
 """Characters of a table that is read at all."""
@@ -46,11 +48,26 @@ class Robot:
     """Ranges from YAML; raises ConfigError for anything else."""
 
 
-def harden(lanes: Lanes, model: LanguageModel, robot: Robot) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Training:
+    """How robust policies are trained."""
+
+    start: str
+    """What they begin with: `best`, the policy of the run, or `scratch`."""
+    steps: int
+    """Environment steps of each; 0 for the task's own number."""
+
+    def __str__(self) -> str:
+        steps = f"{self.steps} steps" if self.steps else "the task's own number of steps"
+        return f"{steps} each, {'from scratch' if self.start == SCRATCH else 'from the best policy'}"
+
+
+def harden(lanes: Lanes, model: LanguageModel, robot: Robot, *, start: str, steps: int) -> None:
     """Do what is missing of the chain. `robust/` then holds the policy and the ranges that made it.
 
     Args:
         lanes: of the run that found the reward; its settings say how many proposals there are (`sample`).
+        start, steps: as in `RobustConfig`.
 
     Raises:
         ConfigError: when the run has no policy yet.
@@ -58,45 +75,53 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot) -> None:
         EurekaError: what else stopped it; all that was finished is stored, and calling again continues.
     """
     config, store = lanes.config, lanes.store
-    began = _best(store)
-    if began is None:
-        raise ConfigError(f"{store.directory} holds no policy yet; `eureka resume {store.directory}` goes on with it.")
+    began, training = best(store), as_before(store, start, steps)
     lanes.observer.phase(config.generations, "evaluate")
     # What a model is shown must not be what judges its ranges; both sweeps are on equal start states, to compare them.
     lanes.try_out(sweep(began, robot.quantities), choosing=True, episodes=SWEEP_EPISODES)
-    proposed = propose(lanes, model, robot, began)
+    going_on = training.start != SCRATCH
+    proposed = propose(lanes, model, robot, began, anew=not going_on)
     model.close()  # an embedded model must not run while training does: they fight for the same cores
-    store.save_ranges({UNIFORM: robot.uniform, **proposed})
-    reward = store.lanes.all()[began.lane].reward
+    own_world = {LONGER: Ranges(NOMINAL, NOMINAL)} if going_on else {}  # from scratch it would be the best one again
+    store.save_ranges({**own_world, UNIFORM: robot.uniform, **proposed})
+    reward, origin = store.lanes.all()[began.lane].reward, Start(began, 0.0) if going_on else None
     graph = program(store, reward)
-    wanted: list[Wanted] = [(Lane(reward, config.seed, "robust", ranges=name), graph) for name in store.ranges()]
+    names = store.ranges()
+    wanted: list[Wanted] = [(Lane(reward, config.seed, "robust", origin, ranges=name), graph) for name in names]
     lanes.observer.phase(config.generations, "train")
-    store.save_robust_steps(config.steps)
-    lanes.train(wanted)
+    store.save_robust_training(training.steps, training.start)
+    lanes.train(wanted, steps=training.steps)
     lanes.observer.phase(config.generations, "play")
     arms = {lane.ranges: PolicyId(lane.id, _peak(lanes, lane, robot.quantities)) for lane, _ in wanted}
     lanes.observer.phase(config.generations, "evaluate")
-    ours = max((name for name in arms if name != UNIFORM), key=lambda name: _worth(lanes, arms[name].lane))
-    judged = (began, arms[UNIFORM], arms[ours])
+    beside = [name for name in (LONGER, UNIFORM) if name in arms]
+    ours = max((name for name in arms if name not in beside), key=lambda name: _worth(lanes, arms[name].lane))
+    judged = (began, *(arms[name] for name in beside), arms[ours])
     hard = hard_worlds(robot.quantities)
     lanes.try_out([trial for own in judged for trial in trials(own, hard)], episodes=HARD_EPISODES)
     lanes.try_out(sweep(arms[ours], robot.quantities), choosing=True, episodes=SWEEP_EPISODES)
     store.save_robust(written(store.ranges()[ours]), arms[ours])
 
 
-def expect_steps(config: RunConfig, store: Store) -> None:
-    """Proposals that train for longer or shorter than others cannot be compared. Raises ConfigError for steps that the
-    first of them were not given."""
-    kept = store.robust_steps()
-    if kept is None or kept == config.steps:
-        return
-    said = "leave `steps=` out" if kept == store.config.steps else f"add steps={kept}"
-    own = f"{kept} steps" if kept else "the task's own number of steps"
-    raise ConfigError(f"The robust policies of {store.directory} train for {own} each: {said} to go on with them.")
+def as_before(store: Store, start: str, steps: int) -> Training:
+    """How the robust policies of a run are trained: those that begin or end elsewhere than others cannot be compared.
+
+    Raises:
+        ConfigError: where the first of them were trained otherwise, or there is no policy to go on from.
+    """
+    usual = {SCRATCH: store.config.steps, "best": max(1, store.lanes.results()[best(store).lane].env_steps // PARTS)}
+    training = Training(start=start, steps=steps or usual[start])
+    if (kept := store.robust_training()) is None or kept == (training.steps, training.start):
+        return training
+    before = Training(steps=kept[0], start=kept[1])
+    words = [f"start={SCRATCH}"] if before.start == SCRATCH else []
+    words += [f"steps={before.steps}"] if before.steps != usual[before.start] else []
+    said = f"add {' '.join(words)}" if words else "leave `start=` and `steps=` out"
+    raise ConfigError(f"The robust policies of {store.directory} train for {before}: {said} to go on with them.")
 
 
-def _best(store: Store) -> PolicyId | None:
-    """The policy in `best/`; of equal ones that of the reward which lies there too."""
+def best(store: Store) -> PolicyId:
+    """The policy in `best/`; of equal ones that of the reward which lies there too. Raises ConfigError before that."""
     source = artifacts.read(store.directory, "best/reward.py")
     own = Candidate.of(source.decode(errors="replace")).id if source is not None else None
     lanes, given, judged = store.lanes.all(), store.given(), store.lanes.evaluations()
@@ -105,7 +130,10 @@ def _best(store: Store) -> PolicyId | None:
         lane = lanes[policy.lane]
         return lane.role != "robust", given.get(lane.reward, lane.reward) == own, policy.lane in judged
 
-    return max(store.lanes.exposed("best"), key=fits, default=None)
+    found = max(store.lanes.exposed("best"), key=fits, default=None)
+    if found is None:
+        raise ConfigError(f"{store.directory} holds no policy yet; `eureka resume {store.directory}` goes on with it.")
+    return found
 
 
 def sweep(policy: PolicyId, quantities: Iterable[str]) -> list[Trial]:
@@ -129,10 +157,10 @@ def hard_worlds(quantities: Sequence[str]) -> dict[str, Dynamics]:
     return found
 
 
-def propose(lanes: Lanes, model: LanguageModel, robot: Robot, began: PolicyId) -> dict[str, Ranges]:
+def propose(lanes: Lanes, model: LanguageModel, robot: Robot, began: PolicyId, *, anew: bool) -> dict[str, Ranges]:
     """Ranges by name, one a slot whose reply, or a repair of it, can be used."""
     config, store = lanes.config, lanes.store
-    prompt = asked(robot, carries(store, began.lane, robot.quantities))
+    prompt = asked(robot, carries(store, began.lane, robot.quantities), anew=anew)
     found: dict[str, Ranges] = {}
     wrong: dict[int, Prompt] = {}
     reason = ""
@@ -179,7 +207,7 @@ def table_of(reply: str) -> str:
     return text
 
 
-def asked(robot: Robot, carried: Sequence[Carried]) -> Prompt:
+def asked(robot: Robot, carried: Sequence[Carried], *, anew: bool) -> Prompt:
     """The prompt: the robot, and where its policy still works."""
     lines = []
     for one in carried:
@@ -193,6 +221,7 @@ def asked(robot: Robot, carried: Sequence[Carried]) -> Prompt:
         sweep=lines,
         quantities={name: (SCALES[name].unit, SCALES[name].least, SCALES[name].most) for name in robot.quantities},
         ends={name: _ends(name) for name in robot.quantities},
+        anew=anew,
     )
 
 

@@ -73,6 +73,7 @@ def ranges(
     sweep: Sequence[str],
     quantities: Mapping[str, tuple[str, float, float]],
     ends: Mapping[str, tuple[Sequence[float], Sequence[float]]],
+    anew: bool = False,
 ) -> Prompt:
     """What asks for ranges that worlds of training are drawn from.
 
@@ -81,8 +82,10 @@ def ranges(
         note: how to read the lines of `sweep`, which say where a policy still works.
         quantities: unit, least and most by name.
         ends: what the grammar offers for the lowest and for the highest value of each.
+        anew: whether training begins from scratch and not with that policy.
     """
     text = _template("robust").format(
+        how="again from scratch" if anew else "on",
         task=task,
         robot=plain(robot),
         note=note,

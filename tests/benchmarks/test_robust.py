@@ -17,19 +17,30 @@ def test_losses_are_shares_of_what_the_plain_policy_has_and_loses():
         "0": seed(plain=(10.0, 6.0), uniform=(8.0, 7.0), ours=(9.0, 8.0)),
         "1": seed(plain=(10.0, 4.0), uniform=(8.0, 7.0), ours=(10.0, 7.0)),
     }
-    ((task, count, *scores, nominal, hard, uniform),) = robust.rows({"ant": seeds})
+    ((task, _, count, *scores, nominal, hard, uniform),) = robust.rows({"best": {"ant": seeds}})
     assert (task, count, nominal, hard, uniform) == ("ant", "2", "5%", "40%", "20%")  # of 10; of the 5 that plain loses
-    assert scores[1].startswith("5 ") and scores[5].startswith("7.5 ")
+    assert "/ 5 " in scores[0] and "/ 7.5 " in scores[3]
 
 
 def test_of_a_negative_score_less_is_lost_too():
     ((*_, nominal, _, _),) = robust.rows(
-        {"quadcopter": {"0": seed(plain=(-0.5, -0.6), uniform=(-1, -1), ours=(-0.4, -0.6))}}
+        {"best": {"quadcopter": {"0": seed(plain=(-0.5, -0.6), uniform=(-1, -1), ours=(-0.4, -0.6))}}}
     )
     assert nominal == "-20%"
 
 
 def test_where_plain_loses_nothing_or_a_score_is_undefined_there_is_no_share():
     for plain in ((10.0, 10.0), (10.0, None)):
-        ((*_, hard, _),) = robust.rows({"anymal": {"0": seed(plain=plain, uniform=(1.0, 1.0), ours=(9.0, 8.0))}})
+        anymal = {"0": seed(plain=plain, uniform=(1.0, 1.0), ours=(9.0, 8.0))}
+        ((*_, hard, _),) = robust.rows({"best": {"anymal": anymal}})
         assert hard == "-"
+
+
+def test_trainings_that_began_otherwise_have_rows_of_their_own():
+    one = seed(plain=(10.0, 6.0), uniform=(8.0, 7.0), ours=(9.0, 8.0))
+    more = seed(plain=(10.0, 6.0), longer=(11.0, 6.0), uniform=(8.0, 7.0), ours=(9.0, 8.0))
+    first, second = robust.rows({"scratch": {"ant": {"0": one}}, "best": {"ant": {"0": more}}})
+    assert first[:3] == ["ant", "best", "1"] and first[4] == "11 / 6"
+    assert second[:3] == ["ant", "scratch", "1"] and second[4] == "-"
+    found = robust.drawn({"scratch": {"ant": {"0": one}, "anymal": {"0": one}}, "best": {"ant": {"0": more}}})
+    assert found == {"ant": {"0": more}, "anymal": {"0": one}}

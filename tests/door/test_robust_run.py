@@ -88,18 +88,33 @@ def test_what_was_begun_with_other_steps_does_not_go_on_with_these(searched, tra
         kill(trainer, once, after=1)
         robust([str(searched), "model=random", "sample=2", "steps=1e6"])
     trained = len(trainer.trained)
-    for words in ([], ["steps=5e5"]):
-        with pytest.raises(ConfigError, match=r"train for 1000000 steps each: add steps=1000000 to go on with them\.$"):
+    wanted = r"train for 1000000 steps each, from the best policy: add steps=1000000 to go on with them\.$"
+    for words in ([], ["steps=5e5"], ["steps=1e6", "start=scratch"]):
+        with pytest.raises(ConfigError, match=wanted):
             robust([str(searched), "model=random", "sample=2", *words])
     assert len(trainer.trained) == trained
     assert openeureka.robust(searched, model="random", sample=2, steps=1e6).robust is not None
 
 
-def test_what_was_begun_with_the_runs_steps_takes_no_others(searched):
+def test_what_was_begun_with_the_usual_steps_takes_no_others(searched):
     openeureka.robust(searched, model="random", sample=1)
-    with pytest.raises(ConfigError, match=r"the task's own number of steps each: leave `steps=` out"):
+    with pytest.raises(ConfigError, match=r"from the best policy: leave `start=` and `steps=` out to go on"):
         openeureka.robust(searched, model="random", sample=1, steps=9)
     assert openeureka.robust(searched, model="random", sample=2).robust is not None
+
+
+@pytest.mark.parametrize("kept", ["0\n", "0 scratch\n"])  # the first is what an earlier version wrote
+def test_what_was_begun_from_scratch_goes_on_so(searched, kept):
+    openeureka.robust(searched, model="random", sample=1, start="scratch")
+    (searched / "robust.steps").write_text(kept)
+    with pytest.raises(ConfigError, match=r"the task's own number of steps each, from scratch: add start=scratch to"):
+        openeureka.robust(searched, model="random", sample=2)
+    assert openeureka.robust(searched, model="random", sample=2, start="scratch").robust is not None
+
+
+def test_they_begin_with_one_of_two_things(searched):
+    with pytest.raises(ConfigError, match="`start` must be best or scratch, not `here`"):
+        robust([str(searched), "model=random", "start=here"])
 
 
 def test_a_run_from_elsewhere_is_refused_with_the_argument_that_agrees(tmp_path):

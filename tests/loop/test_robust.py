@@ -23,7 +23,7 @@ from openeureka.report.view import RunView
 from openeureka.store import Store
 from openeureka.tasks import ranges, registry
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
-from openeureka.types import NOMINAL, Dynamics, Evaluation, LaneSpec
+from openeureka.types import NOMINAL, Dynamics, Evaluation, LaneSpec, TrainBudget
 
 QUANTITIES = ("mass", "delay")
 
@@ -67,10 +67,12 @@ def robot() -> Robot:
     return Robot(task="to balance", description="A cart.", quantities=QUANTITIES, uniform=wide, read=read)
 
 
-def make(directory: Path, model: LanguageModel, trainer: ToyTrainer, sample: int = 2) -> RunView:
+def make(
+    directory: Path, model: LanguageModel, trainer: ToyTrainer, sample: int = 2, start: str = "best", steps: int = 0
+) -> RunView:
     with Store.open(directory, RunView.read(directory).config) as store:
         config = replace(store.config, sample=sample, repair=1)
-        harden(Lanes(config, store, trainer, NullObserver()), model, robot())
+        harden(Lanes(config, store, trainer, NullObserver()), model, robot(), start=start, steps=steps)
     return RunView.read(directory)
 
 
@@ -87,14 +89,17 @@ def test_the_proposal_that_plays_best_in_hard_worlds_is_kept_with_its_ranges(sea
     run = make(searched, model, Toughening())
     found = run.robust
     assert found is not None and found.ours == "r1"
-    assert [arm.name for arm in found.arms] == ["plain", "uniform", "r0", "r1"]
-    plain, _, _, ours = found.arms
+    assert [arm.name for arm in found.arms] == ["plain", "longer", "uniform", "r0", "r1"]
+    plain, longer, _, _, ours = found.arms
     assert plain.hard is not None and ours.hard is not None
-    # Held out the toy's F is its worth, 8.01, less one. Off by 0.3 costs 3, and 3 / 2.2 with ranges that are 1.2 wide.
+    # Held out the toy's F is its worth, 8.01, less one, and lanes begin with that. Off by 0.3 costs 3, and 3 / 2.2 with
+    # ranges that are 1.2 wide.
     assert plain.worlds["mass -30 %"].fitness == pytest.approx(4.01)
-    assert ours.worlds["mass -30 %"].fitness == pytest.approx(7 - 3 / 2.2 - 0.12)
+    assert ours.worlds["mass -30 %"].fitness == pytest.approx(7.01 - 3 / 2.2 - 0.12)
     assert (searched / "robust" / "ranges.yaml").read_text() == "mass: [0.4, 1.6]\n"
-    assert (searched / "robust" / "policy.safetensors").read_bytes() == b"8.0/1.2000000000000002"
+    assert (searched / "robust" / "policy.safetensors").read_bytes() == b"8.01/1.2000000000000002"
+    assert longer.worlds["mass -30 %"].fitness == pytest.approx(4.01)  # its own world taught it nothing
+    assert told.arms(found).rows[1][:2] == ("longer", "none")
     assert told.verdict(found).startswith("In hard worlds the policy is better: F ")
     unsure = {name: replace(score, error=9.0) for name, score in ours.worlds.items()}
     blurred = replace(found, arms=(plain, replace(ours, worlds=unsure)))
@@ -119,14 +124,47 @@ def test_the_model_is_told_where_the_policy_still_works(searched: Path) -> None:
     text = model.prompts[0].messages[-1].content
     # Of 8.01 - 1 at its own mass; training began at half of the worth, 4.005: a tenth of the mass is a third of that.
     assert "- mass: 0.4: 1.01 (-100%), 0.6: 3.01 (-33%), 0.8: 5.01 (33%), 0.9: 6.01 (67%), 1: 7.01 (100%)" in text
+    assert text.startswith("A policy is to be trained on under the same reward")
     assert "works from 1 to 1" in text and "- delay [s], 0 to 1" in text and "A cart." in text
+
+
+def test_they_begin_with_the_best_policy_and_take_half_of_its_steps(searched: Path) -> None:
+    trainer = Recording()
+    make(searched, ScriptedModel([TABLE.format(0.9, 1.1)]), trainer, sample=1)
+    with Store.view(searched) as store:
+        whole = {lane.id: store.lanes.results()[lane.id].env_steps for lane in store.lanes.all().values()}
+        began = store.lanes.policy(*store.lanes.exposed("best")[0])
+    assert set(whole.values()) == {3} and trainer.steps == [1]  # at least one
+    assert [(lane.start, lane.fresh) for lane in trainer.lanes] == [(began, 0.0)] * 3
+
+
+def test_from_scratch_they_take_the_steps_of_the_run_and_nothing_trains_on(searched: Path) -> None:
+    trainer = Recording()
+    model = ScriptedModel([TABLE.format(0.9, 1.1)])
+    found = make(searched, model, trainer, sample=1, start="scratch").robust
+    assert "to be trained again from scratch" in model.prompts[0].messages[-1].content
+    assert trainer.steps == [0] and {lane.start for lane in trainer.lanes} == {None}
+    assert found is not None and [arm.name for arm in found.arms] == ["plain", "uniform", "r0"]
+
+
+def test_what_is_left_of_what_was_learnt_is_told_as_before(searched: Path) -> None:
+    """A lane that goes on from a policy begins high: what was learnt is what its first training learnt."""
+    found = make(searched, ScriptedModel([TABLE.format(0.9, 1.1)]), ToyTrainer(), sample=1).robust
+    assert found is not None and found.before == found.after
 
 
 @dataclass
 class Recording(Toughening):
-    """Keeps the worlds that were played with each seed of start states."""
+    """Keeps what was trained, and the worlds that were played with each seed of start states."""
 
     seeds: dict[int, set[str]] = field(default_factory=dict)
+    steps: list[int] = field(default_factory=list)
+    lanes: list[LaneSpec] = field(default_factory=list)
+
+    def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Iterator[Any]:
+        self.steps.append(budget.env_steps)
+        self.lanes += lanes
+        return super().train(env, lanes, budget)
 
     def evaluate(self, env: str, policies: Any, *, seed: int, **options: Any) -> Iterator[Evaluation]:
         self.seeds.setdefault(seed, set()).update(name.partition(" ")[2] for name in options.get("dynamics") or ())
@@ -182,7 +220,7 @@ def test_a_reply_that_is_no_table_is_told_why_and_repaired(searched: Path) -> No
     run = make(searched, model, Toughening())
     first, second = (prompt.messages[-1].content for prompt in model.prompts[1:])
     assert "holds no ranges" in first and "`mass: [2, 1]` in the reply is no range" in second
-    assert run.robust is not None and [arm.name for arm in run.robust.arms] == ["plain", "uniform", "r0"]
+    assert run.robust is not None and [arm.name for arm in run.robust.arms] == ["plain", "longer", "uniform", "r0"]
 
 
 def test_where_no_reply_can_be_used_it_says_so_and_goes_on_with_a_model_that_can(searched: Path) -> None:
@@ -198,7 +236,7 @@ def test_it_goes_on_where_it_was_killed_and_does_nothing_twice(searched: Path, t
     assert model.said == 2
     trainer = Toughening()
     run = make(searched, model, trainer)
-    assert model.said == 2 and len(trainer.trained) == 2  # of three lanes
+    assert model.said == 2 and len(trainer.trained) == 3  # of four lanes
     again = Toughening()
     assert make(searched, model, again).robust == run.robust and again.trained == []
 
@@ -231,7 +269,7 @@ def test_a_run_without_a_policy_and_a_reply_that_is_too_long(tmp_path: Path) -> 
     with pytest.raises(ConfigError, match="it has 5000 characters"):
         table_of("x" * 5000)
     assert table_of("```yaml\na: 1\n```\nNo:\n```\nb: 2\n```") == "b: 2\n"
-    assert asked(robot(), []).grammar is not None
+    assert asked(robot(), [], anew=False).grammar is not None
 
 
 def test_the_robot_is_described_by_what_it_is_made_of() -> None:

@@ -47,10 +47,11 @@ def robust(words: Sequence[str]) -> None:
     trusted = [word.removeprefix("trust=") for word in settings if word.startswith("trust=")]
     settings = [word for word in settings if not word.startswith("trust=")]
     typed = {word.partition("=")[0] for word in settings}
-    config = parse(RobustConfig, settings).changed(compose.stored(directory), typed)
+    wanted = parse(RobustConfig, settings)
+    config = wanted.changed(compose.stored(directory), typed)
     trust.agree(config, directory, typed=typed, trusted=Path(trusted[-1]) if trusted else None)
     again = shlex.join(["eureka", "robust", str(directory), *settings])
-    problems = compose.robust(config, directory, Terminal(), again=again)
+    problems = compose.robust(wanted, config, directory, Terminal(), again=again)
     found = RunView.read(directory).robust
     if found is not None:
         print("\n".join(["", *lines(found)]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..hardened import PLAIN, UNIFORM, Robust, RobustArm
+from ..hardened import LONGER, PLAIN, UNIFORM, Robust, RobustArm
 from ..score import gain, pooled
 from .tables import Table
 from .text import number, scored
@@ -12,11 +12,14 @@ from .verdict import decided
 def verdict(found: Robust) -> str:
     """Whether the ranges that were proposed made a policy that is better in hard worlds, and what it costs."""
     by_name = {arm.name: arm for arm in found.arms}
-    ours, plain, uniform = by_name.get(found.ours), by_name[PLAIN], by_name.get(UNIFORM)
+    ours, plain = by_name.get(found.ours), by_name[PLAIN]
+    longer, uniform = by_name.get(LONGER), by_name.get(UNIFORM)
     if ours is None or ours.hard is None or plain.hard is None:
         return "Not decided yet: `eureka robust DIR` goes on with it."
     more = gain(*(pooled([*arm.worlds.values()], shared=True) for arm in (ours, plain)))
     between = f"F {number(ours.hard)} against {number(plain.hard)} of the policy before"
+    if longer is not None and longer.hard is not None:
+        between += f", {number(longer.hard)} of it trained on as long in its own world"
     if uniform is not None and uniform.hard is not None:
         between += f" and {number(uniform.hard)} with uniform ranges"
     nominal = f"In its own world: {_nominal(ours)} against {_nominal(plain)} before."
@@ -32,7 +35,7 @@ def arms(found: Robust) -> Table:
     rows = [
         (
             f"{arm.name}, chosen" if arm.name == found.ours else arm.name,
-            str(arm.ranges) if arm.ranges is not None else "none",
+            str(arm.ranges or "") or "none",
             number(arm.chosen_by),
             number(arm.hard),
             scored(arm.nominal),

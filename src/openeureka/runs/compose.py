@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Protocol
 
 from .. import baselines, given, loop, sampling, strategies, tuning
-from ..config import NO_MODEL, RunConfig
+from ..config import NO_MODEL, RobustConfig, RunConfig
 from ..display.log import logged
 from ..display.trackers import mirrored
 from ..errors import ConfigError, Interrupted
 from ..executors import EXECUTORS
 from ..given import Given
 from ..hardened import GRID
-from ..hardening import Robot, expect_steps, harden
+from ..hardening import Robot, as_before, harden
 from ..lanes import Lanes
 from ..llm import expect, open_model
 from ..llm.client import LanguageModel
@@ -218,12 +218,18 @@ def tune(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] |
 
 
 def robust(
-    config: RunConfig, directory: Path, host: Host, model: LanguageModel | None = None, *, again: str
+    typed: RobustConfig,
+    config: RunConfig,
+    directory: Path,
+    host: Host,
+    model: LanguageModel | None = None,
+    *,
+    again: str,
 ) -> list[str]:
     """Do what is missing to make the best policy of a run robust, then report.
 
     Args:
-        config: the run's, with what this command changes: the model, how many proposals it makes, where they train.
+        config: the run's, with what `typed` changes: the model, how many proposals it makes, where they train.
         model: instead of the one that the settings name.
         again: what to write to go on with it; `Host.again` says how to go on with what made the run.
 
@@ -231,7 +237,8 @@ def robust(
         As `search` does.
 
     Raises:
-        ConfigError: for a task of which nothing can be changed, a run without a model, or other steps than before.
+        ConfigError: for a task of which nothing can be changed, a run without a model or a policy, and trainings
+            unlike those before.
         EurekaError: as `search` does.
     """
     task = get(config.env)
@@ -240,7 +247,7 @@ def robust(
     if config.model == NO_MODEL:
         raise ConfigError("The run has no model: name one, as in model=gpt-5, or model=random for chance.")
     with Store.view(directory) as store:
-        expect_steps(config, store)
+        as_before(store, typed.start, typed.steps)
     trainer, known = trainer_of(config, directory), task.compile_model()
     model = model or open_model(config)
     robot = Robot(
@@ -259,7 +266,8 @@ def robust(
         logged(directory, config, store.talk.usage()) as log,
         host.view(config, directory, store.talk.usage()) as view,
     ):
-        harden(Lanes(config, store, trainer, Observers(*log, view)), model, robot)
+        observers = Observers(*log, view)
+        harden(Lanes(config, store, trainer, observers), model, robot, start=typed.start, steps=typed.steps)
     with host.working("Writing the report"):
         return build(directory, config.video, config.env)
 

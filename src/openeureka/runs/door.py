@@ -58,6 +58,7 @@ class RobustSettings(TypedDict, total=False):
     base_url: str
     sample: int
     repair: int
+    start: str
     steps: int | float
     device: str
     threads: int
@@ -251,14 +252,15 @@ def robust(
     directory = run.directory if isinstance(run, Run) else Path(run)
     own, name = (None, model) if isinstance(model, str) else (model, model.name)
     typed = taken(RobustConfig, {"model": name, **settings})
-    config = RobustConfig(**typed).changed(compose.stored(directory), typed)
+    wanted = RobustConfig(**typed)
+    config = wanted.changed(compose.stored(directory), typed)
     given = [key for key, value in typed.items() if value]
     _agree(config, directory, typed=given, trusted=trusted, again="robust(..., trusted=True)")
     words = [repr(str(directory)), *(f"{key}={value!r}" for key, value in typed.items() if key != "model")]
     if own is not None or name:
         words.append("model=..." if own is not None else f"model={name!r}")  # what prints as itself is no object
     again = f"openeureka.robust({', '.join(words)})"
-    return done(directory, on_event, lambda host: compose.robust(config, directory, host, own, again=again))
+    return done(directory, on_event, lambda host: compose.robust(wanted, config, directory, host, own, again=again))
 
 
 def check(env: str | Path, program: str | Path, *, unsafe_no_sandbox: bool = False) -> Verdict:

@@ -13,7 +13,7 @@ from typing import Literal, TypeVar
 from filelock import FileLock, Timeout
 
 from ..codec import decode, encode
-from ..config import RunConfig
+from ..config import SCRATCH, STARTS, RunConfig
 from ..errors import ConfigError, StoreError
 from ..parsing import as_dict, restored
 from ..score import played
@@ -46,7 +46,7 @@ from .screens import ScreenLog
 from .talk import TalkLog
 
 T = TypeVar("T")
-ROBUST_STEPS = "robust.steps"
+ROBUST_TRAINING = "robust.steps"
 """Not in `robust/`: what that holds goes whenever another policy comes."""
 LOOK_TIME = 0.5
 """[s] to wait for the lock: who only asks whether the run is at work (`is_held`) has it for microseconds."""
@@ -334,15 +334,17 @@ class Store:
         self.lanes.expose("robust", policy)
         artifacts.write(self.directory, "robust/ranges.yaml", ranges)
 
-    def save_robust_steps(self, steps: int) -> None:
-        """Keep for how long the policies train that are to be robust; the first word counts."""
-        if self.robust_steps() is None:
-            artifacts.write(self.directory, ROBUST_STEPS, f"{steps}\n")
+    def save_robust_training(self, steps: int, start: str) -> None:
+        """Keep how long robust policies train, and what they begin with; the first word counts."""
+        if self.robust_training() is None:
+            artifacts.write(self.directory, ROBUST_TRAINING, f"{steps} {start}\n")
 
-    def robust_steps(self) -> int | None:
-        """What `save_robust_steps` kept; None before that, and where it is no number."""
-        text = (artifacts.read(self.directory, ROBUST_STEPS) or b"").strip()
-        return int(text) if text.isdigit() and len(text) < 20 else None
+    def robust_training(self) -> tuple[int, str] | None:
+        """What `save_robust_training` kept; None before that, and where it makes no sense."""
+        text = (artifacts.read(self.directory, ROBUST_TRAINING) or b"").decode(errors="replace")
+        steps, _, start = text.strip().partition(" ")
+        start = start or SCRATCH  # runs of versions that knew no other say nothing
+        return (int(steps), start) if steps.isdecimal() and len(steps) < 20 and start in STARTS else None
 
 
 def _restored(text: str) -> RunConfig:
