@@ -24,7 +24,7 @@ from ledger import OUTPUTS, learn
 from records import PEAKS, Record, machine, read, record, write
 
 from openeureka.config import TrainConfig
-from openeureka.lanes import BASELINES, Wanted, deal
+from openeureka.method.lanes import BASELINES, Wanted, deal
 from openeureka.store import is_run
 from openeureka.tasks import registry
 from openeureka.tasks.task import Recipe

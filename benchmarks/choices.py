@@ -19,8 +19,8 @@ import predictors
 import rungs
 from records import Record, read
 
+from openeureka.method.schedule import RUNGS, Rung
 from openeureka.report.text import number
-from openeureka.schedule import RUNGS, Rung
 from openeureka.score import mean, rank
 from openeureka.types import lane_id
 

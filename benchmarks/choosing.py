@@ -24,8 +24,8 @@ from records import read, today
 from scipy.stats import spearmanr
 
 from openeureka.config import RunConfig
-from openeureka.lanes import deal
-from openeureka.race import CONTENDERS
+from openeureka.method.lanes import deal
+from openeureka.method.race import CONTENDERS
 from openeureka.report.text import number
 from openeureka.reward import extract
 from openeureka.runs.compose import comparing

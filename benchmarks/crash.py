@@ -32,12 +32,14 @@ import numpy  # noqa: F401 -- so is this
 import scipy.special  # noqa: F401 -- and this, by a verdict
 from records import today, write
 
-from openeureka import given, strategies, tuning
+from openeureka import strategies
 from openeureka.config import NO_MODEL, RunConfig
-from openeureka.lanes import Lanes
 from openeureka.loop import run
+from openeureka.method import given
+from openeureka.method.lanes import Lanes
+from openeureka.method.person import EmptyDesk
 from openeureka.observer import NullObserver
-from openeureka.person import EmptyDesk
+from openeureka.refine import tuning
 from openeureka.store import Store, artifacts, say
 from openeureka.store.db import FILENAME, Database
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply

@@ -40,10 +40,10 @@ from records import PEAKS, read, record, today, write
 from throughput import RAW_EPISODE, sleep_when_idle
 from throughput import raw as raw_on_cpu
 
-from openeureka import prompts
 from openeureka.executors.local import LocalExecutor
-from openeureka.lanes import HELD_OUT
 from openeureka.llm.random import RandomModel
+from openeureka.method import prompts
+from openeureka.method.lanes import HELD_OUT
 from openeureka.reward import extract
 from openeureka.sandbox.client import Sandbox
 from openeureka.tasks import registry

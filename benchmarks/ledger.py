@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from openeureka import given, hacking
 from openeureka.cli.terminal import Terminal
 from openeureka.config import RunConfig, TrainConfig
 from openeureka.errors import EurekaError
-from openeureka.lanes import Lanes, Wanted
+from openeureka.method import given, hacking
+from openeureka.method.lanes import Lanes, Wanted
 from openeureka.report.build import build
 from openeureka.runs.compose import comparing
 from openeureka.runs.rewards import named

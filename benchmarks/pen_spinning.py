@@ -23,7 +23,7 @@ from ledger import OUTPUTS, Learned, learn
 from records import Record, machine, read, thinned, write
 
 from openeureka.config import TrainConfig
-from openeureka.lanes import HELD_OUT
+from openeureka.method.lanes import HELD_OUT
 from openeureka.runs.compose import trainer_of
 from openeureka.score import mean
 from openeureka.store import StageFiles

@@ -25,8 +25,8 @@ from scipy.stats import spearmanr
 
 from openeureka.config import NO_MODEL, RunConfig
 from openeureka.errors import EurekaError
-from openeureka.lanes import Lanes, deal
-from openeureka.polishing import PARTS
+from openeureka.method.lanes import Lanes, deal
+from openeureka.refine.polishing import PARTS
 from openeureka.report.text import number
 from openeureka.runs.compose import comparing
 from openeureka.score import mean, played, rank

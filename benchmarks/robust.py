@@ -25,7 +25,7 @@ from records import Record, machine, read, write
 import openeureka
 from openeureka.cli.tune import robust
 from openeureka.config import STARTS
-from openeureka.hardened import LONGER, PLAIN, UNIFORM, Carried, RobustArm
+from openeureka.refine.hardened import LONGER, PLAIN, UNIFORM, Carried, RobustArm
 from openeureka.report.text import spread
 from openeureka.report.view import RunView
 from openeureka.score import mean

@@ -21,12 +21,12 @@ from typing import Any
 from records import conditions, read, write
 
 import openeureka
+from openeureka.refine.tuned import ORIGINAL
 from openeureka.report.text import number
 from openeureka.reward.weights import weighed, weights
 from openeureka.score import mean
 from openeureka.tasks import human
 from openeureka.tasks.registry import get
-from openeureka.tuned import ORIGINAL
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results" / "tune.json"

@@ -7,14 +7,15 @@ from __future__ import annotations
 
 from random import Random
 
-from . import baselines, hacking, polishing, race, screen, tuning
 from .config import RunConfig
-from .lanes import Lanes, beside, deal, programs
 from .llm.client import LanguageModel
+from .method import baselines, hacking, race, screen
+from .method.lanes import Lanes, beside, deal, programs
+from .method.person import Desk, EmptyDesk, Hearing
+from .method.reflection import reflect
+from .method.sampling import Checker, Sampler
 from .observer import NullObserver, Observer
-from .person import Desk, EmptyDesk, Hearing
-from .reflection import reflect
-from .sampling import Checker, Sampler
+from .refine import polishing, tuning
 from .score import Outcome, worth
 from .store import Store
 from .strategies import Ranking, SearchStrategy

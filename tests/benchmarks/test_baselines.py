@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 
 import openeureka
-from openeureka import baselines as shipped
+from openeureka.method import baselines as shipped
 from openeureka.testing.scripted import ToyTrainer
 from openeureka.types import TrainingState
 

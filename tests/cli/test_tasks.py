@@ -2,8 +2,8 @@ import json
 
 import pytest
 
-from openeureka import baselines
 from openeureka.cli.tasks import context, envs
+from openeureka.method import baselines
 from openeureka.tasks import registry
 
 

@@ -5,12 +5,12 @@ from html import unescape
 
 import pytest
 
-from openeureka import baselines
 from openeureka.cli.main import main
 from openeureka.cli.search import resume, train
 from openeureka.cli.show import facts, show
 from openeureka.config import RunConfig, TrainConfig
 from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError, WorkerError
+from openeureka.method import baselines
 from openeureka.report.view import RunView
 from openeureka.runs.rewards import named
 from openeureka.score import Arm, Baselines

@@ -12,7 +12,7 @@ from report.scripted import search_in
 
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
-from openeureka.hacking import Kind
+from openeureka.method.hacking import Kind
 from openeureka.report import costs, html, tables
 from openeureka.report.verdict import verdict
 from openeureka.report.view import RunView

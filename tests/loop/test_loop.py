@@ -10,12 +10,13 @@ from typing import Any
 import pytest
 from sandbox.states import recorded
 
-from openeureka import baselines, strategies
+from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.errors import BudgetError, ConfigError, ModelError, WorkerError
 from openeureka.loop import run, summarise
+from openeureka.method import baselines
+from openeureka.method.sampling import request_seed
 from openeureka.observer import NullObserver
-from openeureka.sampling import request_seed
 from openeureka.sandbox import confine
 from openeureka.sandbox.client import Sandbox
 from openeureka.score import Arm, Baselines, Outcome

@@ -1,7 +1,7 @@
 import pytest
 
-from openeureka import baselines
 from openeureka.errors import StoreError
+from openeureka.method import baselines
 from openeureka.report import tables
 from openeureka.report.candidates import CandidateState
 from openeureka.report.view import RunView

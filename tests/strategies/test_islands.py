@@ -1,8 +1,8 @@
 from dataclasses import replace
 from random import Random
 
-from openeureka import prompts
 from openeureka.config import RunConfig
+from openeureka.method import prompts
 from openeureka.strategies import make
 from openeureka.strategies.islands import RENEWAL, Islands, islands
 from openeureka.testing.conformance.search import SearchConformance, entries

@@ -9,7 +9,7 @@ import torch
 
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
-from openeureka.lanes import Lanes
+from openeureka.method.lanes import Lanes
 from openeureka.observer import NullObserver
 from openeureka.store import Store
 from openeureka.tasks import registry

@@ -6,8 +6,8 @@ from __future__ import annotations
 import pytest
 import torch
 
-from openeureka import hacking
-from openeureka.hacking import Kind, Sign, Trial
+from openeureka.method import hacking
+from openeureka.method.hacking import Kind, Sign, Trial
 from openeureka.training.evaluate import concentration, evaluate
 from openeureka.training.population import Population
 from openeureka.types import Evaluation, LaneSpec, Node, RewardGraph, RewardProgram, TrainBudget, TrainingResult

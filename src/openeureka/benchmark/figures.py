@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
 
-from .. import race, tuned
-from ..lanes import final_seeds, polish_seeds
+from ..method import race
+from ..method.lanes import final_seeds, polish_seeds
+from ..refine import tuned
 from ..report.view import RunView
 from ..runs.run import finished
 from ..score import mean, rank

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ..config import NO_MODEL, RunConfig, TrainConfig
 from ..errors import WorkerError
-from ..given import Given
+from ..method.given import Given
 from ..parsing import changed, parse
 from ..report import tables
 from ..report.text import columns

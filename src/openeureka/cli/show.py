@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 from ..display.live import verdict_line
 from ..display.progress import working
-from ..hardened import Robust
 from ..parsing import as_dict, parse
-from ..polished import Polished
+from ..refine.hardened import Robust
+from ..refine.polished import Polished
+from ..refine.tuned import Tuned
 from ..report import costs, fitted, robust, tables
 from ..report.build import build
 from ..report.candidates import CandidateView, GenerationView
@@ -24,7 +25,6 @@ from ..runs.run import lanes
 from ..score import Arm, Outcome
 from ..store import read_config
 from ..text import plain
-from ..tuned import Tuned
 from ..types import CandidateId, Evaluation, Generation, Remark, Scored, TrainingResult
 from .settings import ReportConfig, only_path, split
 

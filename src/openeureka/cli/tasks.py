@@ -11,9 +11,9 @@ from pathlib import Path
 
 import torch
 
-from .. import baselines, prompts
 from ..config import RunConfig
 from ..errors import ConfigError
+from ..method import baselines, prompts
 from ..parsing import parse
 from ..report.text import columns, number
 from ..reward.extract import in_file

@@ -12,12 +12,12 @@ from rich.table import Table
 from rich.text import Text
 
 from ..config import RunConfig, short_name
-from ..lanes import BASELINES
+from ..method.lanes import BASELINES
 from ..observer import Phase
+from ..refine.tuned import rounds
 from ..report.text import duration, number, scored, sparkline
 from ..score import Outcome
 from ..text import one_line
-from ..tuned import rounds
 from ..types import (
     Evaluation,
     Generation,

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
-from .. import screen, strategies
+from .. import strategies
 from ..config import RunConfig
-from ..sampling import NO_PROGRAM
+from ..method import screen
+from ..method.sampling import NO_PROGRAM
 from ..store import Store
 from ..types import (
     Attempt,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 from typing import Literal
 
-from ..hardened import Robust
+from ..refine.hardened import Robust
 from ..score import rank
 from ..text import one_line
 from ..types import Place, TrainingResult

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..config import NO_MODEL
-from ..lanes import BASELINES
+from ..method.lanes import BASELINES
 from ..score import breach, broken
 from ..types import COSTS, Evaluation, lane_id
 from .tables import Table

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..tuned import ORIGINAL, Correlation, Effect, Tuned
+from ..refine.tuned import ORIGINAL, Correlation, Effect, Tuned
 from .tables import Table
 from .text import number, spread
 

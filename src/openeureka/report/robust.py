@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..hardened import LONGER, PLAIN, UNIFORM, Robust, RobustArm
+from ..refine.hardened import LONGER, PLAIN, UNIFORM, Robust, RobustArm
 from ..score import gain, pooled
 from .tables import Table
 from .text import number, scored

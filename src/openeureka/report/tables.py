@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from .. import baselines
 from ..config import RunConfig
-from ..hacking import PEAKS, WORLDS, Kind
+from ..method import baselines
+from ..method.hacking import PEAKS, WORLDS, Kind
 from ..parsing import as_dict
-from ..polished import Polished, Try
+from ..refine.polished import Polished, Try
 from ..score import Baselines, Outcome, human_normalised, mean
 from ..types import Evaluation, Generation, History, Remark, RemarkKind, VerdictCode
 from .candidates import CandidateView

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 
 from ..config import TrainConfig
 from ..errors import TaskError
-from ..lanes import beside, polish_seeds
-from ..polished import Polished
-from ..prompts import scale
+from ..method.lanes import beside, polish_seeds
+from ..method.prompts import scale
+from ..refine.polished import Polished
+from ..refine.tuned import ORIGINAL, Tuned
 from ..score import Arm, Difference, Estimate, difference, mean, rank
 from ..tasks import registry
 from ..tasks.context import context
-from ..tuned import ORIGINAL, Tuned
 from .costs import nobody
 from .text import number, scored
 from .view import RunView

@@ -7,15 +7,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from .. import baselines, hacking, hardened, polished, race, score, strategies, tuned
+from .. import score, strategies
 from ..config import NO_MODEL, RunConfig
-from ..hacking import Sign, Tried
-from ..hardened import Robust
-from ..lanes import BASELINES, beside, final_lanes, final_seeds
-from ..polished import Polished
+from ..method import baselines, hacking, race
+from ..method.hacking import Sign, Tried
+from ..method.lanes import BASELINES, beside, final_lanes, final_seeds
+from ..refine import hardened, polished, tuned
+from ..refine.hardened import Robust
+from ..refine.polished import Polished
+from ..refine.tuned import Tuned
 from ..score import Arm, Baselines, Outcome
 from ..store import Store, artifacts
-from ..tuned import Tuned
 from ..types import (
     Candidate,
     Evaluation,
@@ -47,7 +49,7 @@ class RunView:
     """By lane; checkpoints without their policies."""
     evaluations: Mapping[str, Evaluation]
     trials: Mapping[str, Mapping[str, Evaluation]]
-    """Further held-out scores of the best reward's policies, by lane id and name (see `hacking`)."""
+    """Further held-out scores of the best reward's policies, by lane id and name (see `method.hacking`)."""
     usage: Usage
     videos: Mapping[str, str]
     """Path in the run directory by lane id, of the best reward's policy by `best`, of one carried on by `polished`."""

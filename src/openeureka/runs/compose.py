@@ -8,21 +8,23 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
-from .. import baselines, given, loop, sampling, strategies, tuning
+from .. import loop, strategies
 from ..config import NO_MODEL, RobustConfig, RunConfig
 from ..display.log import logged
 from ..display.trackers import mirrored
 from ..errors import ConfigError, Interrupted
 from ..executors import EXECUTORS
-from ..given import Given
-from ..hardened import GRID
-from ..hardening import Robot, as_before, harden
-from ..lanes import Lanes
 from ..llm import expect, open_model
 from ..llm.client import LanguageModel
 from ..llm.registry import KINDS
+from ..method import baselines, given, sampling
+from ..method.given import Given
+from ..method.lanes import Lanes
+from ..method.person import Desk
 from ..observer import Observer, Observers
-from ..person import Desk
+from ..refine import tuning
+from ..refine.hardened import GRID
+from ..refine.hardening import Robot, as_before, harden
 from ..report.build import build
 from ..report.filming import Filming
 from ..sandbox.client import Sandbox

@@ -12,7 +12,7 @@ from queue import SimpleQueue
 
 from ..config import RunConfig
 from ..errors import Interrupted
-from ..person import Desk
+from ..method.person import Desk
 from ..report.filming import Filming
 from ..store import is_run
 from ..store.directory import is_asked_to_stop

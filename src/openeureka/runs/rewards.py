@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..config import TrainConfig, TuneConfig, short_name
 from ..errors import ConfigError, RewardFileError
-from ..given import Given
+from ..method.given import Given
 from ..reward import extract
 from ..reward.weights import weights
 from ..sandbox.client import Sandbox

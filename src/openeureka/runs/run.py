@@ -13,15 +13,15 @@ from numpy.typing import ArrayLike
 
 from ..config import RunConfig
 from ..errors import ConfigError, StoreError
-from ..hardened import Robust
-from ..polished import Polished
+from ..refine.hardened import Robust
+from ..refine.polished import Polished
+from ..refine.tuned import Tuned
 from ..report import html, verdict
 from ..report.candidates import CandidateView
 from ..report.view import RunView
 from ..score import Outcome
 from ..store import Store, artifacts, is_run, look
 from ..training.policy import Player, Policy
-from ..tuned import Tuned
 from ..types import Evaluation, Glance, History, Lane, TrainingResult
 
 if TYPE_CHECKING:

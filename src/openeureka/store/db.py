@@ -46,7 +46,7 @@ _TYPES: Mapping[str, tuple[type, ...]] = {"TEXT": (str,), "INTEGER": (int,), "RE
 
 _GLANCE = """
 WITH finished AS (SELECT lane FROM entries UNION SELECT lane FROM lanes WHERE role IN ('given', 'tuned')),
-    -- As `lanes.final_lanes` has it: a baseline's training beside the first generation counts as well.
+    -- As `method.lanes.final_lanes` has it: a baseline's training beside the first generation counts as well.
     judged AS (SELECT reward, fitness FROM evaluations JOIN lanes USING (lane) WHERE role IN ('final', 'baseline'))
 SELECT
     (SELECT COUNT(DISTINCT generation) FROM entries) AS generations,

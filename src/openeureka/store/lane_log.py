@@ -212,7 +212,7 @@ class LaneLog:
             artifacts.remove(self._directory, _paused(lane))
 
     def save_trial(self, name: str, evaluation: Evaluation) -> None:
-        """Keep what a lane's policy scored in the trial `name` (see `hacking.trials`)."""
+        """Keep what a lane's policy scored in the trial `name` (see `method.hacking.trials`)."""
         self._database.put("trials", {"name": name} | encode_evaluation(evaluation))
 
     def trials(self) -> dict[str, dict[str, Evaluation]]:

@@ -9,12 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from openeureka import polishing, strategies
+from openeureka import strategies
 from openeureka.cli.show import facts, summary
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 from openeureka.loop import run
-from openeureka.polished import Polished
+from openeureka.refine import polishing
+from openeureka.refine.polished import Polished
 from openeureka.report import html
 from openeureka.report.verdict import nexts, of_polishing, verdict
 from openeureka.report.view import RunView

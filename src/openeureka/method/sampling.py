@@ -8,15 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from . import prompts
-from .config import RunConfig
-from .errors import RewardFileError
-from .llm import price
-from .llm.client import LanguageModel
-from .observer import Observer
-from .reward import extract
-from .store import Store
-from .types import (
+from ..config import RunConfig
+from ..errors import RewardFileError
+from ..llm import price
+from ..llm.client import LanguageModel
+from ..observer import Observer
+from ..reward import extract
+from ..store import Store
+from ..types import (
     GIVEN,
     Candidate,
     Finding,
@@ -29,6 +28,7 @@ from .types import (
     Verdict,
     VerdictCode,
 )
+from . import prompts
 
 
 class Checker(Protocol):
@@ -167,8 +167,8 @@ def given(config: RunConfig) -> Candidate:
         TaskError: when the human reward of the task is a method of it, not a program.
     """
     if config.init == "human":
-        from .tasks import human  # the loop itself needs neither torch nor a simulator
-        from .tasks.registry import get
+        from ..tasks import human  # the loop itself needs neither torch nor a simulator
+        from ..tasks.registry import get
 
         return Candidate.of(human.program(get(config.env)))
     return extract.in_file(Path(config.init))[0]

@@ -20,10 +20,10 @@ from statistics import median
 
 import numpy as np
 
+from ..score import ERRORS
+from ..types import CandidateId, Episodes, Finding, History, Place, PromptPlan, Sample, Screened, Verdict, VerdictCode
 from .lanes import Lanes, programs
 from .sampling import Sampler
-from .score import ERRORS
-from .types import CandidateId, Episodes, Finding, History, Place, PromptPlan, Sample, Screened, Verdict, VerdictCode
 
 MARGIN = 0.3
 """How far below the median of all an agreement must be, beyond its error, before its reward is dropped."""

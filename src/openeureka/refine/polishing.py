@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from .config import RunConfig
-from .lanes import BASELINES, Lanes, Wanted, polish_seeds
-from .score import worth
-from .store import Store
-from .strategies import Best
-from .types import Evaluation, Lane, Limits, PolicyId, RewardGraph, Start
+from ..config import RunConfig
+from ..method.lanes import BASELINES, Lanes, Wanted, polish_seeds
+from ..score import worth
+from ..store import Store
+from ..strategies import Best
+from ..types import Evaluation, Lane, Limits, PolicyId, RewardGraph, Start
 
 SHARES = (0.0, 0.1, 0.25, 0.5)
 """Of fresh weights in the mixture that a lane begins with."""

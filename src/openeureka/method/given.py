@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from .config import RunConfig
-from .errors import StoreError
+from ..config import RunConfig
+from ..errors import StoreError
+from ..score import mean, rank
+from ..store import Store
+from ..strategies import Best
+from ..types import GIVEN, Candidate, Lane, PolicyId, Reply, RewardProgram, Verdict
 from .lanes import BASELINES, Lanes, Wanted, deal
-from .score import mean, rank
-from .store import Store
-from .strategies import Best
-from .types import GIVEN, Candidate, Lane, PolicyId, Reply, RewardProgram, Verdict
 
 Given = Mapping[str, tuple[Candidate, Verdict] | None]
 """Rewards by name, each with the verdict that accepted it; None for those that come with the task."""

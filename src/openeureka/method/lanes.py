@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from functools import partial
 from typing import cast
 
-from .config import NO_RANGES, RunConfig
-from .errors import WorkerError
-from .hacking import Trial
-from .observer import Observer
-from .schedule import RUNGS, WHOLE, Rung, leaders, why
-from .score import broken, level, played, standing
-from .store import Store
-from .strategies import SearchStrategy
-from .types import (
+from ..config import NO_RANGES, RunConfig
+from ..errors import WorkerError
+from ..observer import Observer
+from ..score import broken, level, played, standing
+from ..store import Store
+from ..strategies import SearchStrategy
+from ..types import (
     Bonus,
     CandidateId,
     Evaluation,
@@ -37,6 +35,8 @@ from .types import (
     TrainingState,
     lane_id,
 )
+from .hacking import Trial
+from .schedule import RUNGS, WHOLE, Rung, leaders, why
 
 HELD_OUT, CHOOSING = 1_000_003, 2_000_003
 """Added to the seed of a run: start states of its final scores, and those it chooses by. No lane trains with them."""
@@ -121,7 +121,7 @@ def _drawn(config: RunConfig) -> Ranges | None:
     """What the worlds of a run are drawn from; None for the task's own alone."""
     if config.randomise == NO_RANGES:
         return None
-    from .tasks import ranges  # knows the simulator, which a search of fakes does without
+    from ..tasks import ranges  # knows the simulator, which a search of fakes does without
 
     return ranges.find(config.env, config.randomise)
 

@@ -16,10 +16,10 @@ from functools import cache
 from importlib.resources import files
 from typing import Literal
 
-from .llm import grammar
-from .reward import surface
-from .text import plain
-from .types import Evaluation, Message, Opinion, Prompt, PromptPlan, Scored, StateVar, TaskContext, Verdict
+from ..llm import grammar
+from ..reward import surface
+from ..text import plain
+from ..types import Evaluation, Message, Opinion, Prompt, PromptPlan, Scored, StateVar, TaskContext, Verdict
 
 MAX_PROGRAM = 12_000
 """Characters of an earlier program that a prompt shows."""

@@ -11,7 +11,7 @@ from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError, FeedbackError, RewardFileError
 from openeureka.loop import run
-from openeureka.person import EmptyDesk
+from openeureka.method.person import EmptyDesk
 from openeureka.score import Outcome
 from openeureka.store import Store, read_replies, say
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from .score import Estimate, breach, gain
-from .types import Evaluation, Lane, Limits, PolicyId, Start, TrainingResult
+from ..score import Estimate, breach, gain
+from ..types import Evaluation, Lane, Limits, PolicyId, Start, TrainingResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,16 +12,17 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from . import race, tuned
-from .errors import StoreError
-from .lanes import Lanes, deal, final_seeds
-from .reward.weights import Weight, values, weighed, weights
-from .sampling import Checker
-from .score import broken, lawful, rank, worth
-from .store import Store
-from .strategies import Best
+from ..errors import StoreError
+from ..method import race
+from ..method.lanes import Lanes, deal, final_seeds
+from ..method.sampling import Checker
+from ..reward.weights import Weight, values, weighed, weights
+from ..score import broken, lawful, rank, worth
+from ..store import Store
+from ..strategies import Best
+from ..types import GIVEN, Candidate, PolicyId, Reply, RewardGraph, Scored, Verdict, lane_id
+from . import tuned
 from .tuned import ORIGINAL
-from .types import GIVEN, Candidate, PolicyId, Reply, RewardGraph, Scored, Verdict, lane_id
 
 SPREAD = 0.7
 """Standard deviation of the first proposals, as logarithms of factors: two thirds are within a factor of two."""

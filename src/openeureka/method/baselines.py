@@ -8,9 +8,9 @@ from functools import cache
 from importlib.resources import files
 from typing import Any, Literal
 
-from .config import NO_RANGES, RunConfig
-from .errors import ConfigError
-from .score import Arm, Baselines
+from ..config import NO_RANGES, RunConfig
+from ..errors import ConfigError
+from ..score import Arm, Baselines
 
 Peak = Literal["fitness", "reward"]
 

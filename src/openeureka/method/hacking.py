@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from .score import NO_LIMITS, breach
-from .types import NOMINAL, Dynamics, Evaluation, Limits, Peak, TrainingResult
+from ..score import NO_LIMITS, breach
+from ..types import NOMINAL, Dynamics, Evaluation, Limits, Peak, TrainingResult
 
 DRIFT = 0.2
 """Share of the range of F over training that training on for the reward may cost."""

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from openeureka.reflection import reflect, summary
+from openeureka.method.reflection import reflect, summary
 from openeureka.types import (
     Candidate,
     Evaluation,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from .score import breach, mean, pooled, worth
-from .store import Store
-from .types import NOMINAL, Dynamics, Evaluation, Limits, Peak, Ranges, TrainingResult
+from ..score import breach, mean, pooled, worth
+from ..store import Store
+from ..types import NOMINAL, Dynamics, Evaluation, Limits, Peak, Ranges, TrainingResult
 
 _FACTOR = (0.4, 0.6, 0.8, 0.9, 1.1, 1.2, 1.5, 2.0)
 GRID: Mapping[str, tuple[float, ...]] = {

@@ -10,8 +10,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
-from .score import NO_LIMITS, broken
-from .types import Evaluation, Limits, Sample, TrainingResult, TrainingState, VerdictCode
+from ..score import NO_LIMITS, broken
+from ..types import Evaluation, Limits, Sample, TrainingResult, TrainingState, VerdictCode
 
 Style = Literal["free", "grammar"]
 Curves = Mapping[str, Sequence[float | None]]

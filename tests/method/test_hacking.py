@@ -6,8 +6,8 @@ import dataclasses
 
 import pytest
 
-from openeureka import hacking
-from openeureka.hacking import WORLDS, Kind, Tried
+from openeureka.method import hacking
+from openeureka.method.hacking import WORLDS, Kind, Tried
 from openeureka.types import Checkpoint, Evaluation, TrainingResult, TrainingState
 
 

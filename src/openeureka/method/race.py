@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from ..config import RunConfig
+from ..reward.form import form
+from ..score import Outcome, broken, compare, difference, lawful, level, mean, rank
+from ..strategies import Ranking, SearchStrategy
+from ..types import Evaluation, History, Place, Scored, TrainingResult
 from . import baselines
-from .config import RunConfig
 from .lanes import Lanes, beside, deal, final_lanes, final_seeds, programs
-from .reward.form import form
-from .score import Outcome, broken, compare, difference, lawful, level, mean, rank
-from .strategies import Ranking, SearchStrategy
-from .types import Evaluation, History, Place, Scored, TrainingResult
 
 CONTENDERS = 3
 """The most rewards that train again."""

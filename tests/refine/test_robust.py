@@ -11,12 +11,12 @@ import pytest
 from report.scripted import search_in
 
 from openeureka.errors import ConfigError, ModelError
-from openeureka.hardened import chosen
-from openeureka.hardening import Robot, asked, hard_worlds, harden, table_of
-from openeureka.lanes import CHOOSING, HELD_OUT, Lanes
 from openeureka.llm.client import LanguageModel
 from openeureka.llm.random import RandomModel
+from openeureka.method.lanes import CHOOSING, HELD_OUT, Lanes
 from openeureka.observer import NullObserver
+from openeureka.refine.hardened import chosen
+from openeureka.refine.hardening import Robot, asked, hard_worlds, harden, table_of
 from openeureka.report import charts, html
 from openeureka.report import robust as told
 from openeureka.report.view import RunView

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from .score import NO_LIMITS, excess, rank
-from .types import Evaluation, Limits
+from ..score import NO_LIMITS, excess, rank
+from ..types import Evaluation, Limits
 
 
 @dataclass(frozen=True, slots=True)

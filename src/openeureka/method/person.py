@@ -7,10 +7,10 @@ import time
 from dataclasses import dataclass
 from typing import Protocol
 
-from .config import RunConfig
-from .observer import Observer
-from .store import Store, read_remarks
-from .types import Generation, History, RemarkKind
+from ..config import RunConfig
+from ..observer import Observer
+from ..store import Store, read_remarks
+from ..types import Generation, History, RemarkKind
 
 POLL = 0.5
 """[s] between two looks at what was said elsewhere."""

@@ -10,19 +10,19 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from . import prompts
-from .config import SCRATCH
-from .errors import ConfigError, ModelError
-from .hacking import Trial
+from ..config import SCRATCH
+from ..errors import ConfigError, ModelError
+from ..llm import price
+from ..llm.client import LanguageModel
+from ..method import prompts
+from ..method.hacking import Trial
+from ..method.lanes import BASELINES, Lanes, Wanted
+from ..method.sampling import request_seed
+from ..score import worth
+from ..store import Store, artifacts
+from ..types import NOMINAL, Candidate, Dynamics, Lane, Peak, PolicyId, Prompt, Ranges, RewardProgram, Start
+from ..types.dynamics import SCALES
 from .hardened import GRID, HARD, KEEPS, LONGER, PEAKS, UNIFORM, Carried, carries, chosen
-from .lanes import BASELINES, Lanes, Wanted
-from .llm import price
-from .llm.client import LanguageModel
-from .sampling import request_seed
-from .score import worth
-from .store import Store, artifacts
-from .types import NOMINAL, Candidate, Dynamics, Lane, Peak, PolicyId, Prompt, Ranges, RewardProgram, Start
-from .types.dynamics import SCALES
 
 SWEEP_EPISODES, CHOOSING_EPISODES, HARD_EPISODES = 32, 16, 64
 PARTS = 2

@@ -8,11 +8,11 @@ from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 
-from .config import FEWEST_TUNED, RunConfig
-from .lanes import final_seeds
-from .reward.weights import Weight, values, weights
-from .score import CONFIDENCE, Arm, Difference, breach, difference, lawful, mean, pearson, pooled, rank
-from .types import Candidate, Evaluation, Limits, TrainingResult, lane_id
+from ..config import FEWEST_TUNED, RunConfig
+from ..method.lanes import final_seeds
+from ..reward.weights import Weight, values, weights
+from ..score import CONFIDENCE, Arm, Difference, breach, difference, lawful, mean, pearson, pooled, rank
+from ..types import Candidate, Evaluation, Limits, TrainingResult, lane_id
 
 ORIGINAL = "original"
 """What the text as it came is called; the others are `trial_1` and so on."""

@@ -8,12 +8,12 @@ import pytest
 
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
-from openeureka.lanes import Lanes, affordable, deal
 from openeureka.loop import run
+from openeureka.method.lanes import Lanes, affordable, deal
+from openeureka.method.schedule import Rung, leaders, why
 from openeureka.observer import NullObserver
 from openeureka.report.candidates import CandidateState
 from openeureka.report.view import RunView
-from openeureka.schedule import Rung, leaders, why
 from openeureka.store import Store
 from openeureka.store.lane_log import LaneLog
 from openeureka.strategies import make

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from openeureka import race, strategies
+from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.loop import run
+from openeureka.method import race
 from openeureka.score import Outcome
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from openeureka import prompts
+from openeureka.method import prompts
 from openeureka.types import (
     Candidate,
     Evaluation,

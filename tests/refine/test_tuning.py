@@ -10,15 +10,17 @@ from random import Random
 
 import pytest
 
-from openeureka import strategies, tuned, tuning
+from openeureka import strategies
 from openeureka.benchmark import figures
 from openeureka.benchmark.plan import Cell
 from openeureka.cli.show import summary
 from openeureka.config import NO_MODEL, RunConfig
 from openeureka.errors import StoreError
-from openeureka.lanes import Lanes
 from openeureka.loop import run
+from openeureka.method.lanes import Lanes
 from openeureka.observer import NullObserver
+from openeureka.refine import tuned, tuning
+from openeureka.refine.tuned import ORIGINAL, Tuned, distinct, final_lanes
 from openeureka.report import fitted, html
 from openeureka.report.verdict import of_tuning
 from openeureka.report.view import RunView
@@ -27,7 +29,6 @@ from openeureka.runs.run import Run
 from openeureka.score import Arm, Difference, mean
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program
-from openeureka.tuned import ORIGINAL, Tuned, distinct, final_lanes
 from openeureka.types import (
     Candidate,
     LaneSpec,

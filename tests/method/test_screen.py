@@ -13,13 +13,13 @@ import pytest
 
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
-from openeureka.lanes import Lanes
 from openeureka.loop import run
+from openeureka.method.lanes import Lanes
+from openeureka.method.sampling import Sampler
+from openeureka.method.screen import Rated, choose, fill, rate
 from openeureka.observer import NullObserver
 from openeureka.report.candidates import CandidateState
 from openeureka.report.view import RunView
-from openeureka.sampling import Sampler
-from openeureka.screen import Rated, choose, fill, rate
 from openeureka.store import Store
 from openeureka.strategies import make
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply

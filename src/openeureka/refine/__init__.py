@@ -1,0 +1,1 @@
+"""What may follow a search: tuning a reward, polishing a policy, hardening it."""
