@@ -1,7 +1,7 @@
 """Kills a bench with SIGKILL after its k-th commit and goes on with it, for every so many-th k; prints what that cost.
 
 A process of its own, as small as can be: it forks for each run. What is not committed yet dies with any process;
-benchmarks/crash.py kills there too.
+benchmarks/crashes.py kills there too.
 """
 
 import json

@@ -1,6 +1,6 @@
 """A run that is killed with SIGKILL and started again ends as if nothing had happened.
 
-`benchmarks/crash.py` takes every point, here it is every eleventh.
+`benchmarks/crashes.py` takes every point, here it is every eleventh.
 """
 
 import json
@@ -12,7 +12,7 @@ import pytest
 
 # Half a minute on an idle machine; the first test that runs pays for all of them.
 pytestmark = pytest.mark.timeout(600)
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "crash.py"
+SCRIPT = Path(__file__).parents[2] / "benchmarks" / "crashes.py"
 
 
 @pytest.fixture(scope="module")

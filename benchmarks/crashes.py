@@ -1,7 +1,7 @@
 """What a run loses when it is killed: SIGKILL at its k-th step, for every k there is, and each time a resumption.
 
-    python benchmarks/crash.py                    # every point; writes benchmarks/results/crash.json
-    python benchmarks/crash.py --stride 5         # every fifth point of each mode
+    python benchmarks/crashes.py                    # every point; writes benchmarks/results/crashes.json
+    python benchmarks/crashes.py --stride 5         # every fifth point of each mode
 
 The search is scripted, so that all of its steps are the same each time: three generations, repairs, refills, equal
 programs, a slot that is given up, a person's remarks, final trainings, trials. So are searches that cut lanes, that
@@ -45,7 +45,7 @@ from openeureka.store.db import FILENAME, Database
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
 from openeureka.types import Candidate, Generation, Place, Prompt, Remark, RemarkKind, Reply
 
-RESULT = Path(__file__).parent / "results" / "crash.json"
+RESULT = Path(__file__).parent / "results" / "crashes.json"
 CONFIG = RunConfig(sample=3, iteration=3, repair=1, refill=1, seeds=3, feedback="human")
 """With what the trainer says of its errors two rewards are level with the best one: they play again, and race."""
 SCRIPT = [

@@ -1,6 +1,6 @@
 """How long a page on a run of 16 x 5 candidates takes to load, and what following it costs.
 
-    python benchmarks/ui.py          # needs the extra `dev` and Chromium; about 4 minutes
+    python benchmarks/page.py          # needs the extra `dev` and Chromium; about 4 minutes
 
 The run is scripted, its replies, curves and videos are as large as those of a real one: 90 lines of code, 12 curves of
 1000 epochs, a film for each candidate. The page is `eureka ui` in a process of its own and a tab of headless Chromium.
@@ -238,7 +238,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--pause", type=float, default=2.0, help="[s] between two replies")
     parser.add_argument("--repeats", type=int, default=5, help="loads, of which the median counts")
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "ui.json")
+    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "page.json")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         found = measure(Path(folder), options.pause, options.repeats)
