@@ -1,4 +1,5 @@
-"""What worlds that differ cost: steps a second of a training with `randomise=wide` over those of one without.
+"""What worlds that differ cost: steps a second of a training with `randomise=wide` over those of one without. A table
+of docs/guides/robot.md.
 
     python benchmarks/randomise.py             # minutes on 2 quiet cores
     python benchmarks/randomise.py --tiny      # seconds, to see that it works
@@ -13,13 +14,15 @@ import argparse
 from pathlib import Path
 
 from guards import compare
-from records import conditions, write
+from records import Record, conditions, write
 
 from openeureka.tasks.ranges import find
 from openeureka.training.population import Population
 from openeureka.types import LaneSpec, Ranges, TrainBudget
 
 ENVS = ("cartpole", "ant", "anymal")
+RESULTS = Path(__file__).parent / "results" / "randomise.json"
+TITLES = ("task", "steps a second, of those without", "lowest and highest pair", "by processor time")
 
 
 def population(drawn: Ranges | None) -> type[Population]:
@@ -33,12 +36,22 @@ def population(drawn: Ranges | None) -> type[Population]:
     return Randomised
 
 
+def rows(measured: Record) -> list[list[str]]:
+    """A row a task."""
+    return [_row(env, found) for env, found in measured.get("wide_over_none", {}).items()]
+
+
+def _row(env: str, found: Record) -> list[str]:
+    pairs, (wall, processor) = found["wall"]["pairs"], (found[kind]["median"] for kind in ("wall", "processor"))
+    return [env, f"{wall:.2f}", f"{min(pairs):.2f} to {max(pairs):.2f}", f"{processor:.2f}"]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--pairs", type=int, default=5)
     parser.add_argument("--epochs", type=int, default=4)
     parser.add_argument("--tiny", action="store_true", help="one pair of one epoch, for a look")
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "randomise.json")
+    parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     pairs, epochs = (1, 1) if options.tiny else (options.pairs, options.epochs)
     found = {env: compare(env, population(find(env, "wide")), population(None), pairs, epochs) for env in ENVS}

@@ -71,6 +71,7 @@ REACHED = "<!-- reachable -->\n", "<!-- /reachable -->\n"
 CHOICES = "<!-- choices -->\n", "<!-- /choices -->\n"
 ROBOT = ROOT / "docs" / "guides" / "robot.md"
 ROBUST = "<!-- robust -->\n", "<!-- /robust -->\n"
+VARIED = "<!-- randomise -->\n", "<!-- /randomise -->\n"
 SENSED = "<!-- measurable -->\n", "<!-- /measurable -->\n"
 IMAGES = ROOT / "docs" / "images"
 
@@ -293,7 +294,12 @@ def generated() -> Mapping[Path, str]:
         CLUSTER: _filled(CLUSTER, (FAULTS, faults())),
         GYMNASIUM: _filled(GYMNASIUM, (LIFTED, lifted()), (SOLVED, solved()), (SEARCHED, searched())),
         POLISH: _filled(POLISH, (POLISHED, polished())),
-        ROBOT: _filled(ROBOT, (ROBUST, _measured("robust")), (SENSED, _measured("measurable"))),
+        ROBOT: _filled(
+            ROBOT,
+            (VARIED, _measured("randomise")),
+            (ROBUST, _measured("robust")),
+            (SENSED, _measured("measurable")),
+        ),
         **pictures(),
     }
 

@@ -117,7 +117,7 @@ def affordable(trained: Collection[TrainingResult], peaks: int) -> int:
     return max(fewest, min(most, int(SHARE * steps / (2 * peaks * longest))))
 
 
-def _drawn(config: RunConfig) -> Ranges | None:
+def drawn(config: RunConfig) -> Ranges | None:
     """What the worlds of a run are drawn from; None for the task's own alone."""
     if config.randomise == NO_RANGES:
         return None
@@ -202,7 +202,7 @@ class Lanes:
             env_steps=steps or self.config.steps,
             worlds=self.config.worlds,
             bonus=cast("Bonus", self.config.bonus),
-            randomise=_drawn(self.config),
+            randomise=drawn(self.config),
             observe=observe,
         )
 

@@ -36,7 +36,7 @@ KEEPS = 0.75
 """Share of what was learnt that a policy keeps where it is said to work."""
 PEAKS: tuple[Peak, ...] = ("reward", "last", "fitness")
 PLAIN, LONGER, UNIFORM = "plain", "longer", "uniform"
-"""The policy that the search left; the same, trained on in its own world; and ranges that nobody gave a reason for."""
+"""The policy that the search left; the same, trained on as it was; and ranges that nobody gave a reason for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

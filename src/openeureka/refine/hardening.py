@@ -16,7 +16,7 @@ from ..llm import price
 from ..llm.client import LanguageModel
 from ..method import prompts
 from ..method.hacking import Trial
-from ..method.lanes import BASELINES, Lanes, Wanted
+from ..method.lanes import BASELINES, Lanes, Wanted, drawn
 from ..method.sampling import request_seed
 from ..score import worth
 from ..store import Store, artifacts
@@ -82,8 +82,9 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, *, start: str, step
     going_on = training.start != SCRATCH
     proposed = propose(lanes, model, robot, began, anew=not going_on)
     model.close()  # an embedded model must not run while training does: they fight for the same cores
-    own_world = {LONGER: Ranges(NOMINAL, NOMINAL)} if going_on else {}  # from scratch it would be the best one again
-    store.save_ranges({**own_world, UNIFORM: robot.uniform, **proposed})
+    # As it was trained; from scratch that would be the best policy again.
+    as_it_was = {LONGER: drawn(config) or Ranges(NOMINAL, NOMINAL)} if going_on else {}
+    store.save_ranges({**as_it_was, UNIFORM: robot.uniform, **proposed})
     reward, origin = store.lanes.all()[began.lane].reward, Start(began, 0.0) if going_on else None
     graph = program(store, reward)
     names = store.ranges()
