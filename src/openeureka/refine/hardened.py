@@ -165,7 +165,7 @@ def carries(store: Store, lane: str, quantities: Iterable[str]) -> list[Carried]
             return value, fitness, None
         return value, fitness, 1.0 - (nominal - fitness) / learnt
 
-    found = []
+    found: list[Carried] = []
     for name in quantities:
         points = [point(value, scores.get(f"sweep {name}={value:g}")) for value in GRID[name]]
         points.append(point(float(getattr(NOMINAL, name)), scores.get("sweep")))

@@ -210,7 +210,7 @@ def table_of(reply: str) -> str:
 
 def asked(robot: Robot, carried: Sequence[Carried], *, anew: bool) -> Prompt:
     """The prompt: the robot, and where its policy still works."""
-    lines = []
+    lines: list[str] = []
     for one in carried:
         scores = ", ".join(f"{value:g}: {_share(share, fitness)}" for value, fitness, share in one.points)
         works = f"; works from {one.low:g} to {one.high:g}" if one.low is not None and one.high is not None else ""
