@@ -174,7 +174,7 @@ def tune(words: Settings = None, as_json: Json = False) -> None:
 
 @app.command(epilog=describe(RobustConfig))
 def robust(words: Words = None) -> None:
-    """Have a model propose how worlds of training differ, and train the best reward in such worlds.
+    """Have a model propose how worlds of training differ, and train the best policy on in such worlds.
 
     Example: eureka robust outputs/2026-01-31_12-00-00_anymal sample=8
     """
