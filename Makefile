@@ -17,8 +17,9 @@ help: ## List these verbs
 run: $(VENV)/local ## Search for a reward with the embedded language model, no key and no GPU needed
 	$(BIN)/eureka run $(RUN)
 
+# In the order of their names: xdist's own puts modules of few tests last, which are the longest, and one core then waits.
 test: $(VENV)/dev ## Run the tests
-	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadscope
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadscope --no-loadscope-reorder
 
 check: $(VENV)/dev ## Lint, types, import layers, the tree's own rules, generated pages; changes nothing
 	$(BIN)/ruff check
