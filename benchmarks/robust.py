@@ -24,7 +24,7 @@ from records import Record, machine, read, write
 
 import openeureka
 from openeureka.cli.tune import robust
-from openeureka.config import STARTS
+from openeureka.config import BEST, SCRATCH, STARTS
 from openeureka.refine.hardened import LONGER, PLAIN, UNIFORM, Carried, RobustArm
 from openeureka.report.text import spread
 from openeureka.report.view import RunView
@@ -32,6 +32,7 @@ from openeureka.score import mean
 
 ENVS = ("anymal", "ant", "quadcopter")
 SEEDS = 3
+BEGUN = {BEST: "with the best policy", SCRATCH: "from scratch"}
 ARMS = (PLAIN, LONGER, UNIFORM, "ours")
 RESULTS = Path(__file__).parent / "results" / "robust.json"
 TITLES = (
@@ -41,7 +42,7 @@ TITLES = (
 
 
 def measure(env: str, seed: int, directory: Path, words: Sequence[str], **settings: Any) -> Record:
-    """One training in one world, the search for ranges, and how the three policies do."""
+    """One training in one world, the search for ranges, and how the policies do."""
     run = openeureka.train(env, "human", seed=seed, seeds=1, dir=directory, **settings)
     robust([str(run.directory), *words])
     view = RunView.read(directory)
@@ -83,8 +84,9 @@ def rows(measured: Mapping[str, Mapping[str, Mapping[str, Record]]]) -> list[lis
 
 
 def drawn(measured: Mapping[str, Mapping[str, Mapping[str, Record]]]) -> Mapping[str, Mapping[str, Record]]:
-    """Of each task the seeds of the first start that has some."""
-    return {env: seeds for start in reversed(STARTS) for env, seeds in measured.get(start, {}).items()}
+    """Of each task the seeds of the first start that has some, by what a figure calls them."""
+    known = {env: [start for start in STARTS if measured.get(start, {}).get(env)] for env in ENVS}
+    return {f"{env}, begun {BEGUN[starts[0]]}": measured[starts[0]][env] for env, starts in known.items() if starts}
 
 
 def _row(env: str, start: str, seeds: Sequence[Record]) -> list[str]:
@@ -117,18 +119,19 @@ def main() -> None:
     parser.add_argument("--seed", action="append", type=int, help="may be repeated; 0, 1 and 2 by default")
     parser.add_argument("--tiny", action="store_true", help="short episodes and trainings of one task, kept nowhere")
     options = parser.parse_args()
-    start = next((word.removeprefix("start=") for word in options.words if word.startswith("start=")), STARTS[0])
+    start = next((word.removeprefix("start=") for word in options.words if word.startswith("start=")), BEST)
     if options.tiny:
         tiny = "quadcopter+episode_length=20"
-        found = measure(tiny, 0, OUTPUTS / "robust" / "tiny", [*options.words, "sample=2"], steps=2048, worlds=32)
+        found = measure(
+            tiny, 0, OUTPUTS / "robust" / f"tiny_{start}", [*options.words, "sample=2"], steps=2048, worlds=32
+        )
         print(*_row(tiny, start, [found]), sep=" | ")
         return
     for env in options.env or ENVS:
         for seed in options.seed or range(SEEDS):
             if str(seed) in read(RESULTS).get(start, {}).get(env, {}):
                 continue
-            began = OUTPUTS / "robust" / "_".join((env, str(seed), *([start] if start != STARTS[0] else [])))
-            found = measure(env, seed, began, options.words)
+            found = measure(env, seed, OUTPUTS / "robust" / f"{env}_{seed}_{start}", options.words)
             known = read(RESULTS)  # again: another task may have ended meanwhile
             of_start = known.get(start, {})
             seeds = dict(sorted({**of_start.get(env, {}), str(seed): found}.items()))

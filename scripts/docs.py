@@ -227,7 +227,7 @@ def pictures() -> Mapping[Path, str]:
     records, robust, rungs, early, table = map(_benchmark, ("records", "robust", "rungs", "predictors", "headline"))
     told = [(task, kind, cells) for task, _, kind, cells in rungs.correlations(records.read(RUNGS))]
     found = {
-        "robust.svg": figures.robust(robust.drawn(records.read(robust.RESULTS)), robust.ENVS),
+        "robust.svg": figures.robust(robust.drawn(records.read(robust.RESULTS))),
         "rungs.svg": figures.correlations(told, rungs.RUNGS, "with the end: {}", "rank correlation of played F"),
         "predictors.svg": figures.correlations(
             early.correlations(early.known()), early.SHARES, "{}", "rank correlation with played F"

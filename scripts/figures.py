@@ -26,13 +26,12 @@ COLOURS = {"plain": "#888888", "longer": "#5aa469", "uniform": "#d98b2b", "ours"
 Record = Mapping[str, Any]
 
 
-def robust(measured: Mapping[str, Mapping[str, Record]], tasks: Sequence[str]) -> str:
+def robust(shown: Mapping[str, Mapping[str, Record]]) -> str:
     """F of the policies in their own world and in each hard one: a point a seed, a line through the means."""
-    shown = [task for task in tasks if measured.get(task)]
     figure = _figure(9.0, 2.6 * max(1, len(shown)))
-    for row, task in enumerate(shown):
+    for row, (task, measured) in enumerate(shown.items()):
         axes = figure.add_subplot(len(shown), 1, row + 1)
-        seeds = [seed["arms"] for seed in measured[task].values()]
+        seeds = [seed["arms"] for seed in measured.values()]
         worlds = ["own world", *seeds[0]["plain"]["worlds"]]
         for arm, colour in COLOURS.items():
             if any(arm not in seed for seed in seeds):

@@ -19,8 +19,7 @@ BONUSES = ("none", "original", "progress")
 SCHEDULES = ("full", "halving")
 OBSERVES = ("all", "measurable")
 VIDEOS = ("all", "best", "none")
-SCRATCH = "scratch"
-STARTS = ("best", SCRATCH)
+STARTS = BEST, SCRATCH = "best", "scratch"
 LOGS = ("", "wandb", "mlflow", "tensorboard")
 FEEDBACKS = ("none", "human")
 _MANY = 100_000
@@ -280,7 +279,7 @@ class RobustConfig:
     """Proposals."""
     repair: int = 2
     """Times that the model may correct one that cannot be used."""
-    start: str = "best"
+    start: str = BEST
     """What its trainings begin with: `best`, the policy itself, or `scratch`."""
     steps: int = 0
     """Environment steps of each training; 0 means half of the policy's own, and from scratch those of the run."""
@@ -296,6 +295,8 @@ class RobustConfig:
     def __post_init__(self) -> None:
         if not 1 <= self.sample <= 1000:
             raise ConfigError(f"`sample` must be from 1 to 1000, not {self.sample}.")
+        if not 0 <= self.steps < 2**53:
+            raise ConfigError(f"`steps` must be zero or more, and fewer than 2**53, not {self.steps}.")
         if self.start not in STARTS:
             raise ConfigError(f"`start` must be {' or '.join(STARTS)}, not `{self.start}`.")
 

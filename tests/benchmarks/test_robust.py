@@ -43,4 +43,4 @@ def test_trainings_that_began_otherwise_have_rows_of_their_own():
     assert first[:3] == ["ant", "best", "1"] and first[4] == "11 / 6"
     assert second[:3] == ["ant", "scratch", "1"] and second[4] == "-"
     found = robust.drawn({"scratch": {"ant": {"0": one}, "anymal": {"0": one}}, "best": {"ant": {"0": more}}})
-    assert found == {"ant": {"0": more}, "anymal": {"0": one}}
+    assert found == {"anymal, begun from scratch": {"0": one}, "ant, begun with the best policy": {"0": more}}

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 from report.scripted import search_in
 
 import openeureka
+from openeureka.cli.show import show
 from openeureka.cli.tune import robust
 from openeureka.config import RobustConfig, RunConfig
-from openeureka.errors import ConfigError, EurekaError, Interrupted, ModelError
+from openeureka.errors import ConfigError, EurekaError, Interrupted, ModelError, StoreError
 from openeureka.parsing import parse
 from openeureka.runs import compose
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
@@ -103,13 +105,37 @@ def test_what_was_begun_with_the_usual_steps_takes_no_others(searched):
     assert openeureka.robust(searched, model="random", sample=2).robust is not None
 
 
-@pytest.mark.parametrize("kept", ["0\n", "0 scratch\n"])  # the first is what an earlier version wrote
-def test_what_was_begun_from_scratch_goes_on_so(searched, kept):
+@pytest.mark.parametrize("kept", ["0\n", None])
+def test_what_an_earlier_version_began_from_scratch_goes_on_so(searched, trainer, kept):
     openeureka.robust(searched, model="random", sample=1, start="scratch")
-    (searched / "robust.steps").write_text(kept)
+    (searched / "robust.json").unlink()  # it kept the steps alone, or nothing
+    if kept is not None:
+        (searched / "robust.steps").write_text(kept)
     with pytest.raises(ConfigError, match=r"the task's own number of steps each, from scratch: add start=scratch to"):
         openeureka.robust(searched, model="random", sample=2)
-    assert openeureka.robust(searched, model="random", sample=2, start="scratch").robust is not None
+    found = openeureka.robust(searched, model="random", sample=2, start="scratch").robust
+    assert found is not None and [arm.name for arm in found.arms] == ["plain", "uniform", "r0", "r1"]
+
+
+def test_what_it_began_with_is_not_guessed_where_its_file_is_damaged(searched):
+    openeureka.robust(searched, model="random", sample=1)
+    (searched / "robust.json").write_text("{")
+    with pytest.raises(StoreError):
+        openeureka.robust(searched, model="random", sample=2)
+
+
+@pytest.mark.parametrize("steps", [-5, 10**30])
+def test_steps_that_nobody_can_mean_are_refused(searched, steps):
+    with pytest.raises(ConfigError, match="`steps` must be zero or more"):
+        openeureka.robust(searched, model="random", steps=steps)
+
+
+def test_programs_read_it_too(searched, capsys):
+    openeureka.robust(searched, model="random", sample=1)
+    show(searched, as_json=True)
+    told = json.loads(capsys.readouterr().out)["robust"]
+    assert told["ours"] == "r0" and [*told["arms"]] == ["plain", "longer", "uniform", "r0"]
+    assert told["arms"]["longer"]["ranges"] == {} and told["arms"]["r0"]["hard"] is not None
 
 
 def test_they_begin_with_one_of_two_things(searched):

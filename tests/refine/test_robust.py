@@ -16,14 +16,14 @@ from openeureka.llm.random import RandomModel
 from openeureka.method.lanes import CHOOSING, HELD_OUT, Lanes
 from openeureka.observer import NullObserver
 from openeureka.refine.hardened import chosen
-from openeureka.refine.hardening import Robot, asked, hard_worlds, harden, table_of
+from openeureka.refine.hardening import Robot, asked, hard_worlds, harden, planned, table_of
 from openeureka.report import charts, html
 from openeureka.report import robust as told
 from openeureka.report.view import RunView
 from openeureka.store import Store
 from openeureka.tasks import ranges, registry
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
-from openeureka.types import NOMINAL, Dynamics, Evaluation, LaneSpec, TrainBudget
+from openeureka.types import NOMINAL, Dynamics, Evaluation, LaneSpec, PolicyId, TrainBudget, TrainingResult
 
 QUANTITIES = ("mass", "delay")
 
@@ -72,7 +72,7 @@ def make(
 ) -> RunView:
     with Store.open(directory, RunView.read(directory).config) as store:
         config = replace(store.config, sample=sample, repair=1)
-        harden(Lanes(config, store, trainer, NullObserver()), model, robot(), start=start, steps=steps)
+        harden(Lanes(config, store, trainer, NullObserver()), model, robot(), planned(store, start, steps))
     return RunView.read(directory)
 
 
@@ -118,6 +118,55 @@ def test_the_proposal_that_plays_best_in_hard_worlds_is_kept_with_its_ranges(sea
     assert run.usage.prompt_tokens == 400  # the search's two replies, and these
 
 
+@dataclass
+class Recording(Toughening):
+    """Keeps what was trained, and the worlds that were played with each seed of start states."""
+
+    seeds: dict[int, set[str]] = field(default_factory=dict)
+    steps: list[int] = field(default_factory=list)
+    lanes: list[LaneSpec] = field(default_factory=list)
+    whole: int = 3
+    """Environment steps that each training says it took."""
+
+    def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Iterator[Any]:
+        self.steps.append(budget.env_steps)
+        self.lanes += lanes
+        for event in super().train(env, lanes, budget):
+            yield replace(event, env_steps=self.whole) if isinstance(event, TrainingResult) else event
+
+    def evaluate(self, env: str, policies: Any, *, seed: int, **options: Any) -> Iterator[Evaluation]:
+        self.seeds.setdefault(seed, set()).update(name.partition(" ")[2] for name in options.get("dynamics") or ())
+        return super().evaluate(env, policies, seed=seed, **options)
+
+
+@dataclass
+class Polishing(Recording):
+    """From a policy a lane gets better by 1."""
+
+    def _result(self, lane: LaneSpec) -> TrainingResult:
+        found = super()._result(lane)
+        if lane.start is None:
+            return found
+        better = str(float(lane.start) + 1).encode()
+        return found.holding({name: better for name in found.policies})
+
+
+@dataclass
+class Going(ToyTrainer):
+    """A lane that goes on from a policy is as good from its first epoch on."""
+
+    def _result(self, lane: LaneSpec) -> TrainingResult:
+        found = super()._result(lane)
+        high = (found.fitness,) * 3
+        return found if lane.start is None else replace(found, curves={**found.curves, "fitness": high})
+
+
+def test_what_is_left_of_what_was_learnt_is_told_as_before(searched: Path) -> None:
+    """What was learnt is what the first training learnt, not the one that went on."""
+    found = make(searched, ScriptedModel([TABLE.format(0.9, 1.1)]), Going(), sample=1).robust
+    assert found is not None and found.before == found.after
+
+
 def test_the_model_is_told_where_the_policy_still_works(searched: Path) -> None:
     model = ScriptedModel([TABLE.format(0.9, 1.1)])
     make(searched, model, Toughening(), sample=1)
@@ -128,14 +177,32 @@ def test_the_model_is_told_where_the_policy_still_works(searched: Path) -> None:
     assert "works from 1 to 1" in text and "- delay [s], 0 to 1" in text and "A cart." in text
 
 
-def test_they_begin_with_the_best_policy_and_take_half_of_its_steps(searched: Path) -> None:
+@pytest.mark.parametrize(("whole", "half"), [(101, 50), (1, 1)])
+def test_they_begin_with_the_best_policy_and_take_half_of_its_steps(tmp_path: Path, whole: int, half: int) -> None:
+    run = search_in(tmp_path / "run", [reply(7), reply(8)], trainer=Recording(whole=whole))
     trainer = Recording()
-    make(searched, ScriptedModel([TABLE.format(0.9, 1.1)]), trainer, sample=1)
-    with Store.view(searched) as store:
-        whole = {lane.id: store.lanes.results()[lane.id].env_steps for lane in store.lanes.all().values()}
+    make(run, ScriptedModel([TABLE.format(0.9, 1.1)]), trainer, sample=1)
+    with Store.view(run) as store:
         began = store.lanes.policy(*store.lanes.exposed("best")[0])
-    assert set(whole.values()) == {3} and trainer.steps == [1]  # at least one
-    assert [(lane.start, lane.fresh) for lane in trainer.lanes] == [(began, 0.0)] * 3
+    assert trainer.steps == [half] and [(lane.start, lane.fresh) for lane in trainer.lanes] == [(began, 0.0)] * 3
+
+
+def test_a_policy_that_was_polished_goes_on_with_half_of_what_it_took_at_first(tmp_path: Path) -> None:
+    run = search_in(tmp_path / "run", [reply(7), reply(8)], trainer=Polishing(whole=80), polish=2, polish_steps=4)
+    with Store.view(run) as store:
+        best = store.lanes.best_policy()
+        assert best is not None and store.lanes.all()[best.lane].role == "polish"
+    trainer = Recording()
+    make(run, ScriptedModel([TABLE.format(0.9, 1.1)]), trainer, sample=1)
+    with Store.view(run) as store:
+        assert {lane.start for lane in trainer.lanes} == {store.lanes.policy(*best)} and trainer.steps == [40]
+
+
+def test_what_trains_longer_draws_from_what_the_run_drew_from(tmp_path: Path) -> None:
+    run = search_in(tmp_path / "run", [reply(7), reply(8)], trainer=Toughening(), env="cartpole", randomise="mild")
+    trainer = Recording()
+    make(run, ScriptedModel([TABLE.format(0.9, 1.1)]), trainer, sample=1)
+    assert trainer.lanes[0].randomise == ranges.find("cartpole", "mild")
 
 
 def test_from_scratch_they_take_the_steps_of_the_run_and_nothing_trains_on(searched: Path) -> None:
@@ -145,30 +212,6 @@ def test_from_scratch_they_take_the_steps_of_the_run_and_nothing_trains_on(searc
     assert "to be trained again from scratch" in model.prompts[0].messages[-1].content
     assert trainer.steps == [0] and {lane.start for lane in trainer.lanes} == {None}
     assert found is not None and [arm.name for arm in found.arms] == ["plain", "uniform", "r0"]
-
-
-def test_what_is_left_of_what_was_learnt_is_told_as_before(searched: Path) -> None:
-    """A lane that goes on from a policy begins high: what was learnt is what its first training learnt."""
-    found = make(searched, ScriptedModel([TABLE.format(0.9, 1.1)]), ToyTrainer(), sample=1).robust
-    assert found is not None and found.before == found.after
-
-
-@dataclass
-class Recording(Toughening):
-    """Keeps what was trained, and the worlds that were played with each seed of start states."""
-
-    seeds: dict[int, set[str]] = field(default_factory=dict)
-    steps: list[int] = field(default_factory=list)
-    lanes: list[LaneSpec] = field(default_factory=list)
-
-    def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Iterator[Any]:
-        self.steps.append(budget.env_steps)
-        self.lanes += lanes
-        return super().train(env, lanes, budget)
-
-    def evaluate(self, env: str, policies: Any, *, seed: int, **options: Any) -> Iterator[Evaluation]:
-        self.seeds.setdefault(seed, set()).update(name.partition(" ")[2] for name in options.get("dynamics") or ())
-        return super().evaluate(env, policies, seed=seed, **options)
 
 
 def test_what_the_model_is_shown_is_not_played_where_policies_are_judged(searched: Path) -> None:
@@ -276,3 +319,28 @@ def test_the_robot_is_described_by_what_it_is_made_of() -> None:
     task = registry.get("cartpole")
     text = ranges.described(task, task.compile_model())
     assert text.startswith("Mass ") and "Driven joints: " in text and "It acts every 0.0166 s" in text
+
+
+def test_it_goes_on_with_the_policy_that_it_began_with(searched: Path) -> None:
+    """A search that goes on meanwhile may find a better one."""
+    with pytest.raises(KeyboardInterrupt):
+        make(searched, ScriptedModel([TABLE.format(0.9, 1.1)]), Toughening(killed=1), sample=1)
+    with Store.open(searched, RunView.read(searched).config) as store:
+        (began,) = {lane.start.policy for lane in store.lanes.all().values() if lane.start is not None}
+        other = next(lane for lane in store.lanes.results() if lane != began.lane and not store.lanes.all()[lane].start)
+        store.lanes.expose("best", PolicyId(other, "last"))
+    trainer = Recording()
+    found = make(searched, ScriptedModel([]), trainer, sample=1).robust
+    with Store.view(searched) as store:
+        assert {lane.start for lane in trainer.lanes} == {store.lanes.policy(*began)}
+    assert found is not None and found.ours == "r0" and found.arms[0].worlds
+
+
+def test_ranges_are_compared_with_as_much_training_without_them(searched: Path) -> None:
+    found = make(searched, ScriptedModel([TABLE.format(0.4, 1.6)]), Toughening(), sample=1).robust
+    assert found is not None
+    plain, longer, uniform, ours = found.arms
+    better = {name: replace(score, fitness=ours.worlds[name].fitness + 1) for name, score in longer.worlds.items()}
+    ahead = replace(longer, worlds=better, hard=(ours.hard or 0.0) + 1)
+    said = told.verdict(replace(found, arms=(plain, ahead, uniform, ours)))
+    assert said.startswith("In hard worlds the policy is worse: F ") and "trained on as long without them" in said

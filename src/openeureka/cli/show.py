@@ -159,6 +159,7 @@ def facts(run: RunView) -> dict[str, object]:
         },
         "tuned": _tuned(run.tuned) if run.tuned is not None else None,
         "polished": _polished(run.polished) if run.polished is not None else None,
+        "robust": _robust(run.robust) if run.robust is not None else None,
         "best": {"name": str(best.place), "source": best.candidate.source} if best and best.candidate else None,
         "final": _final(outcome) if outcome is not None else None,
         "verdict": verdict(run),
@@ -170,6 +171,20 @@ def facts(run: RunView) -> dict[str, object]:
 
 def _fields(noun: DataclassInstance | None) -> dict[str, object] | None:
     return dataclasses.asdict(noun) if noun is not None else None
+
+
+def _robust(found: Robust) -> dict[str, object]:
+    arms = {
+        arm.name: {
+            "ranges": arm.ranges.drawn if arm.ranges is not None else {},
+            "chosen_by": arm.chosen_by,
+            "own_world": _fields(arm.nominal),
+            "hard": arm.hard,
+            "worlds": {name: _fields(score) for name, score in arm.worlds.items()},
+        }
+        for arm in found.arms
+    }
+    return {"ours": found.ours, "arms": arms, "verdict": robust.verdict(found)}
 
 
 def _polished(found: Polished) -> dict[str, object]:

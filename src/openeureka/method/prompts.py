@@ -73,7 +73,7 @@ def ranges(
     sweep: Sequence[str],
     quantities: Mapping[str, tuple[str, float, float]],
     ends: Mapping[str, tuple[Sequence[float], Sequence[float]]],
-    anew: bool = False,
+    anew: bool,
 ) -> Prompt:
     """What asks for ranges that worlds of training are drawn from.
 

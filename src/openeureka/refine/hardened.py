@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from ..score import breach, mean, pooled, worth
-from ..store import Store
-from ..types import NOMINAL, Dynamics, Evaluation, Limits, Peak, Ranges, TrainingResult
+from ..store import Store, artifacts
+from ..types import NOMINAL, Dynamics, Evaluation, Hardening, Limits, Peak, PolicyId, Ranges, TrainingResult
 
 _FACTOR = (0.4, 0.6, 0.8, 0.9, 1.1, 1.2, 1.5, 2.0)
 GRID: Mapping[str, tuple[float, ...]] = {
@@ -75,7 +75,7 @@ class RobustArm:
     """One policy of the comparison."""
 
     name: str
-    """`plain`, `uniform`, or the proposal."""
+    """`plain`, `longer`, `uniform`, or the proposal."""
     ranges: Ranges | None
     nominal: Evaluation | None
     """In the task's own world, held out."""
@@ -105,8 +105,9 @@ def read(store: Store, results: Mapping[str, TrainingResult]) -> Robust | None:
     """What the store of a run says of it; None where it was not begun."""
     scores, own = store.lanes.trials(), store.ranges()
     records = {lane.ranges: lane.id for lane in store.lanes.all().values() if lane.role == "robust"}
-    began = next((lane for lane, named in scores.items() if "sweep" in named and lane not in records.values()), None)
-    if began is None:
+    known = hardening(store)
+    began = known.policy.lane if known is not None else ""
+    if "sweep" not in scores.get(began, {}):
         return None
     tried, limits = {name: scores.get(records.get(name, ""), {}) for name in own}, store.config.limited
     arms = [_arm(PLAIN, None, scores[began], limits), *(_arm(name, own[name], tried[name], limits) for name in own)]
@@ -116,6 +117,20 @@ def read(store: Store, results: Mapping[str, TrainingResult]) -> Robust | None:
     after = carries(store, records[ours], quantities) if ours else ()
     before = carries(store, began, quantities)
     return Robust(arms=tuple(arms), ours=ours, before=tuple(before), after=tuple(after))
+
+
+def hardening(store: Store) -> Hardening | None:
+    """How the robust policies of a run are trained; None before there are any."""
+    if (kept := store.hardening()) is not None:
+        return kept
+    # Earlier versions trained from scratch, and kept the steps alone, or nothing.
+    robust = {lane.id for lane in store.lanes.all().values() if lane.role == "robust"}
+    tried = {lane: named["sweep"].peak for lane, named in store.lanes.trials().items() if "sweep" in named}
+    known = [PolicyId(lane, peak) for lane in tried if lane not in robust for peak in PEAKS if peak == tried[lane]]
+    if not known or not robust:
+        return None
+    steps = (artifacts.read(store.directory, "robust.steps") or b"").strip()
+    return Hardening(policy=known[0], anew=True, steps=int(steps) if steps.isdigit() else store.config.steps)
 
 
 def chosen(scores: Mapping[str, Evaluation], limits: Limits) -> Evaluation | None:
@@ -154,7 +169,7 @@ def _arm(name: str, ranges: Ranges | None, scores: Mapping[str, Evaluation], lim
 
 def carries(store: Store, lane: str, quantities: Iterable[str]) -> list[Carried]:
     """How far a lane's policy carries along each quantity, as far as it was tried."""
-    scores, result = store.lanes.trials().get(lane, {}), store.lanes.result(_origin(store, lane))
+    scores, result = store.lanes.trials().get(lane, {}), store.lanes.result(origin(store, lane))
     nominal = scores["sweep"].fitness if "sweep" in scores else None
     untrained = next((v for v in (result.curves.get("fitness", ()) if result else ()) if v is not None), None)
     learnt = nominal - untrained if nominal is not None and untrained is not None else 0.0
@@ -173,7 +188,7 @@ def carries(store: Store, lane: str, quantities: Iterable[str]) -> list[Carried]
     return found
 
 
-def _origin(store: Store, lane: str) -> str:
+def origin(store: Store, lane: str) -> str:
     """The lane that began untrained, of those that led to this one."""
     lanes = store.lanes.all()
     while (start := lanes[lane].start) is not None:

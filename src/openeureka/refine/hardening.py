@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from ..config import SCRATCH
+from ..config import BEST, SCRATCH
 from ..errors import ConfigError, ModelError
 from ..llm import price
 from ..llm.client import LanguageModel
@@ -20,9 +20,9 @@ from ..method.lanes import BASELINES, Lanes, Wanted, drawn
 from ..method.sampling import request_seed
 from ..score import worth
 from ..store import Store, artifacts
-from ..types import NOMINAL, Candidate, Dynamics, Lane, Peak, PolicyId, Prompt, Ranges, RewardProgram, Start
+from ..types import NOMINAL, Candidate, Dynamics, Hardening, Lane, Peak, PolicyId, Prompt, Ranges, RewardProgram, Start
 from ..types.dynamics import SCALES
-from .hardened import GRID, HARD, KEEPS, LONGER, PEAKS, UNIFORM, Carried, carries, chosen
+from .hardened import GRID, HARD, KEEPS, LONGER, PEAKS, UNIFORM, Carried, carries, chosen, hardening, origin
 
 SWEEP_EPISODES, CHOOSING_EPISODES, HARD_EPISODES = 32, 16, 64
 PARTS = 2
@@ -48,49 +48,32 @@ class Robot:
     """Ranges from YAML; raises ConfigError for anything else."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Training:
-    """How robust policies are trained."""
-
-    start: str
-    """What they begin with: `best`, the policy of the run, or `scratch`."""
-    steps: int
-    """Environment steps of each; 0 for the task's own number."""
-
-    def __str__(self) -> str:
-        steps = f"{self.steps} steps" if self.steps else "the task's own number of steps"
-        return f"{steps} each, {'from scratch' if self.start == SCRATCH else 'from the best policy'}"
-
-
-def harden(lanes: Lanes, model: LanguageModel, robot: Robot, *, start: str, steps: int) -> None:
+def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening) -> None:
     """Do what is missing of the chain. `robust/` then holds the policy and the ranges that made it.
 
     Args:
         lanes: of the run that found the reward; its settings say how many proposals there are (`sample`).
-        start, steps: as in `RobustConfig`.
+        training: what `planned` says.
 
     Raises:
-        ConfigError: when the run has no policy yet.
         ModelError: when no reply holds ranges that can be used.
         EurekaError: what else stopped it; all that was finished is stored, and calling again continues.
     """
-    config, store = lanes.config, lanes.store
-    began, training = best(store), as_before(store, start, steps)
+    config, store, began = lanes.config, lanes.store, training.policy
+    store.save_hardening(training)
     lanes.observer.phase(config.generations, "evaluate")
     # What a model is shown must not be what judges its ranges; both sweeps are on equal start states, to compare them.
     lanes.try_out(sweep(began, robot.quantities), choosing=True, episodes=SWEEP_EPISODES)
-    going_on = training.start != SCRATCH
-    proposed = propose(lanes, model, robot, began, anew=not going_on)
+    proposed = propose(lanes, model, robot, training)
     model.close()  # an embedded model must not run while training does: they fight for the same cores
     # As it was trained; from scratch that would be the best policy again.
-    as_it_was = {LONGER: drawn(config) or Ranges(NOMINAL, NOMINAL)} if going_on else {}
+    as_it_was = {LONGER: drawn(config) or Ranges(NOMINAL, NOMINAL)} if not training.anew else {}
     store.save_ranges({**as_it_was, UNIFORM: robot.uniform, **proposed})
-    reward, origin = store.lanes.all()[began.lane].reward, Start(began, 0.0) if going_on else None
+    reward, origin = store.lanes.all()[began.lane].reward, Start(began, 0.0) if not training.anew else None
     graph = program(store, reward)
     names = store.ranges()
     wanted: list[Wanted] = [(Lane(reward, config.seed, "robust", origin, ranges=name), graph) for name in names]
     lanes.observer.phase(config.generations, "train")
-    store.save_robust_training(training.steps, training.start)
     lanes.train(wanted, steps=training.steps)
     lanes.observer.phase(config.generations, "play")
     arms = {lane.ranges: PolicyId(lane.id, _peak(lanes, lane, robot.quantities)) for lane, _ in wanted}
@@ -104,25 +87,42 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, *, start: str, step
     store.save_robust(written(store.ranges()[ours]), arms[ours])
 
 
-def as_before(store: Store, start: str, steps: int) -> Training:
-    """How the robust policies of a run are trained: those that begin or end elsewhere than others cannot be compared.
+def planned(store: Store, start: str, steps: int) -> Hardening:
+    """How the robust policies of a run are to be trained, or are already.
+
+    Args:
+        start, steps: as in `RobustConfig`.
 
     Raises:
         ConfigError: where the first of them were trained otherwise, or there is no policy to go on from.
     """
-    usual = {SCRATCH: store.config.steps, "best": max(1, store.lanes.results()[best(store).lane].env_steps // PARTS)}
-    training = Training(start=start, steps=steps or usual[start])
-    if (kept := store.robust_training()) is None or kept == (training.steps, training.start):
-        return training
-    before = Training(steps=kept[0], start=kept[1])
-    words = [f"start={SCRATCH}"] if before.start == SCRATCH else []
-    words += [f"steps={before.steps}"] if before.steps != usual[before.start] else []
+    before = hardening(store)
+    policy = before.policy if before is not None else best(store)
+    usual = {BEST: _half(store, policy), SCRATCH: store.config.steps}
+    wanted = Hardening(policy=policy, anew=start == SCRATCH, steps=steps or usual[start])
+    if before is None or before == wanted:
+        return wanted
+    kept = SCRATCH if before.anew else BEST
+    words = [f"start={kept}"] if before.anew else []
+    words += [f"steps={before.steps}"] if before.steps != usual[kept] else []
     said = f"add {' '.join(words)}" if words else "leave `start=` and `steps=` out"
-    raise ConfigError(f"The robust policies of {store.directory} train for {before}: {said} to go on with them.")
+    each = f"{before.steps} steps" if before.steps else "the task's own number of steps"
+    begun = "from scratch" if before.anew else "from the best policy"
+    raise ConfigError(
+        f"The robust policies of {store.directory} train for {each} each, {begun}: {said} to go on with them."
+    )
+
+
+def _half(store: Store, policy: PolicyId) -> int:
+    """Half of the steps of the training that made a policy, whatever carried it on since."""
+    return max(1, store.lanes.results()[origin(store, policy.lane)].env_steps // PARTS)
 
 
 def best(store: Store) -> PolicyId:
-    """The policy in `best/`; of equal ones that of the reward which lies there too. Raises ConfigError before that."""
+    """The one that `polish=` left, or that in `best/`; of equal ones there that of the reward which lies beside it.
+    Raises ConfigError before there is one."""
+    if (polished := store.lanes.best_policy()) is not None:
+        return polished
     source = artifacts.read(store.directory, "best/reward.py")
     own = Candidate.of(source.decode(errors="replace")).id if source is not None else None
     lanes, given, judged = store.lanes.all(), store.given(), store.lanes.evaluations()
@@ -158,10 +158,10 @@ def hard_worlds(quantities: Sequence[str]) -> dict[str, Dynamics]:
     return found
 
 
-def propose(lanes: Lanes, model: LanguageModel, robot: Robot, began: PolicyId, *, anew: bool) -> dict[str, Ranges]:
+def propose(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening) -> dict[str, Ranges]:
     """Ranges by name, one a slot whose reply, or a repair of it, can be used."""
     config, store = lanes.config, lanes.store
-    prompt = asked(robot, carries(store, began.lane, robot.quantities), anew=anew)
+    prompt = asked(robot, carries(store, training.policy.lane, robot.quantities), anew=training.anew)
     found: dict[str, Ranges] = {}
     wrong: dict[int, Prompt] = {}
     reason = ""

@@ -10,18 +10,21 @@ from .verdict import decided
 
 
 def verdict(found: Robust) -> str:
-    """Whether the ranges that were proposed made a policy that is better in hard worlds, and what it costs."""
+    """Whether the ranges that were proposed made a policy that is better in hard worlds, and what it costs. Where it
+    went on from the policy before, more training alone may be why: it is compared with one that had as much."""
     by_name = {arm.name: arm for arm in found.arms}
     ours, plain = by_name.get(found.ours), by_name[PLAIN]
     longer, uniform = by_name.get(LONGER), by_name.get(UNIFORM)
     if ours is None or ours.hard is None or plain.hard is None:
         return "Not decided yet: `eureka robust DIR` goes on with it."
-    more = gain(*(pooled([*arm.worlds.values()], shared=True) for arm in (ours, plain)))
-    between = f"F {number(ours.hard)} against {number(plain.hard)} of the policy before"
+    control, whose = plain, "of the policy before"
     if longer is not None and longer.hard is not None:
-        between += f", {number(longer.hard)} of it trained on as long in its own world"
+        control = longer
+        whose = f"of the policy before ({number(plain.hard)}), trained on as long without them"
+    more = gain(*(pooled([*arm.worlds.values()], shared=True) for arm in (ours, control)))
+    between = f"F {number(ours.hard)} against {number(control.hard)} {whose}"
     if uniform is not None and uniform.hard is not None:
-        between += f" and {number(uniform.hard)} with uniform ranges"
+        between += f", and {number(uniform.hard)} with uniform ranges"
     nominal = f"In its own world: {_nominal(ours)} against {_nominal(plain)} before."
     broken = f" But it breaks a limit of the run: {ours.breach}." if ours.breach else ""
     if more is None or more.low is None:
@@ -35,7 +38,7 @@ def arms(found: Robust) -> Table:
     rows = [
         (
             f"{arm.name}, chosen" if arm.name == found.ours else arm.name,
-            str(arm.ranges or "") or "none",
+            str(arm.ranges) if arm.ranges is not None and arm.ranges.drawn else "none",
             number(arm.chosen_by),
             number(arm.hard),
             scored(arm.nominal),

@@ -24,7 +24,7 @@ from ..method.person import Desk
 from ..observer import Observer, Observers
 from ..refine import tuning
 from ..refine.hardened import GRID
-from ..refine.hardening import Robot, as_before, harden
+from ..refine.hardening import Robot, harden, planned
 from ..report.build import build
 from ..report.filming import Filming
 from ..sandbox.client import Sandbox
@@ -220,7 +220,7 @@ def tune(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] |
 
 
 def robust(
-    typed: RobustConfig,
+    wanted: RobustConfig,
     config: RunConfig,
     directory: Path,
     host: Host,
@@ -231,7 +231,7 @@ def robust(
     """Do what is missing to make the best policy of a run robust, then report.
 
     Args:
-        config: the run's, with what `typed` changes: the model, how many proposals it makes, where they train.
+        config: the run's, with what `wanted` changes: the model, how many proposals it makes, where they train.
         model: instead of the one that the settings name.
         again: what to write to go on with it; `Host.again` says how to go on with what made the run.
 
@@ -249,7 +249,7 @@ def robust(
     if config.model == NO_MODEL:
         raise ConfigError("The run has no model: name one, as in model=gpt-5, or model=random for chance.")
     with Store.view(directory) as store:
-        as_before(store, typed.start, typed.steps)
+        training = planned(store, wanted.start, wanted.steps)
     trainer, known = trainer_of(config, directory), task.compile_model()
     model = model or open_model(config)
     robot = Robot(
@@ -268,8 +268,7 @@ def robust(
         logged(directory, config, store.talk.usage()) as log,
         host.view(config, directory, store.talk.usage()) as view,
     ):
-        observers = Observers(*log, view)
-        harden(Lanes(config, store, trainer, observers), model, robot, start=typed.start, steps=typed.steps)
+        harden(Lanes(config, store, trainer, Observers(*log, view)), model, robot, training)
     with host.working("Writing the report"):
         return build(directory, config.video, config.env)
 

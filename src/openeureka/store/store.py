@@ -13,7 +13,7 @@ from typing import Literal, TypeVar
 from filelock import FileLock, Timeout
 
 from ..codec import decode, encode
-from ..config import SCRATCH, STARTS, RunConfig
+from ..config import RunConfig
 from ..errors import ConfigError, StoreError
 from ..parsing import as_dict, restored
 from ..score import played
@@ -25,6 +25,7 @@ from ..types import (
     Evaluation,
     Generation,
     Glance,
+    Hardening,
     History,
     Message,
     Place,
@@ -46,7 +47,7 @@ from .screens import ScreenLog
 from .talk import TalkLog
 
 T = TypeVar("T")
-ROBUST_TRAINING = "robust.steps"
+HARDENING = "robust.json"
 """Not in `robust/`: what that holds goes whenever another policy comes."""
 LOOK_TIME = 0.5
 """[s] to wait for the lock: who only asks whether the run is at work (`is_held`) has it for microseconds."""
@@ -334,17 +335,15 @@ class Store:
         self.lanes.expose("robust", policy)
         artifacts.write(self.directory, "robust/ranges.yaml", ranges)
 
-    def save_robust_training(self, steps: int, start: str) -> None:
-        """Keep how long robust policies train, and what they begin with; the first word counts."""
-        if self.robust_training() is None:
-            artifacts.write(self.directory, ROBUST_TRAINING, f"{steps} {start}\n")
+    def save_hardening(self, hardening: Hardening) -> None:
+        """Keep how the policies train that are to be robust; the first word counts."""
+        if self.hardening() is None:
+            artifacts.write(self.directory, HARDENING, encode(hardening))
 
-    def robust_training(self) -> tuple[int, str] | None:
-        """What `save_robust_training` kept; None before that, and where it makes no sense."""
-        text = (artifacts.read(self.directory, ROBUST_TRAINING) or b"").decode(errors="replace")
-        steps, _, start = text.strip().partition(" ")
-        start = start or SCRATCH  # runs of versions that knew no other say nothing
-        return (int(steps), start) if steps.isdecimal() and len(steps) < 20 and start in STARTS else None
+    def hardening(self) -> Hardening | None:
+        """What `save_hardening` kept; None before that."""
+        text = artifacts.read(self.directory, HARDENING)
+        return self._database.decoded(decode, Hardening, text) if text is not None else None
 
 
 def _restored(text: str) -> RunConfig:

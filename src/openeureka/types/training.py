@@ -44,6 +44,18 @@ class Start:
     """Share of fresh weights in the mixture with that policy's."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hardening:
+    """How the policies of a run are trained that are to be robust: all alike, or they could not be compared."""
+
+    policy: PolicyId
+    """The one that they are compared with, and go on from."""
+    anew: bool
+    """Whether they begin from scratch instead."""
+    steps: Count
+    """Environment steps of each; 0 for the task's own number."""
+
+
 @dataclass(frozen=True, slots=True)
 class Lane:
     """One training of a run: a reward and a seed."""
