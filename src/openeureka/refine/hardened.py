@@ -125,12 +125,16 @@ def hardening(store: Store) -> Hardening | None:
         return kept
     # Earlier versions trained from scratch, and kept the steps alone, or nothing.
     robust = {lane.id for lane in store.lanes.all().values() if lane.role == "robust"}
+    if not robust:
+        return None
     tried = {lane: named["sweep"].peak for lane, named in store.lanes.trials().items() if "sweep" in named}
     known = [PolicyId(lane, peak) for lane in tried if lane not in robust for peak in PEAKS if peak == tried[lane]]
-    if not known or not robust:
+    if not known:
         return None
     steps = (artifacts.read(store.directory, "robust.steps") or b"").strip()
-    return Hardening(policy=known[0], anew=True, steps=int(steps) if steps.isdigit() else store.config.steps)
+    return Hardening(
+        policy=known[0], anew=True, steps=int(steps) if steps.isdigit() and len(steps) < 20 else store.config.steps
+    )
 
 
 def chosen(scores: Mapping[str, Evaluation], limits: Limits) -> Evaluation | None:

@@ -69,10 +69,10 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     # As it was trained; from scratch that would be the best policy again.
     as_it_was = {LONGER: drawn(config) or Ranges(NOMINAL, NOMINAL)} if not training.anew else {}
     store.save_ranges({**as_it_was, UNIFORM: robot.uniform, **proposed})
-    reward, origin = store.lanes.all()[began.lane].reward, Start(began, 0.0) if not training.anew else None
+    reward, start = store.lanes.all()[began.lane].reward, Start(began, 0.0) if not training.anew else None
     graph = program(store, reward)
     names = store.ranges()
-    wanted: list[Wanted] = [(Lane(reward, config.seed, "robust", origin, ranges=name), graph) for name in names]
+    wanted: list[Wanted] = [(Lane(reward, config.seed, "robust", start, ranges=name), graph) for name in names]
     lanes.observer.phase(config.generations, "train")
     lanes.train(wanted, steps=training.steps)
     lanes.observer.phase(config.generations, "play")
@@ -97,7 +97,7 @@ def planned(store: Store, start: str, steps: int) -> Hardening:
         ConfigError: where the first of them were trained otherwise, or there is no policy to go on from.
     """
     before = hardening(store)
-    policy = before.policy if before is not None else best(store)
+    policy = before.policy if before is not None else _best(store)
     usual = {BEST: _half(store, policy), SCRATCH: store.config.steps}
     wanted = Hardening(policy=policy, anew=start == SCRATCH, steps=steps or usual[start])
     if before is None or before == wanted:
@@ -118,7 +118,7 @@ def _half(store: Store, policy: PolicyId) -> int:
     return max(1, store.lanes.results()[origin(store, policy.lane)].env_steps // PARTS)
 
 
-def best(store: Store) -> PolicyId:
+def _best(store: Store) -> PolicyId:
     """The one that `polish=` left, or that in `best/`; of equal ones there that of the reward which lies beside it.
     Raises ConfigError before there is one."""
     if (polished := store.lanes.best_policy()) is not None:
