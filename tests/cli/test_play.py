@@ -4,7 +4,7 @@ import torch
 from openeureka.cli import play
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError, RewardFileError
-from openeureka.report import page
+from openeureka.film import web
 from openeureka.store import Store
 from openeureka.training.policy import Policy
 
@@ -95,7 +95,7 @@ def shown(asked, monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
     monkeypatch.setattr(play.viewer, "has_display", lambda: True)
     monkeypatch.setattr(play, "Stage", lambda env, policy, seed: f"{env} {policy} {seed}")
     monkeypatch.setattr(play.viewer, "window", lambda stage: calls.append(("window", stage)))
-    monkeypatch.setattr(page, "page", lambda stage, port: calls.append((f"page at {port}", stage)))
+    monkeypatch.setattr(web, "page", lambda stage, port: calls.append((f"page at {port}", stage)))
     return calls
 
 

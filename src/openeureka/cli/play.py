@@ -8,11 +8,12 @@ from pathlib import Path
 from ..config import short_name
 from ..display.progress import working
 from ..errors import ConfigError
+from ..film import viewer
+from ..film.screen import draws_itself
+from ..film.stage import Stage
+from ..film.video import render
 from ..parsing import parse
-from ..report import filming, viewer
-from ..report.screen import draws_itself
-from ..report.stage import Stage
-from ..report.video import render
+from ..report import filming
 from ..runs import trust
 from ..store import artifacts, is_run, read_config
 from ..text import one_line
@@ -36,7 +37,7 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
     if web and draws_itself(env):
         raise ConfigError(f"`{env}` draws its own pictures, which no page shows in 3-D; leave --web out.")
     if web:
-        from ..report.page import page  # loads a user interface
+        from ..film.web import page  # loads a user interface
 
         page(Stage(env, policy, config.seed), config.port)
     elif not (config.out or config.beside or draws_itself(env)) and viewer.has_display():
