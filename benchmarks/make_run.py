@@ -102,12 +102,11 @@ def _most(words: str) -> str:
 def summary() -> str:
     """How the runs ended, in a sentence."""
     runs: list[Any] = list(read(RESULTS).values())
-    parts: list[str] = []
-    for most in sorted({_most(one["settings"]) for one in runs}, reverse=True):
-        ends = Counter(one["verdict"].partition(":")[0] for one in runs if _most(one["settings"]) == most)
-        each = ", ".join(f"*{end[0].lower()}{end[1:]}* ({times})" for end, times in ends.most_common())
-        parts.append(f"With at most {most} fresh seeds: {each}.")
-    return f"{len(runs)} runs of `make run` ended so. {' '.join(parts)}"
+    ends = Counter(one["verdict"].partition(":")[0] for one in runs)
+    each = ", ".join(f"*{end[0].lower()}{end[1:]}* ({times})" for end, times in ends.most_common())
+    seeds = Counter(_most(one["settings"]) for one in runs)
+    most = ", ".join(f"at most {count} ({times})" for count, times in sorted(seeds.items(), reverse=True))
+    return f"How {len(runs)} runs of `make run` ended: {each}. Fresh seeds they took: {most}."
 
 
 if __name__ == "__main__":

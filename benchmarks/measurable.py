@@ -22,6 +22,7 @@ from records import Record, interval, machine, read, write
 import openeureka
 from openeureka.report.text import spread
 from openeureka.score import difference, mean
+from openeureka.tasks.registry import get
 
 ENVS = ("anymal", "ant", "humanoid")
 SIGHTS = ("all", "measurable")
@@ -39,7 +40,7 @@ def measure(env: str, seeds: int, out: Path, **settings: Any) -> Record:
         for sight in SIGHTS
     }
     scores = {sight: list(run.view.given["human"].scores) for sight, run in runs.items()}
-    return {"steps": runs["all"].config.steps, **machine("cpu"), "held_out": scores}
+    return {"steps": runs["all"].config.steps or get(env).recipe.env_steps, **machine("cpu"), "held_out": scores}
 
 
 def rows(measured: Mapping[str, Record]) -> list[list[str]]:
@@ -59,6 +60,9 @@ def _row(env: str, found: Record) -> list[str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--env", action="append", choices=ENVS, help="a task; may be repeated")
+    parser.add_argument(
+        "--steps", type=lambda text: int(float(text)), default=0, help="of each training; 0: the task's own"
+    )
     parser.add_argument("--tiny", action="store_true", help="short episodes and trainings of one task, kept nowhere")
     options = parser.parse_args()
     if options.tiny:
@@ -67,7 +71,7 @@ def main() -> None:
         return
     for env in options.env or ENVS:
         if env not in read(RESULTS):
-            found = measure(env, SEEDS, OUTPUTS / "measurable_bench")
+            found = measure(env, SEEDS, OUTPUTS / "measurable_bench", steps=options.steps)
             write(RESULTS, {**read(RESULTS), env: found})
         print(*_row(env, read(RESULTS)[env]), sep=" | ", flush=True)
 

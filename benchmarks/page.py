@@ -39,9 +39,9 @@ from records import today, write
 
 from openeureka import strategies
 from openeureka.config import RunConfig
+from openeureka.film.mp4 import encode
 from openeureka.loop import run
 from openeureka.report import html
-from openeureka.report.film import encode
 from openeureka.report.view import VIDEO, RunView
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer

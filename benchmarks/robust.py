@@ -37,7 +37,7 @@ ARMS = (PLAIN, LONGER, UNIFORM, "ours")
 RESULTS = Path(__file__).parent / "results" / "robust.json"
 TITLES = (
     *("task", "trainings begin with", "seeds", *ARMS, "ours loses in its own world"),
-    *("in hard ones, of what plain loses there", "uniform loses"),
+    *("of plain's loss in hard worlds: ours", "uniform"),
 )
 
 

@@ -18,9 +18,11 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+from headline import PLAN
 from records import conditions, read, write
 
 import openeureka
+from openeureka.benchmark.plan import load
 from openeureka.refine.tuned import ORIGINAL
 from openeureka.report.text import number
 from openeureka.reward.weights import weighed, weights
@@ -54,8 +56,9 @@ def spoiled(text: str, seed: int) -> str:
 def measure(task: str, kind: str, options: argparse.Namespace) -> Record:
     """One tuning, as far as it is not there yet, and what it found."""
     text = human.program(get(task))
-    names = ("trials", "sample", "seeds", "seed", "steps", "worlds", "device")
+    names = ("trials", "sample", "seeds", "seed", "worlds", "device")
     settings = {name: getattr(options, name) for name in names}
+    settings["steps"] = options.steps or load(PLAN).per_task[task]["steps"]
     run = openeureka.tune(
         task,
         text if kind == "human" else spoiled(text, options.seed),
@@ -136,6 +139,8 @@ def main() -> None:
     options = parser.parse_args()
     for task in () if options.markdown else options.tasks.split(","):
         for kind in options.kinds.split(","):
+            if f"{task}/{kind}/{options.seed}" in read(options.out):
+                continue
             record = measure(task, kind, options)
             write(options.out, read(options.out) | {f"{task}/{kind}/{options.seed}": record})
             print(f"{task}, {kind}: {record['verdict']}", flush=True)

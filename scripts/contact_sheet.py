@@ -20,8 +20,8 @@ os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo reads it when it is imported
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from openeureka.report import film, video
-from openeureka.report.stage import Stage
+from openeureka.film import mp4, video
+from openeureka.film.stage import Stage
 from openeureka.tasks import registry
 
 OUT = Path(__file__).parents[1] / "docs" / "images" / "tasks.png"
@@ -66,7 +66,7 @@ def filmed(env: str) -> list[Image.Image]:
     begun = time.process_time() + sum(os.times()[2:4])
     encoded = video.render(env, "random", seconds=FILM)
     spent = time.process_time() + sum(os.times()[2:4]) - begun
-    pictures = film.frames(encoded)
+    pictures = mp4.frames(encoded)
     stage, reach = Stage(env, "random", seed=0), []
     for _ in range(round(FILM / stage.dt)):
         reach.append(stage.director.sees(stage.data))

@@ -20,7 +20,7 @@ import mujoco
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from openeureka.report.looks import decorated
+from openeureka.film.looks import decorated
 from openeureka.tasks import registry
 from openeureka.training.evaluate import HELD_OUT_SEED
 from openeureka.training.policy import Player, Policy

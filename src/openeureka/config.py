@@ -28,6 +28,10 @@ _COUNTS = (
     *("sample", "iteration", "feedback_timeout", "repair", "refill", "tune", "polish"),
     *("polish_steps", "steps", "worlds", "threads", "max_cost"),
 )
+LARGEST_SEED = 2**52
+"""Fresh seeds are added to it, and JSON's whole numbers end at 2**53."""
+MOST_THREADS = 1024
+"""A process that asks for many more is killed."""
 FEWEST_TUNED = 4
 """Trainings of a tuning, and of a round of one: with fewer, nothing says which way is up."""
 
@@ -122,6 +126,10 @@ class RunConfig:
         for key in ("sample", "iteration", "repair", "refill", "screen", "tune", "polish", "seeds"):
             if getattr(self, key) > _MANY:
                 raise ConfigError(f"`{key}` must be at most {_MANY}.")
+        for key in ("temperature", "feedback_timeout", "max_cost"):
+            if not math.isfinite(getattr(self, key)):
+                raise ConfigError(f"`{key}` must be a number, not {getattr(self, key)}.")
+        _check_machine(self.seed, self.threads)
         if not self.model.strip():
             raise ConfigError("`model` is empty: say model=local, model=random or the name of a model at an endpoint.")
         if "@" in self.base_url.partition("://")[2].partition("/")[0]:
@@ -232,6 +240,7 @@ class TrainConfig:
         for key in ("steps", "worlds", "threads"):
             if getattr(self, key) < 0:
                 raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
+        _check_machine(self.seed, self.threads)
         if self.bonus not in BONUSES:
             raise ConfigError(f"`bonus` must be one of {', '.join(BONUSES)}, not `{self.bonus}`.")
 
@@ -297,6 +306,8 @@ class RobustConfig:
             raise ConfigError(f"`sample` must be from 1 to 1000, not {self.sample}.")
         if not 0 <= self.steps < 2**53:
             raise ConfigError(f"`steps` must be zero or more, and fewer than 2**53, not {self.steps}.")
+        if not math.isfinite(self.max_cost):
+            raise ConfigError(f"`max_cost` must be a number, not {self.max_cost}.")
         if self.start not in STARTS:
             raise ConfigError(f"`start` must be {' or '.join(STARTS)}, not `{self.start}`.")
 
@@ -311,6 +322,14 @@ class RobustConfig:
         own = {key: value for key, value in dataclasses.asdict(self).items() if key not in apart}
         given = {key: value for key, value in own.items() if value or key in counts}
         return dataclasses.replace(run, schedule="full", **given)
+
+
+def _check_machine(seed: int, threads: int) -> None:
+    """Raises ConfigError for what would end a run after its first training."""
+    if not 0 <= seed <= LARGEST_SEED:
+        raise ConfigError(f"`seed` must be from 0 to {LARGEST_SEED}, not {seed}.")
+    if threads > MOST_THREADS:
+        raise ConfigError(f"`threads` must be at most {MOST_THREADS}, not {threads}; 0 takes all cores.")
 
 
 def short_name(env: str) -> str:

@@ -28,6 +28,8 @@ from .types.bounds import Count
 _PREFIX = struct.Struct("<IQ")  # header bytes, blob bytes
 MAX_HEADER = 64 << 20
 MAX_BLOBS = 4 << 30
+MOST_NICE = 10
+"""Of a session: a tenth of a core is left where others want all."""
 
 
 def interpreter() -> list[str]:
@@ -134,7 +136,8 @@ class Worker:
     Args:
         module: import path whose `__main__` opens a `Channel`.
         env: the child's whole environment; None inherits this process's.
-        nice: by how much the child yields to others, 0 to 19, from its first instruction on.
+        nice: by how much the child yields to others, 0 to 19, beyond what this process does. None for one that somebody
+            waits for: it has the share of a session of its own, however much this process yields.
         max_header, max_blobs: caps on what the child may send, in bytes.
     """
 
@@ -144,7 +147,7 @@ class Worker:
         *,
         args: tuple[str, ...] = (),
         env: Mapping[str, str] | None = None,
-        nice: int = 0,
+        nice: int | None = None,
         max_header: int = MAX_HEADER,
         max_blobs: int = MAX_BLOBS,
     ) -> None:
@@ -152,10 +155,12 @@ class Worker:
         # the last of the path: what else lies there is not to be found before the standard library.
         root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
         code = (
-            f"import os, sys, runpy; os.nice({nice}); sys.path.insert(0, {root!r}); import openeureka; "
+            f"import os, sys, runpy; os.nice({nice or 0}); sys.path.insert(0, {root!r}); import openeureka; "
             f"sys.path.append(sys.path.pop(0)); runpy.run_module({module!r}, run_name='__main__')"
         )
         self._start([*interpreter(), "-c", code, *args], env, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        if nice is not None:
+            _yield_group(self.process.pid, os.getpriority(os.PRIO_PROCESS, 0) + nice)
         assert self.process.stdin is not None and self.process.stdout is not None
         self._stdin, self._stdout = self.process.stdin, self.process.stdout
         self._reader = _Reader(self._stdout.fileno(), max_header, max_blobs)
@@ -226,6 +231,23 @@ class Worker:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _yield_group(pid: int, nice: int) -> None:
+    """Let a session yield as the process that leads it does, but keep a tenth of a core: below, trainings seem to hang.
+
+    Linux shares the cores out among sessions, and only then among the processes of each by how nice they are (sched(7),
+    autogroup): a worker, which has a session of its own, would take as much as whoever sits at this machine.
+    """
+    for _ in range(20 if nice > 0 else 0):
+        try:
+            Path(f"/proc/{pid}/autogroup").write_text(str(min(nice, MOST_NICE)))
+        except BlockingIOError:  # the kernel hears one such wish in a tenth of a second
+            time.sleep(0.1)
+        except OSError:  # it does not share them out so
+            return
+        else:
+            return
 
 
 class Stranger(Worker):

@@ -16,7 +16,7 @@ from ui.serving import visitor
 
 from openeureka.cli import main as command
 from openeureka.cli import play
-from openeureka.report import video
+from openeureka.film import video
 from openeureka.runs import compose
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 from openeureka.training.policy import Policy

@@ -1,7 +1,7 @@
 import pytest
 
 from openeureka.cli import main as command
-from openeureka.report.stage import Stage
+from openeureka.film.stage import Stage
 from openeureka.tasks.registry import get
 
 CART = """

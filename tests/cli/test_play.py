@@ -3,8 +3,8 @@ import torch
 
 from openeureka.cli import play
 from openeureka.config import RunConfig
-from openeureka.errors import ConfigError, RewardFileError
-from openeureka.report import page
+from openeureka.errors import ConfigError, RewardFileError, StoreError
+from openeureka.film import web
 from openeureka.store import Store
 from openeureka.training.policy import Policy
 
@@ -41,8 +41,10 @@ def test_the_best_policy_of_a_run_is_shown_on_its_own_task(asked, tmp_path, caps
 
 
 def test_the_policy_that_was_carried_on_is_shown_where_it_is_better(asked, tmp_path):
-    with pytest.raises(ConfigError, match="holds no policy that was carried on to more"):
-        play.play([str(tmp_path), "policy=polished"])
+    Store.open(tmp_path, RunConfig(env="ant")).close()
+    for word, maker in (("polished", "`polish=N`"), ("robust", "`eureka robust`")):
+        with pytest.raises(ConfigError, match=f"holds no {word} policy, which {maker} leaves"):
+            play.play([str(tmp_path), f"policy={word}"])
     (tmp_path / "polished").mkdir()
     (tmp_path / "polished" / "policy.safetensors").write_bytes(policy_of("ant"))
     play.play([str(tmp_path), "policy=polished", f"out={tmp_path}/a.mp4"])
@@ -77,8 +79,15 @@ def test_a_task_whose_file_has_moved_is_found_where_env_says(asked, tmp_path):
 
 
 def test_a_run_without_a_policy_says_so(asked, tmp_path):
+    Store.open(tmp_path / "run", RunConfig(env="ant")).close()
     with pytest.raises(ConfigError, match="has no policy yet; `eureka show"):
-        play.play([str(tmp_path)])
+        play.play([f"{tmp_path}/run"])
+
+
+def test_what_is_no_run_is_called_so(asked, tmp_path):
+    for directory, why in ((tmp_path, "it has no run.sqlite"), (tmp_path / "none", "there is no such directory")):
+        with pytest.raises(StoreError, match=f"is not a run: {why}"):
+            play.play([str(directory)])
 
 
 def test_a_name_that_fits_no_file_says_what_does(asked, tmp_path):
@@ -95,7 +104,7 @@ def shown(asked, monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
     monkeypatch.setattr(play.viewer, "has_display", lambda: True)
     monkeypatch.setattr(play, "Stage", lambda env, policy, seed: f"{env} {policy} {seed}")
     monkeypatch.setattr(play.viewer, "window", lambda stage: calls.append(("window", stage)))
-    monkeypatch.setattr(page, "page", lambda stage, port: calls.append((f"page at {port}", stage)))
+    monkeypatch.setattr(web, "page", lambda stage, port: calls.append((f"page at {port}", stage)))
     return calls
 
 

@@ -14,7 +14,7 @@ from openeureka.cli import remote
 from openeureka.config import RunConfig
 from openeureka.display import log
 from openeureka.errors import ModelError
-from openeureka.report import video
+from openeureka.film import video
 from openeureka.report.view import RunView
 from openeureka.runs import compose, stopping
 from openeureka.sandbox import client, confine

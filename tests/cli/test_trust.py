@@ -18,8 +18,8 @@ from openeureka.cli.settings import PlayConfig
 from openeureka.cli.show import report, show
 from openeureka.config import RunConfig, TrainConfig
 from openeureka.errors import ConfigError
+from openeureka.film import video
 from openeureka.loop import run as run_search
-from openeureka.report import video
 from openeureka.runs import compose, trust
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply

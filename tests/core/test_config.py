@@ -1,6 +1,6 @@
 import pytest
 
-from openeureka.config import RunConfig
+from openeureka.config import RobustConfig, RunConfig, TrainConfig
 from openeureka.errors import ConfigError
 from openeureka.parsing import as_dict, parse, restored
 
@@ -36,6 +36,11 @@ def test_a_config_survives_being_stored_and_read_back():
         ("sample=", "`sample` takes a whole number"),
         (f"sample={'9' * 5000}", "`sample` takes a whole number"),
         ("max_cost=much", "`max_cost` takes a number"),
+        ("seed=-1", "`seed` must be from 0 to 4503599627370496"),
+        ("seed=99999999999999999999", "`seed` must be from 0 to 4503599627370496"),
+        ("max_cost=nan", "`max_cost` must be a number"),
+        ("temperature=inf", "`temperature` must be a number"),
+        ("threads=100000", "`threads` must be at most 1024"),
         ("unsafe_no_sandbox=perhaps", "`unsafe_no_sandbox` takes true or false"),
     ],
 )
@@ -43,6 +48,17 @@ def test_a_wrong_word_is_one_sentence_that_says_what_to_do(word: str, says: str)
     with pytest.raises(ConfigError, match=r"^[^\n]*$") as error:
         parse(RunConfig, [word])
     assert says in str(error.value)
+
+
+@pytest.mark.parametrize("word", ["seed=-1", "threads=100000"])
+def test_trainings_of_given_rewards_refuse_what_a_search_refuses(word: str):
+    with pytest.raises(ConfigError, match="must be"):
+        parse(TrainConfig, [word])
+
+
+def test_a_limit_of_cost_that_is_no_number_is_none():
+    with pytest.raises(ConfigError, match="`max_cost` must be a number"):
+        parse(RobustConfig, ["max_cost=nan"])
 
 
 @pytest.mark.parametrize(("text", "steps"), [("1e6", 1_000_000), ("2.5e5", 250_000), ("1E3", 1000), ("7", 7)])

@@ -89,7 +89,21 @@ def test_a_polite_worker_yields_to_this_process():
         child.send({"do": "echo"})
         child.receive(timeout=20)
         mine, its = (os.getpriority(os.PRIO_PROCESS, process) for process in (0, child.process.pid))
+        group = Path(f"/proc/{child.process.pid}/autogroup")
+        assert not group.exists() or group.read_text().endswith(f"nice {min(10, its)}\n")
     assert its == min(19, mine + 3)
+
+
+@pytest.mark.skipif(not Path("/proc/self/autogroup").exists(), reason="this kernel makes no groups of sessions")
+@pytest.mark.parametrize(("nice", "expected"), [(0, "nice 10"), (None, "nice 0")])
+def test_of_a_polite_process_the_sessions_of_workers_yield_too_unless_somebody_waits(nice: int | None, expected: str):
+    script = (
+        "import os; from pathlib import Path; os.nice(19); from openeureka.worker import Worker\n"
+        f"with Worker('runpy', nice={nice}) as child:\n"
+        "    print(Path(f'/proc/{child.process.pid}/autogroup').read_text())"
+    )
+    done = subprocess.run([*interpreter(), "-c", script], capture_output=True, text=True, timeout=60)
+    assert expected in done.stdout, done.stderr
 
 
 def test_death_is_reported_with_the_last_words(worker: Worker):

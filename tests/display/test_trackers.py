@@ -15,8 +15,8 @@ from tensorboard.backend.event_processing.event_file_loader import EventFileLoad
 from openeureka.config import RunConfig
 from openeureka.display import tensorboard, trackers
 from openeureka.errors import ConfigError
+from openeureka.film.mp4 import encode
 from openeureka.observer import Observers
-from openeureka.report.film import encode
 from openeureka.report.view import VIDEO
 from openeureka.testing.scripted import reply
 

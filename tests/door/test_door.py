@@ -15,7 +15,7 @@ import openeureka
 from openeureka.cli.search import resume as resume_command
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError, ModelError, RewardFileError, StoreError
-from openeureka.report import film, video
+from openeureka.film import mp4, video
 from openeureka.runs import compose, rewards
 from openeureka.store import Store
 from openeureka.store.directory import ask_to_stop
@@ -285,7 +285,7 @@ def test_frames_are_those_of_the_film(trained, monkeypatch):
     def render(env, data, *, seconds, seed):
         assert (env, seconds, seed) == ("cartpole", 0.2, 7) and Policy.from_bytes(data).env == "cartpole"
         levels = (0, 50, 100, 150, 200, 250)
-        return film.encode((np.full((48, 64, 3), level, np.uint8) for level in levels), rate=30)
+        return mp4.encode((np.full((48, 64, 3), level, np.uint8) for level in levels), rate=30)
 
     monkeypatch.setattr(video, "render", render)
     frames = trained.play(seconds=0.2, seed=7)

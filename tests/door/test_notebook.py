@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from openeureka.report import video
+from openeureka.film import video
 
 NOTEBOOK = Path(__file__).parents[2] / "examples" / "notebook.ipynb"
 

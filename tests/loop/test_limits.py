@@ -14,7 +14,7 @@ from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 from openeureka.method.hacking import Kind
 from openeureka.report import costs, html, tables
-from openeureka.report.verdict import verdict
+from openeureka.report.verdict import of_tuning, verdict
 from openeureka.report.view import RunView
 from openeureka.runs.run import Run
 from openeureka.score import played
@@ -141,3 +141,24 @@ def test_of_the_winner_s_policies_one_that_keeps_the_limits_is_handed_over(tmp_p
     with Store.view(tmp_path / "run") as store:
         (kept, *_) = store.lanes.exposed("best")
     assert run.crown is not None and run.evaluations[kept.lane].costs["torque"] == 50.0
+
+
+class _Late(Costly):
+    """Policies take a torque of 9, or 13 where F is above 3.005: so does the reward worth 3 with fresh seeds alone."""
+
+    def evaluate(self, env: str, policies: Any, *, seed: int, **options: Any) -> Iterator[Evaluation]:
+        for score in super().evaluate(env, policies, seed=seed, **options):
+            yield replace(score, costs={"torque": 9.0 if float(policies[score.lane]) < 3.005 else 13.0})
+
+
+def test_fitted_numbers_that_keep_a_limit_replace_a_reward_that_breaks_it(tmp_path: Path) -> None:
+    text = "```python\ndef compute_reward(x):\n    y = 2.0 * x\n    return 3.0 * y\n```"
+    directory = search_in(tmp_path / "run", [text], trainer=_Late(), sample=1, seeds=2, tune=8, limits="torque=10")
+    run = RunView.read(directory)
+    found = run.tuned
+    assert run.crown is None and found is not None and found.after
+    before, after = found.arms["original"].scores, found.arms[found.after].scores
+    assert min(before) > max(after)  # by F alone the text as it came would stay
+    assert found.breach_before == "torque 13 N m, above 10" and not found.breach
+    assert found.better == found.after and "return 3.0 * y" not in (directory / "best" / "reward.py").read_text()
+    assert of_tuning(found).startswith("The tuned numbers win: the policies of those before break a limit, torque 13")

@@ -9,7 +9,7 @@ import pytest
 
 from openeureka import strategies
 from openeureka.config import RunConfig
-from openeureka.errors import ConfigError, FeedbackError, RewardFileError
+from openeureka.errors import ConfigError, FeedbackError, ModelError, RewardFileError
 from openeureka.loop import run
 from openeureka.method.person import EmptyDesk
 from openeureka.score import Outcome
@@ -252,6 +252,16 @@ def test_a_replay_repeats_what_was_said_and_asks_nobody(begin) -> None:
     assert two.go(Silent()) == first
     assert two.history() == one.history()
     assert two.model.prompts == one.model.prompts
+
+
+def test_a_replay_that_has_not_the_candidates_that_were_spoken_of_says_so_and_keeps_nothing(begin) -> None:
+    one = begin()
+    one.heard([favourite(0, 1)])
+    two = begin(name="replay", sample=1, model=f"replay:{one.directory}")
+    with pytest.raises(ModelError, match=r"g0s1 is no trained candidate .* Give this one the same env, sample"):
+        two.go(Silent())
+    with Store.view(two.directory) as store:
+        assert not store.remarks.unheard()
 
 
 # --- given rewards ---

@@ -177,3 +177,38 @@ def test_a_curriculum_is_no_place_for_rungs():
         RunConfig(schedule="halving", curriculum="spin")
     with pytest.raises(ConfigError, match="full, halving"):
         RunConfig(schedule="fast")
+
+
+class _Diverging(ToyTrainer):
+    """The reward worth 2 diverges before the first rung. `begun` is what lanes trained from, to which share."""
+
+    def __init__(self, stop: bool = False) -> None:
+        super().__init__()
+        self.stop, self.begun = stop, list[tuple[float, str, bytes | None]]()
+
+    def train(self, env, lanes, budget):
+        self.begun += [(budget.until, lane.id, lane.paused) for lane in lanes]
+        for lane in lanes:
+            result = self._result(lane)
+            if lane.program not in ("human", "sparse") and result.fitness == 2:
+                yield replace(result, state=TrainingState.DIVERGED, message="not a number", last=None)
+            else:
+                yield self._paused(lane, budget.until) if budget.until < 1 else result
+        if self.stop:
+            raise KeyboardInterrupt
+
+
+def test_stopped_at_a_rung_where_one_rival_is_left_a_search_goes_on_from_there(tmp_path):
+    def go(name: str, trainer: _Diverging) -> list[tuple[float, str, bytes | None]]:
+        config = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=1, schedule="halving")
+        model = ScriptedModel([reply(2), reply(3)])
+        with Store.open(tmp_path / name, config) as store:
+            run(config, store, model, ToyChecker(), trainer, TOY, make(config))
+        return trainer.begun
+
+    whole = go("whole", _Diverging())
+    stopped = _Diverging(stop=True)
+    with pytest.raises(KeyboardInterrupt):
+        go("stopped", stopped)
+    assert {until for until, *_ in stopped.begun} == {0.125}
+    assert [*stopped.begun, *go("stopped", _Diverging())] == whole

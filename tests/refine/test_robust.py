@@ -100,7 +100,7 @@ def test_the_proposal_that_plays_best_in_hard_worlds_is_kept_with_its_ranges(sea
     assert (searched / "robust" / "policy.safetensors").read_bytes() == b"8.01/1.2000000000000002"
     assert longer.worlds["mass -30 %"].fitness == pytest.approx(4.01)  # its own world taught it nothing
     assert told.arms(found).rows[1][:2] == ("longer", "none")
-    assert told.verdict(found).startswith("In hard worlds the policy is better: F ")
+    assert told.verdict(found).startswith("In hard worlds the new policy is better: F ")
     unsure = {name: replace(score, error=9.0) for name, score in ours.worlds.items()}
     blurred = replace(found, arms=(plain, replace(ours, worlds=unsure)))
     assert told.verdict(blurred).startswith("Not decided in hard worlds: F ")
@@ -343,4 +343,5 @@ def test_ranges_are_compared_with_as_much_training_without_them(searched: Path) 
     better = {name: replace(score, fitness=ours.worlds[name].fitness + 1) for name, score in longer.worlds.items()}
     ahead = replace(longer, worlds=better, hard=(ours.hard or 0.0) + 1)
     said = told.verdict(replace(found, arms=(plain, ahead, uniform, ours)))
-    assert said.startswith("In hard worlds the policy is worse: F ") and "trained on as long without them" in said
+    assert said.startswith("In hard worlds the new policy is worse: F ")
+    assert "after as much training without ranges" in said

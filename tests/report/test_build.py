@@ -1,6 +1,7 @@
 import pytest
 
-from openeureka.report import build, video
+from openeureka.film import video
+from openeureka.report import build
 from openeureka.testing.scripted import reply
 
 from .policies import policy

@@ -3,7 +3,8 @@ from threading import Event
 import pytest
 
 from openeureka.config import RunConfig
-from openeureka.report import build, filming, video
+from openeureka.film import video
+from openeureka.report import build, filming
 from openeureka.report.filming import Filming
 from openeureka.report.view import RunView
 from openeureka.testing.scripted import ScriptedModel, program, reply

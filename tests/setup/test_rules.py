@@ -35,7 +35,7 @@ def _said(path: Path) -> set[str]:
 
 def test_sockets_are_opened_by_models_the_page_and_the_viewer():
     opens = users("socket", "http", "urllib.request", "httpx2", "openai", "huggingface_hub", "uvicorn", "mujoco.studio")
-    assert {name for name in opens if name.split("/")[0] not in ("llm", "ui")} == {"report/page.py"}
+    assert {name for name in opens if name.split("/")[0] not in ("llm", "ui")} == {"film/web.py"}
 
 
 SEARCH = """

@@ -78,8 +78,8 @@ def test_processes_are_started_where_contributing_says():
         "sandbox/server.py",
         "llm/local.py",
         "llm/weights.py",
-        "report/film.py",
-        "report/video.py",
+        "film/mp4.py",
+        "film/video.py",
         "ui/launch.py",
         "ui/play.py",
     }

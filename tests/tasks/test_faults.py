@@ -6,8 +6,8 @@ import pytest
 
 from openeureka.cli.main import main
 from openeureka.errors import TaskError
-from openeureka.report import video
-from openeureka.report.video import VideoUnavailable
+from openeureka.film import video
+from openeureka.film.video import VideoUnavailable
 from openeureka.tasks.record import try_out
 from openeureka.tasks.registry import get, make
 

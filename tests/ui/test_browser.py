@@ -21,8 +21,8 @@ from report.test_html import NamesComponents
 
 from openeureka.config import RunConfig
 from openeureka.display import now
+from openeureka.film.mp4 import encode
 from openeureka.report import html
-from openeureka.report.film import encode
 from openeureka.report.view import VIDEO, RunView
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 from openeureka.types import Prompt, Reply, TrainingProgress, Usage

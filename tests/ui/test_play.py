@@ -12,8 +12,8 @@ from playwright.sync_api import Page, expect
 from report.policies import policy
 from report.scripted import search_in
 
+from openeureka.film.live import Live
 from openeureka.report import filming
-from openeureka.report.live import Live
 from openeureka.tasks import registry
 from openeureka.testing.scripted import reply
 from openeureka.training.policy import Policy

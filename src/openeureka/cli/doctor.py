@@ -11,11 +11,11 @@ from importlib.metadata import PackageNotFoundError, version
 from ..errors import ConfigError
 from ..executors import ray
 from ..executors.devices import devices, usable_cores
+from ..film import video
+from ..film.video import VideoUnavailable
 from ..llm import weights
 from ..parsing import parse
-from ..report import video
 from ..report.text import columns
-from ..report.video import VideoUnavailable
 from ..sandbox import confine
 from .settings import DoctorConfig
 

@@ -45,6 +45,8 @@ def _best(directory: Path) -> tuple[str, RewardGraph]:
     source = (artifacts.read(directory, "best/reward.py") or b"").decode(errors="replace")
     with Store.view(directory) as store:
         verdict = store.verdict(Candidate.of(source).id)
+    if not source and artifacts.read(directory, "best/policy.safetensors") is not None:
+        raise ConfigError(f"The best reward of {directory} is the task's own; there is nothing to export.")
     if verdict is None or verdict.graph is None:
         raise ConfigError(f"{directory} has found no reward yet; `eureka show {directory}` says how far it is.")
     return source, verdict.graph

@@ -47,6 +47,7 @@ app = typer.Typer(
     help="A language model designs reinforcement-learning rewards, a population of policies judges them.",
     no_args_is_help=True,
     add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )

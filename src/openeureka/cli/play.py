@@ -8,11 +8,12 @@ from pathlib import Path
 from ..config import short_name
 from ..display.progress import working
 from ..errors import ConfigError
+from ..film import viewer
+from ..film.screen import draws_itself
+from ..film.stage import Stage
+from ..film.video import render
 from ..parsing import parse
-from ..report import filming, viewer
-from ..report.screen import draws_itself
-from ..report.stage import Stage
-from ..report.video import render
+from ..report import filming
 from ..runs import trust
 from ..store import artifacts, is_run, read_config
 from ..text import one_line
@@ -20,7 +21,11 @@ from ..training.policy import Policy
 from .settings import PlayConfig, only_path, split
 
 AGENTS = ("random", "zero")
-POLISHED = "polished"
+_MADE_BY = {
+    "polished": "which `polish=N` leaves where it finds a better one",
+    "robust": "which `eureka robust` leaves",
+}
+"""Policies of a run beside that in `best/`, by what `policy=` calls them."""
 HUMAN = "human"
 CAPTION = 40
 """Characters that half a picture has room for."""
@@ -36,7 +41,7 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
     if web and draws_itself(env):
         raise ConfigError(f"`{env}` draws its own pictures, which no page shows in 3-D; leave --web out.")
     if web:
-        from ..report.page import page  # loads a user interface
+        from ..film.web import page  # loads a user interface
 
         page(Stage(env, policy, config.seed), config.port)
     elif not (config.out or config.beside or draws_itself(env)) and viewer.has_display():
@@ -52,7 +57,7 @@ def _chosen(config: PlayConfig, directory: Path | None) -> tuple[str, bytes | st
     if config.policy in AGENTS:
         run = read_config(directory).env if directory is not None else ""
         return _trusted(run, config.env) if run else config.env or "cartpole", config.policy
-    of_run = config.policy in ("", POLISHED)
+    of_run = config.policy in ("", *_MADE_BY)
     policy = _of_run(directory, config.policy) if directory and of_run else _read(Path(config.policy))
     return _env_of(policy, config.env), policy
 
@@ -74,10 +79,10 @@ def _film(env: str, policy: bytes | str, config: PlayConfig, directory: Path | N
 def _of_run(directory: Path, wanted: str) -> bytes:
     """A policy of a run or a training, which anybody may have made."""
     policy = artifacts.read(directory, f"{wanted or 'best'}/policy.safetensors")
+    if policy is None:
+        read_config(directory)  # refuses what is no run
     if policy is None and wanted:
-        raise ConfigError(
-            f"{directory} holds no policy that was carried on to more (polish=N); leave policy=polished out."
-        )
+        raise ConfigError(f"{directory} holds no {wanted} policy, {_MADE_BY[wanted]}; leave policy={wanted} out.")
     if policy is None:
         raise ConfigError(f"{directory} has no policy yet; `eureka show {directory}` says how far it is.")
     return policy

@@ -139,7 +139,7 @@ def final(outcome: Outcome) -> list[str]:
     arms |= {f"runner-up {place}": arm for place, arm in outcome.rivals.items()}
     arms |= {"human": outcome.human, "sparse": outcome.sparse}
     rows = [(name, spread(arm.training), spread(arm.held_out)) for name, arm in arms.items()]
-    table = columns([("final, fresh seeds", "F in training", "F held out"), *rows])
+    table = columns([("final", "F in training", "F held out (± deviation)"), *rows])
     score = f"Human-normalised score, held out: {number(outcome.normalised)}. {tables.scale(outcome)}"
     return [*table.splitlines(), score]
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import torch
 
 from ..config import RunConfig
+from ..drafting.draft import Draft, class_name, draft
 from ..errors import ConfigError
 from ..method import baselines, prompts
 from ..parsing import parse
@@ -23,7 +24,6 @@ from ..store.artifacts import write
 from ..tasks import registry
 from ..tasks.context import context as context_of
 from ..tasks.context import informed
-from ..tasks.draft import Draft, class_name, draft
 from ..tasks.record import record_states
 from ..tasks.task import Task
 from ..text import plain

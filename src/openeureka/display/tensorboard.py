@@ -15,8 +15,8 @@ from tensorboard.compat.proto.types_pb2 import DT_STRING  # pyright: ignore[repo
 from tensorboard.summary.writer.record_writer import RecordWriter
 
 from ..config import RunConfig
+from ..film import mp4
 from ..parsing import as_dict
-from ..report import film
 from ..store import artifacts
 
 EVENTS = "events.out.tfevents.0"
@@ -43,7 +43,7 @@ class TensorBoard:
         self._write([Summary.Value(tag=name, tensor=said, metadata=about)], 0)
 
     def film(self, name: str, file: Path) -> None:
-        picture, width, height = film.gif(file.read_bytes())
+        picture, width, height = mp4.gif(file.read_bytes())
         image = Summary.Image(encoded_image_string=picture, width=width, height=height, colorspace=3)
         self._write([Summary.Value(tag=name, image=image)], 0)
 

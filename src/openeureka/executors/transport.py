@@ -82,7 +82,7 @@ class Processes:
 
     def call(self, request: Frame, slot: Slot) -> ProcessCall:
         # Idle OpenMP threads that spin would starve the simulator's threads, many times over on a busy machine.
-        worker = Worker(self._module, env={"GOMP_SPINCOUNT": "0", **os.environ})
+        worker = Worker(self._module, env={"GOMP_SPINCOUNT": "0", **os.environ}, nice=0)
         try:
             worker.send({**request.header, **slot._asdict()}, request.blobs)
         except WorkerDied:

@@ -220,9 +220,14 @@ class Lanes:
         log = self.store.lanes
         if rung is WHOLE:
             return list(going.values())
-        if self._stood(number, going) or not _racing(going, rivals):
+        if self._stood(number, going) or not self._entered(number, going, rivals):
             return []
         return [spec for lane, spec in going.items() if log.paused(number, lane) is None]
+
+    def _entered(self, number: int, going: Mapping[str, LaneSpec], rivals: Container[str]) -> bool:
+        """Whether lanes stop at a rung: rivals race to it, or did before the run was stopped and all but one of them
+        diverged on the way."""
+        return _racing(going, rivals) or any(self.store.lanes.paused(number, lane) is not None for lane in going)
 
     def _stood(self, number: int, going: Mapping[str, LaneSpec]) -> dict[str, Standing]:
         """How lanes stood at a rung, once that is decided."""
@@ -233,7 +238,7 @@ class Lanes:
     ) -> dict[str, LaneSpec]:
         """Let policies play at a rung; the lanes that go on from there. Of rivals, those that trail are cut."""
         log, stood = self.store.lanes, self._stood(number, going)
-        if not stood and (rung is WHOLE or not _racing(going, rivals)):
+        if not stood and (rung is WHOLE or not self._entered(number, going, rivals)):
             return dict(going)
         paused = {lane: result for lane in going if (result := log.paused(number, lane)) is not None}
         if not stood:

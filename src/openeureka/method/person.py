@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from ..config import RunConfig
+from ..errors import FeedbackError, ModelError
 from ..observer import Observer
 from ..store import Store, read_remarks
+from ..store.directory import check
 from ..types import Generation, History, RemarkKind
 
 POLL = 0.5
@@ -64,10 +66,16 @@ class Hearing:
     def _repeat(self, index: int) -> None:
         """Say what was said in the run that is replayed."""
         recorded = read_remarks(self.config.model.removeprefix("replay:")).get(index, ())
-        if (
-            not self.store.remarks.unheard()
-        ):  # they are committed all or none: a replay that was killed here may have them
-            self.store.remarks.say(*recorded)
+        if self.store.remarks.unheard():
+            return  # they are committed all or none: a replay that was killed here may have them
+        try:
+            check(self.store, recorded)
+        except FeedbackError as error:
+            raise ModelError(
+                f"What was said in the run of {self.config.model} does not fit this one: {error} Give this one the "
+                "same env, sample, iteration, repair, refill and seed."
+            ) from None
+        self.store.remarks.say(*recorded)
 
     def _wait(self, generation: Generation) -> None:
         """Until somebody says `go`, or nobody did for too long."""

@@ -89,16 +89,24 @@ class Tuned:
     )
     """Mean of each component at the end of the final trainings, before and after."""
     breach: str = ""
-    """The limits that its policies break, on average over its final trainings; empty where none."""
+    """The limits that the policies of `after` break, on average over its final trainings; empty where none."""
+    breach_before: str = ""
+    """The same of the text as it came."""
 
     @property
     def better(self) -> str:
-        """Which of both has the higher mean of held-out F, and stands in `best/`; of equals the text as it came, and
-        where the other breaks a limit."""
-        return max(
-            (ORIGINAL, self.after) if self.after and not self.breach else (ORIGINAL,),
-            key=lambda name: rank(mean(self.arms[name].scores)) if name in self.arms else 0.0,
-        )
+        """Which of both stands in `best/`. The other replaces the text as it came where it keeps the limits, and has a
+        higher mean of held-out F or is alone in keeping them."""
+        if not self.after or self.breach:
+            return ORIGINAL
+        if self.breach_before:
+            return self.after
+        return max((ORIGINAL, self.after), key=lambda name: rank(mean(self.arms[name].scores)))
+
+    @property
+    def lawful(self) -> bool:
+        """Whether the better one keeps the limits."""
+        return not (self.breach if self.better == self.after else self.breach_before)
 
     @property
     def difference(self) -> Difference | None:
@@ -160,9 +168,18 @@ def read(
         return found
     before_after = ([results[lane] for lane in lanes[name]] for name in (ORIGINAL, after))
     arms = {name: _arm(own, results, evaluations) for name, own in lanes.items()}
-    judged = [score for lane in lanes[after] if (score := evaluations.get(lane) or played.get(lane)) is not None]
-    broken = breach(pooled(judged), limits) if judged else ""
-    return replace(found, arms=arms, components=_components(*before_after), breach=broken)
+
+    def broken(name: str) -> str:
+        judged = [score for lane in lanes[name] if (score := evaluations.get(lane) or played.get(lane)) is not None]
+        return breach(pooled(judged), limits) if judged else ""
+
+    return replace(
+        found,
+        arms=arms,
+        components=_components(*before_after),
+        breach=broken(after),
+        breach_before=broken(ORIGINAL),
+    )
 
 
 def size(config: RunConfig) -> int:

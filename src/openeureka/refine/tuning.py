@@ -217,7 +217,10 @@ def _leading(lanes: Lanes, texts: tuned.Texts) -> list[str]:
 
 
 def _conclude(lanes: Lanes, texts: tuned.Texts, strategy: Best) -> PolicyId | None:
-    """Score the final trainings on held-out episodes, and leave the better reward in `best/`."""
+    """Score the final trainings on held-out episodes, and leave the better reward in `best/`.
+
+    Returns: its policy; None where that breaks a limit.
+    """
     config, store = lanes.config, lanes.store
     results = store.lanes.results()
     own = tuned.final_lanes(config, texts, results)
@@ -230,4 +233,4 @@ def _conclude(lanes: Lanes, texts: tuned.Texts, strategy: Best) -> PolicyId | No
     kept = scores[lane].peak if lane in scores else None
     policy = PolicyId(lane, kept or standing[lane])
     store.save_best(texts[found.better], policy)
-    return policy
+    return policy if found.lawful else None

@@ -1,1 +1,1 @@
-"""What a person sees of a run: pages, pictures, videos."""
+"""What a person reads of a run: pages, tables, charts; and files of it for other programs."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import RewardFileError, TaskError
+from ..film import video
 from ..store import artifacts
 from ..tasks import registry
 from ..training.policy import Policy
-from . import export, filming, html, video
+from . import export, filming, html
 from .view import VIDEO, RunView
 
 

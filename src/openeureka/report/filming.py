@@ -16,11 +16,11 @@ from types import TracebackType
 
 from ..config import RunConfig
 from ..errors import EurekaError
+from ..film import video
 from ..observer import NullObserver
 from ..score import standing
 from ..store import Store, artifacts, is_run
 from ..types import Generation
-from . import video
 from .view import VIDEO
 
 SECONDS = 6.0

@@ -17,19 +17,19 @@ def verdict(found: Robust) -> str:
     longer, uniform = by_name.get(LONGER), by_name.get(UNIFORM)
     if ours is None or ours.hard is None or plain.hard is None:
         return "Not decided yet: `eureka robust DIR` goes on with it."
-    control, whose = plain, "of the policy before"
+    control, others = plain, [f"{number(plain.hard)} before"]
     if longer is not None and longer.hard is not None:
         control = longer
-        whose = f"of the policy before ({number(plain.hard)}), trained on as long without them"
-    more = gain(*(pooled([*arm.worlds.values()], shared=True) for arm in (ours, control)))
-    between = f"F {number(ours.hard)} against {number(control.hard)} {whose}"
+        others.insert(0, f"{number(longer.hard)} after as much training without ranges")
     if uniform is not None and uniform.hard is not None:
-        between += f", and {number(uniform.hard)} with uniform ranges"
+        others.insert(-1, f"{number(uniform.hard)} with uniform ranges")
+    more = gain(*(pooled([*arm.worlds.values()], shared=True) for arm in (ours, control)))
+    between = f"F {number(ours.hard)} against {', '.join(others)}"
     nominal = f"In its own world: {_nominal(ours)} against {_nominal(plain)} before."
     broken = f" But it breaks a limit of the run: {ours.breach}." if ours.breach else ""
     if more is None or more.low is None:
         return f"Not decided in hard worlds: {between}. {nominal}{broken}"
-    told = decided(more, "In hard worlds the policy is {}", between, unless="Not decided in hard worlds")
+    told = decided(more, "In hard worlds the new policy is {}", between, unless="Not decided in hard worlds")
     return f"{told} {nominal} One training each.{broken}"
 
 

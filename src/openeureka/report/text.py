@@ -7,12 +7,17 @@ from collections.abc import Sequence
 
 from ..types import Evaluation
 
+LARGE = 1e6
+"""From here on numbers are written with an exponent."""
 BLOCKS = "▁▂▃▄▅▆▇█"
 
 
 def number(value: float | None, digits: int = 4) -> str:
     """A score for a table; a dash where there is none."""
-    return "-" if value is None else f"{value:.{digits}g}"
+    if value is None:
+        return "-"
+    text = f"{value:.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < LARGE else text
 
 
 def scored(score: Evaluation | None) -> str:

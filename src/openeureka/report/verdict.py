@@ -41,6 +41,8 @@ def of_tuning(found: Tuned | None) -> str:
     if found.breach:
         return f"The numbers stay as they came: the policies of the tuned ones break a limit, {found.breach}."
     between = f"F {_arm(after)} against {_arm(before)}, held out"
+    if found.breach_before:
+        return f"The tuned numbers win: the policies of those before break a limit, {found.breach_before}; {between}."
     difference = found.difference
     if difference is None:
         return f"Not decided: {between}. One seed says nothing of the next; seeds=3 would say more."

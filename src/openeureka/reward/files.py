@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..errors import RewardFileError
+from ..errors import RewardFileError, nearest
 from ..types import Candidate
+
+OWN = ("human", "sparse")
 
 
 def read(path: Path) -> Candidate:
@@ -13,6 +15,7 @@ def read(path: Path) -> Candidate:
     try:
         return Candidate.of(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise RewardFileError(f"Cannot read the reward file {path}: {error.strerror}.") from None
+        known = f"{nearest(str(path), OWN)} {' and '.join(OWN)} are the task's own; any other name is that of a file."
+        raise RewardFileError(f"Cannot read the reward file {path}: {error.strerror}.{known}") from None
     except UnicodeDecodeError:
         raise RewardFileError(f"{path} is not a text file; a reward file is Python source in UTF-8.") from None

@@ -228,7 +228,7 @@ class Run:
             ConfigError: where the run names a task that is not installed and that you never used here: it would be run
                 with your rights.
         """
-        from ..report import film, video
+        from ..film import mp4, video
         from . import trust
 
         if not 0.0 < seconds <= LONGEST:
@@ -239,7 +239,7 @@ class Run:
                 f"The run names env={task}, which is no installed task and was never used here; call play(env=...) if "
                 "you know where it comes from: it is run with your rights."
             )
-        return film.frames(
+        return mp4.frames(
             video.render(task, self._policy("polished" if polished else "best"), seconds=seconds, seed=seed)
         )
 

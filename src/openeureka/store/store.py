@@ -13,7 +13,7 @@ from typing import Literal, TypeVar
 from filelock import FileLock, Timeout
 
 from ..codec import decode, encode
-from ..config import RunConfig
+from ..config import NO_MODEL, RunConfig
 from ..errors import ConfigError, StoreError
 from ..parsing import as_dict, restored
 from ..score import played
@@ -157,6 +157,9 @@ class Store:
             return
         stored, wanted = as_dict(self.config), as_dict(config)
         differing = [key for key in wanted if key not in FREE_TO_CHANGE and stored[key] != wanted[key]]
+        if (stored["model"] == NO_MODEL) != (wanted["model"] == NO_MODEL):
+            held = "trainings of given rewards" if stored["model"] == NO_MODEL else "a search"
+            raise StoreError(f"{self.directory} holds {held}, which this is not; choose another dir=.")
         if differing:
             changes = ", ".join(f"{key}={wanted[key]} (was {stored[key]})" for key in differing)
             raise StoreError(f"{self.directory} holds a run with other settings: {changes}; use those or another dir=.")

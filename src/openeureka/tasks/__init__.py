@@ -1,1 +1,1 @@
-"""What a task is, how it is stepped, found and drafted; the tasks themselves are in `suite`."""
+"""What a task is, how it is stepped and found; the tasks themselves are in `suite`."""

@@ -53,7 +53,7 @@ class Players:
             self._playing.pop(oldest).close()
         if key in self._playing:
             self._playing.pop(key).close()
-        with Worker("openeureka.report.live") as player:
+        with Worker("openeureka.film.live") as player:
             self._playing[key] = player
             try:
                 player.send({"env": env}, {"policy": policy})

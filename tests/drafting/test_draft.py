@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 import torch
 
+from openeureka.drafting.draft import class_name, draft
 from openeureka.errors import TaskError
 from openeureka.tasks.context import context
-from openeureka.tasks.draft import class_name, draft
 from openeureka.tasks.record import record_states
 from openeureka.tasks.registry import get, make
 from openeureka.testing.conformance.task import TaskConformance

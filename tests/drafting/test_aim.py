@@ -3,9 +3,9 @@
 import mujoco
 import pytest
 
+from openeureka.drafting.aim import find_aim
+from openeureka.drafting.survey import Survey
 from openeureka.errors import TaskError
-from openeureka.tasks.aim import find_aim
-from openeureka.tasks.survey import Survey
 
 # An arm, two cubes, one on slides, and a goal that is moved by hand.
 TABLE = """

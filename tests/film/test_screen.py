@@ -8,8 +8,8 @@ pytest.importorskip("gymnasium", reason="needs Gymnasium: pip install 'openeurek
 
 from adapters import worlds  # noqa: F401  registers its environments
 
-from openeureka.report.render import frames
-from openeureka.report.screen import NothingDrawn, Screen, draws_itself, fitted
+from openeureka.film.render import frames
+from openeureka.film.screen import NothingDrawn, Screen, draws_itself, fitted
 from openeureka.tasks import registry
 from openeureka.training.evaluate import evaluate
 from openeureka.training.policy import Policy

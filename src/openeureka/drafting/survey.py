@@ -10,8 +10,7 @@ import mujoco
 import numpy as np
 
 from ..errors import TaskError
-from ..types import StateUse
-from .anatomy import (
+from ..tasks.anatomy import (
     BALL,
     FREE,
     HINGE,
@@ -29,7 +28,8 @@ from .anatomy import (
     rises,
     scalar_joints,
 )
-from .sensors import readings
+from ..tasks.sensors import readings
+from ..types import StateUse
 
 FALLEN = 0.6
 """Share of its height at the start below which a robot has fallen."""

@@ -18,10 +18,10 @@ import jinja2
 import mujoco
 
 from ..errors import TaskError
+from ..tasks.anatomy import SWAY, columns, home, named, scalar_joints
+from ..tasks.urdf import read_urdf
 from .aim import Aim, find_aim
-from .anatomy import SWAY, columns, home, named, scalar_joints
 from .survey import Survey, Variable
-from .urdf import read_urdf
 
 CONTROL_DT = 0.02
 """[s] between two actions, or the model's own timestep if that is longer."""

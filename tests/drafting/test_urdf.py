@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
+from openeureka.drafting.draft import draft
 from openeureka.errors import TaskError
-from openeureka.tasks.draft import draft
 from openeureka.tasks.registry import make
 from openeureka.tasks.urdf import read_urdf
 

@@ -1,8 +1,8 @@
 import mujoco
 import pytest
 
-from openeureka.report.camera import MARGIN, Camera
-from openeureka.report.stage import Stage
+from openeureka.film.camera import MARGIN, Camera
+from openeureka.film.stage import Stage
 from openeureka.tasks import registry
 from openeureka.tasks.task import View
 

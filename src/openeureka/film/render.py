@@ -1,4 +1,4 @@
-"""The child process behind `report.video`: plays policies, each in one world, and encodes what the cameras see.
+"""The child process behind `film.video`: plays policies, each in one world, and encodes what the cameras see.
 
 The parent sets MUJOCO_GL, which MuJoCo reads when it is imported.
 """
@@ -15,7 +15,7 @@ from PIL import Image, ImageDraw, ImageFont
 from ..errors import EurekaError
 from ..tasks.faults import fault, told
 from ..worker import Channel
-from . import film
+from . import mp4
 from .screen import Screen, draws_itself
 from .stage import Stage
 
@@ -81,7 +81,7 @@ def main() -> None:
     try:
         agents = [request.blobs.get(f"policy {place}", agent) for place, agent in enumerate(wanted["agents"])]
         stages = [_shown(wanted["env"], agent, wanted["seed"], len(agents)) for agent in agents]
-        video = film.encode(frames(stages, wanted["seconds"], wanted["captions"]), FPS)
+        video = mp4.encode(frames(stages, wanted["seconds"], wanted["captions"]), FPS)
     except EurekaError as error:
         channel.send({"refused": str(error)})
     except Exception as error:

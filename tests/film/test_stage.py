@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import torch
 
-from openeureka.report.looks import PREFIX
-from openeureka.report.stage import Stage
+from openeureka.film.looks import PREFIX
+from openeureka.film.stage import Stage
 from openeureka.suite.dexterity.re_orientation import ShadowHandReOrientation
 from openeureka.tasks import registry
 

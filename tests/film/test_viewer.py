@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from openeureka.report import page, viewer
-from openeureka.report.stage import Stage
-from openeureka.report.viewer import ViewerUnavailable
+from openeureka.film import viewer, web
+from openeureka.film.stage import Stage
+from openeureka.film.viewer import ViewerUnavailable
 
 
 class EndingStage(Stage):
@@ -46,7 +46,7 @@ def listening(port: int) -> set[str]:
 def test_the_page_is_served_to_this_machine_only_and_the_policy_plays(capfd):
     stage, port = EndingStage(), free_port()
     start = stage.data.qpos.copy()
-    thread = threading.Thread(target=page.page, args=(stage, port))
+    thread = threading.Thread(target=web.page, args=(stage, port))
     thread.start()
     try:
         deadline = time.monotonic() + 60
@@ -66,7 +66,7 @@ def test_a_taken_port_is_one_sentence(capfd):
         other.bind(("127.0.0.1", 0))
         other.listen()
         with pytest.raises(ViewerUnavailable, match="No page: "):
-            page.page(Stage("cartpole", "zero", 0), other.getsockname()[1])
+            web.page(Stage("cartpole", "zero", 0), other.getsockname()[1])
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems always have a display")
@@ -80,8 +80,8 @@ def test_without_a_display_there_is_none(monkeypatch):
 def test_a_window_plays_until_it_is_closed():
     code = """
 import threading, time, mujoco.viewer
-from openeureka.report import viewer
-from openeureka.report.stage import Stage
+from openeureka.film import viewer
+from openeureka.film.stage import Stage
 stage, steps, open_window = Stage("cartpole", "random", 0), [], mujoco.viewer.launch_passive
 def launch(*args, **kwargs):
     window = open_window(*args, **kwargs)

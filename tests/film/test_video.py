@@ -4,8 +4,8 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 
-from openeureka.report import film, video
-from openeureka.report.video import VideoUnavailable, render
+from openeureka.film import mp4, video
+from openeureka.film.video import VideoUnavailable, render
 
 
 def needs_rendering() -> None:
@@ -25,9 +25,9 @@ def test_a_second_of_cartpole_is_a_video_of_one_second(tmp_path):
 
 def test_two_policies_play_side_by_side_under_their_captions_in_any_browser():
     needs_rendering()
-    mp4 = render("cartpole", "zero", beside="zero", captions=("a", "b"), seconds=0.1)
-    assert b"avc1" in mp4 and mp4.index(b"moov") < mp4.index(b"mdat")  # H.264, played before all of it is there
-    pictures = film.frames(mp4)
+    clip = render("cartpole", "zero", beside="zero", captions=("a", "b"), seconds=0.1)
+    assert b"avc1" in clip and clip.index(b"moov") < clip.index(b"mdat")  # H.264, played before all of it is there
+    pictures = mp4.frames(clip)
     assert pictures.shape == (3, 720, 1280, 3)
     left, right = np.split(pictures[0].astype(int), 2, axis=1)
     assert np.abs(left[80:] - right[80:]).mean() < 3  # they begin alike
@@ -36,7 +36,7 @@ def test_two_policies_play_side_by_side_under_their_captions_in_any_browser():
 
 def test_a_film_that_ffmpeg_refuses_is_no_film():
     with pytest.raises((subprocess.CalledProcessError, BrokenPipeError)):  # by when it ends
-        film.encode([np.zeros((47, 63, 3), np.uint8)] * 3, rate=10)
+        mp4.encode([np.zeros((47, 63, 3), np.uint8)] * 3, rate=10)
 
 
 def test_without_opengl_one_sentence_says_what_to_install(monkeypatch):

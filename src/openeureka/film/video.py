@@ -66,7 +66,7 @@ def _first_that_works(
     manners = {"OMP_NUM_THREADS": "1", "LP_NUM_THREADS": "1"} if background else {}  # LP: Mesa's software renderer
     for backend in _backends():
         environment = {**os.environ, **manners, "MUJOCO_GL": backend}
-        with Worker("openeureka.report.render", env=environment, nice=19 if background else 0) as worker:
+        with Worker("openeureka.film.render", env=environment, nice=19 if background else None) as worker:
             try:
                 worker.send(request, blobs)
                 answer = worker.receive(START)

@@ -1,0 +1,69 @@
+"""Every long measurement that the pages still lack, one after another, at the lowest priority.
+
+    python benchmarks/missing.py           # goes on until nothing is missing; days on 2 cores
+    python benchmarks/missing.py --left    # what it would run, in its order
+
+Each is a script of this folder that keeps what it finds in `benchmarks/results/` and repeats nothing, so this can be
+stopped and begun again at any time. `make docs` then brings what is new into the pages. What needs a language model at
+an endpoint (`robust.py`, `generations.py`) is not among them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import headline
+import measurable
+import polish
+import progress
+import tune
+from records import read
+
+from openeureka.benchmark.plan import load
+
+FOLDER = Path(__file__).parent
+
+
+def left() -> Iterator[list[str]]:
+    """The commands that would find something new, the quickest ways to a whole table first."""
+    known = read(measurable.RESULTS)
+    yield from (["measurable.py", "--env", env] for env in measurable.ENVS if env not in known)
+    known = read(headline.RESULTS)
+    yield from (["headline.py", "--env", env] for env in load(headline.PLAN).tasks if env not in known)
+    known = read(tune.RESULTS)
+    yield from (
+        ["tune.py", "--tasks", env, "--kinds", kind]
+        for env in tune.TASKS
+        for kind in tune.KINDS
+        if f"{env}/{kind}/0" not in known
+    )
+    known = read(polish.RESULTS)
+    yield from (["polish.py", "--env", env] for env in polish.TASKS if env not in known)
+    known = read(progress.RESULTS)
+    yield from (["progress.py", "--env", env] for env in progress.tasks() if env not in known)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--left", action="store_true", help="print the commands, run none")
+    options = parser.parse_args()
+    if options.left:
+        print(*(shlex.join(["python", f"benchmarks/{script}", *words]) for script, *words in left()), sep="\n")
+        return
+    os.nice(19)
+    tried: list[list[str]] = []
+    while (command := next((one for one in left() if one not in tried), None)) is not None:
+        tried.append(command)  # what fails now would fail again
+        script, *words = command
+        print(shlex.join(command), flush=True)
+        subprocess.run([sys.executable, FOLDER / script, *words], check=False)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Task files drafted for `eureka new`, from a robot's model and a sentence."""

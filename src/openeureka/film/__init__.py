@@ -1,0 +1,1 @@
+"""A policy at work, to look at: pictures, films, windows. It knows tasks and policies, and no run."""

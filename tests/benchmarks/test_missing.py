@@ -1,0 +1,47 @@
+"""The queue of long measurements: what is known is not asked for again."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+import headline
+import measurable
+import missing
+import polish
+import progress
+import tune
+
+
+@pytest.fixture
+def results(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    for script in (headline, measurable, polish, progress, tune):
+        monkeypatch.setattr(script, "RESULTS", tmp_path / f"{script.__name__}.json")
+    return tmp_path
+
+
+def test_where_nothing_is_known_everything_is_missing(results: Path):
+    commands = list(missing.left())
+    # 3 tasks of measurable, 31 of the table, 2 x 2 tunings, 3 of polish, and a folder of rewards each of progress
+    assert len(commands) == 3 + 31 + 4 + 3 + len(progress.tasks())
+    assert all((missing.FOLDER / script).is_file() for script, *_ in commands)
+
+
+def test_what_is_known_is_not_among_them(results: Path):
+    (results / "measurable.json").write_text(json.dumps({"ant": {}, "humanoid": {}}))
+    (results / "tune.json").write_text(json.dumps({"ant/human/0": {}, "ant/spoiled/1": {}}))
+    commands = list(missing.left())
+    assert [words for script, *words in commands if script == "measurable.py"] == [["--env", "anymal"]]
+    tunings = [words[1::2] for script, *words in commands if script == "tune.py"]
+    assert tunings == [["ant", "spoiled"], ["shadow_hand_over", "human"], ["shadow_hand_over", "spoiled"]]
+
+
+def test_a_script_that_fails_does_not_stop_the_others_and_is_tried_once(results: Path, monkeypatch):
+    ran: list[str] = []
+    monkeypatch.setattr(missing.subprocess, "run", lambda command, **_: ran.append(Path(command[1]).name))
+    monkeypatch.setattr(missing.os, "nice", lambda _: 0)
+    monkeypatch.setattr(sys, "argv", ["missing.py"])
+    missing.main()
+    assert len(ran) == len(list(missing.left()))
