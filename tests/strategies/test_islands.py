@@ -2,11 +2,15 @@ from dataclasses import replace
 from random import Random
 
 from openeureka.config import RunConfig
+from openeureka.llm.client import LanguageModel
+from openeureka.llm.registry import ReplayModel
+from openeureka.loop import run
 from openeureka.method import prompts
+from openeureka.store import Store, read_replies
 from openeureka.strategies import make
 from openeureka.strategies.islands import RENEWAL, Islands, islands
 from openeureka.testing.conformance.search import SearchConformance, entries
-from openeureka.testing.scripted import TOY
+from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
 from openeureka.types import History, Place, PromptPlan, Remark, RemarkKind
 
 
@@ -15,6 +19,7 @@ class TestIslands(SearchConformance):
         return islands(RunConfig(sample=4))
 
 
+SEARCH = "openeureka.strategies.islands:islands"
 TWO = Islands(samples=4)
 """Slots 0 and 1 are one island, 2 and 3 the other."""
 
@@ -99,3 +104,21 @@ def test_the_model_is_asked_to_combine_both() -> None:
     assert "the one to improve" not in text
     mutate = replace(plan, crossover=False, turns=plan.turns[-1:])
     assert "to be combined" not in prompts.render(TOY, mutate, "free").messages[-1].content
+
+
+def test_a_search_of_several_prompts_and_a_refill_is_replayed_as_it_was(tmp_path):
+    refused = "```python\ndef compute_reward(x):\n    return x\n```"
+    first, second = [reply(worth) for worth in (1, 2, 3, 4)], [reply(worth) for worth in (5, 6, 7, 8)]
+
+    def go(name: str, answering: LanguageModel, **settings: object) -> History:
+        config = RunConfig(
+            **{"sample": 4, "iteration": 2, "repair": 0, "refill": 1, "seeds": 2, "search": SEARCH, **settings}
+        )
+        with Store.open(tmp_path / name, config) as store:
+            run(config, store, answering, ToyChecker(), ToyTrainer(), TOY, make(config))
+        with Store.view(tmp_path / name) as store:
+            return store.history()
+
+    whole = go("whole", ScriptedModel([*first, refused, *second]))
+    again = ReplayModel(read_replies(tmp_path / "whole"), "free")
+    assert go("again", again, model=f"replay:{tmp_path / 'whole'}") == whole

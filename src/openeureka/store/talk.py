@@ -50,8 +50,16 @@ class TalkLog:
         return decode_reply(row) if row is not None else None
 
     def replies(self) -> tuple[Reply, ...]:
-        """Every reply in the order in which a run asks for them; a given reward was not asked for."""
-        return tuple(reply for reply in self.placed_replies().values() if reply.model != GIVEN)
+        """Every reply in the order in which a run asks for them: all attempts at one prompt, then those at the next. A
+        given reward was not asked for."""
+        asked = {(row["generation"], row["slot"]): row["prompt"] or 0 for row in self._database.rows("slots")}
+
+        def turn(place: tuple[int, int, int]) -> tuple[int, int, int, int]:
+            generation, attempt, slot = place
+            return generation, asked.get((generation, slot), 0), attempt, slot
+
+        placed = self.placed_replies()
+        return tuple(placed[place] for place in sorted(placed, key=turn) if placed[place].model != GIVEN)
 
     def placed_replies(self) -> dict[tuple[int, int, int], Reply]:
         """Every reply by generation, attempt and slot, in that order."""
