@@ -129,7 +129,7 @@ class RunConfig:
         for key in ("temperature", "feedback_timeout", "max_cost"):
             if not math.isfinite(getattr(self, key)):
                 raise ConfigError(f"`{key}` must be a number, not {getattr(self, key)}.")
-        _check_machine(self.seed, self.threads)
+        _check_bounds(self.seed, self.threads)
         if not self.model.strip():
             raise ConfigError("`model` is empty: say model=local, model=random or the name of a model at an endpoint.")
         if "@" in self.base_url.partition("://")[2].partition("/")[0]:
@@ -240,7 +240,7 @@ class TrainConfig:
         for key in ("steps", "worlds", "threads"):
             if getattr(self, key) < 0:
                 raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
-        _check_machine(self.seed, self.threads)
+        _check_bounds(self.seed, self.threads)
         if self.bonus not in BONUSES:
             raise ConfigError(f"`bonus` must be one of {', '.join(BONUSES)}, not `{self.bonus}`.")
 
@@ -324,7 +324,7 @@ class RobustConfig:
         return dataclasses.replace(run, schedule="full", **given)
 
 
-def _check_machine(seed: int, threads: int) -> None:
+def _check_bounds(seed: int, threads: int) -> None:
     """Raises ConfigError for what would end a run after its first training."""
     if not 0 <= seed <= LARGEST_SEED:
         raise ConfigError(f"`seed` must be from 0 to {LARGEST_SEED}, not {seed}.")
