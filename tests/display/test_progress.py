@@ -17,7 +17,18 @@ def test_without_a_terminal_lines_are_plain_and_rare():
     with ProgressLine(Console(file=out, width=200)) as line:
         line.show(PROGRESS)
         line.show(PROGRESS)
-    assert out.getvalue() == "Training: epoch 5 of 20, 12,346 steps/s, 0 s left; best F: [red] 321, sparse-s0 5\n"
+    assert out.getvalue() == "Training: epoch 5 of 20, 12,346 steps/s, starting; best F: [red] 321, sparse-s0 5\n"
+
+
+def test_the_time_left_is_that_of_the_training_shown_and_not_of_one_before_it_or_of_epochs_of_another_day(monkeypatch):
+    now, out = [100.0], io.StringIO()
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    with ProgressLine(Console(file=out, width=200, force_terminal=True)) as line:
+        told: list[str] = []
+        for second, epoch in ((100.0, 1), (110.0, 11), (200.0, 2), (204.0, 4)):
+            now[0] = second
+            told.append(line._sentence(dataclasses.replace(PROGRESS, epoch=epoch)).split(", ")[2].partition(";")[0])
+    assert told == ["starting", "9 s left", "starting", "32 s left"]
 
 
 def test_the_nodes_of_a_cluster_follow_with_what_each_trains():

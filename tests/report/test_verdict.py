@@ -34,14 +34,14 @@ def ended(generated: list[float], human: list[float]) -> RunView:
         (
             [49.0, 51.0],
             [39.0, 41.0],
-            "The generated reward is better than the human one: F 50 ± 1 (2 seeds) against 40",
+            "The generated reward is better than the human one: F 50 (2 seeds) against 40",
         ),
-        ([39.0, 41.0], [49.0, 51.0], "The generated reward is worse than the human one: F 40 ± 1 (2 seeds) against 50"),
+        ([39.0, 41.0], [49.0, 51.0], "The generated reward is worse than the human one: F 40 (2 seeds) against 50"),
         # Means 41 and 40 in the same spread.
         (
             [40.0, 42.0],
             [39.0, 41.0],
-            "Not decided: F 41 ± 1 (2 seeds) against 40 ± 1 (2 seeds), held out; difference +1",
+            "Not decided: F 41 (2 seeds) against 40 (2 seeds), held out; difference +1",
         ),
         ([41.0], [40.0], "Not decided: F 41 (1 seed) against 40 (1 seed), held out. One seed says nothing of the next"),
         ([41.0], [], "The generated reward reaches F 41 (1 seed), held out; there is no human reward to compare with."),

@@ -162,7 +162,7 @@ def test_news_that_waited_for_a_press_is_shown_after_it(page: Page, tmp_path: Pa
     search_in(tmp_path / "other", [reply(7), reply(8)])
     page.wait_for_function("waiting.length > 0")
     page.mouse.up()
-    expect(page.get_by_role("link", name="other", exact=True)).to_be_visible()
+    expect(page.get_by_role("group", name="Runs").get_by_role("link", name="other", exact=True)).to_be_visible()
 
 
 def test_nothing_that_others_wrote_runs(page: Page, tmp_path: Path):

@@ -49,7 +49,9 @@ class ProgressLine:
     def __init__(self, console: Console | None = None) -> None:
         self._console = console or Console()
         self._status = self._console.status("Starting") if self._console.is_terminal else None
-        self._started = time.monotonic()
+        self._since: tuple[float, int] | None = None
+        """When the training that is shown was first heard of, and its epoch then."""
+        self._epoch = 0
         self._printed, self._pause = 0.0, SECONDS_BETWEEN_LINES
 
     def __enter__(self) -> ProgressLine:
@@ -74,8 +76,7 @@ class ProgressLine:
             self._printed = now
 
     def _sentence(self, progress: TrainingProgress) -> str:
-        elapsed = time.monotonic() - self._started
-        left = elapsed / progress.epoch * (progress.epochs - progress.epoch) if progress.epoch else None
+        left = self._left(progress)
         scores = [(fitness, lane) for lane, fitness in progress.fitness.items() if fitness is not None]
         best = ", ".join(f"{lane} {number(fitness)}" for fitness, lane in sorted(scores, reverse=True)[:SHOWN])
         nodes = by_node(progress)
@@ -86,6 +87,16 @@ class ProgressLine:
             + (f"; best F: {best}" if best else "")
             + (f"; {nodes}" if nodes else "")
         )
+
+    def _left(self, progress: TrainingProgress) -> float | None:
+        """[s] to its end at the pace of the epochs heard of; an epoch before the last one heard of is another training."""
+        now = time.monotonic()
+        if self._since is None or progress.epoch < self._epoch:
+            self._since = now, progress.epoch
+        self._epoch = progress.epoch
+        began, first = self._since
+        done = progress.epoch - first
+        return (now - began) / done * (progress.epochs - progress.epoch) if done else None
 
 
 def by_node(progress: TrainingProgress) -> str:

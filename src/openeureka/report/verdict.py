@@ -160,14 +160,9 @@ def deciding(run: RunView, directory: str = "DIR") -> str:
 
 
 def _arm(arm: Arm) -> str:
-    """Mean over seeds, its standard error where there are several, and how many there are."""
-    values = arm.scores
-    middle = mean(values) or 0.0
-    count = f"{len(values)} seed{'s' if len(values) > 1 else ''}"
-    if len(values) < 2:
-        return f"{number(middle)} ({count})"
-    error = (sum((value - middle) ** 2 for value in values) / (len(values) - 1) / len(values)) ** 0.5
-    return f"{number(middle)} ± {number(error, 2)} ({count})"
+    """Mean over seeds, and how many there are; what they leave open, the interval of the difference says."""
+    count = len(arm.scores)
+    return f"{number(mean(arm.scores) or 0.0)} ({count} seed{'s' if count > 1 else ''})"
 
 
 def decided(found: Difference | Estimate, claim: str, between: str, unless: str = "Not decided") -> str:
