@@ -89,7 +89,7 @@ class ProgressLine:
         )
 
     def _left(self, progress: TrainingProgress) -> float | None:
-        """[s] to its end at the pace of the epochs heard of; an epoch before the last one heard of is another training."""
+        """[s] to its end, at the pace of the epochs heard of; after an earlier epoch it is another training."""
         now = time.monotonic()
         if self._since is None or progress.epoch < self._epoch:
             self._since = now, progress.epoch

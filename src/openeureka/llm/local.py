@@ -111,7 +111,7 @@ class LocalModel:
         self.close()
         return ModelError(
             f"The embedded model's process ended or hung ({last}); it needs about 3 GB of memory and a CPU with AVX2. "
-            "Nothing is lost: run the same command again, or with a smaller sample=."
+            "Nothing is lost: go on when less runs beside it, or begin a search with a smaller sample=."
         )
 
 

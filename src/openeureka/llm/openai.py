@@ -213,7 +213,7 @@ class EndpointModel:
             )
         if isinstance(error, openai.APIConnectionError):
             if self._reached:
-                return ModelError(f"{where} breaks off its answers; run the same command again to go on.")
+                return ModelError(f"{where} breaks off its answers; try again.")
             return ModelError(f"{where} cannot be reached; check base_url and the network.")
         if isinstance(error, openai.AuthenticationError | openai.PermissionDeniedError):
             return ModelError(f"{where} refused the key; set the environment variable OPENAI_API_KEY to a valid one.")
@@ -222,7 +222,7 @@ class EndpointModel:
                 f"{where} has no model `{self.name}`; check model= and base_url (which often ends in /v1)."
             )
         if error.code == "insufficient_quota":
-            return ModelError(f"The account at {where} has no credit left; add some, then run the same command again.")
+            return ModelError(f"The account at {where} has no credit left; add some, then go on.")
         if isinstance(error, openai.APIStatusError) and error.response.is_redirect:
             target = _without_secrets(error.response.headers.get("location", "elsewhere"))
             return ModelError(f"{where} sends requests on to {target}; set base_url= to that address if you trust it.")
@@ -237,10 +237,7 @@ class EndpointModel:
         )
 
     def _busy(self, said: str) -> ModelError:
-        return ModelError(
-            f"{self._where} cannot answer now ({self._hidden(said)[:300]}); run the same command again to go on where "
-            "it stopped."
-        )
+        return ModelError(f"{self._where} cannot answer now ({self._hidden(said)[:300]}); go on when it does.")
 
     def _hidden(self, text: str) -> str:
         """The text without the key."""

@@ -66,7 +66,7 @@ def afford(limit: float, replies: Sequence[Reply], price: Price | None, prompt: 
     if spent + expected > limit:
         raise BudgetError(
             f"{count} more replies would cost about {expected:.2f} US dollars and pass max_cost={limit:g}: {spent:.2f} "
-            "are spent. Nothing is lost; run the same command with a higher max_cost to go on."
+            "are spent. Nothing is lost; go on with a higher max_cost=."
         )
 
 

@@ -85,7 +85,7 @@ def explained(directory: Path) -> Generator[None]:
 
 def _sentence(directory: Path, error: OSError | sqlite3.Error) -> str:
     if getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT) or "disk is full" in str(error):
-        return f"The disk that holds {directory} is full; free some space and run the same command again."
+        return f"The disk that holds {directory} is full; free some space and go on."
     if isinstance(error, PermissionError) or "readonly" in str(error) or "unable to open" in str(error):
         return f"{directory} cannot be written; check its permissions or choose another dir=."
     if "not a database" in str(error) or "malformed" in str(error):
@@ -93,7 +93,7 @@ def _sentence(directory: Path, error: OSError | sqlite3.Error) -> str:
     if isinstance(error, sqlite3.DataError):
         return f"{directory / FILENAME} holds a value that no run has; restore it from a copy or choose another dir=."
     if "is locked" in str(error):
-        return f"Another program is writing to {directory / FILENAME}; close it and run the same command again."
+        return f"Another program is writing to {directory / FILENAME}; close it and go on."
     return f"The run in {directory} cannot be read or written: {error}."
 
 
