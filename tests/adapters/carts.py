@@ -81,6 +81,36 @@ class Pair:
         return {"taken": self.first, "inner": {"double": 2.0 * self.first}}
 
 
+class Bits:
+    """Observes the bits that it was given."""
+
+    num_envs = 0
+
+    class single_action_space:  # as Gymnasium's MultiBinary
+        n = 3
+        shape = (3,)
+
+    def __init__(self, worlds):
+        self.taken = np.zeros((worlds, *self.single_action_space.shape))
+
+    def reset(self, *, seed, options):
+        return self.taken.copy(), {}
+
+    def step(self, actions):
+        self.taken[:] = actions.reshape(self.taken.shape)
+        flags = np.zeros(len(actions), bool)
+        return self.taken.copy(), self.taken.sum(1), flags, flags, {}
+
+
+class Counted(Bits):
+    """The same with two choices that do not begin at 0."""
+
+    class single_action_space:
+        nvec = np.array([2, 3])
+        start = np.array([1, 5])
+        shape = (2,)
+
+
 def resets_itself(worlds):
     carts = Carts(worlds)
     carts.metadata = {"autoreset_mode": "AutoresetMode.NEXT_STEP"}

@@ -65,6 +65,18 @@ def test_choices_and_dictionaries_cross_over():
     assert state["taken"].tolist() == [[1.0, 2.0]] * 2 and state["inner_double"].tolist() == [[2.0, 4.0]] * 2
 
 
+def test_bits_and_choices_that_begin_at_one_cross_over_as_gymnasium_has_them():
+    simulation = registry.make(f"python:{HERE / 'carts.py'}:Bits", worlds=2)
+    simulation.reset()
+    assert simulation.task.choices == (2, 2, 2)
+    state = simulation.step(torch.tensor([[0.0, 1.0, 1.0, 0.0, 0.0, 1.0]] * 2)).state
+    assert state["obs_buf"].tolist() == [[1.0, 0.0, 1.0]] * 2
+    simulation = registry.make(f"python:{HERE / 'carts.py'}:Counted", worlds=2)
+    simulation.reset()
+    state = simulation.step(torch.tensor([[0.0, 1.0, 0.0, 0.0, 1.0]] * 2)).state
+    assert state["obs_buf"].tolist() == [[2.0, 7.0]] * 2  # 1 + 1 of {1, 2}, and 5 + 2 of {5, 6, 7}
+
+
 def test_a_training_goes_on_to_the_bit_where_it_was_saved():
     budget = TrainBudget(env_steps=4 * 4 * 64, worlds=4)
     lanes = [LaneSpec(id=name, program=name, seed=seed) for name, seed in (("human", 1), ("sparse", 2))]

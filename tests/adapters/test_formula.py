@@ -5,6 +5,7 @@ pytest.importorskip("gymnasium", reason="needs Gymnasium: pip install 'openeurek
 
 from openeureka.adapters.gym.formula import formula
 from openeureka.errors import TaskError
+from openeureka.tasks.record import record_states
 
 SHAPES = {"speed": (), "place": (3,)}
 VALUES = {"speed": torch.tensor([2.0, -1.0]), "place": torch.tensor([[0.0, 1.0, 4.0], [0.0, 0.0, 9.0]])}
@@ -23,6 +24,12 @@ VALUES = {"speed": torch.tensor([2.0, -1.0]), "place": torch.tensor([[0.0, 1.0, 
 def test_arithmetic_by_hand(text: str, expected: list[float]):
     function, names = formula(text, SHAPES)
     assert function(VALUES).tolist() == expected and names <= SHAPES.keys()
+
+
+def test_a_score_that_is_no_number_everywhere_is_refused_before_anything_is_asked():
+    with pytest.raises(TaskError, match=r"not a finite number in every state of random play; .* log\(max\(x, 0.01\)\)"):
+        record_states("gym:Hopper-v5+fitness=log(x_velocity)")
+    record_states("gym:Hopper-v5+fitness=log(max(x_velocity, 0.01))", worlds=8)
 
 
 REFUSED = """

@@ -84,6 +84,16 @@ def test_a_wrapper_pays_what_the_graph_paid(env: str):
         assert info["reward_of_environment"] == pytest.approx(float(simulation.task.paid[0]), abs=1e-5)
 
 
+def test_a_wrapper_makes_the_environment_as_it_was_trained_on():
+    task = registry.get("gym:Hopper-v5+exclude_current_positions_from_observation=false+healthy_reward=0.5")
+    graph = graph_of(task, PROGRAMS["gym-asis:Hopper-v5"].strip(), record_states(task.env, worlds=4, steps=3, keep=2))
+    text = task.handed_back(graph, "")
+    (made,) = (line.strip() for line in text.splitlines() if "gymnasium.make" in line)
+    theirs = eval(made.removeprefix("env = "), {"gymnasium": gymnasium, **vars(loaded(text))})
+    assert theirs.observation_space.shape == (task.num_observations,) == (12,)
+    assert theirs.unwrapped._healthy_reward == 0.5
+
+
 def with_square(text: str) -> str:
     """A drafted file in which somebody adds the variable that it proposes."""
     table = "spec = StateSpec(\n        ("

@@ -92,6 +92,19 @@ def test_pusher_goes_on_from_what_gymnasium_saw_before(paused: bool):
     assert torch.equal(*(step.final_observation for step in steps))
 
 
+def test_a_world_that_breaks_down_before_the_last_substep_of_pusher_is_bad(monkeypatch: pytest.MonkeyPatch):
+    simulation = registry.make("gym:Pusher-v5", worlds=3)
+    simulation.reset()
+    step = simulation.sim.step
+
+    def breaks(substeps: int) -> None:
+        step(substeps)
+        simulation.sim.bad[1] = substeps > 1
+
+    monkeypatch.setattr(simulation.sim, "step", breaks)
+    assert simulation.step(torch.zeros(3, 7)).bad.tolist() == [False, True, False]
+
+
 def test_effort_is_that_of_the_action_asked_for():
     # Hopper acts every 0.008 s: 80 ms are 10 steps, in which nothing acts.
     simulation = registry.make("gym:Hopper-v5", worlds=1, ranges=[ranges({"delay": (0.08, 0.08)})])

@@ -84,6 +84,7 @@ def test_f_is_what_a_sentence_says(intent: str, measure: str):
         ("not to push the red cube to the goal", '"not"'),
         ("to push the red cube", "does not say what to bring where"),
         ("to run forward", "run"),
+        ("to wave leftHand", '"wave"'),
     ],
 )
 def test_a_sentence_that_is_not_understood_to_its_last_word_gets_no_f(intent: str, why: str):

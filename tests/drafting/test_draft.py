@@ -198,6 +198,17 @@ def test_an_object_on_slides_is_brought_to_the_goal(tmp_path: Path):
     assert bool((task.human_reward(nearer) > task.human_reward(state)).all()), "the arm is not drawn to the puck"
 
 
+def test_the_hand_that_is_to_come_to_the_object_has_a_variable_whatever_it_is(tmp_path: Path):
+    model = TABLE.replace(
+        '<site name="imu" pos="0.2 0 0"/>', '<site name="imu"/><site name="fingertip" pos="0.4 0 0"/>'
+    )
+    simulation = make(drafted(tmp_path, odd(tmp_path, model), "to push the puck to the goal"), worlds=2)
+    simulation.reset()
+    state = simulation.step(torch.zeros(2, 1)).state
+    assert simulation.task.human_reward(state).isfinite().all()
+    assert torch.linalg.vector_norm(state["fingertip_pos"][:, :2], dim=1) == pytest.approx(0.4, abs=0.01)
+
+
 def test_sensors_are_state_variables_as_mujoco_measures_them(tmp_path: Path):
     simulation = make(drafted(tmp_path, odd(tmp_path, TABLE)), worlds=1)
     spec = simulation.task.spec

@@ -1,5 +1,8 @@
 """What a video shows of an environment that draws itself."""
 
+from contextlib import contextmanager
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
@@ -30,6 +33,25 @@ def test_an_environment_is_filmed_as_it_draws_itself():
     pictures = list(frames([Screen("gym:CartPole-v1", "random", 0)], 0.2))
     assert len(pictures) == 6 and pictures[0].shape == (720, 1280, 3)  # 0.2 s at 30 pictures a second
     assert (pictures[0] != pictures[-1]).any()
+
+
+def test_a_film_lasts_as_long_as_what_it_shows_where_a_step_is_longer_than_a_picture():
+    class Slow:
+        dt = 0.1
+
+        def __init__(self):
+            self.taken = 0
+
+        @contextmanager
+        def painter(self, width, height):
+            yield lambda: np.full((height, width, 3), self.taken, np.uint8)
+
+        def step(self):
+            self.taken += 1
+
+    stages: Any = [Slow()]
+    pictures = list(frames(stages, 1.0))
+    assert [picture[0, 0, 0] for picture in pictures] == [step for step in range(10) for _ in range(3)]
 
 
 def test_one_without_pictures_says_so():

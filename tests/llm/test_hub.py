@@ -135,6 +135,14 @@ def test_a_stated_hash_must_hold_and_replaces_one_the_hub_does_not_give(served: 
     assert hub.fetch(f"{NAME}@{SHA}", tmp_path).read_bytes() == DATA
 
 
+def test_a_hash_that_is_stated_later_is_not_taken_to_hold_of_what_is_there(served: Hub, tmp_path: Path):
+    hub.fetch(NAME, tmp_path)
+    with pytest.raises(ModelError, match="did not give the file"):
+        hub.fetch(f"{NAME}@{'1' * 64}", tmp_path)
+    pinned = hub.fetch(f"{NAME}@{SHA}", tmp_path)
+    assert pinned == hub.fetch(f"{NAME}@{SHA}", tmp_path) != hub.fetch(NAME, tmp_path)
+
+
 def test_an_unknown_file_is_one_sentence(served: Hub, tmp_path: Path):
     with pytest.raises(ModelError, match=r"404 .*check the name"):
         hub.fetch("maker/other/model.gguf", tmp_path)

@@ -1,5 +1,8 @@
 """What a good endpoint and its quirks make of a request; `test_endpoint_failures` plays the bad ones."""
 
+import threading
+from typing import Any
+
 import pytest
 
 from openeureka.errors import ModelError
@@ -45,6 +48,21 @@ def test_a_model_that_refuses_a_temperature_is_asked_without_one(endpoint: Endpo
     endpoint.script = [failure(400, "Unsupported value: 'temperature'"), answer("a", "b")]
     assert texts(sample(endpoint.model(), 2)) == ["a", "b"]
     assert "temperature" not in endpoint.bodies[1]
+
+
+def test_requests_that_were_under_way_with_a_temperature_are_all_asked_again_without(endpoint: Endpoint):
+    together = threading.Barrier(3)
+
+    def script(body: dict[str, Any]) -> Answer:
+        if "n" in body:
+            return failure(400, "n must be 1")
+        if "temperature" not in body:
+            return answer("x")
+        together.wait(10.0)
+        return failure(400, "Unsupported value: 'temperature'")
+
+    endpoint.script = script
+    assert texts(sample(endpoint.model(), 3)) == ["x"] * 3
 
 
 def test_waits_double_and_a_stated_wait_is_honoured(endpoint: Endpoint):

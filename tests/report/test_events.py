@@ -32,6 +32,16 @@ def test_the_axes_are_environment_steps_and_seconds(tmp_path):
     assert found == [(2000, 40.0), (3000, 60.0), (1000, 20.0)]
 
 
+def test_a_number_of_the_whole_training_is_no_curve(tmp_path):
+    curves = {"fitness": (1.0, 2.0), "component_early/x": (0.5,), "component_late/x": (0.25,)}
+    result = TrainingResult(
+        lane="a", state=TrainingState.FINISHED, fitness=2.0, curves=curves, env_steps=20, seconds=10.0
+    )
+    path = tmp_path / export.EVENTS
+    path.write_bytes(export.events_of(result))
+    assert [v.tag for e in EventFileLoader(str(path)).Load() for v in e.summary.value] == ["fitness", "fitness"]
+
+
 def test_an_epoch_has_the_time_at_which_it_was_done_and_ppo_a_place_of_its_own(tmp_path):
     curves = {"fitness": (None, 2.0), "ppo/kl": (0.5, 0.25)}
     result = TrainingResult(

@@ -220,6 +220,14 @@ def test_what_ends_an_episode_is_what_the_task_says(task):
         assert getattr(task, "reach", math.inf) == math.inf
 
 
+def test_a_task_that_discounts_nothing_says_so(monkeypatch: pytest.MonkeyPatch):
+    task = get("cartpole")
+    monkeypatch.setattr(task, "recipe", replace(task.recipe, gamma=1.0))
+    config = RunConfig(env="cartpole")
+    facts = informed(context("cartpole"), record_states("cartpole", worlds=4, steps=3, keep=2), config).facts
+    assert "Nothing is discounted: what comes later in an episode counts in full." in facts
+
+
 def test_a_model_is_told_what_the_score_does_not_betray():
     config = RunConfig(env="quadcopter", steps=1_000_000, worlds=128)
     facts = informed(context("quadcopter"), record_states("quadcopter"), config).facts

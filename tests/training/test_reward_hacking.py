@@ -10,7 +10,16 @@ from openeureka.method import hacking
 from openeureka.method.hacking import Kind, Sign, Trial
 from openeureka.training.evaluate import concentration, evaluate
 from openeureka.training.population import Population
-from openeureka.types import Evaluation, LaneSpec, Node, RewardGraph, RewardProgram, TrainBudget, TrainingResult
+from openeureka.types import (
+    Dynamics,
+    Evaluation,
+    LaneSpec,
+    Node,
+    RewardGraph,
+    RewardProgram,
+    TrainBudget,
+    TrainingResult,
+)
 
 SPEED = RewardGraph(nodes=(Node("input", ("cart_velocity",)),), reward=0, components=())
 """The faster the cart runs off its rail, the better."""
@@ -52,6 +61,19 @@ def test_a_hacked_reward_is_flagged(signs: dict[str, tuple[Sign, ...]]):
 
 def test_an_honest_reward_is_not(signs: dict[str, tuple[Sign, ...]]):
     assert signs["human"] == ()
+
+
+def test_more_worlds_than_there_is_room_for_are_played_in_turn(monkeypatch: pytest.MonkeyPatch):
+    lanes = [LaneSpec(id=name, program="human", seed=seed) for seed, name in enumerate("abc")]
+    population = Population("cartpole", lanes, TrainBudget(env_steps=16 * 8 * 2, worlds=8), threads=1)
+    results = [message for message in population.train() if isinstance(message, TrainingResult)]
+    policies = {result.lane: result.last or b"" for result in results}
+    dynamics = {"b": Dynamics(friction=0.5)}
+    together = evaluate("cartpole", policies, seed=5, dynamics=dynamics, episodes=8, threads=1)
+    monkeypatch.setattr("openeureka.training.evaluate.WORLDS", 17)  # two policies at once
+    in_turn = evaluate("cartpole", policies, seed=5, dynamics=dynamics, episodes=8, threads=1)
+    assert [(one.lane, one.episodes) for one in in_turn] == [("a", 8), ("b", 8), ("c", 8)]
+    assert [one.fitness for one in in_turn] == pytest.approx([one.fitness for one in together])
 
 
 def test_concentration_is_the_share_of_the_highest_twentieth():

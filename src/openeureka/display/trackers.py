@@ -120,8 +120,8 @@ class Mirror(NullObserver):
         self._begun = False
 
     def result(self, result: TrainingResult) -> None:
-        for epoch in range(max(map(len, result.curves.values()), default=0)):
-            found = {name: curve[epoch] for name, curve in result.curves.items() if epoch < len(curve)}
+        for epoch in range(max(map(len, result.over_epochs.values()), default=0)):
+            found = {name: curve[epoch] for name, curve in result.over_epochs.items() if epoch < len(curve)}
             values = {f"{result.lane}/{name}": value for name, value in found.items() if value is not None}
             if values:
                 self._tell("numbers", values, epoch)

@@ -188,7 +188,7 @@ class _Reader:
 
     def __init__(self, survey: Survey, intent: str, names: Iterable[str]) -> None:
         self.survey, self.words = survey, _words(intent)
-        self.said = {_stem(word): word for word in re.findall(r"[a-z]+|\d+", intent.lower())}
+        self.said = {_stem(word): word for word in _split(intent)}
         robot = {word for name in names for word in _words(name)} | set(_words(survey.root.name if survey.root else ""))
         others = {word for place in survey.places() if place != survey.root for word in _words(place.name)}
         self.itself = _ITSELF | robot - others - _RUN - _MANNER - _BRING - _TOUCH
@@ -277,8 +277,12 @@ def _unsaid(why: str) -> Aim:
 
 def _words(text: str) -> list[str]:
     """In lower case, without endings; a target is a goal."""
-    split = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
-    return [_stem(word) for word in re.findall(r"[a-z]+|\d+", split.lower())]
+    return [_stem(word) for word in _split(text)]
+
+
+def _split(text: str) -> list[str]:
+    """Words and numbers in lower case; `leftHand` is two."""
+    return re.findall(r"[a-z]+|\d+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text).lower())
 
 
 def _stem(word: str) -> str:

@@ -65,7 +65,7 @@ def draft(
     model = _read(robot, urdf, floating)
     survey = Survey(model)
     aim = find_aim(survey, intent, names=(path.stem, robot.stem), thing=thing, goal=goal)
-    variables = list(survey.variables(aim.mover))
+    variables = list(survey.variables(aim.mover, aim.hand))
     fallen = 0.0 if aim.missing else survey.fallen
     joints, timestep = scalar_joints(model), float(model.opt.timestep)
     swaying = [int(model.jnt_qposadr[joint]) for joint in joints if model.jnt_bodyid[joint] != survey.base]

@@ -178,14 +178,15 @@ class Survey:
         """The name of the state variable that says where it is."""
         return f"{self._beginning(_kind(place), place.index)}_pos"
 
-    def variables(self, mover: Place | None = None) -> Iterator[Variable]:
-        """Those of the table, with the position of `mover`, what a task is about, observed."""
-        told = {self.variable(mover)} if mover else set()
+    def variables(self, mover: Place | None = None, hand: Place | None = None) -> Iterator[Variable]:
+        """Those of the table, with the position of `mover`, what a task is about, observed, and that of `hand`."""
+        told, known = self.variable(mover) if mover else "", set[str]()
         for variable in self._all():
-            yield replace(variable, seen=range(variable.size)) if variable.name in told else variable
-            told.discard(variable.name)
-        if mover and told:
-            yield self._position(mover, seen=True)
+            yield replace(variable, seen=range(variable.size)) if variable.name == told else variable
+            known.add(variable.name)
+        for place in (mover, hand):
+            if place and self.variable(place) not in known:
+                yield self._position(place, seen=place is mover)
 
     def _all(self) -> Iterator[Variable]:
         if self.base is not None:

@@ -21,6 +21,8 @@ from .stage import Stage
 
 WIDTH, HEIGHT = 1280, 720
 FPS = 30
+ROUNDING = 1e-6
+"""[pictures] that a sum of steps may be too long."""
 
 
 def frames(stages: Sequence[Stage | Screen], seconds: float, captions: Sequence[str] = ()) -> Iterator[np.ndarray]:
@@ -32,12 +34,15 @@ def frames(stages: Sequence[Stage | Screen], seconds: float, captions: Sequence[
         labels = [_label(text) for text in captions]
         count = 0
         for step in range(max(1, round(seconds / stages[0].dt))):
-            if step * stages[0].dt * FPS >= count:
+            due = (step + 1) * stages[0].dt * FPS - ROUNDING  # at its end; it may last for several
+            if count < due:
                 pictures = [paint() for paint in painters]
                 for picture, label in zip(pictures, labels, strict=False):
                     _stick(label, picture)
-                yield np.concatenate(pictures, axis=1)
-                count += 1
+                whole = np.concatenate(pictures, axis=1)
+                while count < due:
+                    yield whole
+                    count += 1
             for stage in stages:
                 stage.step()
 

@@ -30,7 +30,9 @@ def fetch(name: str, folder: Path | None = None) -> Path:
         ModelError: the hub cannot be reached, has no such file or no hash of it, or sent other bytes.
     """
     match = parsed(name)
-    target = (folder or weights.cache_dir()) / match["repo"].replace("/", "--") / match["file"].replace("/", "--")
+    file = match["file"].replace("/", "--")
+    pinned = f"{match['sha256'][:16]}--{file}" if match["sha256"] else file
+    target = (folder or weights.cache_dir()) / match["repo"].replace("/", "--") / pinned
     if target.is_file():
         return target
     with weights.exclusive(target):

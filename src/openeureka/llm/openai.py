@@ -139,15 +139,15 @@ class EndpointModel:
         """One request, tried again while that makes sense."""
         for attempt in range(ATTEMPTS):
             last = attempt == ATTEMPTS - 1
-            began = time.monotonic()
+            began, temperature = time.monotonic(), self._temperature
             try:
-                answer = completion.read(self._post(prompt, n))
+                answer = completion.read(self._post(prompt, n, temperature))
             except Unreadable as error:
                 if last or not error.broken:
                     raise self._unreadable(error) from None
                 self._wait(delay({}, attempt))
             except openai.APIError as error:
-                if not self._adapted(error, n):
+                if not self._adapted(error, n, temperature):
                     if last or not self._passing(error, attempt):
                         raise self._explained(error) from None
                     self._wait(delay(_headers(error), attempt))
@@ -155,12 +155,12 @@ class EndpointModel:
                 return self._replies_of(answer, n, time.monotonic() - began)
         raise ModelError(f"{self._where} accepts no request for {self.name}; choose another model.")
 
-    def _post(self, prompt: Prompt, n: int) -> bytes:
+    def _post(self, prompt: Prompt, n: int, temperature: float | None) -> bytes:
         """The body of the answer. Raises openai.APIError, or Unreadable for one without end."""
         until = time.monotonic() + PATIENCE
         body = bytearray()
         create = self._client.chat.completions.with_streaming_response.create
-        with create(**self._arguments(prompt, n)) as response:
+        with create(**self._arguments(prompt, n, temperature)) as response:
             self._reached = True
             try:
                 for chunk in response.iter_bytes():
@@ -175,20 +175,24 @@ class EndpointModel:
                 raise openai.APIConnectionError(request=response.http_request) from None
         return bytes(body)
 
-    def _arguments(self, prompt: Prompt, n: int) -> dict[str, Any]:
+    def _arguments(self, prompt: Prompt, n: int, temperature: float | None) -> dict[str, Any]:
         arguments: dict[str, Any] = {
             "model": self.name,
             "messages": [{"role": message.role, "content": message.content} for message in prompt.messages],
         }
-        if self._temperature is not None:
-            arguments["temperature"] = self._temperature
+        if temperature is not None:
+            arguments["temperature"] = temperature
         return arguments if n == 1 else {**arguments, "n": n}
 
-    def _adapted(self, error: openai.APIError, n: int) -> bool:
-        """Whether the request will be another one next time. Raises _BatchRefused to have it split."""
+    def _adapted(self, error: openai.APIError, n: int, temperature: float | None) -> bool:
+        """Whether the request, made with this temperature, will be another one next time.
+
+        Raises:
+            _BatchRefused: to have it split.
+        """
         if not isinstance(error, openai.BadRequestError | openai.UnprocessableEntityError):
             return False
-        if self._temperature is not None and "temperature" in error.message:
+        if temperature is not None and "temperature" in error.message:
             self._temperature = None  # reasoning models know only their own
             return True
         if n > 1:

@@ -171,4 +171,4 @@ def to_events(
 
 def events_of(result: TrainingResult) -> bytes:
     """The event file of a training."""
-    return to_events(result.curves, env_steps=result.env_steps, seconds=result.seconds, clock=result.clock)
+    return to_events(result.over_epochs, env_steps=result.env_steps, seconds=result.seconds, clock=result.clock)

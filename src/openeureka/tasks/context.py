@@ -95,6 +95,8 @@ def _limits(config: RunConfig) -> list[str]:
 
 
 def _discount(task: type[Task]) -> str:
+    if task.recipe.gamma == 1.0:
+        return "Nothing is discounted: what comes later in an episode counts in full."
     steps = round(1 / (1 - task.recipe.gamma))
     return (
         f"The discount is {task.recipe.gamma:g} a step: what comes {steps} steps ({steps * task.control_dt:.2g} s) "

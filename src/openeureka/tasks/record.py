@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from ..errors import TaskError
 from .faults import per_world
 from .registry import make
 from .task import State, Task
@@ -32,6 +33,9 @@ def record_states(env: str, *, worlds: int = STARTS, steps: int = 40, keep: int 
     Returns:
         Every variable of the spec; world variables are (worlds * keep, *shape), taken at `keep` evenly spaced steps,
         of which the first is the start.
+
+    Raises:
+        TaskError: where F or what else the task gives cannot be used.
     """
     simulation = make(env, worlds=worlds, threads=1)
     task = simulation.task
@@ -39,7 +43,13 @@ def record_states(env: str, *, worlds: int = STARTS, steps: int = 40, keep: int 
     simulation.reset()
     taken: list[State] = [simulation.current_state()]
     for step in range(1, steps + 1):
-        state = simulation.step(torch.randn(worlds, task.num_actions, generator=generator)).state
+        played = simulation.step(torch.randn(worlds, task.num_actions, generator=generator))
+        state = played.state
+        if not played.score.value[played.score.weight > 0].isfinite().all():
+            raise TaskError(
+                f"F of `{env}` is not a finite number in every state of random play; write it so that it is one: "
+                "log(max(x, 0.01)) in place of log(x)."
+            )
         if step % (steps // (keep - 1)) == 0 and len(taken) < keep:
             taken.append(state)
     _try_rewards(task, taken[-1])

@@ -168,6 +168,12 @@ class TrainingResult:
     """Why the lane ended early, for people; empty otherwise."""
 
     @property
+    def over_epochs(self) -> dict[Name, tuple[Finite | None, ...]]:
+        """The curves, without what is a single number."""
+        single = ("component_early/", "component_late/")
+        return {name: curve for name, curve in self.curves.items() if not name.startswith(single)}
+
+    @property
     def policies(self) -> dict[str, bytes]:
         """Its policies, by the names of their fields."""
         peaks = {"best_fitness": self.best_fitness, "best_reward": self.best_reward}

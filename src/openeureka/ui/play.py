@@ -49,14 +49,15 @@ class Players:
         Args:
             gone: whether nobody looks any more.
         """
-        for oldest in list(self._playing)[: max(0, len(self._playing) + 1 - MOST)]:
-            self._playing.pop(oldest).close()
         if key in self._playing:
             self._playing.pop(key).close()
+        for oldest in list(self._playing)[: max(0, len(self._playing) + 1 - MOST)]:
+            self._playing.pop(oldest).close()
         with Worker("openeureka.film.live") as player:
             self._playing[key] = player
             try:
-                player.send({"env": env}, {"policy": policy})
+                # A pipe holds less than most policies, and nobody reads it before the child has imported MuJoCo.
+                await asyncio.to_thread(player.send, {"env": env}, {"policy": policy})
                 scene = await _answer(player)
                 yield _event("scene", {**scene.header, **{name: _text(blob) for name, blob in scene.blobs.items()}})
                 while not await gone():

@@ -32,8 +32,8 @@ class Acting:
     high: tuple[float | None, ...] = ()
     """None where a side has no bound."""
     choices: tuple[int, ...] = ()
-    start: int = 0
-    """Number of the first option of a single choice."""
+    starts: tuple[int, ...] = ()
+    """Number of the first option of each."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -96,9 +96,9 @@ def _use(name: str, shape: tuple[int, ...], meaning: str) -> StateUse:
 
 def _actions(told: Acting, env: str) -> Actions:
     if len(told.choices) > 1:
-        return actions(spaces.MultiDiscrete(np.array(told.choices)), env)
+        return actions(spaces.MultiDiscrete(np.array(told.choices), start=np.array(told.starts)), env)
     if told.choices:
-        return actions(spaces.Discrete(told.choices[0], start=told.start), env)
+        return actions(spaces.Discrete(told.choices[0], start=told.starts[0]), env)
     low, high = (
         np.array([side * math.inf if value is None else value for value in values], np.float32)
         for side, values in ((-1, told.low), (1, told.high))

@@ -155,9 +155,14 @@ def _inner(env: Any) -> Any:
 def _actions(space: Any, env: Any) -> dict[str, Any]:
     """What a policy may do, from a space of Gymnasium's or `num_actions`."""
     if hasattr(space, "nvec"):
-        return {"choices": space.nvec.reshape(-1).tolist(), "shape": list(space.nvec.shape)}
+        starts = np.broadcast_to(getattr(space, "start", 0), space.nvec.shape)
+        choices = {"choices": space.nvec.reshape(-1).tolist(), "starts": starts.reshape(-1).tolist()}
+        return {**choices, "shape": list(space.nvec.shape)}
     if hasattr(space, "n") and not hasattr(space, "low"):
-        return {"choices": [int(space.n)], "start": int(getattr(space, "start", 0)), "shape": []}
+        if space.shape:  # bits, of which Gymnasium's MultiBinary says how many there are
+            count = int(np.prod(space.shape))
+            return {"choices": [2] * count, "starts": [0] * count, "shape": list(space.shape)}
+        return {"choices": [int(space.n)], "starts": [int(getattr(space, "start", 0))], "shape": []}
     if hasattr(space, "low"):
         low, high = (np.asarray(side, np.float64).reshape(-1) for side in (space.low, space.high))
         return {"low": _bounds(low), "high": _bounds(high), "shape": list(space.shape)}
@@ -233,7 +238,7 @@ class Server:
         idle = (
             np.zeros((worlds, len(choices)), np.int64) if choices else np.zeros((worlds, len(about["actions"]["low"])))
         )
-        *_, later = self.env.step(idle.astype(np.int64 if choices else np.float32) + about["actions"].get("start", 0))
+        *_, later = self.env.step(idle.astype(np.int64 if choices else np.float32) + about["actions"].get("starts", 0))
         shapes = {name: numbers(value).shape[1:] for name, value in {**later, **state}.items()}
         changing = {name for name in later if name in state and numbers(later[name]).shape[1:] != shapes[name]}
         shapes = {name: shape for name, shape in shapes.items() if name not in changing}

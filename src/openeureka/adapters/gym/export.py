@@ -19,6 +19,7 @@ from .survey import WHOLE
 
 def wrapper(
     env: str,
+    keywords: Mapping[str, Any],
     spec: StateSpec,
     places: Mapping[str, slice | str],
     parts: Iterable[Part],
@@ -29,6 +30,7 @@ def wrapper(
     known = read(env, graph, (*places, *WHOLE))
     return template("wrapper.py.jinja").render(
         env=env,
+        make=", ".join((f'"{env}"', *(f"{key}={value!r}" for key, value in keywords.items()))),
         program=program,
         places=pformat({name: _place(name, places[name], spec) for name in known if name in places}, width=118),
         parts=pformat([_part(part) for part in parts], width=118),

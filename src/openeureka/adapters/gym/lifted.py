@@ -88,8 +88,9 @@ class LiftedTask(PaidTask):
     def advance(self) -> None:
         if self.lags:
             self.sim.step(self.substeps - 1)
-            self.late = self.together()
+            self.late, bad = self.together(), self.sim.bad.clone()
             self.sim.step(1)
+            self.sim.bad |= bad
             return
         super().advance()
         if self.forces:

@@ -72,7 +72,12 @@ def _task(env: str, name: str, keywords: str, fitness: str) -> type[PaidTask]:
         raise TaskError(f"The environment `{name}` failed: {told(fault)}") from fault
     finally:
         instance.close()
-    said = {"__module__": __name__, **attributes(env, found, fitness), "make": staticmethod(make)}
+    said = {
+        "__module__": __name__,
+        **attributes(env, found, fitness),
+        "make": staticmethod(make),
+        "keywords": json.loads(keywords),
+    }
     family = FAMILIES[type(instance.unwrapped).__name__] if lifted else GymTask
     return cast(type[PaidTask], type(family.__name__, (family,), {**said, **lifted}))
 

@@ -37,6 +37,8 @@ class PaidTask(Task):
     found: ClassVar[Survey]
     places: ClassVar[Mapping[str, slice | str]]
     """Where each state variable is: columns of the observation, or a name of `info`."""
+    keywords: ClassVar[Mapping[str, Any]] = {}
+    """What the environment's constructor takes beside its id."""
     wanted: Formula | None = None
     """F of a step, of all that the environment says; None for the sum of its reward."""
     at_end: ClassVar[bool] = True
@@ -56,7 +58,7 @@ class PaidTask(Task):
 
     @classmethod
     def handed_back(cls, graph: RewardGraph, program: str) -> str:
-        return wrapper(cls.found.env, cls.spec, cls.places, cls.found.parts, graph, program)
+        return wrapper(cls.found.env, cls.keywords, cls.spec, cls.places, cls.found.parts, graph, program)
 
     @abstractmethod
     def seen(self) -> Tensor:
@@ -93,7 +95,7 @@ class PaidTask(Task):
         self.returned = self.returned + self.paid
         value = self.returned
         if self.wanted is not None:
-            value = self.wanted({**self.said(), **s}).nan_to_num()
+            value = torch.where(self.sim.bad, 0.0, self.wanted({**self.said(), **s}))
         return torch.where(terminated | self.timed_out(s), value, 0.0) if self.at_end else value
 
     def fitness(self, s: State, ended: Tensor) -> Score:
