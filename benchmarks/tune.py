@@ -2,7 +2,6 @@
 
     python benchmarks/tune.py                                   # Ant and Over; writes benchmarks/results/tune.json
     python benchmarks/tune.py --tasks ant --seed 1              # another seed of trainings and of spoiling
-    python benchmarks/tune.py --markdown                        # the table
 
 Spoiled numbers are the human ones times e**U(-2, 2); what is compared with by no more than a tenth of that, as it is
 tuned. The tuning of the human numbers trains those with the same fresh seeds, so how much of the way back was found
@@ -19,12 +18,12 @@ from random import Random
 from typing import Any
 
 from headline import PLAN
-from records import conditions, read, write
+from records import conditions, interval, read, write
 
 import openeureka
 from openeureka.benchmark.plan import load
 from openeureka.refine.tuned import ORIGINAL
-from openeureka.report.text import number
+from openeureka.report.text import spread
 from openeureka.reward.weights import weighed, weights
 from openeureka.score import mean
 from openeureka.tasks import human
@@ -37,6 +36,11 @@ TASKS = ("ant", "shadow_hand_over")
 KINDS = ("human", "spoiled")
 SPOILED = 2.0
 """The largest logarithm of a factor on a number."""
+
+TITLES = (
+    *("task", "numbers", "steps", "seed", "F before, held out", "after", "difference, 95 % interval"),
+    *("of the way back", "numbers that matter"),
+)
 
 Record = dict[str, Any]
 
@@ -104,26 +108,23 @@ def way_back(own: Record, reference: Record) -> float | None:
     return (after - before) / (goal - before)
 
 
-def markdown(results: Record) -> str:
+def rows(results: Record) -> list[list[str]]:
     """A row for each tuning."""
-    lines = [
-        "| task | numbers | seed | F before, held out | after | difference, 95 % interval | of the way back | matter |",
-        "| --- " * 8 + "|",
-    ]
+    found: list[list[str]] = []
     for name, own in sorted(results.items()):
         task, kind, seed = name.split("/")
         between = own["difference"]
         share = way_back(own, results.get(f"{task}/human/{seed}", {"held_out": {}})) if kind == "spoiled" else None
-        cells = (
-            *(task, kind, seed),
-            number(mean(own["held_out"].get("before", [])), 3),
-            number(mean(own["held_out"].get("after", [])), 3),
-            f"{between[0]:+.3g} ({between[1]:+.3g} to {between[2]:+.3g})" if between else "-",
+        row = (
+            *(task, kind, f"{own['settings']['steps']:,}", seed),
+            spread(own["held_out"].get("before", [])),
+            spread(own["held_out"].get("after", [])),
+            interval(*between, digits=3) if between else "-",
             f"{share:.0%}" if share is not None else "-",
             f"{sum(n['matters'] for n in own['numbers'])} of {len(own['numbers'])}",
         )
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        found.append(list(row))
+    return found
 
 
 def main() -> None:
@@ -135,16 +136,14 @@ def main() -> None:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--outputs", type=Path, default=OUTPUTS)
     parser.add_argument("--out", type=Path, default=RESULTS)
-    parser.add_argument("--markdown", action="store_true", help="print what was measured, and measure nothing")
     options = parser.parse_args()
-    for task in () if options.markdown else options.tasks.split(","):
+    for task in options.tasks.split(","):
         for kind in options.kinds.split(","):
             if f"{task}/{kind}/{options.seed}" in read(options.out):
                 continue
             record = measure(task, kind, options)
             write(options.out, read(options.out) | {f"{task}/{kind}/{options.seed}": record})
             print(f"{task}, {kind}: {record['verdict']}", flush=True)
-    print(markdown(read(options.out)))
 
 
 if __name__ == "__main__":

@@ -59,6 +59,8 @@ SOON = "<!-- soon -->\n", "<!-- /soon -->\n"
 TELLING = "<!-- telling -->\n", "<!-- /telling -->\n"
 POLISH = ROOT / "docs" / "guides" / "polish.md"
 POLISHED = "<!-- polish -->\n", "<!-- /polish -->\n"
+TUNE = ROOT / "docs" / "guides" / "tune.md"
+TUNED = "<!-- tune -->\n", "<!-- /tune -->\n"
 CLUSTER = ROOT / "docs" / "guides" / "cluster.md"
 FAULTS = "<!-- faults -->\n", "<!-- /faults -->\n"
 LOOP = ROOT / "docs" / "concepts" / "loop.md"
@@ -201,6 +203,12 @@ def headline() -> str:
     return f"{study.summary(measured)}\n\n{_table(study.TITLES, study.rows(measured))}"
 
 
+def table() -> str:
+    """The rows of `benchmarks/headline.py` in a sentence."""
+    study = _benchmark("headline")
+    return f"{study.summary(study.read(study.RESULTS))}\n"
+
+
 def reached() -> str:
     """What `benchmarks/reachable.py` has found: actions that do what no policy has done."""
     return _measured("reachable")
@@ -281,7 +289,7 @@ def generated() -> Mapping[Path, str]:
         BASELINES: baselines(),
         HEADLINE: _filled(HEADLINE, (HEADLINE_TABLE, headline())),
         BENCHMARK: _filled(BENCHMARK, (REACHED, reached())),
-        README: _filled(README, (FOUND, found())),
+        README: _filled(README, (FOUND, found()), (HEADLINE_TABLE, table())),
         CONTRIBUTING: _filled(CONTRIBUTING, (TREE, tree())),
         SCORES: _filled(SCORES, (CHOSEN, choosing()), (FIRST_RUNS, first_runs()), (LATER, later())),
         SCHEDULE: _filled(
@@ -294,6 +302,7 @@ def generated() -> Mapping[Path, str]:
         CLUSTER: _filled(CLUSTER, (FAULTS, faults())),
         GYMNASIUM: _filled(GYMNASIUM, (LIFTED, lifted()), (SOLVED, solved()), (SEARCHED, searched())),
         POLISH: _filled(POLISH, (POLISHED, polished())),
+        TUNE: _filled(TUNE, (TUNED, _measured("tune"))),
         ROBOT: _filled(
             ROBOT,
             (VARIED, _measured("randomise")),

@@ -53,5 +53,6 @@ def test_a_tuning_is_measured_on_cartpole(monkeypatch, tmp_path):
     record = tune.measure("cartpole", "human", options)
     assert len(record["held_out"]["before"]) == len(record["held_out"]["after"]) == 2
     assert len(record["played"]) == 5 and len(record["numbers"]) == 6
-    row = tune.markdown({"cartpole/human/0": record}).splitlines()[2]
-    assert row.startswith("| cartpole | human | 0 | ") and row.endswith(" of 6 |")
+    (row,) = tune.rows({"cartpole/human/0": record})
+    assert len(row) == len(tune.TITLES)
+    assert row[:4] == ["cartpole", "human", f"{record['settings']['steps']:,}", "0"] and row[-1].endswith(" of 6")
