@@ -244,7 +244,18 @@ def test_a_run_goes_on_without_the_given_file(parts, tmp_path, capsys):
     assert run("run", *SETTINGS, f"init={tmp_path}/mine.py", f"dir={tmp_path}/run") == 130
     (tmp_path / "mine.py").unlink()
     parts.setattr(compose, "open_model", lambda config, held: ScriptedModel(SCRIPT[2:]))
+    capsys.readouterr()
     assert run("resume", f"{tmp_path}/run") == 0, capsys.readouterr().err
+    assert "is finished" not in capsys.readouterr().out
+
+
+def test_a_finished_run_says_so_when_it_is_resumed_and_how_to_improve_what_it_found(parts, tmp_path, capsys):
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 0
+    capsys.readouterr()
+    assert run("resume", f"{tmp_path}/run") == 0
+    first, second, *_ = capsys.readouterr().out.splitlines()
+    assert first.startswith(f"{tmp_path}/run is finished; this is what it found.")
+    assert second == f"  eureka run env=cartpole init={tmp_path}/run/best/reward.py"
 
 
 @pytest.mark.parametrize("name", ["show", "report", "resume"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext, redirect_stdout
@@ -18,6 +19,7 @@ from ..report.verdict import deciding, verdict
 from ..report.view import RunView
 from ..runs import compose, trust
 from ..runs.rewards import named
+from ..runs.run import Run
 from ..store.directory import output_directory
 from ..tasks.registry import get
 from ..text import plain
@@ -51,6 +53,10 @@ def resume(words: Sequence[str]) -> None:
     elif config.model == NO_MODEL:
         _say_what_failed(compare(config, directory, None))
     else:
+        best = directory / "best" / "reward.py"
+        if Run(directory).finished and best.is_file():
+            print(f"{directory} is finished; this is what it found. To improve that, begin the next search with it:")
+            print(plain(f"  eureka run {shlex.join([f'env={config.env}', f'init={best}'])}"))
         _tell(directory, compose.search(config, directory, Terminal()))
 
 
