@@ -113,6 +113,8 @@ def test_a_reward_file_is_checked_and_named_by_its_stem(tmp_path):
     assert list(rewards) == ["human", "mine"] and rewards["human"] is None
     candidate, verdict = rewards["mine"]
     assert candidate.source == GOOD and isinstance(verdict.graph, RewardGraph)
+    (tmp_path / "human.py").write_text(GOOD)
+    assert list(named(TrainConfig(reward=f"human,{tmp_path}/human.py"))) == ["human", "human_file"]
 
 
 def test_a_refused_reward_file_trains_nothing(one_sandbox, toy, tmp_path):

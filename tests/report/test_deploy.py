@@ -91,6 +91,11 @@ def test_file_and_metadata_say_the_same(folder: Path):
     assert about["observation_scales"][9:12] == [2.0, 2.0, 0.25]
 
 
+def test_what_is_said_is_that_of_the_task_as_it_was_changed(wanted: Policy):
+    found = yaml.safe_load(export.deployed(wanted, registry.get("anymal+lin_vel_scale=1.0"))["deploy.yaml"])
+    assert found["observation_scales"][:3] == [1.0] * 3 and found["observation_scales"][9:12] == [1.0, 1.0, 0.25]
+
+
 def test_a_drive_without_a_limit_is_said_to_have_none(wanted: Policy, monkeypatch: pytest.MonkeyPatch):
     spec, model = Anymal.compiled()
     model.actuator_forcelimited[:3] = 0

@@ -92,6 +92,22 @@ def test_what_weighs_or_scales_and_what_does_not(line, numbers):
     assert found(reward(line)) == numbers
 
 
+def test_a_named_number_is_an_option_where_a_written_one_would_be():
+    before = "POWER = 2.0\nCAP = 0.5\nKIND = 2.0\nSCALE = 3.0\n"
+    text = reward(
+        "z = SCALE * x ** POWER", "return torch.clamp(z, max=CAP) + torch.norm(y, p=KIND) * 0.25", before=before
+    )
+    assert found(text) == {"SCALE": 3.0, "reward 0.25": 0.25}
+
+
+def test_a_method_that_the_reward_calls_has_numbers_too():
+    helper = "def shaping(self, x):\n    return 0.75 * x\n\n\n"
+    assert found(f"{helper}def compute_reward(self):\n    return self.shaping(self.x) * 2.5\n") == {
+        "shaping 0.75": 0.75,
+        "reward 2.5": 2.5,
+    }
+
+
 def test_a_number_has_the_name_that_it_is_assigned_to():
     text = reward(
         "w_speed, w_effort = 2.0, 0.1",

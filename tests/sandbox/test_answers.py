@@ -6,12 +6,14 @@ import json
 from typing import Any
 
 import pytest
+import torch
 
 from openeureka.codec import encode
 from openeureka.sandbox import client, server
 from openeureka.sandbox.answer import Answer
+from openeureka.sandbox.client import Sandbox
 from openeureka.testing.hostile import STATE
-from openeureka.types import Finding, Node, RewardGraph
+from openeureka.types import Candidate, Finding, Node, RewardGraph
 from sandbox.states import recorded
 
 BENCH = server._Bench(STATE, recorded(), worlds=0, confined=False)
@@ -66,3 +68,23 @@ def test_findings_of_a_stranger_are_one_printable_line() -> None:
     found = client._cleaned(Finding(rule="X" * 99, message=words + "y" * 9999, fix=words, line=10**9))
     assert (found.rule, found.line) == ("error", None)
     assert found.sentence().isprintable() and len(found.message) == 500
+
+
+def test_a_program_that_does_something_else_with_the_worlds_of_the_training_is_refused() -> None:
+    lines = ("scale = 1.0 if num_envs <= 256 else 2.0", "return scale * pos[:, 0], {}")
+    program = "\n    ".join(("def compute_reward(pos, num_envs):", *lines))
+    codes: list[str] = []
+    for worlds in (128, 512):
+        with Sandbox(STATE, recorded(), worlds=worlds) as sandbox:
+            verdict = sandbox.check(Candidate.of(program))
+            codes.append(verdict.findings[0].rule if verdict.findings else "accepted")
+    assert codes == ["accepted", "world-count"]
+
+
+def test_a_mask_that_picks_a_single_world_by_chance_is_none_the_less_accepted() -> None:
+    states = {**recorded(), "phase": torch.zeros(256)}
+    states["phase"][70] = 1.0  # of the first trace none, of the second one
+    lines = ("r = pos[:, 0].clone()", "r[phase > 0.5] = 10.0 * pos[:, 1][phase > 0.5]", "return r, {}")
+    program = "\n    ".join(("def compute_reward(pos, phase):", *lines))
+    with Sandbox(STATE, states) as sandbox:
+        assert sandbox.check(Candidate.of(program)).accepted

@@ -67,6 +67,22 @@ def test_a_body_on_slippery_ground_slides_further():
     assert float(qpos[1, 0] - qpos[0, 0]) > 0.05
 
 
+def test_strength_and_friction_scale_every_limit_and_every_contact_that_a_model_has():
+    text = ARM.replace('name="elbow"', 'name="elbow" actuatorfrcrange="-4 4"').replace(
+        "<actuator>", '<contact><pair geom1="ground" geom2="ball" friction="0.5 0.5 0.1 0.1 0.1"/></contact><actuator>'
+    )
+    text = text.replace('<geom type="plane"', '<geom name="ground" type="plane"').replace(
+        '<geom type="sphere"', '<geom name="ball" type="sphere"'
+    )
+    sim = CpuSimulator(mujoco.MjModel.from_xml_string(text), 2, threads=1)
+    perturbed(sim, strength=[1.0, 0.5], friction=[1.0, 2.0])
+    sim.forward(torch.arange(2))
+    changed, _ = sim.snapshot(1)
+    assert changed.jnt_actfrcrange[1].tolist() == [-2.0, 2.0] and changed.actuator_forcerange[0].tolist() == [-2.5, 2.5]
+    assert changed.pair_friction[0].tolist() == pytest.approx([1.0, 1.0, 0.2, 0.2, 0.2])
+    assert sim.snapshot(0)[0].pair_friction[0, 0] == 0.5
+
+
 def test_fields_that_nobody_changes_stay_shared_and_worlds_that_nobody_names_stay_exact():
     sim = CpuSimulator(mujoco.MjModel.from_xml_string(ARM), 2, threads=1)
     asked: list[str] = []

@@ -21,6 +21,7 @@ LEGGED = (
         ("anymal", LEGGED),
         ("cartpole", LEGGED[:6]),  # it neither touches anything nor falls
         ("quadcopter", (*LEGGED[:6], "falls")),
+        ("ballbalance", (*LEGGED[:6], "falls")),  # pins hold its feet, whose forces are no contact's
     ],
 )
 def test_a_task_has_the_costs_that_its_model_gives(env: str, names: tuple[str, ...]) -> None:

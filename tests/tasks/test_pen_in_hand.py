@@ -10,6 +10,7 @@ from torch import Tensor
 from openeureka.suite.dexterity.pen_in_hand import PenInHand
 from openeureka.suite.dexterity.spin import ShadowHandSpin
 from openeureka.suite.dexterity.upside_down import ShadowHandUpsideDown
+from openeureka.tasks import human, registry
 from openeureka.tasks.env import BatchedEnv
 from openeureka.tasks.registry import get
 from openeureka.tasks.rotations import multiply, rotate, rotation_distance, turn_about
@@ -149,3 +150,11 @@ def test_the_human_reward_by_hand(task: type[PenInHand], weight: float):
     }
     # 10 cm off; 1 / (0.9 + 0.1); 20 actions of 0.5: -0.0002 * 5
     assert make(task).task.human_reward(state).item() == pytest.approx(0.1 * weight + 1.0 - 0.001, abs=1e-5)
+
+
+def test_a_person_sets_how_near_is_near_enough():
+    own, wide = "shadow_hand_spin", "shadow_hand_spin+tolerance=0.5"
+    tolerances = [registry.make(env, worlds=1).task.tolerance for env in (own, wide)]
+    assert tolerances == [pytest.approx(0.156, abs=1e-3), 0.5]
+    programs = [human.program(get(env)) for env in (own, wide)]
+    assert "TOLERANCE = 0.0" in programs[0] and "TOLERANCE = 0.5" in programs[1]

@@ -89,6 +89,12 @@ def test_a_curriculum_that_does_not_exist_is_refused(env: str, name: str, senten
         find(env, name)
 
 
+def test_a_number_that_rewards_read_is_the_same_in_all_stages(tmp_path: Path):
+    (tmp_path / "stages.yaml").write_text("- {set: {dof_vel_scale: 0.4}}\n- {}\n")
+    with pytest.raises(ConfigError, match="rewards read `dof_vel_scale`, so it must be the same in all stages"):
+        find("ant", str(tmp_path / "stages.yaml"))
+
+
 def test_a_changed_task_keeps_the_rest():
     changed, known = registry.get("cartpole+episode_length=100+control_dt=1"), registry.get("cartpole")
     assert (changed.episode_length, known.episode_length) == (100, 500)

@@ -68,6 +68,17 @@ def test_a_quantity_is_drawn_the_same_whatever_else_is():
     assert torch.equal(one.quantity("mass"), other.quantity("mass"))
 
 
+def test_noise_is_the_same_whatever_is_pushed_beside_it():
+    noisy, pushed = ranges({"noise": (0.1, 0.1)}), ranges({"push": (0.5, 0.5)})
+    seen: list[torch.Tensor] = []
+    for beside in (noisy, pushed):
+        env = registry.make("ant", worlds=2, lane_seeds=[1, 2], ranges=[noisy, beside])
+        env.reset()
+        env.step(torch.zeros(4, 8))
+        seen.append(env.step(torch.zeros(4, 8)).observation[:2])
+    assert torch.equal(*seen)
+
+
 def test_the_model_is_what_was_drawn_and_changes_with_the_episode():
     env = made("cartpole", HARD)
     env.reset()

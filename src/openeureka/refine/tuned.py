@@ -88,6 +88,8 @@ class Tuned:
         default_factory=dict[str, tuple[float | None, float | None]]
     )
     """Mean of each component at the end of the final trainings, before and after."""
+    alone: bool = False
+    """Whether the text as it came is the only one that trained to a policy which could be scored."""
     breach: str = ""
     """The limits that the policies of `after` break, on average over its final trainings; empty where none."""
     breach_before: str = ""
@@ -165,7 +167,8 @@ def read(
         after=after,
     )
     if not after:
-        return found
+        others = [trial for trial in trials if trial.name != ORIGINAL and trial.played is not None]
+        return replace(found, alone=bool(lanes.get(ORIGINAL)) and not others)
     before_after = ([results[lane] for lane in lanes[name]] for name in (ORIGINAL, after))
     arms = {name: _arm(own, results, evaluations) for name, own in lanes.items()}
 

@@ -17,7 +17,7 @@ from tensorboard.compat.proto.summary_pb2 import Summary  # pyright: ignore[repo
 from tensorboard.summary.writer.record_writer import RecordWriter
 
 from ..codec import plain
-from ..tasks.deployment import Interface, interface
+from ..tasks.deployment import Interface, interface, of_task
 from ..tasks.task import Task
 from ..training.normalize import EPSILON, LIMIT
 from ..training.policy import Policy
@@ -115,7 +115,7 @@ def deployed(policy: Policy, task: type[Task]) -> dict[str, bytes]:
     spec, model = task.compiled()
     robot = interface(
         task.env,
-        task.deployment,
+        of_task(task.deployment, task),
         model,
         control_dt=task.control_dt,
         clip=task.clip_observations,

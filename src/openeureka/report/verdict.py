@@ -32,6 +32,8 @@ def verdict(run: RunView) -> str:
 
 def of_tuning(found: Tuned | None) -> str:
     """Whether the fitted numbers are better than those that came."""
+    if found is not None and found.alone:
+        return "The numbers stay as they came: no other weighting trained to a policy that could be scored."
     if found is None or not any(arm.scores for arm in found.arms.values()):
         return "Not decided yet: the final trainings are not done."
     before, after = found.arms[ORIGINAL], found.arms[found.after]

@@ -7,7 +7,7 @@ an operation that ends its process, or asks for memory that is not there, costs 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from typing import Any
 
 import torch
@@ -16,7 +16,7 @@ from torch import Tensor
 from ..types import Finding, Node, RewardGraph, StateSpec
 from . import graph as graphs
 from . import surface
-from .probe import Traced, outputs
+from .probe import TRACE_SIZES, Traced, outputs
 from .states import Recorded, is_world, only, take, world_count
 from .trace import Refused
 from .validate import MAX_SIZE_PER_WORLD, MAX_TOTAL_PER_WORLD, inputs, leaves, references, validate
@@ -28,6 +28,11 @@ _MAY_SHRINK = surface.words("""
     arange.start arange.start_step diagonal.default linspace.default slice.Tensor slice_scatter.default split.Tensor
     split_with_sizes.default
 """)
+_PICKS = frozenset(
+    surface.words("""
+    diagonal gather index index_select narrow select slice split split_with_sizes squeeze take unbind
+""")
+)
 _MANY_WORLDS = 4 * MAX_SIZE_PER_WORLD
 """So many that a value which grows with their square breaks the limit per world."""
 
@@ -40,10 +45,11 @@ def examine(traced: Traced, spec: StateSpec, recorded: Recorded, worlds: int = 0
     """
     try:
         validate(traced.graph)
-        _examine_inputs(traced.graph, spec)
+        needed = _examine_inputs(traced.graph, spec)
         recorded = only(recorded, spec, inputs(traced.graph))
         _examine_memory(traced, spec, recorded, worlds)
         _examine_values(traced, spec, recorded, worlds)
+        _examine_reductions(traced, spec, recorded, needed)
     except Refused as refusal:
         return (refusal.finding,)
     except Exception as error:  # a forged graph may call an operation in any wrong way
@@ -59,7 +65,8 @@ def _line(traced: Traced, index: int) -> int | None:
     return traced.lines[index] if index < len(traced.lines) else None
 
 
-def _examine_inputs(graph: RewardGraph, spec: StateSpec) -> None:
+def _examine_inputs(graph: RewardGraph, spec: StateSpec) -> set[int]:
+    """The nodes that the reward depends on."""
     unknown = [name for name in inputs(graph) if name not in spec]
     if unknown:
         raise Refused("unknown-input", f"`{unknown[0]:.60}` is not a state variable of this task")
@@ -71,6 +78,7 @@ def _examine_inputs(graph: RewardGraph, spec: StateSpec) -> None:
         graph.nodes[index].op == "input" and is_world(str(graph.nodes[index].args[0]), spec) for index in needed
     ):
         raise Refused("constant-reward", "the reward does not depend on the state", "use the state variables")
+    return needed
 
 
 def _examine_memory(traced: Traced, spec: StateSpec, recorded: Recorded, worlds: int) -> None:
@@ -149,6 +157,24 @@ def _examine_values(traced: Traced, spec: StateSpec, recorded: Recorded, worlds:
     if largest > MAX_REWARD:
         raise Refused("magnitude", f"the reward reaches {largest:.3g}", f"keep it within {MAX_REWARD:.0e}")
     _examine_independence(traced, spec, recorded, done, worlds)
+
+
+def _examine_reductions(traced: Traced, spec: StateSpec, recorded: Recorded, needed: Set[int]) -> None:
+    """What makes one number of all worlds may not pay any, though it was the same in all that were recorded: whether
+    one of them presses too hard, say. What picks a world is judged by values: what is picked may be the same in all.
+    """
+
+    def shaped(count: int) -> list[Any]:
+        state = {name: _meta(name, value, spec, count) for name, value in recorded.items()}
+        return list(graphs.values(traced.graph, state, count, "meta"))
+
+    small, large = map(shaped, TRACE_SIZES)
+    grows = [_size(a) != _size(b) for a, b in zip(small, large, strict=True)]
+    for index in sorted(needed):
+        node = traced.graph.nodes[index]
+        among = any(grows[source] for source in references(node))
+        if among and not grows[index] and node.op.partition(".")[0] not in _PICKS:
+            raise _coupled("the reward", _line(traced, index))
 
 
 def _named_outputs(graph: RewardGraph) -> list[tuple[str, int]]:

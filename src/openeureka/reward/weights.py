@@ -108,6 +108,7 @@ class _Finder:
         self._functions = list(_reached(tree))
         self._uses: dict[str, Use] = dict.fromkeys(self._operands("threshold"), "threshold")
         self._uses |= dict.fromkeys(self._operands("factor"), "factor")
+        self._uses |= dict.fromkeys(self._options(), "data")
 
     def found(self) -> Iterator[Weight]:
         read = {name for function in self._functions for name in _names(function)}
@@ -133,6 +134,24 @@ class _Finder:
                     parts = [node.left, *node.comparators]
                 elif use == "factor" and isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div):
                     parts = [node.left, node.right]
+                yield from (part.id for part in map(_plain, parts) if isinstance(part, ast.Name))
+
+    def _options(self) -> Iterator[str]:
+        """Names that stand for themselves as exponents, bounds, kinds, sizes or places."""
+        for function in self._functions:
+            for node in ast.walk(function):
+                parts: list[ast.expr] = []
+                match node:
+                    case ast.BinOp(op=ast.Pow(), right=exponent):
+                        parts = [exponent]
+                    case ast.Subscript(slice=place):
+                        parts = [place]
+                    case ast.Call():
+                        name = _function(node)
+                        own = node.args if name in _UNTOUCHED or name in _UNREAD else []
+                        parts = [*own, *(keyword.value for keyword in node.keywords)]
+                    case _:
+                        pass
                 yield from (part.id for part in map(_plain, parts) if isinstance(part, ast.Name))
 
     def _statement(self, node: ast.stmt, owner: str) -> Iterator[Weight]:
@@ -225,14 +244,21 @@ def _reached(tree: ast.Module) -> Iterator[ast.FunctionDef]:
 
 
 def _names(function: ast.FunctionDef) -> list[str]:
-    return [node.id for node in ast.walk(function) if isinstance(node, ast.Name)]
+    """What it reads, and what it calls of `self`."""
+    names: list[str] = []
+    for node in ast.walk(function):
+        match node:
+            case ast.Name(id=name) | ast.Attribute(value=ast.Name(id="self"), attr=name):
+                names.append(name)
+            case _:
+                pass
+    return names
 
 
 def _parts(call: ast.Call) -> Iterator[tuple[ast.AST, Use]]:
     """What of a call may hold numbers. A keyword's plain number is an option, as a size's is."""
-    function = call.func
-    name = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
-    yield function, "data"
+    name = _function(call)
+    yield call.func, "data"
     if name in _UNREAD:
         return
     use: Use = "data" if name in _UNTOUCHED else "added"
@@ -240,6 +266,11 @@ def _parts(call: ast.Call) -> Iterator[tuple[ast.AST, Use]]:
         yield argument, use
     for keyword in call.keywords:
         yield keyword.value, "data"
+
+
+def _function(call: ast.Call) -> str:
+    """The last part of what is called."""
+    return call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
 
 
 def _use(op: ast.operator) -> Use:

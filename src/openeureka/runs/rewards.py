@@ -109,7 +109,8 @@ def _name(reward: str | Path, number: int) -> str:
         return str(reward)
     if _is_text(reward):
         return f"reward_{number}"
-    return re.sub(r"[^A-Za-z0-9_-]+", "_", Path(reward).stem).lstrip("-")[:60] or "reward"
+    stem = re.sub(r"[^A-Za-z0-9_-]+", "_", Path(reward).stem).lstrip("-")[:60] or "reward"
+    return f"{stem}_file" if stem in BUILT_IN else stem
 
 
 def judge(env: str, candidates: Sequence[Candidate], *, worlds: int = 0, unsafe: bool) -> list[Verdict]:

@@ -91,7 +91,7 @@ def _probe(program: gate.Program, bench: _Bench) -> Answer:
     """What one program comes to."""
     recorded = only(bench.recorded, bench.spec, program.inputs)
     try:
-        traced = probe.probe(load.load(program), bench.spec, recorded)
+        traced = probe.probe(load.load(program), bench.spec, recorded, bench.worlds)
     except Refused as refusal:
         return Answer(findings=_findings([_twinned(refusal.finding, program)], program.return_line))
     return Answer(graph=traced.graph, lines=tuple(traced.lines), returns=program.return_line)

@@ -33,15 +33,21 @@ def scaled(model: mujoco.MjModel, factor: str) -> Masks:
         return {field: _value(model, field) != 0 for field in whole[factor]}
     if factor == "friction":
         touches = (model.geom_contype | model.geom_conaffinity) != 0
-        return {"geom_friction": np.repeat(touches[:, None], 3, axis=1)}
+        found = {"geom_friction": np.repeat(touches[:, None], 3, axis=1)}
+        return found | ({"pair_friction": np.ones_like(model.pair_friction, dtype=bool)} if model.npair else {})
     # A drive's force is gain * control + bias, bias 0 for a motor; of a position drive gain and -bias[1] are kp and
     # -bias[2] is kv, of a velocity drive gain and -bias[2] are kv.
     gain, bias = (np.zeros_like(field, dtype=bool) for field in (model.actuator_gainprm, model.actuator_biasprm))
     position, damped = model.actuator_biasprm[:, 1] != 0, model.actuator_biasprm[:, 2] != 0
     if factor == "strength":
         gain[:, 0], bias[:, :3] = True, True
-        limits = np.repeat(model.actuator_forcelimited[:, None] != 0, 2, axis=1)
-        return {"actuator_gainprm": gain, "actuator_biasprm": bias, "actuator_forcerange": limits}
+        limits = {
+            "actuator_forcerange": model.actuator_forcelimited != 0,
+            "jnt_actfrcrange": model.jnt_actfrclimited != 0,
+            "tendon_actfrcrange": model.tendon_actfrclimited != 0,
+        }
+        found = {field: np.repeat(own[:, None], 2, axis=1) for field, own in limits.items() if own.any()}
+        return {"actuator_gainprm": gain, "actuator_biasprm": bias, **found}
     gain[:, 0], bias[:, 1], bias[:, 2] = {
         "stiffness": (position, position, False),
         "drive_damping": (~position & damped, False, damped),

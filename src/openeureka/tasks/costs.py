@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import mujoco
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -110,7 +111,9 @@ def measured(model: mujoco.MjModel) -> tuple[str, ...]:
     if floating_joint(model) >= 0:
         found.add("falls")
         touches = (model.geom_contype | model.geom_conaffinity) != 0
-        found |= {"contact_force"} if touches.any() else set()
+        # What holds a closed chain together would count as contact.
+        held = np.isin(model.eq_type, (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)).any()
+        found |= {"contact_force"} if touches.any() and not held else set()
     return tuple(name for name in COSTS if name in found)
 
 

@@ -72,6 +72,9 @@ def _checked(stage: Stage, env: str, where: str) -> Stage:
         raise ConfigError(f"In {where}: {error}") from None
     if what := _difference(task, get(env)):
         raise ConfigError(f"In {where}: `{task.env}` has other {what} than `{get(env).env}`; no policy fits both.")
+    for number in (variable.name for variable in task.spec.variables if variable.kind in ("float", "int")):
+        if getattr(task, number, None) != getattr(get(env), number, None):  # a reward holds that of the last stage
+            raise ConfigError(f"In {where}: rewards read `{number}`, so it must be the same in all stages.")
     return Stage(env=name, steps=stage.steps or task.recipe.env_steps)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate
 from typing import Literal
 
@@ -30,8 +30,8 @@ class Term:
     """A part of the observation."""
 
     source: Source
-    scale: tuple[float, ...]
-    """Factors, one a number of it; a single one stands for all."""
+    scale: tuple[float | str, ...]
+    """Factors, one a number of it; a single one stands for all. A name is that of an attribute of the task."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,6 +81,15 @@ class Interface:
     command_high: tuple[float, ...]
 
 
+def of_task(wanted: Deployment, task: type) -> Deployment:
+    """The same with numbers for the names of attributes: `NAME+lin_vel_scale=1` has another."""
+    terms = tuple(
+        replace(term, scale=tuple(getattr(task, one) if isinstance(one, str) else one for one in term.scale))
+        for term in wanted.observation
+    )
+    return replace(wanted, observation=terms)
+
+
 def interface(
     env: str,
     wanted: Deployment,
@@ -110,7 +119,7 @@ def interface(
     scales = [
         scale
         for term, size in zip(terms, parts, strict=True)
-        for scale in (term.scale * size if len(term.scale) == 1 else term.scale)
+        for scale in map(float, term.scale * size if len(term.scale) == 1 else term.scale)
     ]
     return Interface(
         env=env,

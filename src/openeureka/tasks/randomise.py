@@ -17,7 +17,7 @@ from .env import BatchedEnv
 from .noise import WorldNoise
 from .task import State, Task
 
-EPISODES, STEPS = 1 << 33, 1 << 34
+EPISODES, STEPS, PUSHES = 1 << 33, 1 << 34, 1 << 35
 """Added to a lane's seed: what worlds draw here leaves the task's own draws as they are."""
 
 
@@ -54,6 +54,8 @@ class RandomisedEnv(BatchedEnv):
         self._low, self._high = ends("low"), ends("high")
         self._episodes = WorldNoise([seed + EPISODES for seed in lane_seeds], worlds, device_)
         self._steps = WorldNoise([seed + STEPS for seed in lane_seeds], worlds, device_)
+        self._pushes = WorldNoise([seed + PUSHES for seed in lane_seeds], worlds, device_)
+        """A lane's noise is the same whatever is pushed beside it."""
         own = torch.tensor([getattr(NOMINAL, name) for name in QUANTITIES], device=device_)
         self.worlds = own.repeat(self.num_worlds, 1)
         """(N, quantities) what each world is now, in the order of `Dynamics`."""
@@ -86,11 +88,11 @@ class RandomisedEnv(BatchedEnv):
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         super().load_state_dict(saved)
         for name, value in self._memory().items():
-            value.copy_(saved["random"][name])
+            value.copy_(saved["random"].get(name, value))  # an older one has no pushes of their own
 
     def _memory(self) -> dict[str, Tensor]:
         own = {"worlds": self.worlds, "asked": self._asked}
-        return own | {"episodes": self._episodes.draws, "steps": self._steps.draws}
+        return own | {"episodes": self._episodes.draws, "steps": self._steps.draws, "pushes": self._pushes.draws}
 
     def _advance(self, actions: Tensor) -> None:
         self._mistake()
@@ -112,7 +114,7 @@ class RandomisedEnv(BatchedEnv):
 
     def _push(self) -> Tensor:
         """(N, 2) force [N] that is pushed with on this step; most worlds are left alone."""
-        chance, angle = self._steps.uniform(self._every, 2).unbind(-1)
+        chance, angle = self._pushes.uniform(self._every, 2).unbind(-1)
         dt = self.task.control_dt
         size = self.quantity("push") * self.quantity("mass") * self._mass / dt
         size = size * (chance < dt / self.quantity("push_every"))

@@ -39,12 +39,16 @@ class PenInHand(ShadowHand):
     random_goals: ClassVar[bool]
     """Whether goals are random orientations; otherwise waypoints."""
 
+    tolerance = 0.0
+    """[rad] 0 stands for that of the published goals."""
+
     spec = StateSpec(shadow_hand_variables("pen"))
 
     def __init__(self, *args) -> None:
         super().__init__(*args)
         # Waypoints are as hard to reach as published: there, 0.2 rad between quaternions one of which is 1.28 long.
-        self.tolerance = 0.2 if self.random_goals else 2.0 * math.asin(math.sin(0.1) * math.cos(FIRST_WAYPOINT / 2))
+        waypoint = 2.0 * math.asin(math.sin(0.1) * math.cos(FIRST_WAYPOINT / 2))
+        self.tolerance = self.tolerance or (0.2 if self.random_goals else waypoint)
         self.first_waypoint = turn_about(0, torch.tensor(FIRST_WAYPOINT, device=self.device))
         self.turn = turn_about(1, torch.tensor(TURN, device=self.device))
 

@@ -126,12 +126,12 @@ class Anymal(Task):
     unmeasured = (("base_linear_velocity", range(0, 3)),)
     deployment = Deployment(
         observation=(
-            Term("base_linear_velocity", (lin_vel_scale,)),
-            Term("base_angular_velocity", (ang_vel_scale,)),
+            Term("base_linear_velocity", ("lin_vel_scale",)),
+            Term("base_angular_velocity", ("ang_vel_scale",)),
             Term("gravity_forward", (1.0,)),
-            Term("commands", (lin_vel_scale, lin_vel_scale, ang_vel_scale)),
-            Term("joint_offsets", (dof_pos_scale,)),
-            Term("joint_velocities", (dof_vel_scale,)),
+            Term("commands", ("lin_vel_scale", "lin_vel_scale", "ang_vel_scale")),
+            Term("joint_offsets", ("dof_pos_scale",)),
+            Term("joint_velocities", ("dof_vel_scale",)),
             Term("last_action", (1.0,)),
         ),
         default_pose=DEFAULT_ANGLES,
