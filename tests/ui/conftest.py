@@ -6,6 +6,7 @@ import gzip
 import os
 import shutil
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,6 +28,18 @@ def broken_rules(page: Page) -> list[object]:
     """Rules of accessibility that what a page shows now breaks, each with its elements (see axe.md)."""
     page.evaluate(gzip.decompress((Path(__file__).parent / "axe.min.js.gz").read_bytes()).decode())
     return page.evaluate("axe.run().then(({violations}) => violations.map(v => [v.id, v.nodes.map(n => n.html)]))")
+
+
+def comes_true(page: Page, condition: str) -> bool:
+    """Whether a condition in JavaScript becomes true in time.
+
+    Playwright's own `wait_for_function` asks again with `eval`, which the page forbids."""
+    end = time.monotonic() + PATIENCE / 1000
+    while not page.evaluate(condition):
+        if time.monotonic() > end:
+            return False
+        page.wait_for_timeout(50)
+    return True
 
 
 @pytest.fixture(scope="session")

@@ -28,7 +28,7 @@ from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 from openeureka.types import Prompt, Reply, TrainingProgress, Usage
 from openeureka.ui import launch
 
-from .conftest import PATIENCE, broken_rules, served
+from .conftest import PATIENCE, broken_rules, comes_true, served
 from .serving import TOKEN
 
 expect.set_options(timeout=PATIENCE)
@@ -94,7 +94,7 @@ def test_a_person_follows_a_run_and_their_words_are_in_the_next_prompt(page: Pag
         video = page.locator("#g0s1 video")
         expect(video).to_be_visible()
         video.evaluate("video => video.play()")
-        page.wait_for_function("document.querySelector('#g0s1 video').currentTime > 0")
+        assert comes_true(page, "document.querySelector('#g0s1 video').currentTime > 0")
 
         page.get_by_label("What should be different?").fill("Too jerky: <b>keep</b> the torso upright")
         page.get_by_role("button", name="Say", exact=True).click()
@@ -148,7 +148,7 @@ def test_a_link_that_is_pressed_while_news_comes_is_followed(page: Page, tmp_pat
     page.get_by_role("link", name="run", exact=True).first.hover()
     page.mouse.down()
     search_in(tmp_path / "other", [reply(7), reply(8)])
-    page.wait_for_function("waiting.length > 0")
+    assert comes_true(page, "waiting.length > 0")
     expect(page.get_by_role("link", name="other", exact=True)).to_be_hidden()
     page.mouse.up()
     expect(page).to_have_url(re.compile(r"/runs/run/$"))
@@ -160,7 +160,7 @@ def test_news_that_waited_for_a_press_is_shown_after_it(page: Page, tmp_path: Pa
     page.get_by_role("heading").first.hover()
     page.mouse.down()
     search_in(tmp_path / "other", [reply(7), reply(8)])
-    page.wait_for_function("waiting.length > 0")
+    assert comes_true(page, "waiting.length > 0")
     page.mouse.up()
     expect(page.get_by_role("group", name="Runs").get_by_role("link", name="other", exact=True)).to_be_visible()
 

@@ -18,7 +18,7 @@ from openeureka.tasks import registry
 from openeureka.testing.scripted import reply
 from openeureka.training.policy import Policy
 
-from .conftest import PATIENCE, broken_rules
+from .conftest import PATIENCE, broken_rules, comes_true
 from .serving import stranger, visitor
 
 
@@ -86,14 +86,14 @@ def test_a_person_plays_with_a_policy_in_3d(page: Page, run: Path):
     page.get_by_role("button", name="Start").click()
     canvas = page.locator(".play canvas")
     expect(canvas).to_be_visible(timeout=3 * PATIENCE)
-    page.wait_for_function("document.querySelector('[data-play]').dataset.frames > 3")
+    assert comes_true(page, "document.querySelector('[data-play]').dataset.frames > 3")
     seen = Image.open(io.BytesIO(canvas.screenshot())).convert("RGB").resize((32, 18))
     assert len(set(seen.tobytes())) > 20
     for scheme in ("light", "dark"):
         page.emulate_media(color_scheme=scheme, reduced_motion="reduce")  # no colour is between two
         assert not (broken := broken_rules(page)), (scheme, broken)
     page.set_viewport_size({"width": 400, "height": 900})
-    page.wait_for_function("document.documentElement.scrollWidth <= 400")  # charts follow a frame later
+    assert comes_true(page, "document.documentElement.scrollWidth <= 400")  # charts follow a frame later
     with page.expect_response("**/play/g0s0") as pushed:
         page.get_by_role("button", name="Push left").click()
     assert pushed.value.status == 204
