@@ -2,6 +2,8 @@
 
     python benchmarks/tune.py                                   # Ant and Over; writes benchmarks/results/tune.json
     python benchmarks/tune.py --tasks ant --seed 1              # another seed of trainings and of spoiling
+    python benchmarks/tune.py --confirm 9 --tasks shadow_hand_over --kinds spoiled
+                                                                # nine more seeds of before and after, of those known
 
 Spoiled numbers are the human ones times e**U(-2, 2); what is compared with by no more than a tenth of that, as it is
 tuned. The tuning of the human numbers trains those with the same fresh seeds, so how much of the way back was found
@@ -22,10 +24,12 @@ from records import conditions, interval, read, write
 
 import openeureka
 from openeureka.benchmark.plan import load
+from openeureka.method.given import seeds
+from openeureka.method.lanes import final_seeds
 from openeureka.refine.tuned import ORIGINAL
 from openeureka.report.text import spread
 from openeureka.reward.weights import weighed, weights
-from openeureka.score import mean
+from openeureka.score import difference, mean
 from openeureka.tasks import human
 from openeureka.tasks.registry import get
 
@@ -99,6 +103,34 @@ def measure(task: str, kind: str, options: argparse.Namespace) -> Record:
     }
 
 
+def confirm(name: str, options: argparse.Namespace) -> Record:
+    """The reward before and after a tuning that is known, both trained with seeds that had no part in it."""
+    task, kind, seed = name.split("/")
+    run = openeureka.open_run(options.outputs / f"{task}_{kind}_{seed}")
+    found, config = run.tuned, run.config
+    assert found is not None and found.after
+    texts = {trial.name: trial.candidate.source for trial in found.trials}
+    given = openeureka.train(
+        task,
+        [texts[ORIGINAL], texts[found.after]],
+        dir=options.outputs / f"{task}_{kind}_{seed}_confirmed",
+        seed=final_seeds(config).stop,
+        seeds=options.confirm,
+        steps=config.steps,
+        worlds=config.worlds,
+        device=config.device,
+    )
+    before, after = (given.view.given[name].scores for name in ("reward_1", "reward_2"))
+    between = difference(after, before, [after, before])
+    assert between is not None
+    return {
+        "seeds": list(seeds(given.config)),
+        "held_out": {"before": list(before), "after": list(after)},
+        "difference": [between.value, between.low, between.high],
+        **conditions("torch", "mujoco", "cmaes"),
+    }
+
+
 def way_back(own: Record, reference: Record) -> float | None:
     """Share of the way from the spoiled numbers to the human ones, by mean held-out F, with the same seeds."""
     before, after = (mean(own["held_out"].get(name, [])) for name in ("before", "after"))
@@ -109,21 +141,26 @@ def way_back(own: Record, reference: Record) -> float | None:
 
 
 def rows(results: Record) -> list[list[str]]:
-    """A row for each tuning."""
+    """A row for each tuning, and one for the same two texts with more seeds where there are such."""
     found: list[list[str]] = []
     for name, own in sorted(results.items()):
         task, kind, seed = name.split("/")
-        between = own["difference"]
-        share = way_back(own, results.get(f"{task}/human/{seed}", {"held_out": {}})) if kind == "spoiled" else None
-        row = (
-            *(task, kind, f"{own['settings']['steps']:,}", seed),
-            spread(own["held_out"].get("before", [])),
-            spread(own["held_out"].get("after", [])),
-            interval(*between, digits=3) if between else "-",
-            f"{share:.0%}" if share is not None else "-",
-            f"{sum(n['matters'] for n in own['numbers'])} of {len(own['numbers'])}",
-        )
-        found.append(list(row))
+        reference = results.get(f"{task}/human/{seed}", {"held_out": {}})
+        matter = f"{sum(n['matters'] for n in own['numbers'])} of {len(own['numbers'])}"
+        again = own.get("confirmed")
+        told = [(kind, own, matter), *([(f"{kind}, {len(again['seeds'])} other seeds", again, "-")] if again else [])]
+        for numbers, scores, last in told:
+            held_out, between = scores["held_out"], scores["difference"]
+            share = way_back(scores, reference) if kind == "spoiled" else None
+            row = (
+                *(task, numbers, f"{own['settings']['steps']:,}", seed),
+                spread(held_out.get("before", [])),
+                spread(held_out.get("after", [])),
+                interval(*between, digits=3) if between else "-",
+                f"{share:.0%}" if share is not None else "-",
+                last,
+            )
+            found.append(list(row))
     return found
 
 
@@ -133,16 +170,23 @@ def main() -> None:
     parser.add_argument("--kinds", default=",".join(KINDS), help="separated by commas")
     for name, default in (("trials", 32), ("sample", 8), ("seeds", 3), ("seed", 0), ("steps", 0), ("worlds", 0)):
         parser.add_argument(f"--{name}", type=lambda text: int(float(text)), default=default)
+    parser.add_argument("--confirm", type=int, default=0, help="fresh seeds for what is known already")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--outputs", type=Path, default=OUTPUTS)
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     for task in options.tasks.split(","):
         for kind in options.kinds.split(","):
-            if f"{task}/{kind}/{options.seed}" in read(options.out):
+            name = f"{task}/{kind}/{options.seed}"
+            known = read(options.out)
+            if name in known and options.confirm and "confirmed" not in known[name]:
+                found = known[name] | {"confirmed": confirm(name, options)}
+                write(options.out, read(options.out) | {name: found})
+                print(f"{task}, {kind}: {interval(*found['confirmed']['difference'], digits=3)}", flush=True)
+            if name in known:
                 continue
             record = measure(task, kind, options)
-            write(options.out, read(options.out) | {f"{task}/{kind}/{options.seed}": record})
+            write(options.out, read(options.out) | {name: record})
             print(f"{task}, {kind}: {record['verdict']}", flush=True)
 
 

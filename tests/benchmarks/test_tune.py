@@ -5,6 +5,7 @@ import math
 import sys
 from dataclasses import replace
 from pathlib import Path
+from statistics import mean
 
 import pytest
 
@@ -48,7 +49,7 @@ def test_the_way_back_is_counted_from_the_spoiled_numbers_to_the_human_ones():
 def test_a_tuning_is_measured_on_cartpole(monkeypatch, tmp_path):
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: Sum())
     options = argparse.Namespace(
-        trials=5, sample=4, seeds=2, seed=0, steps=0, worlds=32, device="cpu", outputs=tmp_path / "outputs"
+        trials=5, sample=4, seeds=2, seed=0, steps=0, worlds=32, device="cpu", outputs=tmp_path / "outputs", confirm=3
     )
     record = tune.measure("cartpole", "human", options)
     assert len(record["held_out"]["before"]) == len(record["held_out"]["after"]) == 2
@@ -56,3 +57,10 @@ def test_a_tuning_is_measured_on_cartpole(monkeypatch, tmp_path):
     (row,) = tune.rows({"cartpole/human/0": record})
     assert len(row) == len(tune.TITLES)
     assert row[:4] == ["cartpole", "human", f"{record['settings']['steps']:,}", "0"] and row[-1].endswith(" of 6")
+    record["confirmed"] = tune.confirm("cartpole/human/0", options)
+    own = record["confirmed"]
+    assert own["seeds"] == [3, 4, 5]  # the tuning trained with 0 to 2
+    assert len(own["held_out"]["before"]) == len(own["held_out"]["after"]) == 3
+    assert own["difference"][0] == pytest.approx(mean(own["held_out"]["after"]) - mean(own["held_out"]["before"]))
+    _, again = tune.rows({"cartpole/human/0": record})
+    assert len(again) == len(tune.TITLES) and again[1] == "human, 3 other seeds"
