@@ -1,5 +1,6 @@
 import dataclasses
 
+from openeureka.report.charts import components
 from openeureka.report.hints import hints, shares
 from openeureka.types import TrainingResult
 
@@ -21,8 +22,10 @@ def test_a_component_that_never_moved_is_named():
 def test_f_that_falls_while_the_own_reward_rises_is_told():
     fitness = [min(n, 150 - 2 * n) for n in EPOCHS]  # 50 at epoch 50, then down to -48
     told = hints(trained(fitness=fitness, reward=list(EPOCHS)))
-    assert len(told) == 1 and told[0].startswith("F falls while the own reward rises: 50 at epoch 50, -")
+    assert len(told) == 1 and told[0].startswith("F fell from 50 at epoch 50 to -")
     assert hints(trained(fitness=fitness, reward=[-n for n in EPOCHS])) == ()
+    assert hints(trained(fitness=fitness, reward=list(EPOCHS)), best=950.0) == told  # F spans 98
+    assert hints(trained(fitness=fitness, reward=list(EPOCHS)), best=1000.0) == ()  # as noise beside the best
 
 
 def test_f_that_still_rises_is_told_and_one_that_is_flat_is_not():
@@ -41,6 +44,15 @@ def test_one_component_that_outweighs_the_others_is_named_with_its_share():
     # The last tenth, epochs 90 to 99: means 95.9 and -4.9.
     assert round(shares(found)["big"], 4) == round(95.9 / 100.8, 4)
     assert hints(found) == ("`big` makes up 95% of what the components pay: the others hardly count.",)
+
+
+def test_components_that_do_not_add_up_to_the_reward_have_no_shares():
+    parts = {"component__near": [0.9] * 50 + [1.0] * 50, "component__effort": [7.0] * 50 + [8.0] * 50}
+    assert shares(trained(**parts, reward=[9.0] * 100)) == {"near": 1 / 9, "effort": 8 / 9}
+    weighed = trained(**parts, reward=[0.92] * 100)  # near - 0.01 * effort
+    assert shares(weighed) == {} and not any("makes up" in hint for hint in hints(weighed))
+    drawn = components(weighed), components(trained(**parts, reward=[9.0] * 100))
+    assert [chart.note for chart in drawn if chart] == ["They do not add up to the reward.", ""]
 
 
 def test_a_short_training_and_none_say_nothing():

@@ -18,7 +18,7 @@ def test_the_report_opens_with_the_verdict_of_the_final_scores():
     head, *_ = report(finished()).split("## ")
     # 44 and 48 against 58 and 60: the spread of both together is sqrt((8 + 2 + 0) / 2) = 2.24, the difference -13.
     assert "The generated reward is worse than the human one: F 46 (2 seeds) against 59 (2 seeds)" in head
-    assert "It pays for" not in head and "The generated reward pays for: $upright." in head
+    assert "It pays for" not in head and "Its components: $upright." in head
 
 
 def test_the_search_comes_second_under_a_name_that_says_what_it_is():
@@ -33,7 +33,7 @@ def test_the_final_scores_are_means_over_fresh_seeds():
     text = report(finished())
     assert "Mean ± standard deviation over seeds." in text
     # 46 and 50: mean 48, sample deviation sqrt(8) = 2.8; two less when held out.
-    assert "| best generated reward | 48 ± 2.8 | 46 ± 2.8 | 2 |" in text
+    assert "| best generated reward | 48.0 ± 2.8 | 46.0 ± 2.8 | 2 |" in text
     assert "| sparse reward | 20 (1 undefined) | 18 (1 undefined) | 2 |" in text
     assert "held out | 0.6829 |" in text  # (46 - 18) / (59 - 18)
 

@@ -45,6 +45,7 @@ def ended(generated: list[float], human: list[float]) -> RunView:
         ),
         ([41.0], [40.0], "Not decided: F 41 (1 seed) against 40 (1 seed), held out. One seed says nothing of the next"),
         ([41.0], [], "The generated reward reaches F 41 (1 seed), held out; there is no human reward to compare with."),
+        ([1.0, 1.0], [1.0, 1.0, 1.0], "No difference: both rewards reach F 1 with every seed, held out."),
         ([], [40.0, 41.0], "The generated reward lost: none of its final trainings left a policy"),
     ],
 )

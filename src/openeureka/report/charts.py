@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate
 from typing import Literal
 
@@ -14,6 +14,7 @@ from ..text import one_line
 from ..types import Place, TrainingResult
 from ..types.dynamics import SCALES
 from .candidates import CandidateView
+from .hints import adds_up
 from .view import RunView
 
 MAX_POINTS = 150
@@ -124,7 +125,10 @@ def components(result: TrainingResult | None) -> Chart | None:
     prefix = "component/"
     curves = result.curves if result is not None else {}
     named = {name.removeprefix(prefix): curve for name, curve in curves.items() if name.startswith(prefix)}
-    return _curves("Components, mean per step", named, "components")
+    drawn = _curves("Components, mean per step", named, "components")
+    if drawn is None or adds_up(result):
+        return drawn
+    return replace(drawn, note=f"They do not add up to the reward. {drawn.note}".rstrip())
 
 
 def under_way(

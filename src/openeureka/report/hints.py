@@ -15,6 +15,10 @@ DOMINANT = 0.9
 """Of what all components pay together, a share that leaves the others no say."""
 FALL = 0.2
 """Of the span of F: what it must lose after its peak, or gain in the last fifth, to be spoken of."""
+UNACCOUNTED = 0.05
+"""Of the reward at the end: what components may miss of it and still be its parts."""
+WORTH = 0.1
+"""Of the best F there is: a span of F below it is noise on the floor."""
 LEAST = 20
 """Epochs below which a curve says too little."""
 
@@ -22,37 +26,51 @@ _PREFIX = "component/"
 Curve = Sequence[float | None]
 
 
-def hints(result: TrainingResult | None) -> tuple[str, ...]:
-    """Sentences on a training, the gravest first; none of one that is too short to tell."""
+def hints(result: TrainingResult | None, best: float | None = None) -> tuple[str, ...]:
+    """Sentences on a training, the gravest first; none of one that is too short to tell.
+
+    Args:
+        best: the highest F of the run, to tell a fall from noise; None where none is known.
+    """
     if result is None:
         return ()
-    return (*_of_fitness(result), *_of_components(result))
+    return (*_of_fitness(result, abs(best or 0.0)), *_of_components(result))
 
 
 def shares(result: TrainingResult | None) -> dict[str, float]:
-    """What each component contributed: its part of all that they paid, by size, over the last tenth of the training."""
+    """What each component contributed: its part of all that they paid, by size, over the last tenth of the training.
+    Empty where they do not add up to the reward, as factors of a product and terms before their weights do not."""
+    ends = _ends(result)
+    total = sum(map(abs, ends.values()))
+    return {name: abs(end) / total for name, end in ends.items()} if total and adds_up(result) else {}
+
+
+def adds_up(result: TrainingResult | None) -> bool:
+    """Whether the components are the terms of a sum that is the reward; true where the reward is not known."""
+    reward = mean(_end(result.curves.get("reward", ()))) if result is not None else None
+    return reward is None or abs(sum(_ends(result).values()) - reward) <= UNACCOUNTED * abs(reward)
+
+
+def _ends(result: TrainingResult | None) -> dict[str, float]:
+    """The mean of each component over the last tenth of the training."""
     curves = result.curves if result is not None else {}
-    sizes = {
-        one_line(name.removeprefix(_PREFIX), 60): abs(mean(_end(curve)) or 0.0)
-        for name, curve in curves.items()
-        if name.startswith(_PREFIX)
-    }
-    total = sum(sizes.values())
-    return {name: size / total for name, size in sizes.items()} if total else {}
+    named = {name.removeprefix(_PREFIX): curve for name, curve in curves.items() if name.startswith(_PREFIX)}
+    return {one_line(name, 60): mean(_end(curve)) or 0.0 for name, curve in named.items()}
 
 
-def _of_fitness(result: TrainingResult) -> Iterator[str]:
+def _of_fitness(result: TrainingResult, best: float) -> Iterator[str]:
     fitness, own = result.curves.get("fitness", ()), result.curves.get("reward", ())
     defined = [value for value in fitness if value is not None]
     if len(defined) < LEAST:
         return
     span = max(defined) - min(defined)
+    span = span if span >= WORTH * best else 0.0
     peak = fitness.index(max(defined))
     end = mean(_end(fitness))
     if span and end is not None and max(defined) - end > FALL * span and _rises(own, peak):
         yield (
-            f"F falls while the own reward rises: {number(max(defined))} at epoch {peak}, {number(end)} at the end. "
-            "The policy found something that the reward pays for and F does not."
+            f"F fell from {number(max(defined))} at epoch {peak} to {number(end)} while the reward kept rising: the "
+            "policy may exploit the reward."
         )
     before = mean(fitness[-len(fitness) // 5 : -len(fitness) // 10])
     if span and end is not None and before is not None and end - before > FALL * span / 2:

@@ -111,8 +111,8 @@ def environment() -> Environment:
         lstrip_blocks=True,
         finalize=_inert,
     )
-    filters = {"cut": cut, "number": number, "scored": scored, "duration": duration, "code": code, "data": data}
-    environment.filters |= filters
+    environment.filters |= {"cut": cut, "model": model, "number": number, "scored": scored, "duration": duration}
+    environment.filters |= {"code": code, "data": data}
     environment.globals |= {
         "tables": tables,
         "fitted": fitted,
@@ -178,6 +178,12 @@ def cut(text: str, limit: int) -> str:
     """At most `limit` characters of a text, and how many more there are."""
     more = len(text) - limit
     return text if more <= 0 else f"{text[:limit]} […] ({more:,} more characters are in the files of the run)"
+
+
+def model(setting: str) -> str:
+    """What a model is called: of a file with replies its name, without the way to it."""
+    kind, separator, path = setting.partition(":")
+    return cut(f"replay:{path.rsplit('/', 1)[-1]}" if kind == "replay" and separator else setting, LIMITS["NAME"])
 
 
 def anchor(place: CandidateView | Sample) -> str:

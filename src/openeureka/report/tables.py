@@ -47,16 +47,31 @@ def tiles(run: RunView) -> list[Tile]:
     slots, best = run.candidates, run.best
     human = run.baseline_score("human") if "human" in run.baselines else None
     played = human is not None and run.baselines["human"].lane in run.played
-    found = [
+    drawn = [
         Tile("generations", f"{len(run.history.generations)} of {run.config.generations}"),
         Tile("candidates", str(len(slots)), f"{sum(c.score is not None for c in slots)} with a score"),
+    ]
+    found = [
         Tile("best F", number(best.score if best else None), f"{best.place}, {_how(best.played)}" if best else ""),
         Tile("human reward", number(human), f"F {_how(played)}" if human is not None else ""),
     ]
-    if run.outcome is not None and run.outcome.normalised is not None:
-        found.append(Tile("score, held out", number(run.outcome.normalised, 3), "0: sparse, 1: human reward"))
+    found = [*drawn, *found] if run.outcome is None else [*_final(run.outcome), *drawn]
     tokens = run.usage.prompt_tokens + run.usage.completion_tokens
     return [*found, trainings, Tile("cost", f"US$ {run.usage.cost_usd:.4f}", f"{tokens:,} tokens")]
+
+
+def _final(outcome: Outcome) -> list[Tile]:
+    """What the verdict rests on. The best of the search's own scores flatters, and a score that is not decided too."""
+    arms = {"generated reward": outcome.method.scores, "human reward": outcome.human.scores}
+    found = [
+        Tile(name, spread(scores), f"F held out, {len(scores)} seed{'s' if len(scores) > 1 else ''}")
+        for name, scores in arms.items()
+        if scores
+    ]
+    difference = outcome.difference
+    if difference is not None and difference.sure and outcome.normalised is not None:
+        found.append(Tile("score, held out", number(outcome.normalised, 3), "0: sparse, 1: human reward"))
+    return found
 
 
 def _how(played: object) -> str:
@@ -189,8 +204,8 @@ def exploits(run: RunView) -> Table:
         for kind in Kind
         if kind is not Kind.LIMITS or run.config.limited
     ]
-    note = "Signs of reward hacking in the final trainings (docs/concepts/reward-hacking.md); a sign is no proof."
-    return Table(("sign", "", "numbers"), rows, note)
+    note = "Signs of reward hacking in the final trainings; a sign is no proof."
+    return Table(("sign", "result", "numbers"), rows, note)
 
 
 def worlds(run: RunView) -> Table:
@@ -203,7 +218,8 @@ def worlds(run: RunView) -> Table:
         if (name in WORLDS or score is lane.held_out) and name not in PEAKS.values()
         if score.episodes  # none where a task has no other world
     ]
-    return Table(("world", "F, held out, and its standard error"), rows)
+    note = "Of the one policy in best/, which was picked from several seeds: its F is above their mean."
+    return Table(("world", "F of the policy in best/, held out"), rows, note)
 
 
 def generations(run: RunView) -> Table:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections.abc import Sequence
 
@@ -24,7 +25,16 @@ def scored(score: Evaluation | None) -> str:
     """What a policy scored, with its standard error over episodes."""
     if score is None or score.error is None:
         return number(score.fitness if score is not None else None)
-    return f"{number(score.fitness)} ± {number(score.error, 2)}"
+    return within(score.fitness, score.error)
+
+
+def within(value: float | None, error: float) -> str:
+    """A value and its error, of which two digits say something; the value ends where those do."""
+    told = number(error, 2)
+    if value is None or not error or not math.isfinite(value) or "e" in told or abs(value) >= LARGE:
+        return f"{number(value)} ± {told}"
+    places = max(0, 1 - math.floor(math.log10(abs(float(told)))))
+    return f"{value:.{places}f} ± {error:.{places}f}"
 
 
 def spread(values: Sequence[float | None]) -> str:
@@ -33,8 +43,9 @@ def spread(values: Sequence[float | None]) -> str:
     if not defined:
         return "-"
     missing = f" ({len(values) - len(defined)} undefined)" if len(defined) < len(values) else ""
-    deviation = f" ± {number(statistics.stdev(defined), 2)}" if len(defined) > 1 else ""
-    return f"{number(statistics.fmean(defined))}{deviation}{missing}"
+    middle = statistics.fmean(defined)
+    told = within(middle, statistics.stdev(defined)) if len(defined) > 1 else number(middle)
+    return f"{told}{missing}"
 
 
 def sparkline(values: Sequence[float | None], width: int) -> str:

@@ -101,6 +101,8 @@ def _of_search(run: RunView) -> str:
         return "The generated reward lost: none of its final trainings left a policy that could be scored."
     if not human.scores:
         return f"The generated reward reaches F {_arm(generated)}, held out; there is no human reward to compare with."
+    if len({*generated.scores, *human.scores}) == 1 and min(len(generated.scores), len(human.scores)) > 1:
+        return f"No difference: both rewards reach F {number(human.scores[0])} with every seed, held out."
     between = f"F {_arm(generated)} against {_arm(human)}, held out"
     found = outcome.difference
     if found is None:
@@ -119,11 +121,11 @@ def meaning(run: RunView) -> str:
 
 
 def why(run: RunView) -> str:
-    """What the best reward pays for, by its components; empty before anything trained."""
+    """The components of the best reward; empty before anything trained."""
     result = run.best.result if run.best is not None else None
     prefix = "component/"
     names = [name.removeprefix(prefix) for name in (result.curves if result else {}) if name.startswith(prefix)]
-    return f"The generated reward pays for: {', '.join(names)}." if names else ""
+    return f"Its components: {', '.join(names)}." if names else ""
 
 
 def nexts(run: RunView) -> list[str]:

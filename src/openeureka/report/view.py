@@ -179,6 +179,11 @@ class RunView:
         return played.fitness if played is not None else result.fitness
 
     @property
+    def highest(self) -> float | None:
+        """The highest F of any training; None before there is one."""
+        return max((own.fitness for own in self.results.values() if own.fitness is not None), default=None)
+
+    @property
     def known(self) -> Baselines | None:
         """Baselines that were measured beforehand, where the run does not train them."""
         return baselines.chosen(self.config)
