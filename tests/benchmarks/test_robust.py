@@ -19,7 +19,7 @@ def test_losses_are_shares_of_what_the_plain_policy_has_and_loses():
     }
     ((task, _, count, *scores, nominal, hard, uniform),) = robust.rows({"best": {"ant": seeds}})
     assert (task, count, nominal, hard, uniform) == ("ant", "2", "5%", "50%", "60%")  # of 10; of the 5 that plain loses
-    assert "/ 5 " in scores[0] and "/ 7.5 " in scores[3]
+    assert "/ 5.0 " in scores[0] and "/ 7.50 " in scores[3]
 
 
 def test_of_a_negative_score_less_is_lost_too():

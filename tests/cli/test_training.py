@@ -35,9 +35,9 @@ def test_every_reward_and_seed_is_a_lane_of_one_population(toy, tmp_path, capsys
     assert toy.trained == ["human-s0", "human-s1", "sparse-s0", "sparse-s1"]
     rows = [line.split("  ") for line in capsys.readouterr().out.splitlines()]
     cells = {row[0]: [cell.strip() for cell in row if cell.strip()] for row in rows}
-    # 10.00 and 10.01: mean 10.005 shown with four digits, sample deviation 0.0071
-    assert cells["human"][1:3] == ["10 ± 0.0071", "9.005 ± 0.0071"]
-    assert cells["sparse"][1:3] == ["5.005 ± 0.0071", "4.005 ± 0.0071"]
+    # 10.00 and 10.01: mean 10.005 shown as far as two digits of the sample deviation, 0.0071
+    assert cells["human"][1:3] == ["10.0050 ± 0.0071", "9.0050 ± 0.0071"]
+    assert cells["sparse"][1:3] == ["5.0050 ± 0.0071", "4.0050 ± 0.0071"]
 
 
 KNOWN = Baselines(
@@ -95,7 +95,7 @@ def test_what_could_be_trained_is_json_also_where_something_could_not(toy, tmp_p
 def test_a_report_shows_the_table_and_the_curves_of_every_training(toy, tmp_path):
     train(["env=cartpole", "reward=human,sparse", "seeds=2", f"dir={tmp_path}/out"])
     text = (tmp_path / "out" / "report.html").read_text()
-    assert "10 ± 0.0071" in text and "sparse-s1: finished, F 5.01" in text
+    assert "10.0050 ± 0.0071" in text and "sparse-s1: finished, F 5.01" in text
     charts = [json.loads(unescape(chart)) for chart in re.findall(r'data-chart="([^"]*)"', text)]
     assert [len(chart["lines"]) for chart in charts] == [4, 1, 1, 1, 1]  # F of all, and the component of each
     assert "http" not in re.sub(r"<(style|script)>.*?</\1>", "", text, flags=re.DOTALL).replace("http-equiv", "")

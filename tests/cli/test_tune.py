@@ -117,7 +117,7 @@ def test_the_report_the_page_and_show_say_the_same(tuned, capsys):
     run = RunView.read(tuned.directory)
     page = str(pages.overview(tuned.directory, run) | pages.now(tuned.directory, run))
     for text in (report, page):
-        assert sentence in text and "centred 0.25" in text and "farther from before" in text
+        assert sentence in text and "centred 0.25" in text and "F with a larger change" in text
     assert "trial_11" in report and "The reward after" in report
     assert "The numbers of a reward are fitted" in page
 

@@ -81,7 +81,7 @@ def test_the_page_holds_every_candidate_with_its_code_diff_replies_and_prompts(t
     assert "Generation 0, slot 1 refused" in shown.flat
     assert "line 1: nothing is returned [no-number]; return a number" in shown.text
     assert "-    return 7\n" in shown.text and "+    return 8\n" in shown.text
-    assert "Improves on generation 0, slot 0." in shown.text
+    assert "Made from generation 0, slot 0." in shown.text
     assert "Here is the reward." in shown.text and "Do the thing." in shown.text
     assert "US$ 0.0100" in shown.text and "100 read, 10 written" in shown.text
     assert shown.source.count('<section class="candidate') == 4
@@ -167,3 +167,8 @@ def test_who_wrote_the_rewards_and_what_they_were_shown_is_true(model, told, tmp
     assert ("the model was shown the best reward" in text) is told
     assert ("No language model: chance (model=random) drew reward functions" in text) is not told
     assert ("chance reads neither the results before it nor what a person says" in text) is not told
+
+
+def test_a_model_is_called_by_its_file_without_the_way_there():
+    assert html.model("replay:/home/somebody/runs/over.json") == "replay:over.json"
+    assert html.model("replay:outputs/ant") == "replay:ant" and html.model("openai/gpt-5") == "openai/gpt-5"

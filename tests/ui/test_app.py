@@ -87,7 +87,7 @@ def test_candidates_stand_side_by_side_with_code_diff_replies_and_prompt(tmp_pat
     search_in(tmp_path / "run", [reply(7), reply(6), reply(8), reply(9)], iteration=2)
     page = shown(visitor(tmp_path), "/runs/run/candidates?show=g1s0&show=g0s1&show=g9s9&show=g1s0")
     assert page.source.count('<section class="candidate') == 2
-    assert "Improves on generation 0, slot 0." in page.text and "candidates?show=g0s0" in page.links()
+    assert "Made from generation 0, slot 0." in page.text and "candidates?show=g0s0" in page.links()
     assert "-    return 7\n" in page.text and "+    return 8\n" in page.text
     assert "Here is the reward." in page.text and page.text.count("What the model was asked") == 2
 

@@ -287,7 +287,7 @@ def test_candidates_are_sorted_filtered_and_found_by_their_family(page: Page, se
     page.locator(".tools").get_by_label("State").select_option("refused")
     expect(names).to_have_text(["g0s1"])
     page.locator(".tree").get_by_role("link", name="g1s1").click()
-    expect(page.get_by_text("Improves on generation 0, slot 0.")).to_be_visible()
+    expect(page.get_by_text("Made from generation 0, slot 0.")).to_be_visible()
     page.get_by_role("link", name="beside its parent g0s0").click()
     expect(page.locator("section.candidate")).to_have_count(2)
 

@@ -32,6 +32,15 @@ def test_runs_are_listed_latest_first_and_other_folders_are_not(tmp_path):
     assert folder.runs(tmp_path / "absent") == {}
 
 
+def test_runs_of_a_bench_are_listed_by_its_name_and_theirs(tmp_path):
+    own = search_in(tmp_path / "bench" / "cell", [reply(1), reply(2)])
+    search_in(own / "lanes" / "hidden", [reply(1), reply(2)])  # a run holds no others
+    far = search_in(tmp_path / "a" / "b" / "c", [reply(1), reply(2)])
+    search_in(tmp_path / "a" / "b" / "d" / "too_deep", [reply(1), reply(2)])
+    (tmp_path / "round").symlink_to(tmp_path)
+    assert folder.runs(tmp_path) == {"a:b:c": far, "bench:cell": own}
+
+
 def test_a_folder_that_is_a_run_lists_itself(tmp_path, monkeypatch):
     search_in(tmp_path / "run", [reply(1), reply(2)])
     monkeypatch.chdir(tmp_path / "run")

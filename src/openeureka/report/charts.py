@@ -9,6 +9,7 @@ from itertools import accumulate
 from typing import Literal
 
 from ..refine.hardened import Robust
+from ..refine.tuned import ORIGINAL
 from ..score import rank
 from ..text import one_line
 from ..types import Place, TrainingResult
@@ -114,10 +115,14 @@ def learning(candidate: CandidateView, baselines: Mapping[str, TrainingResult]) 
     return _curves("F in training", curves, dashed=tuple(curves)[1:])
 
 
-def trainings(results: Mapping[str, TrainingResult]) -> Chart | None:
-    """F during several trainings, by name."""
-    curves = {name: result.curves.get("fitness", ()) for name, result in results.items()}
-    return _curves("F in training", curves, "trainings")
+def trainings(run: RunView) -> Chart | None:
+    """F during several trainings, by name; of a tuning the final ones, as soon as there are any."""
+    finals = [lane for lane in run.lanes.values() if lane.role == "final" and lane.id in run.results]
+    called = {own.id: "before" if name == ORIGINAL else name for name, own in run.texts.items()}
+    names = {lane.id: f"{called.get(lane.reward, lane.reward)}, seed {lane.seed}" for lane in finals}
+    shown = names if run.tunes and names else dict(zip(run.results, run.results, strict=True))
+    curves = {name: run.results[lane].curves.get("fitness", ()) for lane, name in shown.items()}
+    return _curves("F in training, with noise on the actions", curves, "trainings")
 
 
 def components(result: TrainingResult | None) -> Chart | None:

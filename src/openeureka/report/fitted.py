@@ -38,7 +38,7 @@ def numbers(found: Tuned) -> Table:
         f"{found.trained} trainings. Of each number both intervals hold together with 95 %: of twenty that do not "
         "matter, one will seem to. Thresholds moved a tenth as far as the others."
     )
-    return Table(("number", "before", "after", "more of it", "farther from before", "effect"), rows, note)
+    return Table(("number", "before", "after", "F with a larger value", "F with a larger change", "effect"), rows, note)
 
 
 def _correlation(found: Correlation | None) -> str:
@@ -54,7 +54,7 @@ def _effect(effect: Effect) -> str:
         said.append("more is better" if effect.trend.value > 0 else "less is better")
     if effect.distance is not None and effect.distance.sure:
         said.append("better elsewhere" if effect.distance.value > 0 else "good where it was")
-    return ", ".join(said) or "does not matter, as far as these trainings tell"
+    return ", ".join(said) or "no effect seen"
 
 
 def components(found: Tuned) -> Table:

@@ -12,11 +12,15 @@ from ..method import baselines
 from ..method.hacking import PEAKS, WORLDS, Kind
 from ..parsing import as_dict
 from ..refine.polished import Polished, Try
-from ..score import Baselines, Outcome, human_normalised, mean
+from ..refine.tuned import ORIGINAL, Tuned
+from ..score import Arm, Baselines, Outcome, human_normalised, mean
 from ..types import Evaluation, Generation, History, Remark, RemarkKind, VerdictCode
 from .candidates import CandidateView
 from .text import duration, number, scored, spread
 from .view import RunView
+
+MOST_ARMS = 4
+"""Given rewards in the head of a run; the table below holds all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +46,17 @@ def tiles(run: RunView) -> list[Tile]:
     others = run.results.keys() - set(run.history.lanes)
     steps = sum(added for _, added in run.history.spent()) + sum(run.results[lane].env_steps for lane in others)
     trainings = Tile("trainings", str(len(run.results)), f"{steps:,} environment steps")
+    if run.tunes:
+        return [*(_tuned(run.tuned) if run.tuned is not None else ()), trainings]
     if not run.searched:
-        return [trainings]
+        return [*_arms(run.given)[:MOST_ARMS], trainings]
     slots, best = run.candidates, run.best
     human = run.baseline_score("human") if "human" in run.baselines else None
     played = human is not None and run.baselines["human"].lane in run.played
+    different = len({c.candidate.id for c in slots if c.candidate is not None})
     drawn = [
         Tile("generations", f"{len(run.history.generations)} of {run.config.generations}"),
-        Tile("candidates", str(len(slots)), f"{sum(c.score is not None for c in slots)} with a score"),
+        Tile("candidates", str(len(slots)), f"{different} different, {sum(c.score is not None for c in slots)} scored"),
     ]
     found = [
         Tile("best F", number(best.score if best else None), f"{best.place}, {_how(best.played)}" if best else ""),
@@ -57,21 +64,31 @@ def tiles(run: RunView) -> list[Tile]:
     ]
     found = [*drawn, *found] if run.outcome is None else [*_final(run.outcome), *drawn]
     tokens = run.usage.prompt_tokens + run.usage.completion_tokens
-    return [*found, trainings, Tile("cost", f"US$ {run.usage.cost_usd:.4f}", f"{tokens:,} tokens")]
+    cost = f"US$ {run.usage.cost_usd:.4f}" if run.usage.cost_usd else "nothing"
+    return [*found, trainings, Tile("cost", cost, f"{tokens:,} tokens")]
 
 
 def _final(outcome: Outcome) -> list[Tile]:
     """What the verdict rests on. The best of the search's own scores flatters, and a score that is not decided too."""
-    arms = {"generated reward": outcome.method.scores, "human reward": outcome.human.scores}
-    found = [
-        Tile(name, spread(scores), f"F held out, {len(scores)} seed{'s' if len(scores) > 1 else ''}")
-        for name, scores in arms.items()
-        if scores
-    ]
+    found = _arms({"generated reward": outcome.method, "human reward": outcome.human})
     difference = outcome.difference
     if difference is not None and difference.sure and outcome.normalised is not None:
         found.append(Tile("score, held out", number(outcome.normalised, 3), "0: sparse, 1: human reward"))
     return found
+
+
+def _tuned(found: Tuned) -> list[Tile]:
+    """The final trainings with the numbers before and after."""
+    named = {"before": ORIGINAL, "after": found.after}
+    return _arms({name: found.arms[arm] for name, arm in named.items() if arm in found.arms})
+
+
+def _arms(arms: Mapping[str, Arm]) -> list[Tile]:
+    return [
+        Tile(name, spread(arm.scores), f"F held out, {len(arm.scores)} seed{'s' if len(arm.scores) > 1 else ''}")
+        for name, arm in arms.items()
+        if arm.scores
+    ]
 
 
 def _how(played: object) -> str:
@@ -99,11 +116,11 @@ def final(outcome: Outcome, known: Baselines | None) -> Table:
     arms = {"best generated reward": outcome.method}
     arms |= {f"runner-up {place}": arm for place, arm in outcome.rivals.items()}
     arms |= {"human reward": outcome.human, "sparse reward": outcome.sparse}
-    rows = [(name, spread(arm.training), spread(arm.held_out), str(len(arm.training))) for name, arm in arms.items()]
+    rows = [(name, spread(arm.held_out), spread(arm.training), str(len(arm.training))) for name, arm in arms.items()]
     note = "Mean ± standard deviation over seeds. Held out: deterministic actions, fresh episodes."
     if known is not None:
         note += f" {known.sentence()}"
-    return Table(("", "F, maximum over training", "F, held out", "seeds"), rows, note)
+    return Table(("", "F, held out", "F, maximum over training", "seeds"), rows, note)
 
 
 def given(run: RunView) -> Table:
@@ -122,7 +139,7 @@ def given(run: RunView) -> Table:
                 spread(arm.scores),
                 spread(lengths),
                 spread([result.correlation for result in results]),
-                str(sum(result.env_steps for result in results)),
+                f"{sum(result.env_steps for result in results):,}",
                 duration(max(result.seconds for result in results)),
                 number(human_normalised(mean(arm.scores), *scale)),
             )
@@ -179,8 +196,8 @@ def _scale(run: RunView) -> tuple[tuple[float | None, float | None], str]:
 def measures(outcome: Outcome) -> Table:
     """Scores on a scale that tasks share."""
     rows = [
-        ("human-normalised score, (F - sparse) / abs(human - sparse), held out", number(outcome.normalised)),
-        ("the same on maxima over training, as published", number(outcome.normalised_training)),
+        ("human-normalised score, (F - sparse) / abs(human - sparse), held out", number(outcome.normalised, 3)),
+        ("the same on maxima over training, as published", number(outcome.normalised_training, 3)),
         ("correlation with the human reward over transitions", number(outcome.correlation, 2)),
         ("the same over epochs, as the published code computes it", number(outcome.curve_correlation, 2)),
     ]

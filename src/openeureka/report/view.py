@@ -179,6 +179,13 @@ class RunView:
         return played.fitness if played is not None else result.fitness
 
     @property
+    def twins(self) -> dict[Place, Place]:
+        """The candidates whose program an earlier one had, which trained for both, and that one."""
+        first: dict[str, Place] = {}
+        named = [(own.candidate.id, own.place) for own in self.candidates if own.candidate is not None]
+        return {place: before for name, place in named if (before := first.setdefault(name, place)) != place}
+
+    @property
     def highest(self) -> float | None:
         """The highest F of any training; None before there is one."""
         return max((own.fitness for own in self.results.values() if own.fitness is not None), default=None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -37,17 +38,31 @@ class Entry:
     problem: str = ""
 
 
+DEPTH = 3
+"""Folders in folders that are looked through for runs: a bench keeps those of its cells in its own."""
 _CHANGING = (FILENAME, f"{FILENAME}-wal", LOG)
 
 
 def runs(root: Path) -> dict[str, Path]:
-    """Directory by name, the one that changed last first; a folder that is a run itself is the only one."""
+    """Directory by name, the one that changed last first; a folder that is a run itself is the only one. Runs of
+    folders in it are called `folder:run`."""
     if is_run(root):
         return {root.resolve().name: root}
-    if not root.is_dir():
-        return {}
-    found = [path for path in root.iterdir() if is_run(path) or (path / LOG).is_file()]
-    return {path.name: path for path in sorted(found, key=_changed, reverse=True)}
+    found = sorted(_below(root, DEPTH), key=_changed, reverse=True)
+    return {":".join(path.relative_to(root).parts): path for path in found}
+
+
+def _below(root: Path, depth: int) -> Iterator[Path]:
+    """Runs, and what the page began that is none yet. A run holds no others; a link may lead anywhere."""
+    try:
+        found = [path for path in root.iterdir() if path.is_dir()]
+    except OSError:  # it is none, is gone by now, or belongs to somebody else
+        return
+    for path in found:
+        if is_run(path) or (path / LOG).is_file():
+            yield path
+        elif depth > 1 and not path.is_symlink():
+            yield from _below(path, depth - 1)
 
 
 def _changed(directory: Path) -> tuple[int, str]:
