@@ -4,6 +4,8 @@
     python benchmarks/headline.py --env ant    # one task
     python benchmarks/headline.py --left       # what is missing, and about how long it will take
     python benchmarks/headline.py --again ant  # repeats a row that is known, and says whether it is the same
+    python benchmarks/headline.py --confirm 9 --env ant
+                                               # nine more seeds of the generated reward and the human one
 
 A row is a search from committed replies: eight rewards, the human and the sparse one train, the leading rewards race
 with fresh seeds, and what wins is judged in held-out episodes. What a search found is kept twice: figures in
@@ -19,8 +21,10 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+import fresh
 from ledger import Script
 from records import interval, machine, read, write
 
@@ -40,6 +44,7 @@ RESULTS = ROOT / "benchmarks" / "results" / "headline.json"
 BASELINES = ROOT / "benchmarks" / "results" / "baselines.json"
 OUTPUTS = ROOT / "outputs" / "headline"
 AGAIN = ROOT / "outputs" / "headline_again"
+CONFIRMED = ROOT / "outputs" / "headline_confirmed"
 TRAININGS = 20
 """Lanes of a row, about: ten in the search, and three fresh seeds of what races."""
 
@@ -48,8 +53,8 @@ TITLES = (
     *("generated less human, 95 % interval", "the generated one is", "score", "clipped", "correlation"),
 )
 ENDINGS = ("better", "level", "worse", "one seed", "both at zero")
-OF_THE_DAY = ("minutes", "date", "device", "processor", "versions")
-"""What a repetition may have otherwise."""
+NOT_REPEATED = ("minutes", "date", "device", "processor", "versions", "confirmed")
+"""What a repeated search has otherwise, or not at all."""
 Record = dict[str, Any]
 
 
@@ -79,6 +84,17 @@ def search(whole: Plan, env: str, directory: Path) -> tuple[Path, Record]:
     return store, outcome(store.parent, cell, found[-1])
 
 
+def confirm(env: str, count: int) -> Record:
+    """The row's reward and the human one with seeds that chose neither."""
+    with TemporaryDirectory() as folder:
+        (Path(folder) / FILENAME).write_bytes(lzma.decompress((ARCHIVE / f"{env}.sqlite.xz").read_bytes()))
+        run = RunView.read(Path(folder))
+    assert run.best is not None
+    rewards = "human", run.best.candidate.source
+    seeds, (human, generated), between = fresh.trained(run.config, rewards, CONFIRMED / env, count)
+    return {"seeds": seeds, "generated": generated, "human": human, "difference": between, **machine("cpu")}
+
+
 def outcome(directory: Path, cell: Cell, found: bench.Bench) -> Record:
     """What came of a finished search."""
     run, (result,) = RunView.read(directory), found.results
@@ -105,7 +121,7 @@ def outcome(directory: Path, cell: Cell, found: bench.Bench) -> Record:
 
 def compared(env: str, kept: Record, again: Record) -> str:
     """A row and its repetition, in a sentence or a line a difference."""
-    other = [name for name in kept if name not in OF_THE_DAY and again[name] != kept[name]]
+    other = [name for name in kept if name not in NOT_REPEATED and again[name] != kept[name]]
     if not other:
         return f"{env}: every number is the same to the bit."
     lines = [f"  {name}: {again[name]}, the table has {kept[name]}" for name in other]
@@ -115,8 +131,14 @@ def compared(env: str, kept: Record, again: Record) -> str:
     return "\n".join([f"{env}: not the same. The table was measured on {where}.", *lines])
 
 
+def decided(row: Record) -> Record:
+    """The row, with the scores that decide it: those of the seeds that chose nothing, where there are such."""
+    return row | row.get("confirmed", {})
+
+
 def ending(row: Record) -> str:
     """How a row ends; a tie of zeros is undecided, as it says nothing of either reward."""
+    row = decided(row)
     values = [value for name in ("generated", "human") for value in row[name] if value is not None]
     if not any(values):
         return "both at zero"
@@ -127,32 +149,33 @@ def ending(row: Record) -> str:
 
 
 def rows(measured: Mapping[str, Record]) -> list[list[str]]:
-    """A row a task, in the order of the plan."""
-    return [
-        [
-            short_name(env),
-            f"{row['steps']:,}",
-            spread(row["generated"]),
-            spread(row["human"]),
-            spread(row["sparse"]),
-            interval(*row["difference"], digits=3) if row["difference"] is not None else "-",
-            ending(row),
-            number(row["score"], 3),
-            number(clipped(row["score"]), 3),
-            number(row["correlation_with_human"], 2),
-        ]
-        for env in load(PLAN).tasks
-        if (row := measured.get(env)) is not None
-    ]
+    """A row a task, in the order of the plan; where its reward trained again, the seeds that chose nothing in one
+    below.
+    """
+    found: list[list[str]] = []
+    for env in (env for env in load(PLAN).tasks if env in measured):
+        row = measured[env]
+        again = row.get("confirmed")
+        first = f"{row['steps']:,}", *_scores(row, spread(row["sparse"]))
+        of_search = number(row["score"], 3), number(clipped(row["score"]), 3)
+        found.append([short_name(env), *first, *of_search, number(row["correlation_with_human"], 2)])
+        if again is not None:
+            found.append([f"{len(again['seeds'])} other seeds", "", *_scores(again, ""), "", "", ""])
+    return found
+
+
+def _scores(row: Record, sparse: str) -> tuple[str, ...]:
+    between = interval(*row["difference"], digits=3) if row["difference"] is not None else "-"
+    return spread(row["generated"]), spread(row["human"]), sparse, between, ending({**row, "confirmed": {}})
 
 
 def gains(measured: Mapping[str, Record]) -> list[tuple[str, float, float, float]]:
     """A row a task whose human reward scores: the difference and its interval, as shares of the human one's F."""
     found = []
-    for env in load(PLAN).tasks:
-        row = measured.get(env)
-        human = mean(row["human"]) if row is not None else None
-        if row is not None and row["difference"] is not None and human:
+    for env in (env for env in load(PLAN).tasks if env in measured):
+        row = decided(measured[env])
+        human = mean(row["human"])
+        if row["difference"] is not None and human:
             value, low, high = (end / abs(human) for end in row["difference"])
             found.append((short_name(env), value, low, high))
     return found
@@ -161,12 +184,12 @@ def gains(measured: Mapping[str, Record]) -> list[tuple[str, float, float, float
 def summary(measured: Mapping[str, Record]) -> str:
     """The rows in a sentence."""
     ends = Counter(map(ending, measured.values()))
-    means = [(mean(row["generated"]), mean(row["human"])) for row in measured.values() if ending(row) != "both at zero"]
-    above = sum(rank(own) >= rank(human) for own, human in means)
+    decisive = [decided(row) for row in measured.values() if ending(row) != "both at zero"]
+    above = sum(rank(mean(row["generated"])) >= rank(mean(row["human"])) for row in decisive)
     counted = ", ".join(f"{name} {ends[name]}" for name in ENDINGS if ends[name]) or "nothing yet"
     return (
         f"{len(measured)} of {len(load(PLAN).tasks)} tasks are measured. The generated reward against the human one: "
-        f"{counted}.\nIts mean is at or above the human one on {above} of the {len(means)} that are not both at zero."
+        f"{counted}.\nIts mean is at or above the human one on {above} of the {len(decisive)} that are not both at zero."
     )
 
 
@@ -187,6 +210,7 @@ if __name__ == "__main__":
     parser.add_argument("--env", nargs="+")
     parser.add_argument("--left", action="store_true")
     parser.add_argument("--again", choices=sorted(read(RESULTS)), nargs="+", help="rows that are known")
+    parser.add_argument("--confirm", type=int, default=0, metavar="SEEDS", help="more seeds for rows that are known")
     options = parser.parse_args()
     whole = load(PLAN)
     if options.left:
@@ -194,6 +218,14 @@ if __name__ == "__main__":
     elif options.again:
         for env in options.again:
             print(repeat(whole, env), flush=True)
+    elif options.confirm:
+        for env in options.env or read(RESULTS):
+            row = read(RESULTS)[env]
+            if "confirmed" not in row:
+                row = row | {"confirmed": confirm(env, options.confirm)}
+                write(RESULTS, read(RESULTS) | {env: row})
+            print(f"{short_name(env)}: {interval(*row['confirmed']['difference'], digits=3)}", flush=True)
+        print(summary(read(RESULTS)))
     else:
         for env in options.env or whole.tasks:
             if env not in read(RESULTS):

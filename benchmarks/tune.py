@@ -19,17 +19,16 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+import fresh
 from headline import PLAN
 from records import conditions, interval, read, write
 
 import openeureka
 from openeureka.benchmark.plan import load
-from openeureka.method.given import seeds
-from openeureka.method.lanes import final_seeds
 from openeureka.refine.tuned import ORIGINAL
 from openeureka.report.text import spread
 from openeureka.reward.weights import weighed, weights
-from openeureka.score import difference, mean
+from openeureka.score import mean
 from openeureka.tasks import human
 from openeureka.tasks.registry import get
 
@@ -110,23 +109,14 @@ def confirm(name: str, options: argparse.Namespace) -> Record:
     found, config = run.tuned, run.config
     assert found is not None and found.after
     texts = {trial.name: trial.candidate.source for trial in found.trials}
-    given = openeureka.train(
-        task,
-        [texts[ORIGINAL], texts[found.after]],
-        dir=options.outputs / f"{task}_{kind}_{seed}_confirmed",
-        seed=final_seeds(config).stop,
-        seeds=options.confirm,
-        steps=config.steps,
-        worlds=config.worlds,
-        device=config.device,
+    directory = options.outputs / f"{task}_{kind}_{seed}_confirmed"
+    own, (before, after), between = fresh.trained(
+        config, (texts[ORIGINAL], texts[found.after]), directory, options.confirm
     )
-    before, after = (given.view.given[name].scores for name in ("reward_1", "reward_2"))
-    between = difference(after, before, [after, before])
-    assert between is not None
     return {
-        "seeds": list(seeds(given.config)),
-        "held_out": {"before": list(before), "after": list(after)},
-        "difference": [between.value, between.low, between.high],
+        "seeds": own,
+        "held_out": {"before": before, "after": after},
+        "difference": between,
         **conditions("torch", "mujoco", "cmaes"),
     }
 

@@ -1,5 +1,6 @@
 """The table's rows end as their numbers say, and every task has replies to repeat."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -49,6 +50,33 @@ def test_a_tie_of_zeros_is_no_draw(headline: ModuleType):
     assert "better 1, both at zero 1" in headline.summary(measured)
     assert "at or above the human one on 1 of the 1 that are not both at zero" in headline.summary(measured)
     assert [line[0] for line in headline.rows(measured)] == ["ant", "shadow_hand_kettle"]
+
+
+def test_seeds_that_chose_nothing_decide_a_row_and_stand_below_it(headline: ModuleType):
+    again = {"seeds": [7, 8], "generated": [1.0, 3.0], "human": [2.0, 6.0], "difference": [-2.0, -3.0, -1.0]}
+    own = {**row([3.0, 4.0], [1.0, 2.0], [2.0, -0.5, 4.5]), "confirmed": again}
+    first, second = headline.rows({"ant": own})
+    assert headline.ending(own) == "worse" and "worse 1" in headline.summary({"ant": own})
+    assert "on 0 of the 1" in headline.summary({"ant": own})
+    assert first[0] == "ant" and "level" in first and "3.5" in first[2]
+    assert second[0] == "2 other seeds" and "worse" in second and "-2 (-3 to -1)" in second
+    assert headline.gains({"ant": own}) == [("ant", -0.5, -0.75, -0.25)]
+
+
+def test_a_reward_of_the_table_trains_again_beside_the_human_one(
+    headline: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    monkeypatch.setattr(headline, "CONFIRMED", tmp_path)
+    held = headline.fresh.trained
+    monkeypatch.setattr(
+        headline.fresh,
+        "trained",
+        lambda config, *rest: held(replace(config, steps=20_000, worlds=32), *rest),
+    )
+    again = headline.confirm("cartpole", 2)
+    assert again["seeds"] == [4, 5], "the search trained with 0, its final trainings with 1 to 3"
+    assert len(again["generated"]) == len(again["human"]) == 2 and again["difference"]
+    assert (tmp_path / "cartpole").is_dir()
 
 
 def test_every_task_has_eight_replies_and_a_budget(headline: ModuleType):
