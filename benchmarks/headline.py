@@ -186,10 +186,11 @@ def summary(measured: Mapping[str, Record]) -> str:
     ends = Counter(map(ending, measured.values()))
     decisive = [decided(row) for row in measured.values() if ending(row) != "both at zero"]
     above = sum(rank(mean(row["generated"])) >= rank(mean(row["human"])) for row in decisive)
+    of_those = f"on {above} of the {len(decisive)} that are not both at zero"
     counted = ", ".join(f"{name} {ends[name]}" for name in ENDINGS if ends[name]) or "nothing yet"
     return (
         f"{len(measured)} of {len(load(PLAN).tasks)} tasks are measured. The generated reward against the human one: "
-        f"{counted}.\nIts mean is at or above the human one on {above} of the {len(decisive)} that are not both at zero."
+        f"{counted}.\nIts mean is at or above the human one {of_those}."
     )
 
 

@@ -117,6 +117,22 @@ def test_a_reward_file_is_checked_and_named_by_its_stem(tmp_path):
     assert list(named(TrainConfig(reward=f"human,{tmp_path}/human.py"))) == ["human", "human_file"]
 
 
+def test_files_of_one_stem_are_called_by_their_folders(tmp_path):
+    for name in ("a", "b c"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "reward.py").write_text(GOOD)
+    both = f"{tmp_path}/a/reward.py,{tmp_path}/b c/reward.py"
+    assert list(named(TrainConfig(reward=f"human,{both}"))) == ["human", "a_reward", "b_c_reward"]
+    with pytest.raises(ConfigError, match="names `a_reward` twice; give the files different names"):
+        named(TrainConfig(reward=f"{tmp_path}/a/reward.py,{tmp_path}/a/reward.py"))
+
+
+def test_two_given_rewards_that_one_seed_cannot_part_are_named_to_be_trained_again(toy, tmp_path, capsys):
+    train(["env=cartpole", "reward=human,sparse", "seeds=1", "seed=4", f"dir={tmp_path}/out"])
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last == "To decide what is open: eureka train env=cartpole reward=human,sparse seed=6 seeds=3"
+
+
 def test_a_refused_reward_file_trains_nothing(one_sandbox, toy, tmp_path):
     (tmp_path / "bad.py").write_text("import os\n" + GOOD)
     with pytest.raises(RewardFileError, match="was refused: line 1: `os` cannot be imported"):

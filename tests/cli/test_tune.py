@@ -3,8 +3,11 @@
 import io
 import json
 import math
+import re
+import shlex
 import shutil
 from contextlib import redirect_stdout
+from html import unescape
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,7 +15,7 @@ import pytest
 
 import openeureka
 from openeureka.cli.main import main
-from openeureka.cli.search import resume
+from openeureka.cli.search import resume, train
 from openeureka.cli.show import facts, show
 from openeureka.cli.tune import tune
 from openeureka.config import TuneConfig
@@ -89,6 +92,22 @@ def once(tmp_path_factory: pytest.TempPathFactory) -> Tuned:
 def tuned(once: Tuned, tmp_path: Path) -> Tuned:
     """A copy of one tuning, for each test its own."""
     return once._replace(directory=shutil.copytree(once.directory, tmp_path / "out"))
+
+
+def test_what_it_leaves_open_the_last_line_decides(toy, mine, tmp_path, capsys):
+    tune([word for word in words(mine, tmp_path, "seeds=1") if word != "seeds=2"])
+    said = capsys.readouterr().out
+    assert "One seed says nothing of the next" in said
+    command = shlex.split(said.splitlines()[-1].removeprefix("To decide what is open: "))
+    assert command[:2] == ["eureka", "train"] and command[-2:] == ["seed=2", "seeds=3"]
+    train([*command[2:], f"dir={tmp_path}/decided"])
+    decided = RunView.read(tmp_path / "decided")
+    before, after = decided.given
+    assert decided.texts[before].source == MINE != decided.texts[after].source
+    assert f"{after} is better than {before}" in capsys.readouterr().out
+    assert unescape(
+        re.findall(r"<li><code>(.*?)</code>", (tmp_path / "out" / "report.html").read_text())[0]
+    ).startswith("eureka train env=cartpole reward=DIR/candidates/")
 
 
 def test_it_prints_numbers_before_and_after_and_leaves_a_run(tuned):

@@ -109,7 +109,7 @@ def test_what_is_better_stands_in_polished_and_best_stays_what_it_was(tmp_path: 
     assert found.better and found.best is not None and found.best.lane.endswith("-s3")
     # Played and held out are one less than in training; 1.96 * sqrt(0.1**2 + 0.1**2) = 0.277.
     assert found.gain is not None and (found.gain.value, found.gain.low) == pytest.approx((4.0, 3.723), abs=1e-3)
-    between = "F 11.02 ± 0.1 against 7.02 ± 0.1 of the policy it began from, held out"
+    between = "F 11.02 ± 0.10 against 7.02 ± 0.10 of the policy it began from, held out"
     assert of_polishing(found).startswith(f"The policy carried on is better: {between}; ")
     assert not (plain / "polished").exists() and RunView.read(plain).polished is None
 
@@ -119,7 +119,7 @@ def test_a_policy_that_loses_by_it_stays_the_best(tmp_path: Path) -> None:
     found = polished(tmp_path)
     assert not found.better and found.best == found.began
     assert found.chosen is not None and found.chosen.start.fresh == 0.0  # of those that lost the best
-    assert of_polishing(found).startswith("The policy carried on is worse: F 5.02 ± 0.1 against 7.02 ± 0.1 ")
+    assert of_polishing(found).startswith("The policy carried on is worse: F 5.02 ± 0.10 against 7.02 ± 0.10 ")
     assert not (tmp_path / "polished").exists()
 
 
@@ -221,7 +221,7 @@ def test_reports_name_both_results_and_keep_them_apart(tmp_path: Path) -> None:
         assert "The best policy, as it is" in text and of_polishing(found) in text and verdict(view) in text
         assert found.tries[1].lane.id in text and "10%" in text
     assert "<code>polished/</code> holds what became of it" in shown[1]
-    assert "eureka play DIR policy=polished: watch the best policy" in nexts(view)
+    assert ("eureka play DIR policy=polished", "watch the best policy") in nexts(view)
     told = json.loads(json.dumps(facts(view)))["polished"]
     assert told["better"] and told["best"]["lane"] == found.tries[0].lane.id
     assert [lane["fresh"] for lane in told["lanes"]] == [0.0, 0.1, 0.25]

@@ -64,16 +64,18 @@ def test_an_open_verdict_says_how_many_seeds_would_close_it() -> None:
 @pytest.mark.parametrize(
     ("generated", "human", "first"),
     [
-        ([40.0, 42.0], [39.0, 41.0], f"{AGAIN} seed=3 seeds=17: about enough to decide it"),
-        ([41.0], [40.0], f"{AGAIN} seed=2 seeds=3: about enough to decide it"),
-        ([49.0, 51.0], [39.0, 41.0], "eureka play DIR: watch the best reward's policy"),
-        ([40.01, 42.0], [39.0, 43.0], "eureka play DIR: watch the best reward's policy"),  # too many
+        ([40.0, 42.0], [39.0, 41.0], f"{AGAIN} seed=3 seeds=17"),
+        ([41.0], [40.0], f"{AGAIN} seed=2 seeds=3"),
+        ([49.0, 51.0], [39.0, 41.0], "eureka play DIR"),
+        ([40.01, 42.0], [39.0, 43.0], "eureka play DIR"),  # too many
     ],
 )
 def test_what_to_type_next_names_the_seeds_that_would_decide(
     generated: list[float], human: list[float], first: str
 ) -> None:
-    assert nexts(ended(generated, human))[0] == first
+    commands = [command for command, _ in nexts(ended(generated, human))]
+    assert commands[0] == first and commands[-1] == "eureka play DIR"
+    assert nexts(ended(generated, human), "the run")[-1][0] == "eureka play 'the run'"
 
 
 def test_before_the_end_nothing_is_claimed() -> None:

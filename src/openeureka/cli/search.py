@@ -15,7 +15,7 @@ from ..method.given import Given
 from ..parsing import changed, parse
 from ..report import tables
 from ..report.text import columns
-from ..report.verdict import deciding, verdict
+from ..report.verdict import verdict
 from ..report.view import RunView
 from ..runs import compose, trust
 from ..runs.rewards import named
@@ -26,7 +26,7 @@ from ..text import plain
 from ..types import TrainingState
 from . import tune
 from .settings import only_path, split
-from .show import facts, summary
+from .show import closing, facts, summary
 from .terminal import Terminal
 
 
@@ -72,9 +72,7 @@ def _tell(directory: Path, problems: Sequence[str]) -> None:
     print("\n".join(summary(result)))
     for problem in problems:
         print(plain(problem))
-    print(f"\nEverything is in {directory}; begin with report.html")
-    if command := deciding(result, str(directory)):
-        print(f"To decide what is open: {plain(command)}")
+    print("\n".join(closing(result, directory)))
 
 
 def train(words: Sequence[str], *, as_json: bool = False) -> None:
@@ -109,7 +107,7 @@ def compare(config: RunConfig, directory: Path, rewards: Given | None) -> RunVie
             print(plain(f"{lane} {result.message}"))
     for problem in problems:
         print(plain(problem))
-    print(f"\nEverything is in {directory}; begin with report.html")
+    print("\n".join(closing(run, directory)))
     return run
 
 

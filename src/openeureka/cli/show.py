@@ -18,7 +18,7 @@ from ..report import costs, fitted, robust, tables
 from ..report.build import build
 from ..report.candidates import CandidateView, GenerationView
 from ..report.text import columns, number, scored, spread
-from ..report.verdict import meaning, of_polishing, of_tuning, verdict
+from ..report.verdict import deciding, meaning, of_polishing, of_tuning, verdict
 from ..report.view import RunView
 from ..runs import trust
 from ..runs.run import lanes
@@ -116,6 +116,15 @@ def robust_lines(found: Robust) -> list[str]:
         *_lines(robust.worlds(found)),
         *_lines(robust.carried(found)),
         robust.verdict(found),
+    ]
+
+
+def closing(run: RunView, directory: Path) -> list[str]:
+    """The last lines of what made a run: where everything is, and the command that decides what it left open."""
+    command = deciding(run, str(directory))
+    return [
+        f"\nEverything is in {directory}; begin with report.html",
+        *([f"To decide what is open: {plain(command)}"] if command else []),
     ]
 
 

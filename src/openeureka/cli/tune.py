@@ -19,7 +19,7 @@ from ..tasks.registry import get
 from ..text import plain
 from ..types import Candidate, Verdict
 from .settings import only_path, split
-from .show import facts, tuned
+from .show import closing, facts, tuned
 from .show import robust_lines as lines
 from .terminal import Terminal
 
@@ -71,5 +71,5 @@ def go_on(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] 
     print("\n".join(["", *tuned(run)]))
     for problem in problems:
         print(plain(problem))
-    print(f"\nEverything is in {directory}; begin with report.html")
+    print("\n".join(closing(run, directory)))
     return run

@@ -63,6 +63,7 @@ def report(run: RunView, directory: Path) -> str:
         .render(
             run=run,
             best=run.best,
+            where=_here(directory),
             title=short_name(run.config.env),
             intent=intent(run.config.env),
             best_video=_embedded(directory, run.videos.get("best", "")),
@@ -90,6 +91,14 @@ def intent(env: str) -> str:
         return registry.get(env).description if registry.installed(env) else ""
     except TaskError:
         return ""
+
+
+def _here(directory: Path) -> str:
+    """The run as a person types it; a report that is passed on names no folder of theirs above where they were."""
+    try:
+        return str(directory.resolve().relative_to(Path.cwd()))
+    except ValueError:
+        return "DIR"
 
 
 def _embedded(directory: Path, path: str) -> str:

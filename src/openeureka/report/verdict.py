@@ -69,7 +69,7 @@ def of_polishing(found: Polished) -> str:
 
 def _of_given(arms: Mapping[str, Arm]) -> str:
     """The given reward of highest held-out F beside the next."""
-    ordered = sorted(arms, key=lambda name: -rank(mean(arms[name].scores)))
+    ordered = _ordered(arms)
     if not arms or not any(arms[name].held_out for name in ordered):
         return "No reward has been trained yet."
     if not arms[ordered[0]].scores:
@@ -78,13 +78,21 @@ def _of_given(arms: Mapping[str, Arm]) -> str:
         return f"{ordered[0]}: F {_arm(arms[ordered[0]])}, held out."
     best, next_ = arms[ordered[0]], arms[ordered[1]]
     between = f"F {_arm(best)} against {_arm(next_)}, held out"
-    claims = len(ordered) - 1
-    found = difference(best.scores, next_.scores, [arm.scores for arm in arms.values()], claims=claims)
+    found = _of_two(arms, ordered[0], ordered[1])
     if found is None:
         return f"Not decided between {ordered[0]} and {ordered[1]}: {between}. One seed says nothing of the next."
     unless = f"Not decided between {ordered[0]} and {ordered[1]}"
     told = decided(found, f"{ordered[0]} is {{}} than {ordered[1]}", between, unless)
     return told if found.sure else f"{told} {_needed(found, len(best.scores))}"
+
+
+def _ordered(arms: Mapping[str, Arm]) -> list[str]:
+    return sorted(arms, key=lambda name: -rank(mean(arms[name].scores)))
+
+
+def _of_two(arms: Mapping[str, Arm], best: str, next_: str) -> Difference | None:
+    scores = [arm.scores for arm in arms.values()]
+    return difference(arms[best].scores, arms[next_].scores, scores, claims=len(arms) - 1)
 
 
 def _of_search(run: RunView) -> str:
@@ -128,39 +136,70 @@ def why(run: RunView) -> str:
     return f"Its components: {', '.join(names)}." if names else ""
 
 
-def nexts(run: RunView) -> list[str]:
+def nexts(run: RunView, directory: str = "DIR") -> list[tuple[str, str]]:
     """What to type next: the command, and what it does."""
-    if run.tunes and verdict(run).startswith("Not decided yet"):
-        return ["eureka resume DIR: go on where it was"]
-    if not run.searched:
-        return ["eureka play DIR: watch the policy"]
-    if run.outcome is None:
-        return ["eureka resume DIR: go on where it was"]
-    found = run.polished
-    carried = ["eureka play DIR policy=polished: watch the best policy"] if found is not None and found.better else []
-    decide = [f"{command}: about enough to decide it"] if (command := deciding(run)) else []
-    return [*decide, "eureka play DIR: watch the best reward's policy", *carried]
+    where = shlex.quote(directory)
+    unfinished = run.tunes and verdict(run).startswith("Not decided yet")
+    if unfinished or (run.searched and run.outcome is None):
+        return [(f"eureka resume {where}", "go on where it was")]
+    found, command = run.polished, deciding(run, directory)
+    told = [
+        (command, "about enough to decide it"),
+        (f"eureka play {where}", "watch the best reward's policy"),
+        (f"eureka play {where} policy=polished", "watch the best policy"),
+    ]
+    return told[0 if command else 1 : 3 if found is not None and found.better else 2]
 
 
 def deciding(run: RunView, directory: str = "DIR") -> str:
-    """The command that decides what a search left open, where so many seeds are within reach: its reward and the human
-    one train with seeds that chose neither. Empty where nothing is open.
+    """The command that decides what a run left open, where so many seeds are within reach: the two rewards train with
+    seeds that chose neither. Empty where nothing is open.
     """
-    outcome, config = run.outcome, run.config
-    if outcome is None or not outcome.method.scores or not beside(config):
+    config, left = run.config, _left_open(run, directory)
+    if left is None:
         return ""
-    found = outcome.difference
+    found, rewards = left
     if found is not None and (found.sure or found.seeds is None):
         return ""
     usual = TrainConfig()
     settings = {
         "env": config.env,
-        "reward": f"human,{directory}/best/reward.py",
+        "reward": ",".join(rewards),
         **{key: own for key in WORTH_REPEATING if (own := getattr(config, key)) != getattr(usual, key)},
         "seed": polish_seeds(config).stop,
         "seeds": max(3, found.seeds or 0) if found is not None else 3,
     }
     return f"eureka train {' '.join(shlex.quote(f'{key}={value}') for key, value in settings.items())}"
+
+
+def _left_open(run: RunView, directory: str) -> tuple[Difference | None, tuple[str, str]] | None:
+    """The difference between the two rewards that the verdict speaks of, None with one seed, and where they are; None
+    where it compares none.
+    """
+    if run.searched:
+        ended = run.outcome
+        if ended is None or not ended.method.scores or not beside(run.config):
+            return None
+        return ended.difference, ("human", f"{directory}/best/reward.py")
+
+    def file(name: str) -> str:
+        return f"{directory}/candidates/{run.texts[name].id}/reward.py" if name in run.texts else name
+
+    if run.tunes:
+        found = run.tuned
+        if found is None or not found.after or found.breach or found.breach_before:
+            return None
+        two, apart = (ORIGINAL, found.after), found.difference
+        arms = found.arms
+    else:
+        arms = run.given
+        if len(arms) < 2:
+            return None
+        first, second = _ordered(arms)[:2]
+        two, apart = (first, second), _of_two(arms, first, second)
+    if not all(arms[name].scores for name in two):
+        return None
+    return apart, (file(two[0]), file(two[1]))
 
 
 def _arm(arm: Arm) -> str:

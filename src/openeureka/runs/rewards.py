@@ -36,8 +36,8 @@ def _is_text(program: str | Path) -> bool:
 
 
 def named(config: TrainConfig, rewards: Sequence[str | Path] | None = None) -> Given:
-    """The rewards by what they are called: files by their stem, texts by their number. Each is checked before anything
-    of a run is made.
+    """The rewards by what they are called: files by their stem, and by their folder where two have one stem, texts by
+    their number. Each is checked before anything of a run is made.
 
     Args:
         rewards: in place of those that the settings name.
@@ -50,6 +50,7 @@ def named(config: TrainConfig, rewards: Sequence[str | Path] | None = None) -> G
     if not words:
         raise ConfigError("`reward` names nothing to train, write for example reward=human,sparse.")
     names = [_name(word, number) for number, word in enumerate(words, start=1)]
+    names = [_in_folder(word, name) if names.count(name) > 1 else name for name, word in zip(names, words, strict=True)]
     for name in names:
         if names.count(name) > 1:
             raise ConfigError(f"`reward` names `{name}` twice; give the files different names.")
@@ -109,8 +110,19 @@ def _name(reward: str | Path, number: int) -> str:
         return str(reward)
     if _is_text(reward):
         return f"reward_{number}"
-    stem = re.sub(r"[^A-Za-z0-9_-]+", "_", Path(reward).stem).lstrip("-")[:60] or "reward"
+    stem = _nameable(Path(reward).stem)
     return f"{stem}_file" if stem in BUILT_IN else stem
+
+
+def _in_folder(reward: str | Path, name: str) -> str:
+    """A file by its folder and its stem."""
+    if reward in BUILT_IN or _is_text(reward):
+        return name
+    return _nameable(f"{Path(reward).absolute().parent.name}_{Path(reward).stem}")
+
+
+def _nameable(text: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", text).lstrip("-")[:60] or "reward"
 
 
 def judge(env: str, candidates: Sequence[Candidate], *, worlds: int = 0, unsafe: bool) -> list[Verdict]:
