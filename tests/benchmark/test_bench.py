@@ -1,6 +1,7 @@
 """A bench from the first cell to the table, with fakes for model, sandbox and trainer."""
 
 import json
+import re
 import subprocess
 import sys
 from collections import Counter
@@ -63,6 +64,16 @@ def test_cells_are_ordinary_runs_and_the_page_has_a_table_and_a_panel(tmp_path):
     assert "4 of 4 searches are finished" in page and page.count("data-chart=") == 1 and "decided" in page
     rows = json.loads((tmp_path / "bench" / "bench.json").read_text())["rows"]
     assert [(row["arm"], row["seeds"]) for row in rows] == [("full", 2), ("weaker", 2)]
+    reports = re.findall(r'href="(cartpole-[^"]*)"', page)
+    assert len(reports) == 4 and all((tmp_path / "bench" / report).is_file() for report in reports)
+
+
+def test_one_arm_is_compared_with_none(tmp_path):
+    alone = {**PLAN, "arms": {"full": PLAN["arms"]["full"]}}
+    by_task, over_tasks = openeureka.bench(alone, dir=tmp_path / "bench").compared.tables()
+    assert "" not in by_task.titles and "more than full" not in (*by_task.titles, *over_tasks.titles)
+    assert all(len(row) == len(table.titles) for table in (by_task, over_tasks) for row in table.rows)
+    assert "paired" not in by_task.note
 
 
 def test_what_is_finished_is_read_and_not_run_again(tmp_path, meters):

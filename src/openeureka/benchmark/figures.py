@@ -41,6 +41,11 @@ class Result:
     curve: tuple[tuple[int, float], ...]
     """The best F of any policy that the search had played, where it rose: steps spent until then, and F."""
 
+    @property
+    def name(self) -> str:
+        """Of the directory of its search."""
+        return Cell(self.task, self.arm, self.seed).name
+
     def reached(self, steps: int) -> float | None:
         """The best played F when the search had spent so many steps."""
         return max((value for spent, value in self.curve if spent <= steps), default=None)

@@ -151,16 +151,16 @@ class Comparison:
         by_task = Table(titles, [*map(_cells, self.rows)], self._note())
         titles = ("arm", "cells", "score", to_first, "", "cost, US$", "training")
         over_tasks = Table(titles, [*map(_total_cells, self.totals)], "Over all tasks and seeds.")
-        return by_task, over_tasks
+        return by_task.filled, over_tasks.filled
 
     def _note(self) -> str:
         claims = len(self.plan.arms) - 1
         together = f", which hold for all {claims} arms together" if claims > 1 else ""
+        paired = f" Differences are paired by seed{together}." if claims else ""
         return (
             "Means over seeds and 95 % intervals, one search a value. F held out: of the best reward in fresh "
             "trainings and episodes. Score: 0 is as good as the sparse reward, 1 as the human one; clipped to 0 and 3. "
-            "F played, matched steps: the best of the search when it had spent what the cheapest arm did. "
-            f"Differences are paired by seed{together}."
+            f"F played, matched steps: the best of the search when it had spent what the cheapest arm did.{paired}"
         )
 
     def figures(self) -> Iterator[charts.Chart]:

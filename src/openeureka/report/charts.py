@@ -162,14 +162,14 @@ def _best_so_far(scores: Sequence[float | None]) -> tuple[float | None, ...]:
 
 
 def spending(title: str, lines: Mapping[str, Sequence[Point]], levels: Mapping[str, float]) -> Chart | None:
-    """Steps up of what was reached by environment steps, and levels to compare with.
+    """Steps up of what was reached by environment steps, and levels to compare with; None before anything rose twice.
 
     Args:
         lines: by name, environment steps and the value from there on, in order; in the colours of their places.
         levels: by name, a value that needed none.
     """
     places = sorted({steps for points in lines.values() for steps, _ in points})
-    if not places or not places[-1]:
+    if len(places) < 2:
         return None
     drawn = [
         Line(name=name, values=_rounded(_reached(points, places)), color=color % MAX_LINES, kind="steps")

@@ -32,6 +32,13 @@ class Table:
     note: str = ""
     """A sentence that says how to read it."""
 
+    @property
+    def filled(self) -> Table:
+        """The same without columns that say nothing in any row."""
+        kept = [column for column in range(len(self.titles)) if any(row[column] for row in self.rows)]
+        rows = [[row[column] for column in kept] for row in self.rows]
+        return Table([self.titles[column] for column in kept], rows, self.note)
+
 
 class Tile(NamedTuple):
     """One number of the head of a run."""
