@@ -72,7 +72,7 @@ def test_a_run_prints_its_best_reward_and_leaves_the_files_of_a_report(parts, tm
     assert {"report.html", "best/reward.py", "best/policy.safetensors", "messages.json"} <= made
     assert "lanes/human-s0/events.out.tfevents.0" in made
     # Held out takes one from each toy F, seed 0 counts for baselines: (11.01 - 4) / (9.005 - 4).
-    assert "<td>1.401</td>" in (tmp_path / "run" / "report.html").read_text()
+    assert "<td>1.4</td>" in (tmp_path / "run" / "report.html").read_text()
 
 
 def test_a_failing_endpoint_is_one_sentence_and_the_way_to_continue(parts, tmp_path, capsys):
