@@ -1,6 +1,6 @@
 import pytest
 
-from openeureka.report.text import columns, duration, number, spread
+from openeureka.report.text import columns, dollars, duration, number, spread
 
 
 def test_columns_are_as_wide_as_their_widest_cell():
@@ -9,6 +9,7 @@ def test_columns_are_as_wide_as_their_widest_cell():
 
 def test_numbers_and_durations_for_people():
     assert (number(None), number(498.76543), number(-0.000123456)) == ("-", "498.8", "-0.0001235")
+    assert (dollars(0.0), dollars(0.00012), dollars(1234.5)) == ("0", "0.0001", "1,234.50")
     assert (duration(41.6), duration(185), duration(7810)) == ("42 s", "3 min 05 s", "2 h 10 min")
 
 

@@ -177,6 +177,16 @@ def test_a_run_that_is_not_in_the_folder_is_not_there(tmp_path, name):
     assert visitor(tmp_path / "outputs").get(f"/runs/{name}/").status_code in (404, 405)
 
 
+@pytest.mark.parametrize(
+    ("path", "sentence"),
+    [("/runs/absent/", "There is no such run."), ("/nothing", "No page has this address.")],
+)
+def test_an_address_that_leads_nowhere_shows_the_way_back(tmp_path, path, sentence):
+    answer = visitor(tmp_path).get(path)
+    assert answer.status_code == 404 and sentence in answer.text and '<a href="/">All runs</a>' in answer.text
+    assert "script-src 'self'" in answer.headers["content-security-policy"]
+
+
 def test_a_run_that_cannot_be_read_is_explained(tmp_path):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "run.log").write_text("\x1b[31mThere is no model <b>x</b>.")

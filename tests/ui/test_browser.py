@@ -316,7 +316,7 @@ def test_the_rows_that_are_shown_are_saved(page: Page, tmp_path: Path):
         page.get_by_role("button", name="Save as CSV").click()
     assert runs.value.suggested_filename == "runs.csv"
     rows = list(csv.reader(runs.value.path().read_text().splitlines()))
-    assert rows[0][:3] == ["run", "state", "task"]
+    assert rows[0][:3] == ["run", "state", "F held out"]
     assert sorted(row[0] for row in rows[1:]) == ["'=1+1", "run"]  # a spreadsheet would compute it
     page.locator("#runs").get_by_role("link", name="run", exact=True).click()
     page.locator(".tools").get_by_label("State").select_option("trained")

@@ -9,7 +9,7 @@ from typing import TypeVar
 from ..config import short_name
 from ..report import charts
 from ..report.tables import Table
-from ..report.text import duration, number
+from ..report.text import dollars, duration, number
 from ..score import Estimate, clipped, estimate, human_normalised, mean
 from .figures import Result
 from .plan import Plan
@@ -204,7 +204,7 @@ def _total_cells(row: Total) -> tuple[str, ...]:
 
 
 def _spent(row: Row | Total) -> Iterable[str]:
-    return f"{row.cost_usd:.2f}", duration(60 * row.minutes)
+    return dollars(row.cost_usd), duration(60 * row.minutes)
 
 
 def _with_missing(found: Estimate | None, count: int) -> str:

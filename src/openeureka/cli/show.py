@@ -17,7 +17,7 @@ from ..refine.tuned import Tuned
 from ..report import costs, fitted, robust, tables
 from ..report.build import build
 from ..report.candidates import CandidateView, GenerationView
-from ..report.text import columns, number, scored, spread
+from ..report.text import columns, dollars, number, scored, spread
 from ..report.verdict import deciding, meaning, of_polishing, of_tuning, verdict
 from ..report.view import RunView
 from ..runs import trust
@@ -100,7 +100,7 @@ def summary(run: RunView) -> list[str]:
     lines += ["", "The best policy, as it is:", "", *_carried_on(run, on), ""] if (on := run.polished) else []
     lines += ["", *robust_lines(run.robust), ""] if run.robust is not None else []
     tokens = run.usage.prompt_tokens + run.usage.completion_tokens
-    return [*lines, f"Spent: {tokens:,} tokens, US$ {run.usage.cost_usd:.4f}"]
+    return [*lines, f"Spent: {tokens:,} tokens, US$ {dollars(run.usage.cost_usd)}"]
 
 
 def tuned(run: RunView) -> list[str]:

@@ -24,7 +24,7 @@ from pygments.lexers import PythonLexer
 from pygments.token import STANDARD_TYPES
 
 from ..codec import plain as data_of
-from ..config import short_name
+from ..config import NO_MODEL, short_name
 from ..errors import TaskError
 from ..store import artifacts
 from ..tasks import registry
@@ -32,7 +32,7 @@ from ..text import plain
 from ..types import Sample
 from . import charts, costs, fitted, hints, robust, tables, verdict
 from .candidates import CandidateState, CandidateView
-from .text import duration, number, scored
+from .text import dollars, duration, number, scored
 from .view import RunView
 
 MAX_EMBEDDED = 8 << 20
@@ -121,7 +121,7 @@ def environment() -> Environment:
         finalize=_inert,
     )
     environment.filters |= {"cut": cut, "model": model, "number": number, "scored": scored, "duration": duration}
-    environment.filters |= {"code": code, "data": data}
+    environment.filters |= {"code": code, "data": data, "dollars": dollars}
     environment.globals |= {
         "tables": tables,
         "fitted": fitted,
@@ -190,7 +190,9 @@ def cut(text: str, limit: int) -> str:
 
 
 def model(setting: str) -> str:
-    """What a model is called: of a file with replies its name, without the way to it."""
+    """What a model is called: of a file with replies its name, without the way to it; a dash where none writes."""
+    if setting == NO_MODEL:
+        return "-"
     kind, separator, path = setting.partition(":")
     return cut(f"replay:{path.rsplit('/', 1)[-1]}" if kind == "replay" and separator else setting, LIMITS["NAME"])
 

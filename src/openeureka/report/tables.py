@@ -16,7 +16,7 @@ from ..refine.tuned import ORIGINAL, Tuned
 from ..score import Arm, Baselines, Outcome, human_normalised, mean
 from ..types import Evaluation, Generation, History, Remark, RemarkKind, VerdictCode
 from .candidates import CandidateView
-from .text import duration, number, scored, spread
+from .text import dollars, duration, number, scored, spread
 from .view import RunView
 
 MOST_ARMS = 4
@@ -71,8 +71,7 @@ def tiles(run: RunView) -> list[Tile]:
     ]
     found = [*drawn, *found] if run.outcome is None else [*_final(run.outcome), *drawn]
     tokens = run.usage.prompt_tokens + run.usage.completion_tokens
-    cost = f"US$ {run.usage.cost_usd:.4f}" if run.usage.cost_usd else "nothing"
-    return [*found, trainings, Tile("cost", cost, f"{tokens:,} tokens")]
+    return [*found, trainings, Tile("cost", f"US$ {dollars(run.usage.cost_usd)}", f"{tokens:,} tokens")]
 
 
 def _final(outcome: Outcome) -> list[Tile]:
@@ -278,7 +277,7 @@ def facts(candidate: CandidateView) -> Table:
         ("F in training, maximum over epochs", number(candidate.fitness)),
         ("replies", str(len(candidate.attempts))),
         ("tokens", f"{usage.prompt_tokens:,} read, {usage.completion_tokens:,} written"),
-        ("cost", f"US$ {usage.cost_usd:.4f}"),
+        ("cost", f"US$ {dollars(usage.cost_usd)}"),
     ]
     if candidate.strength is not None:
         rows.append(("strength by votes", number(candidate.strength, 3)))
@@ -326,7 +325,7 @@ def name(generation: int, slot: int) -> str:
 def spent(run: RunView) -> str:
     usage = run.usage
     tokens = f"{usage.prompt_tokens} prompt tokens and {usage.completion_tokens} completion tokens"
-    return f"{tokens}, US$ {usage.cost_usd:.4f}."
+    return f"{tokens}, US$ {dollars(usage.cost_usd)}."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -60,6 +60,13 @@ def sparkline(values: Sequence[float | None], width: int) -> str:
     return "".join(" " if value is None else BLOCKS[round((value - low) / step)] for value in kept)
 
 
+def dollars(cost: float) -> str:
+    """An amount of US$, to the cent from one dollar on."""
+    if not cost:
+        return "0"
+    return f"{cost:,.2f}" if cost >= 1 else f"{cost:.4f}"
+
+
 def duration(seconds: float) -> str:
     """`42 s`, `3 min 05 s` or `2 h 10 min`."""
     whole = round(seconds)

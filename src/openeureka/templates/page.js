@@ -115,7 +115,13 @@ const eureka = (() => {
   /** Of all charts of F that stand side by side, so that heights compare. */
   function span() {
     const known = [...document.querySelectorAll("main.side .chart[data-shared]")].flatMap(({ dataset }) => JSON.parse(dataset.chart).lines.flatMap((line) => line.values)).filter((value) => value != null);
-    return uPlot.rangeNum(Math.min(...known), Math.max(...known), .1, true);
+    return room(null, Math.min(...known), Math.max(...known));
+  }
+
+  /** What a vertical axis spans; a level line is in its middle. */
+  function room(_, low, high) {
+    const beyond = Math.abs(low) / 10 || 1;
+    return low == null || low < high ? uPlot.rangeNum(low ?? 0, high ?? 1, .1, true) : [low - beyond, high + beyond];
   }
 
   function draw(figure) {
@@ -128,7 +134,7 @@ const eureka = (() => {
     const options = {
       width: place.clientWidth || 400,
       height: HEIGHT,
-      scales: { x: { time: false, range: state.chart.names.length ? (_, low, high) => [low - .6, high + .6] : undefined }, ...("shared" in figure.dataset && figure.closest("main.side") ? { y: { range: span } } : {}) },
+      scales: { x: { time: false, range: state.chart.names.length ? (_, low, high) => [low - .6, high + .6] : undefined }, y: { range: "shared" in figure.dataset && figure.closest("main.side") ? span : room } },
       legend: { show: false },
       cursor: { drag: { x: true, y: false }, points: { size: 7 } },
       axes: axes(state.chart, ink, line),
@@ -153,6 +159,7 @@ const eureka = (() => {
 
   const repaint = () => { for (const figure of drawn.keys()) if (figure.isConnected) draw(figure); else drawn.delete(figure); };
   wishes.addEventListener("change", repaint);
+  matchMedia("print").addEventListener("change", repaint); // paper is light
 
   const seen = new IntersectionObserver((entries) => {
     for (const { isIntersecting, target } of entries) {

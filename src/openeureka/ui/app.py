@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from http import HTTPStatus
 from pathlib import Path
 from urllib.parse import parse_qsl, quote, urlencode
 
@@ -50,7 +51,11 @@ def build(root: Path, token: str, hosts: Sequence[str], ending: Callable[[], boo
     Args:
         ending: whether the server is about to end, which waits for those who follow.
     """
-    return Starlette(routes=Pages(root, ending).routes(), middleware=guard.middleware(token, hosts))
+    return Starlette(
+        routes=Pages(root, ending).routes(),
+        middleware=guard.middleware(token, hosts),
+        exception_handlers={404: _lost},
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -296,6 +301,12 @@ def _address(name: str) -> str:
 async def _entrance(request: Request) -> Response:
     """The token leaves the address, so that no bookmark or screenshot holds it: a relative one would keep it."""
     return RedirectResponse(f"{request.url.scheme}://{request.headers['host']}/", 303)
+
+
+async def _lost(_: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    said = error.detail if error.detail != HTTPStatus.NOT_FOUND.phrase else "No page has this address."
+    return HTMLResponse(pages.lost(said), error.status_code)
 
 
 async def _form(request: Request) -> dict[str, str]:

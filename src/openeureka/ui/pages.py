@@ -28,6 +28,11 @@ def layout(template: str, version: Version, **values: object) -> str:
     return page.render(version=version, **values)
 
 
+def lost(problem: str) -> str:
+    """A page for an address that leads nowhere."""
+    return html.environment().get_template("ui/lost.html").render(problem=problem)
+
+
 def start_form() -> dict[str, object]:
     """What the form that starts a run offers, and the one that filters the list."""
     shown = {"feedbacks": FEEDBACKS, "videos": VIDEOS, "standings": tuple(Standing)}
