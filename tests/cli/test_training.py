@@ -13,7 +13,7 @@ from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreEr
 from openeureka.method import baselines
 from openeureka.report.view import RunView
 from openeureka.runs.rewards import named
-from openeureka.score import Arm, Baselines
+from openeureka.score import Arm, Baselines, mean
 from openeureka.store import Store
 from openeureka.testing.scripted import ToyTrainer
 from openeureka.types import Lane, RewardGraph, TrainingResult, TrainingState
@@ -99,6 +99,14 @@ def test_a_report_shows_the_table_and_the_curves_of_every_training(toy, tmp_path
     charts = [json.loads(unescape(chart)) for chart in re.findall(r'data-chart="([^"]*)"', text)]
     assert [len(chart["lines"]) for chart in charts] == [4, 1, 1, 1, 1]  # F of all, and the component of each
     assert "http" not in re.sub(r"<(style|script)>.*?</\1>", "", text, flags=re.DOTALL).replace("http-equiv", "")
+
+
+def test_the_list_of_runs_shows_the_best_of_given_rewards(toy, tmp_path):
+    train(["env=cartpole", "reward=sparse,human", "seeds=2", f"dir={tmp_path}/out"])
+    glance, given = folder.entry("out", tmp_path / "out").glance, RunView.read(tmp_path / "out").given
+    assert glance is not None
+    assert (glance.human, glance.sparse) == (mean(given["human"].held_out), mean(given["sparse"].held_out))
+    assert glance.held_out == glance.human > glance.sparse
 
 
 def test_the_policy_of_highest_held_out_f_is_the_best(toy, tmp_path, capsys):

@@ -23,6 +23,7 @@ from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreEr
 from openeureka.report.view import RunView
 from openeureka.runs.rewards import to_tune
 from openeureka.sandbox.client import Sandbox
+from openeureka.score import mean
 from openeureka.store import Store
 from openeureka.tasks import human
 from openeureka.tasks.registry import get
@@ -103,6 +104,8 @@ def test_what_it_leaves_open_the_last_line_decides(toy, mine, tmp_path, capsys):
     train([*command[2:], f"dir={tmp_path}/decided"])
     decided = RunView.read(tmp_path / "decided")
     before, after = decided.given
+    glance, tuned = folder.entry("out", tmp_path / "out").glance, RunView.read(tmp_path / "out").tuned
+    assert glance is not None and glance.held_out == mean(tuned.arms[tuned.after].held_out)
     assert decided.texts[before].source == MINE != decided.texts[after].source
     assert f"{after} is better than {before}" in capsys.readouterr().out
     assert unescape(

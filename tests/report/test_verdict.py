@@ -92,6 +92,8 @@ def test_a_score_of_0_beside_a_perfect_f_is_explained() -> None:
         "Here the sparse reward is the better of the two: 0 is better than the human reward."
     )
     assert scale(Outcome(best=None, human=Arm(held_out=(3.0,)), sparse=Arm(held_out=(1.0,)))).endswith("the human one.")
+    zeros = Arm(held_out=(0.0, 0.0))
+    assert scale(Outcome(best=None, human=zeros, sparse=zeros)).endswith("Here both are equal, and there is no score.")
 
 
 def test_f_is_explained_for_tasks_that_are_installed() -> None:

@@ -12,6 +12,7 @@ import difflib
 import hashlib
 import json
 import math
+import re
 from functools import cache
 from importlib.resources import files
 from itertools import groupby
@@ -121,7 +122,7 @@ def environment() -> Environment:
         finalize=_inert,
     )
     environment.filters |= {"cut": cut, "model": model, "number": number, "scored": scored, "duration": duration}
-    environment.filters |= {"code": code, "data": data, "dollars": dollars}
+    environment.filters |= {"code": code, "data": data, "dollars": dollars, "breakable": breakable}
     environment.globals |= {
         "tables": tables,
         "fitted": fitted,
@@ -195,6 +196,11 @@ def model(setting: str) -> str:
         return "-"
     kind, separator, path = setting.partition(":")
     return cut(f"replay:{path.rsplit('/', 1)[-1]}" if kind == "replay" and separator else setting, LIMITS["NAME"])
+
+
+def breakable(text: str) -> Markup:
+    """A name that may go on in the next line after a colon, a slash or an underscore; copied, it is as it was."""
+    return Markup(re.sub("([:/_])", r"\1<wbr>", escape(plain(text))))
 
 
 def anchor(place: CandidateView | Sample) -> str:

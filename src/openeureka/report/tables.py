@@ -216,6 +216,8 @@ def scale(outcome: Outcome) -> str:
     human, sparse = mean(outcome.human.held_out), mean(outcome.sparse.held_out)
     if human is None or sparse is None or human > sparse:
         return words
+    if human == sparse:
+        return f"{words} Here both are equal, and there is no score."
     return f"{words} Here the sparse reward is the better of the two: 0 is better than the human reward."
 
 

@@ -47,7 +47,8 @@ _TYPES: Mapping[str, tuple[type, ...]] = {"TEXT": (str,), "INTEGER": (int,), "RE
 _GLANCE = """
 WITH finished AS (SELECT lane FROM entries UNION SELECT lane FROM lanes WHERE role IN ('given', 'tuned')),
     -- As `method.lanes.final_lanes` has it: a baseline's training beside the first generation counts as well.
-    judged AS (SELECT reward, fitness FROM evaluations JOIN lanes USING (lane) WHERE role IN ('final', 'baseline'))
+    judged AS (
+        SELECT reward, fitness FROM evaluations JOIN lanes USING (lane) WHERE role IN ('final', 'baseline', 'given'))
 SELECT
     (SELECT COUNT(DISTINCT generation) FROM entries) AS generations,
     COALESCE(
@@ -60,8 +61,12 @@ SELECT
     (SELECT COUNT(*) FROM evaluations) AS evaluations,
     (SELECT COUNT(*) FROM ended) AS ended,
     (SELECT COUNT(*) FROM results) AS trainings,
-    (SELECT AVG(fitness) FROM judged WHERE reward = (SELECT candidate FROM entries JOIN crown USING (generation, slot)))
-        AS held_out,
+    COALESCE(
+        (SELECT AVG(fitness) FROM judged
+            WHERE reward = (SELECT candidate FROM entries JOIN crown USING (generation, slot))),
+        (SELECT MAX(fitness) FROM (
+            SELECT AVG(fitness) AS fitness FROM judged WHERE NOT EXISTS (SELECT 1 FROM entries) GROUP BY reward))
+    ) AS held_out,
     (SELECT AVG(fitness) FROM judged WHERE reward = 'human') AS human,
     (SELECT AVG(fitness) FROM judged WHERE reward = 'sparse') AS sparse,
     TOTAL(cost_usd) AS cost_usd,

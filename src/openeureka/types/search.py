@@ -201,7 +201,8 @@ class Glance:
     trainings: int
     """Those that are done."""
     held_out: float | None
-    """F of the best reward in its final trainings, held out, mean over seeds; None before they are judged."""
+    """F of the best reward in its final trainings, held out, mean over seeds, where none was searched for of the best
+    given one; None before they are judged."""
     human: float | None
     sparse: float | None
     """The same of the rewards that come with the task, where the run trained them."""
