@@ -97,6 +97,29 @@ def test_ranges_reach_every_stage_also_when_a_run_is_resumed_elsewhere(
 
 
 @pytest.mark.parametrize(
+    ("words", "name", "before", "after"),
+    [
+        (["run", *SETTINGS], "randomise", "mass: [0.8, 1.2]\n", "mass: [0.5, 1.5]\n"),
+        (["train", "reward=human"], "curriculum", "- {steps: 900}\n- {steps: 100}\n", "- {steps: 90}\n- {steps: 10}\n"),
+    ],
+)
+def test_a_run_that_goes_on_holds_to_what_its_files_said(
+    toy: StagedTrainer, capsys: pytest.CaptureFixture[str], words: list[str], name: str, before: str, after: str
+):
+    file = Path("file.yaml")
+    file.write_text(before)
+    toy.stops = True
+    assert run(*words, f"{name}=file.yaml", "dir=out") == 130
+    toy.stops = False
+    file.write_text(after)
+    assert run("resume", "out") == 2
+    assert f"is not what it was when the run began: copy out/{name}.yaml over it, or" in capsys.readouterr().err
+    file.write_text(f"# a word to the reader\n{before}")
+    assert run("resume", "out") == 0
+    assert Path("out", f"{name}.yaml").read_text() == before
+
+
+@pytest.mark.parametrize(
     ("words", "sentence"),
     [
         (["randomise=wild"], "There are no ranges `wild`. Did you mean `wide`?"),

@@ -35,7 +35,7 @@ from ..tasks.record import record_states
 from ..tasks.registry import get
 from ..training.curriculum import CurriculumTrainer
 from ..types import Candidate, TaskContext, Trainer, Usage, Verdict
-from . import trust
+from . import inputs, trust
 from .stopping import continuable, stoppable, stopped
 
 Parts = tuple[
@@ -150,7 +150,7 @@ def _parts(
             if not begun:
                 sampling.admit(config, checker)
             with (
-                Store.open(directory, config) as store,
+                _store(directory, config) as store,
                 continuable(host.again(directory)),
                 stoppable(directory),
                 logged(directory, config, store.talk.usage()) as log,
@@ -262,7 +262,7 @@ def robust(
     began = stored(directory)
     with (
         closing(model),
-        Store.open(directory, began) as store,
+        _store(directory, began) as store,
         continuable(again),
         stoppable(directory),
         logged(directory, config, store.talk.usage()) as log,
@@ -280,13 +280,21 @@ def comparing(config: RunConfig, directory: Path, host: Host) -> Iterator[Lanes]
     host.begins(config, directory)
     with (
         mirrored(directory, config) as mirrors,
-        Store.open(directory, config) as store,
+        _store(directory, config) as store,
         continuable(host.again(directory)),
         stoppable(directory),
         logged(directory, config, Usage()) as log,
         host.view(config, directory, Usage()) as view,
     ):
         yield Lanes(config, store, trainer, Observers(*log, *mirrors, view))
+
+
+@contextmanager
+def _store(directory: Path, config: RunConfig) -> Iterator[Store]:
+    """The store of a run, as long as it is at work; files that it names say what they said when it began."""
+    with Store.open(directory, config) as store:
+        inputs.keep(config, directory)
+        yield store
 
 
 def trainer_of(config: RunConfig, directory: Path) -> Trainer:

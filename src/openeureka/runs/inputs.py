@@ -1,0 +1,44 @@
+"""Files that settings of a run name: what they said when it began, it holds to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+
+from ..config import RunConfig
+from ..errors import ConfigError
+from ..store import artifacts
+
+NAMED = ("curriculum", "randomise")
+"""Settings that may be a YAML file. A copy in the run's directory has the setting's name."""
+
+
+def keep(config: RunConfig, directory: Path) -> None:
+    """Copy the files into the directory of a run that begins, or see that they still say the same.
+
+    The caller holds the run's lock, and has read the files.
+
+    Raises:
+        ConfigError: where one says something else than when the run began.
+        StoreError: when the directory cannot be written.
+    """
+    for setting in NAMED:
+        path, copy = str(getattr(config, setting)), f"{setting}.yaml"
+        if not path.endswith((".yaml", ".yml")):
+            continue
+        text, before = Path(path).read_bytes(), artifacts.read(directory, copy)
+        if before is None:
+            artifacts.write(directory, copy, text)
+        elif before != text and _said(before) != _said(text):
+            raise ConfigError(
+                f"{path} is not what it was when the run began: copy {directory / copy} over it, or begin another run."
+            )
+
+
+def _said(text: bytes) -> object:
+    """The content without its spelling; the text where a copy is no YAML."""
+    try:
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError):
+        return text
