@@ -29,6 +29,7 @@ from ..report.build import build
 from ..report.filming import Filming
 from ..sandbox.client import Sandbox
 from ..store import StageFiles, Store, is_run, read_config, read_replies
+from ..store.directory import swept
 from ..tasks import costs, curriculum, ranges
 from ..tasks.context import context, informed
 from ..tasks.record import record_states
@@ -108,7 +109,7 @@ def search(config: RunConfig, directory: Path, host: Host, model: LanguageModel 
         EurekaError: what else ended it.
     """
     begun = is_run(directory)
-    with mirrored(directory, config) as mirrors:
+    with swept(directory), mirrored(directory, config) as mirrors:
         try:
             with _parts(config, directory, host, model, mirrors) as parts:
                 loop.run(*parts)
@@ -187,7 +188,7 @@ def train(config: RunConfig, directory: Path, rewards: Given | None, host: Host)
     Returns, Raises:
         As `search` does.
     """
-    with comparing(config, directory, host) as lanes:
+    with swept(directory), comparing(config, directory, host) as lanes:
         if rewards is not None:
             given.keep(lanes.store, rewards)
         given.train(lanes)
@@ -204,17 +205,18 @@ def tune(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] |
     Returns, Raises:
         As `search` does.
     """
-    with host.working("Trying the task out"):
-        states = record_states(config.env)
     task = get(config.env)
     worlds = config.worlds or task.recipe.worlds
-    with (
-        Sandbox(task.spec, states, worlds=worlds, unsafe=config.unsafe_no_sandbox) as checker,
-        comparing(config, directory, host) as lanes,
-    ):
-        if reward is not None:
-            tuning.keep(lanes.store, *reward)
-        tuning.tune(lanes, checker)
+    with swept(directory):
+        with host.working("Trying the task out"):
+            states = record_states(config.env)
+        with (
+            Sandbox(task.spec, states, worlds=worlds, unsafe=config.unsafe_no_sandbox) as checker,
+            comparing(config, directory, host) as lanes,
+        ):
+            if reward is not None:
+                tuning.keep(lanes.store, *reward)
+            tuning.tune(lanes, checker)
     with host.working("Writing the report"):
         return build(directory, config.video, config.env)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import fcntl
 import time
-from collections.abc import Iterable
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..config import RunConfig, short_name
@@ -16,18 +17,46 @@ from .store import Store
 
 OUTPUTS = Path("outputs")
 """Where they go."""
+_NEW = set[Path]()
+"""Those that were made for a run to begin in."""
 
 
 def output_directory(chosen: str, env: str, kind: str = "", root: Path = OUTPUTS) -> Path:
-    """The chosen directory, or a new name `<root>/<time>_<kind><env>`; nothing is made yet."""
+    """The chosen directory, or a new one, `<root>/<time>_<kind><env>`, which no other process gets.
+
+    The new one is made, as that takes the name. Where no run begins in it, `swept` removes it.
+
+    Raises:
+        StoreError: when it cannot be made.
+    """
     if chosen:
         return Path(chosen)
-    path = root / f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{kind}{short_name(env)}"
-    number = 2
-    while path.exists():
-        path = path.with_name(f"{path.name.split('~')[0]}~{number}")
-        number += 1
-    return path
+    path = first = root / f"{time.strftime('%Y-%m-%d_%H-%M-%S')}_{kind}{short_name(env)}"
+    number = 1
+    with explained(root):
+        root.mkdir(parents=True, exist_ok=True)
+        while True:
+            try:
+                path.mkdir()
+            except FileExistsError:
+                number += 1
+                path = first.with_name(f"{first.name}~{number}")
+            else:
+                _NEW.add(path)
+                return path
+
+
+@contextmanager
+def swept(directory: Path) -> Generator[None]:
+    """Leave nothing of a directory that was made for a run which did not begin, as where a setting was refused."""
+    try:
+        yield
+    finally:
+        if directory in _NEW:
+            _NEW.remove(directory)
+            with suppress(OSError):  # as where it holds the run
+                directory.rmdir()
+                directory.parent.rmdir()
 
 
 # --- what one holds --------------------------------------------------------------------------------------------------

@@ -51,8 +51,6 @@ class Launcher:
         expect(config)
         open_model(config).close()
         directory = output_directory("", config.env, root=self._root)
-        with explained(directory):
-            directory.mkdir(parents=True)  # takes the name
         self._eureka(["run", *words, f"dir={directory}"], directory)
         return directory.name
 
