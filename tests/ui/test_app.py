@@ -177,6 +177,13 @@ def test_a_run_that_is_not_in_the_folder_is_not_there(tmp_path, name):
     assert visitor(tmp_path / "outputs").get(f"/runs/{name}/").status_code in (404, 405)
 
 
+def test_runs_of_other_steps_are_on_other_boards(tmp_path):
+    for name, steps in (("one", 2000), ("two", 2000), ("three", 1000)):
+        search_in(tmp_path / name, [reply(7), reply(8)], steps=steps)
+    boards = visitor(tmp_path).get("/").text.split("Leaderboards")[1].split('class="panel board"')[1:]
+    assert [("1,000 steps" in board, board.count("<tr><td>")) for board in boards] == [(True, 1), (False, 2)]
+
+
 @pytest.mark.parametrize(
     ("path", "sentence"),
     [("/runs/absent/", "There is no such run."), ("/nothing", "No page has this address.")],

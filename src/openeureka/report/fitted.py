@@ -16,7 +16,7 @@ def arms(found: Tuned) -> Table:
     ]
     note = "Mean ± standard deviation over fresh seeds."
     if any(arm.scores for arm in found.arms.values()):
-        note += f" `best/` holds the reward {'before' if found.better == ORIGINAL else 'after'}."
+        note += f" best/ holds the reward {'before' if found.better == ORIGINAL else 'after'}."
     return Table(("numbers", "F in training", "F held out", "seeds"), rows, note)
 
 
@@ -65,9 +65,10 @@ def components(found: Tuned) -> Table:
 
 
 def trials(found: Tuned) -> Table:
-    """A row for each weighting, as they were proposed."""
+    """A row for each weighting, as they were proposed, and a column for each number."""
     rows = [
-        (trial.name, trial.candidate.id, ", ".join(number(value) for value in trial.values), number(trial.played))
+        (trial.name, number(trial.played), trial.candidate.id, *(number(value) for value in trial.values))
         for trial in found.trials
     ]
-    return Table(("weighting", "program", "numbers", "F when played"), rows)
+    names = (effect.weight.name for effect in found.effects)
+    return Table(("weighting", "F when played", "program", *names), rows)

@@ -40,12 +40,12 @@ def start_form() -> dict[str, object]:
 
 
 def listing(entries: Sequence[Entry]) -> Parts:
-    """A line for each run, and for each task those whose best reward is judged, the best first."""
+    """A line for each run, and for each task and steps of a training those that are judged, the best first."""
     piece = _pieces(run=None)
-    boards: dict[str, list[Entry]] = {}
+    boards: dict[tuple[str, int], list[Entry]] = {}
     for entry in entries:
         if entry.glance is not None and entry.config is not None and entry.glance.held_out is not None:
-            boards.setdefault(entry.config.env, []).append(entry)
+            boards.setdefault((entry.config.env, entry.config.steps), []).append(entry)
     for board in boards.values():
         board.sort(key=lambda entry: -rank(entry.glance.held_out if entry.glance else None))
     return {"runs": piece.runs(entries), "boards": piece.boards(dict(sorted(boards.items())))}
