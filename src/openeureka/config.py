@@ -32,6 +32,8 @@ LARGEST_SEED = 2**52
 """Fresh seeds are added to it, and JSON's whole numbers end at 2**53."""
 MOST_THREADS = 1024
 """A process that asks for many more is killed."""
+MOST_WORLDS = 1 << 20
+"""Of a lane. A reward is measured with so many before it trains."""
 FEWEST_TUNED = 4
 """Trainings of a tuning, and of a round of one: with fewer, nothing says which way is up."""
 
@@ -129,7 +131,7 @@ class RunConfig:
         for key in ("temperature", "feedback_timeout", "max_cost"):
             if not math.isfinite(getattr(self, key)):
                 raise ConfigError(f"`{key}` must be a number, not {getattr(self, key)}.")
-        _check_bounds(self.seed, self.threads)
+        _check_bounds(self)
         if not self.model.strip():
             raise ConfigError("`model` is empty: say model=local, model=random or the name of a model at an endpoint.")
         if "@" in self.base_url.partition("://")[2].partition("/")[0]:
@@ -240,7 +242,7 @@ class TrainConfig:
         for key in ("steps", "worlds", "threads"):
             if getattr(self, key) < 0:
                 raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
-        _check_bounds(self.seed, self.threads)
+        _check_bounds(self)
         if self.bonus not in BONUSES:
             raise ConfigError(f"`bonus` must be one of {', '.join(BONUSES)}, not `{self.bonus}`.")
 
@@ -324,12 +326,16 @@ class RobustConfig:
         return dataclasses.replace(run, schedule="full", **given)
 
 
-def _check_bounds(seed: int, threads: int) -> None:
-    """Raises ConfigError for what would end a run after its first training."""
-    if not 0 <= seed <= LARGEST_SEED:
-        raise ConfigError(f"`seed` must be from 0 to {LARGEST_SEED}, not {seed}.")
-    if threads > MOST_THREADS:
-        raise ConfigError(f"`threads` must be at most {MOST_THREADS}, not {threads}; 0 takes all cores.")
+def _check_bounds(config: RunConfig | TrainConfig) -> None:
+    """Raises ConfigError for what would end a run after its first training, or never."""
+    if not 0 <= config.seed <= LARGEST_SEED:
+        raise ConfigError(f"`seed` must be from 0 to {LARGEST_SEED}, not {config.seed}.")
+    if config.threads > MOST_THREADS:
+        raise ConfigError(f"`threads` must be at most {MOST_THREADS}, not {config.threads}; 0 takes all cores.")
+    if config.worlds > MOST_WORLDS:
+        raise ConfigError(f"`worlds` must be at most {MOST_WORLDS:,}, not {config.worlds:,}; 0 takes the task's own.")
+    if config.steps >= 2**53:
+        raise ConfigError(f"`steps` must be fewer than 2**53, not {config.steps}.")
 
 
 def short_name(env: str) -> str:

@@ -41,6 +41,8 @@ def test_a_config_survives_being_stored_and_read_back():
         ("max_cost=nan", "`max_cost` must be a number"),
         ("temperature=inf", "`temperature` must be a number"),
         ("threads=100000", "`threads` must be at most 1024"),
+        ("worlds=2e6", "`worlds` must be at most 1,048,576"),
+        ("steps=1e16", "`steps` must be fewer than 2**53"),
         ("unsafe_no_sandbox=perhaps", "`unsafe_no_sandbox` takes true or false"),
     ],
 )
@@ -50,7 +52,7 @@ def test_a_wrong_word_is_one_sentence_that_says_what_to_do(word: str, says: str)
     assert says in str(error.value)
 
 
-@pytest.mark.parametrize("word", ["seed=-1", "threads=100000"])
+@pytest.mark.parametrize("word", ["seed=-1", "threads=100000", "worlds=2e6", "steps=1e16"])
 def test_trainings_of_given_rewards_refuse_what_a_search_refuses(word: str):
     with pytest.raises(ConfigError, match="must be"):
         parse(TrainConfig, [word])
