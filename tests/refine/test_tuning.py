@@ -139,7 +139,7 @@ def test_numbers_that_nothing_beats_stay_in_best(tmp_path: Path) -> None:
     found = go(tmp_path, Hill(), HUMAN)  # human numbers are the best there are
     assert (tmp_path / "best" / "reward.py").read_text() == HUMAN
     assert found.better == ORIGINAL and len(found.arms) == 3
-    assert fitted.arms(found).note.endswith("`best/` holds the reward before.")
+    assert fitted.arms(found).note.endswith("best/ holds the reward before.")
     assert "The tuned numbers are worse than those before" in of_tuning(found)
 
 
