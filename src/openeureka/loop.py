@@ -76,11 +76,11 @@ def run(
         observer.generation(history.generations[-1])
 
     history = hearing.hear(history)  # where votes decide, the last generation needs some too
-    policy = None if tuning.begun(store) else conclude(config, store, lanes, strategy, history, observer)
-    if config.tune:
-        policy = tuning.tune_winner(lanes, checker, race.crowned(history, store.crown())) or policy
-    if config.polish and policy is not None:
-        polishing.polish(lanes, policy)
+    if not tuning.begun(store):
+        conclude(config, store, lanes, strategy, history, observer)
+    tuned = tuning.tune_winner(lanes, checker, race.crowned(history, store.crown())) if config.tune else None
+    if config.polish and (tuned is not None or store.crown() is not None):
+        polishing.polish(lanes)
     store.end()
     outcome = summarise(config, store, history)
     observer.outcome(outcome)
@@ -89,9 +89,9 @@ def run(
 
 def conclude(
     config: RunConfig, store: Store, lanes: Lanes, strategy: SearchStrategy, history: History, observer: Observer
-) -> PolicyId | None:
+) -> None:
     """Confirm the best reward with fresh seeds, then score it beside the human and the sparse one on held-out episodes.
-    Its policy in `best/`; None where nothing ever trained.
+    Where there is one, the store holds its crown, and `best/` its policy.
 
     The search's own scores are the best of many tries; only fresh seeds and fresh episodes say what a reward is worth.
     """
@@ -103,27 +103,24 @@ def conclude(
         if nearest is not None and nearest.result is not None:  # nobody wins, and that is told in numbers
             observer.phase(config.generations, "evaluate")
             lanes.evaluate(lanes.standing([nearest.result.lane], strategy))
-        return None
+        return
     observer.phase(config.generations, "evaluate")
     arms = lanes.final(race.contenders(history))
     scores = lanes.evaluate(lanes.standing([lane for own in arms.values() for lane in own], strategy))
     results = store.lanes.results()
     own = {lane: results[lane] for lane in arms[best.sample.verdict.candidate] if lane in scores}
     winner = max(own, key=lambda lane: worth(scores[lane], config.limited), default=None)
-    policy = keep(store, lanes, strategy, best, winner)
+    keep(store, lanes, strategy, best, winner)
     if winner is not None:
         lanes.try_out(hacking.trials(own, winner, lanes.standing(own, strategy)))
     if confirmed is None:
         store.save_crown(best.sample.place)
-    return policy
 
 
-def keep(store: Store, lanes: Lanes, strategy: SearchStrategy, best: Scored, lane: str | None = None) -> PolicyId:
+def keep(store: Store, lanes: Lanes, strategy: SearchStrategy, best: Scored, lane: str | None = None) -> None:
     """Leave the best reward in `best/`, with the policy of its lane in the search, or of another."""
     lane = lane or lane_id(best.sample.verdict.candidate, lanes.config.seed)
-    policy = PolicyId(lane, lanes.standing([lane], strategy)[lane])
-    store.save_best(best.sample.candidate, policy)
-    return policy
+    store.save_best(best.sample.candidate, PolicyId(lane, lanes.standing([lane], strategy)[lane]))
 
 
 def summarise(config: RunConfig, store: Store, history: History) -> Outcome:

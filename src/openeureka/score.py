@@ -145,7 +145,7 @@ class Difference:
     high: float
     """Ends of the 95 % interval."""
     seeds: int | None
-    """Of each reward, about as many as would decide a difference of this size; None beyond `MOST_SEEDS`."""
+    """Of each of the two alone, about as many as would decide a difference of this size; None beyond `MOST_SEEDS`."""
 
     @property
     def sure(self) -> bool:
@@ -158,9 +158,9 @@ MOST_SEEDS = 100
 
 
 def difference(
-    own: Sequence[float], other: Sequence[float], among: Sequence[Sequence[float]], *, claims: int = 1
+    own: Sequence[float], other: Sequence[float], among: Sequence[Sequence[float]], *, claims: float = 1
 ) -> Difference | None:
-    """Student's interval of mean(own) - mean(other), a value a seed; None where no reward has two seeds.
+    """Student's interval of mean(own) - mean(other), a value a seed; None where either has fewer than two.
 
     With two or three seeds each a spread of its own is worth little: that of all rewards `among` is pooled, as if they
     were equally noisy. All play the same start states, so what those share is no part of it.
@@ -168,17 +168,36 @@ def difference(
     Args:
         claims: how many such intervals are to hold together (Bonferroni), as where the best of several is compared.
     """
-    freedom = sum(len(values) - 1 for values in among if values)
-    if not own or not other or freedom < 1:
+    if len(own) < 2 or len(other) < 2:
         return None
+    freedom = sum(len(values) - 1 for values in among if values)
     squares = [(x - math.fsum(values) / len(values)) ** 2 for values in among for x in values]
     spread = math.sqrt(math.fsum(squares) / freedom)
     value = math.fsum(own) / len(own) - math.fsum(other) / len(other)
     half = _quantile(freedom, claims) * spread * math.sqrt(1 / len(own) + 1 / len(other))
-    enough = (
-        n for n in range(2, MOST_SEEDS + 1) if _quantile(2 * n - 2, claims) * spread * (2 / n) ** 0.5 < abs(value)
-    )
+    enough = (n for n in range(2, MOST_SEEDS + 1) if _quantile(2 * n - 2) * spread * (2 / n) ** 0.5 < abs(value))
     return Difference(value=value, low=value - half, high=value + half, seeds=next(enough, None))
+
+
+EARLY = 0.1
+"""Of all errors, the share that the looks before the last may make together."""
+
+
+def spent(trained: int, seeds: int, first: int) -> float:
+    """Of the errors that a race may make in all, the share of its look after so many seeds.
+
+    To look again is to try again. Those who stop early must be nearly certain, so that the last look, which most races
+    come to, is hardly stricter than one alone (Haybittle 1971, Peto et al. 1976; the shares add up as Bonferroni's do).
+
+    Args:
+        trained: seeds of each reward so far.
+        seeds: the most there may be.
+        first: seeds of the first look.
+    """
+    early = seeds - first
+    if early < 1:
+        return 1.0
+    return EARLY / early if trained < seeds else 1.0 - EARLY
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -229,7 +248,7 @@ def gain(own: Evaluation, other: Evaluation) -> Estimate | None:
     return Estimate(value=value, low=value - half, high=value + half, count=count)
 
 
-def _quantile(freedom: int, claims: int) -> float:
+def _quantile(freedom: int, claims: float = 1) -> float:
     from scipy.special import stdtrit  # pyright: ignore[reportMissingTypeStubs] # a third of a second that only the end of a search needs
 
     return float(stdtrit(freedom, 1 - (1 - CONFIDENCE) / (2 * max(1, claims))))
@@ -279,6 +298,8 @@ class Outcome:
     sparse: Arm = Arm()
     rivals: Mapping[Place, Arm] = field(default_factory=dict[Place, Arm])
     """The other rewards that the best was confirmed against."""
+    share: float = 1.0
+    """Of all errors, those that the look at which the race stopped may make: see `spent`."""
     correlation: float | None = None
     """Pearson correlation of the best reward with the human reward over transitions, mean over seeds."""
     curve_correlation: float | None = None
@@ -296,11 +317,11 @@ class Outcome:
 
     @property
     def difference(self) -> Difference | None:
-        """To the human reward, held out. It allows for the best having been picked among several."""
+        """To the human reward, held out. It allows for the best having been picked among several, and for every look
+        at which the race might have stopped."""
         arms = [self.method, self.human, *self.rivals.values()]
-        return difference(
-            self.method.scores, self.human.scores, [arm.scores for arm in arms], claims=1 + len(self.rivals)
-        )
+        claims = (1 + len(self.rivals)) / self.share
+        return difference(self.method.scores, self.human.scores, [arm.scores for arm in arms], claims=claims)
 
 
 def compare(
@@ -310,6 +331,7 @@ def compare(
     scores: Mapping[str, Evaluation],
     known: Baselines | None = None,
     rivals: Sequence[Scored] = (),
+    share: float = 1.0,
 ) -> Outcome:
     """The outcome of the final trainings.
 
@@ -318,6 +340,7 @@ def compare(
             is not that far, counts as undefined.
         known: `human` and `sparse` where the run has no lanes of them.
         rivals: the other candidates that trained again.
+        share: see `Outcome`.
     """
     fitness = {lane: result.fitness for lane, result in results.items()}
     held_out = {lane: score.fitness for lane, score in scores.items()}
@@ -334,6 +357,7 @@ def compare(
         human=known.human if known else arm("human"),
         sparse=known.sparse if known else arm("sparse"),
         rivals={rival.sample.place: arm(rival.sample.verdict.candidate) for rival in rivals},
+        share=share,
         correlation=mean([result.correlation for result in trained]),
         curve_correlation=mean([pearson(own, human) for own, human in curves]),
     )

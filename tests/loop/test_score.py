@@ -96,6 +96,12 @@ def test_the_best_of_several_needs_a_wider_interval() -> None:
 def test_one_seed_of_each_has_no_interval() -> None:
     assert score.difference([1.0], [2.0], [[1.0], [2.0]]) is None
     assert score.difference([], [2.0, 3.0], [[2.0, 3.0]]) is None
+    assert score.difference([9.0], [2.0, 2.1, 1.9], [[9.0], [2.0, 2.1, 1.9]]) is None  # the others may have diverged
+
+
+def test_the_looks_of_a_race_share_its_errors() -> None:
+    assert [score.spent(trained, 6, 2) for trained in (2, 3, 4, 5, 6)] == pytest.approx([0.025] * 4 + [0.9])
+    assert score.spent(2, 2, 2) == score.spent(1, 1, 2) == 1.0
 
 
 def test_how_many_seeds_would_decide() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
+from random import Random
 
 import pytest
 
@@ -98,6 +99,32 @@ def test_more_seeds_train_while_it_is_undecided_beside_the_human_reward(tmp_path
 def test_one_that_is_shown_to_be_worse_leaves_the_race() -> None:
     scores = {"a": [10.0, 10.2], "b": [9.9, 10.3], "c": [1.0, 1.2], "human": [5.0, 5.1]}
     assert race.running(scores, ["b", "a", "c"]) == ["b", "a"]  # both mean 10.1: of equals the first leads
+
+
+def test_one_that_always_diverges_leaves_the_race_as_soon_as_another_does_not() -> None:
+    assert race.running({"a": [], "b": [9.0, 10.0], "human": [5.0, 5.1]}, ["a", "b"]) == ["b"]
+    assert race.running({"a": [], "b": [], "human": [5.0, 5.1]}, ["a", "b"]) == ["a", "b"]
+
+
+@pytest.mark.parametrize(("seeds", "arms"), [(2, 1), (3, 3), (10, 1), (20, 1)])
+def test_a_race_of_equals_ends_with_a_verdict_in_five_of_a_hundred(seeds: int, arms: int) -> None:
+    random = Random(f"{seeds} {arms}")
+    config = RunConfig(env="toy", seeds=seeds)
+    wrong, races = 0, 1000
+    for _ in range(races):
+        names = [f"reward {number}" for number in range(arms)]
+        scores: dict[str, list[float]] = {"human": [random.gauss(0, 1)], **{name: [] for name in names}}
+        verdict = False
+        for more in race.rounds(range(1, 1 + seeds), raced=True):
+            for name in (*names, "human"):
+                scores[name] += [random.gauss(0, 1) for _ in more]
+            names = race.running(scores, names)
+            strict = arms / race.share(config, len(scores[names[0]]))
+            verdict = race.sure(scores, names[0], "human", strict)
+            if verdict and len(names) == 1:
+                break
+        wrong += verdict
+    assert wrong <= 70  # 50 are to be expected at most, and 70 hardly ever: three standard errors more
 
 
 class Killed(Exception):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -261,3 +262,44 @@ def test_a_policy_that_breaks_a_limit_is_not_handed_over(tmp_path: Path) -> None
     assert found.after.fitness > (found.before.fitness or 0.0)  # more, and a torque of 100 and more
     assert not found.better and not (tmp_path / "polished").exists()
     assert "breaks a limit, torque" in of_polishing(found)
+
+
+@pytest.mark.parametrize("calls", range(1, 30))
+def test_a_kill_before_or_in_a_polishing_that_follows_a_tuning_changes_nothing(tmp_path: Path, calls: int) -> None:
+    """Held out, the policies of every weighting break the limit: what is carried on is the one that the race left."""
+
+    class Killed(BaseException):
+        pass
+
+    @dataclass
+    class Dying(ToyTrainer):
+        left: int = 1_000
+
+        def train(self, env, lanes, budget):
+            for result in super().train(env, lanes, budget):
+                self.left -= 1
+                if not self.left:
+                    raise Killed
+                yield result
+
+        def evaluate(self, env, policies, *, seed, **options):
+            self.left -= 1
+            if not self.left:
+                raise Killed
+            torque = 80.0 if 1_000_000 < seed < 2_000_000 else 50.0
+            for score in super().evaluate(env, policies, seed=seed, **options):
+                yield replace(score, costs={"torque": torque})
+
+    def go(name: str, trainer: Dying) -> Polished:
+        wanted = config(tune=4, polish=2, limits="torque=75")
+        texts = [reply(worth).replace(str(worth), f"{worth} * x") for worth in (7.0, 7.1)]
+        with Store.open(tmp_path / name, wanted) as store:
+            model = ScriptedModel(texts, said=len(store.talk.replies()))
+            run(wanted, store, model, ToyChecker(), trainer, TOY, strategies.make(wanted))
+        return polished(tmp_path / name)
+
+    whole = go("whole", Dying())
+    assert len(whole.tries) == 2 and whole.best is not None
+    with suppress(Killed):
+        go("killed", Dying(left=calls))
+    assert go("killed", Dying()) == whole

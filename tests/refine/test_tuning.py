@@ -291,7 +291,7 @@ def test_the_difference_allows_for_the_best_having_been_picked(tmp_path: Path) -
     arms = [arm.scores for arm in found.arms.values()]
     assert len(arms) == 3
     assert found.difference == tuned.difference(
-        found.arms[found.after].scores, found.arms[ORIGINAL].scores, arms, claims=2
+        found.arms[found.after].scores, found.arms[ORIGINAL].scores, arms, claims=2 / 0.9
     )
     assert isinstance(found.difference, Difference)
 

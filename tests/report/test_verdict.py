@@ -1,5 +1,6 @@
 """The sentence that opens every account of a search."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
@@ -15,10 +16,10 @@ from .search import BASELINES, BEST, HISTORY, finished, refused, result, run
 AGAIN = "eureka train env=cartpole reward=human,DIR/best/reward.py"
 
 
-def ended(generated: list[float], human: list[float]) -> RunView:
+def ended(generated: Sequence[float | None], human: Sequence[float]) -> RunView:
     """HISTORY with these held-out scores of fresh seeds."""
     best = Candidate.of(BEST).id
-    scores = {f"{best}-s{seed}": value for seed, value in enumerate(generated, start=1)}
+    scores: dict[str, float | None] = {f"{best}-s{seed}": value for seed, value in enumerate(generated, start=1)}
     scores |= {f"human-s{seed}": value for seed, value in enumerate(human, start=1)}
     lanes = [result(lane, value) for lane, value in scores.items()] + [result(f"sparse-s{s}", 0.0) for s in (1, 2)]
     held_out = [Evaluation(lane=lane, fitness=value, episode_length=9.0, episodes=4) for lane, value in scores.items()]
@@ -44,12 +45,17 @@ def ended(generated: list[float], human: list[float]) -> RunView:
             "Not decided: F 41 (2 seeds) against 40 (2 seeds), held out; difference +1",
         ),
         ([41.0], [40.0], "Not decided: F 41 (1 seed) against 40 (1 seed), held out. One seed says nothing of the next"),
+        (
+            [71.0, None, None],
+            [40.0, 41.0, 42.0],
+            "Not decided: F 71 (1 seed, 2 more without a score) against 41 (3 seeds), held out. One seed says nothing",
+        ),
         ([41.0], [], "The generated reward reaches F 41 (1 seed), held out; there is no human reward to compare with."),
         ([1.0, 1.0], [1.0, 1.0, 1.0], "No difference: both rewards reach F 1 with every seed, held out."),
         ([], [40.0, 41.0], "The generated reward lost: none of its final trainings left a policy"),
     ],
 )
-def test_the_verdict_follows_from_the_interval(generated: list[float], human: list[float], says: str) -> None:
+def test_the_verdict_follows_from_the_interval(generated: list[float | None], human: list[float], says: str) -> None:
     assert verdict(ended(generated, human)).startswith(says)
 
 

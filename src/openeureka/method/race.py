@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from ..config import RunConfig
 from ..reward.form import form
-from ..score import Outcome, broken, compare, difference, lawful, level, mean, rank
+from ..score import Outcome, broken, compare, difference, lawful, level, mean, rank, spent
 from ..strategies import Ranking, SearchStrategy
 from ..types import Evaluation, History, Place, Scored, TrainingResult
 from . import baselines
@@ -68,14 +68,14 @@ def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | 
         if not raced:
             break
         seeds += more  # a resumed race decides each round by what there was in it
-        looks, scores = play_finals(lanes, lanes.final(tuple(arms.values()), seeds), strategy)
+        first, scores = play_finals(lanes, lanes.final(tuple(arms.values()), seeds), strategy)
         if known is not None:
             scores["human"] = list(known.human.scores)
-        names = [name for name in names if lawful(looks[name], history.limits)]
+        names = [name for name in names if lawful(first[name], history.limits)]
         if not names:
             return None
         names = running(scores, names)
-        if len(names) == 1 and sure(scores, names[0], "human", claims=len(arms)):
+        if len(names) == 1 and sure(scores, names[0], "human", len(arms) / share(config, len(seeds))):
             break
     return arms[names[0]]
 
@@ -87,8 +87,8 @@ def play_finals(
     ids = [lane for own in finals.values() for lane in own]
     lanes.play(ids, strategy)
     played = lanes.first_looks(ids)
-    looks = {name: [played[lane] for lane in own if lane in played] for name, own in finals.items()}
-    return looks, {name: [look.fitness for look in own if look.fitness is not None] for name, own in looks.items()}
+    first = {name: [played[lane] for lane in own if lane in played] for name, own in finals.items()}
+    return first, {name: [look.fitness for look in own if look.fitness is not None] for name, own in first.items()}
 
 
 def crowned(history: History, place: Place | None) -> Scored | None:
@@ -112,7 +112,8 @@ def outcome(
     rivals = [entry for entry in arms if entry is not best]
     lanes = final_lanes(config, [best, *rivals], results, scores)
     rivals = [entry for entry in rivals if lanes[entry.sample.verdict.candidate]]
-    return compare(best, lanes, results, scores, baselines.chosen(config), rivals)
+    own = share(config, len(lanes[best.sample.verdict.candidate])) if best.played is not None else 1.0
+    return compare(best, lanes, results, scores, baselines.chosen(config), rivals, own)
 
 
 def rounds(seeds: Sequence[int], *, raced: bool) -> Iterator[Sequence[int]]:
@@ -122,13 +123,20 @@ def rounds(seeds: Sequence[int], *, raced: bool) -> Iterator[Sequence[int]]:
     yield from (seeds[index : index + 1] for index in range(together, len(seeds)))
 
 
+def share(config: RunConfig, trained: int) -> float:
+    """Of all errors, those that a race may make when it stops with so many seeds: see `score.spent`."""
+    return spent(trained, config.seeds, FIRST)
+
+
 def running(scores: Scores, names: Sequence[str]) -> list[str]:
-    """Those that are not yet shown to be worse than the leader, which comes first."""
+    """Those that are not yet shown to be worse than the leader, which comes first. Of one that always diverges that is
+    shown as soon as another does not."""
     ordered = sorted(names, key=lambda name: -rank(mean(scores[name])))
-    return [name for name in ordered if name == ordered[0] or not sure(scores, ordered[0], name, len(names) - 1)]
+    scored = [name for name in ordered if scores[name]] or ordered
+    return [name for name in scored if name == scored[0] or not sure(scores, scored[0], name, len(names) - 1)]
 
 
-def sure(scores: Scores, own: str, other: str, claims: int = 1) -> bool:
+def sure(scores: Scores, own: str, other: str, claims: float = 1) -> bool:
     """Whether the difference of two rewards is beyond doubt."""
     arms = [values for name, values in scores.items() if name != "sparse"]
     found = difference(scores[own], scores.get(other, ()), arms, claims=claims)

@@ -19,8 +19,8 @@ from ..method.hacking import Trial
 from ..method.lanes import BASELINES, Lanes, Wanted, drawn
 from ..method.sampling import request_seed
 from ..score import worth
-from ..store import Store, artifacts
-from ..types import NOMINAL, Candidate, Dynamics, Hardening, Lane, Peak, PolicyId, Prompt, Ranges, RewardProgram, Start
+from ..store import Store
+from ..types import NOMINAL, Dynamics, Hardening, Lane, Peak, PolicyId, Prompt, Ranges, RewardProgram, Start
 from ..types.dynamics import SCALES
 from .hardened import GRID, HARD, KEEPS, LONGER, PEAKS, UNIFORM, Carried, carries, chosen, hardening, origin
 
@@ -119,19 +119,8 @@ def _half(store: Store, policy: PolicyId) -> int:
 
 
 def _best(store: Store) -> PolicyId:
-    """The one that `polish=` left, or that in `best/`; of equal ones there that of the reward which lies beside it.
-    Raises ConfigError before there is one."""
-    if (polished := store.lanes.best_policy()) is not None:
-        return polished
-    source = artifacts.read(store.directory, "best/reward.py")
-    own = Candidate.of(source.decode(errors="replace")).id if source is not None else None
-    lanes, given, judged = store.lanes.all(), store.given(), store.lanes.evaluations()
-
-    def fits(policy: PolicyId) -> tuple[bool, bool, bool]:
-        lane = lanes[policy.lane]
-        return lane.role != "robust", given.get(lane.reward, lane.reward) == own, policy.lane in judged
-
-    found = max(store.lanes.exposed("best"), key=fits, default=None)
+    """The one that `polish=` left, or that in `best/`. Raises ConfigError before there is one."""
+    found = store.lanes.best_policy() or store.best()
     if found is None:
         raise ConfigError(f"{store.directory} holds no policy yet; `eureka resume {store.directory}` goes on with it.")
     return found

@@ -20,15 +20,18 @@ PARTS = 8
 """Of a training's steps; a lane takes one of them where the settings do not say."""
 
 
-def polish(lanes: Lanes, began: PolicyId) -> None:
-    """Train lanes from a policy, under its own reward and the others that trained again in the end; let them play, and
-    judge the one that plays best on held-out episodes, beside that policy. If it is better, `polished/` holds it.
+def polish(lanes: Lanes) -> None:
+    """Train lanes from the policy in `best/`, under its own reward and the others that trained again in the end; let
+    them play, and judge the one that plays best on held-out episodes, beside that policy. If it is better, `polished/`
+    holds it.
 
     Raises:
         EurekaError: what stopped it; all that was finished is stored, and calling again continues.
     """
     config, store, log, observer = lanes.config, lanes.store, lanes.store.lanes, lanes.observer
-    if log.best_policy() is not None:
+    starts = (lane.start.policy for lane in log.all().values() if lane.role == "polish" and lane.start is not None)
+    began = next(starts, None) or store.best()
+    if began is None or log.best_policy() is not None:
         return
     steps = config.polish_steps or max(1, log.results()[began.lane].env_steps // PARTS)
     observer.phase(config.generations, "polish")

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 
 from ..config import FEWEST_TUNED, RunConfig
+from ..method import race
 from ..method.lanes import final_seeds
 from ..reward.weights import Weight, values, weights
 from ..score import CONFIDENCE, Arm, Difference, breach, difference, lawful, mean, pearson, pooled, rank
@@ -88,6 +89,8 @@ class Tuned:
         default_factory=dict[str, tuple[float | None, float | None]]
     )
     """Mean of each component at the end of the final trainings, before and after."""
+    share: float = 1.0
+    """Of all errors, those that the look at which the race stopped may make: see `score.spent`."""
     alone: bool = False
     """Whether the text as it came is the only one that trained to a policy which could be scored."""
     breach: str = ""
@@ -112,11 +115,13 @@ class Tuned:
 
     @property
     def difference(self) -> Difference | None:
-        """Held-out F after less that before. It allows for the best having been picked among several."""
+        """Held-out F after less that before. It allows for the best having been picked among several, and for every
+        look at which the race might have stopped."""
         if not self.after:
             return None
         own, other = self.arms[self.after].scores, self.arms[ORIGINAL].scores
-        return difference(own, other, [arm.scores for arm in self.arms.values()], claims=len(self.arms) - 1)
+        claims = (len(self.arms) - 1) / self.share
+        return difference(own, other, [arm.scores for arm in self.arms.values()], claims=claims)
 
 
 def read(
@@ -165,6 +170,7 @@ def read(
             for place, weight in enumerate(weights(origin))
         ),
         after=after,
+        share=race.share(config, len(lanes.get(after, ()))),
     )
     if not after:
         others = [trial for trial in trials if trial.name != ORIGINAL and trial.played is not None]

@@ -186,6 +186,7 @@ def _race(lanes: Lanes, last: int) -> PolicyId | None:
     texts = store.texts()
     racing, seeds = _raced(store, texts) or _leading(lanes, texts), list[int]()
     arms = {name: texts[name] for name in (ORIGINAL, *racing)}
+    claims = len(arms) - 1
     lanes.observer.phase(last, "final")
     for more in race.rounds(final_seeds(config), raced=True):
         seeds += more
@@ -194,7 +195,8 @@ def _race(lanes: Lanes, last: int) -> PolicyId | None:
         looks, scores = race.play_finals(lanes, own, strategy)
         racing = [name for name in racing if name in looks and lawful(looks[name], config.limited)]
         racing = race.running(scores, racing)
-        if len(racing) < 2 and (not racing or race.sure(scores, racing[0], ORIGINAL, claims=len(arms) - 1)):
+        strict = claims / race.share(config, len(seeds))
+        if len(racing) < 2 and (not racing or race.sure(scores, racing[0], ORIGINAL, strict)):
             break
     lanes.observer.phase(last, "evaluate")
     return _conclude(lanes, texts, strategy)

@@ -204,8 +204,9 @@ def _left_open(run: RunView, directory: str) -> tuple[Difference | None, tuple[s
 
 def _arm(arm: Arm) -> str:
     """Mean over seeds, and how many there are; what they leave open, the interval of the difference says."""
-    count = len(arm.scores)
-    return f"{number(mean(arm.scores) or 0.0)} ({count} seed{'s' if count > 1 else ''})"
+    count, lost = len(arm.scores), len(arm.held_out) - len(arm.scores)
+    without = f", {lost} more without a score" if lost else ""
+    return f"{number(mean(arm.scores) or 0.0)} ({count} seed{'s' if count > 1 else ''}{without})"
 
 
 def decided(found: Difference | Estimate, claim: str, between: str, unless: str = "Not decided") -> str:

@@ -328,6 +328,18 @@ class Store:
             artifacts.write(self.directory, "best/reward.py", program.source)
         self.lanes.expose("best", policy)
 
+    def best(self) -> PolicyId | None:
+        """The policy in `best/`; of equal ones that of the reward which lies beside it. None before there is one."""
+        source = artifacts.read(self.directory, "best/reward.py")
+        own = Candidate.of(source.decode(errors="replace")).id if source is not None else None
+        lanes, given, judged = self.lanes.all(), self.given(), self.lanes.evaluations()
+
+        def fits(policy: PolicyId) -> tuple[bool, bool, bool]:
+            lane = lanes[policy.lane]
+            return lane.role != "robust", given.get(lane.reward, lane.reward) == own, policy.lane in judged
+
+        return max(self.lanes.exposed("best"), key=fits, default=None)
+
     def end(self) -> None:
         """Keep that nothing is left of the search but reports; once more is nothing."""
         if self._database.row("ended") is None:
