@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from openeureka.errors import ModelError
+from openeureka.errors import BudgetError, ModelError
 from openeureka.llm.openai import EndpointModel
-from openeureka.llm.price import Price
+from openeureka.llm.price import Price, afford
 
 from .endpoint import PROMPT, Answer, Endpoint, answer, failure, sample, texts
 
@@ -28,6 +28,30 @@ def test_tokens_and_cost_of_a_request_are_shared_by_its_replies(endpoint: Endpoi
     # 100 tokens at 2 $/M in and 10 tokens at 10 $/M out, each
     assert first.usage.cost_usd == pytest.approx(0.0003)
     assert second.usage.cost_usd == pytest.approx(0.0001)
+
+
+def test_without_a_count_of_tokens_the_cost_is_guessed_from_the_texts(
+    endpoint: Endpoint, caplog: pytest.LogCaptureFixture
+):
+    def silent(body: dict) -> Answer:
+        status, payload, headers = answer(*["a" * 4000] * body.get("n", 1))
+        return status, {key: value for key, value in payload.items() if key != "usage"}, headers
+
+    endpoint.script = silent
+    model = endpoint.model(price=Price(2.0, 10.0))
+    first, second = sample(model, 2)
+    sample(model, 1)
+    asked = sum(len(message.content) for message in PROMPT.messages) // 4
+    # 1000 tokens at 10 $/M each; what is asked, once, at 2 $/M.
+    assert first.usage.cost_usd == pytest.approx(0.01 + asked * 2e-6) and second.usage.cost_usd == pytest.approx(0.01)
+    assert first.usage.prompt_tokens == first.usage.completion_tokens == 0
+    assert [record.message.partition(" ")[2] for record in caplog.records] == [
+        "does not count tokens: costs are guessed from the length of its replies."
+    ]
+    with pytest.raises(BudgetError, match=r"0\.02 are spent"):
+        afford(0.03, [first, second], Price(2.0, 10.0), PROMPT, 2)
+    with caplog.at_level("WARNING"):
+        assert sample(endpoint.model(), 1)[0].usage.cost_usd == 0.0
 
 
 def test_an_endpoint_that_ignores_n_is_asked_in_parallel_from_then_on(endpoint: Endpoint):

@@ -21,7 +21,7 @@ from ..types import Prompt, Reply, Usage
 from . import completion
 from .client import share
 from .completion import Completion, Unreadable
-from .price import Price
+from .price import CHARACTERS, Price
 
 ATTEMPTS = 7
 """Tries of one request; with the waits between them about a minute, or as long as the endpoint asks for."""
@@ -88,7 +88,7 @@ class EndpointModel:
         self._price = price
         self._wait = wait
         self._knows_n = True
-        self._reached = False
+        self._reached = self._guesses = False
 
     def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
         """Yield n replies. The seed is not sent: endpoints ignore or refuse it.
@@ -152,7 +152,7 @@ class EndpointModel:
                         raise self._explained(error) from None
                     self._wait(delay(_headers(error), attempt))
             else:
-                return self._replies_of(answer, n, time.monotonic() - began)
+                return self._replies_of(prompt, answer, n, time.monotonic() - began)
         raise ModelError(f"{self._where} accepts no request for {self.name}; choose another model.")
 
     def _post(self, prompt: Prompt, n: int, temperature: float | None) -> bytes:
@@ -247,14 +247,17 @@ class EndpointModel:
         """The text without the key."""
         return text.replace(self._key, "***") if len(self._key) >= _SHORTEST_SECRET else text
 
-    def _replies_of(self, answer: Completion, n: int, seconds: float) -> list[tuple[Reply, bool]]:
+    def _replies_of(self, prompt: Prompt, answer: Completion, n: int, seconds: float) -> list[tuple[Reply, bool]]:
         """The replies of an answer, each with whether it is whole; an answer without any is one empty reply."""
         choices = answer.choices[:n] or (completion.Choice("", whole=False),)
         replies = []
         for index, choice in enumerate(choices):
-            spent = self._used(
-                answer.prompt_tokens if index == 0 else 0, share(answer.completion_tokens, len(choices), index)
-            )
+            asked = prompt if index == 0 else None
+            if answer.completion_tokens:
+                told = answer.prompt_tokens if asked else 0
+                spent = self._used(told, share(answer.completion_tokens, len(choices), index))
+            else:
+                spent = self._guessed(asked, choice.text)
             model = self._hidden(answer.model) or self.name
             reply = Reply(text=self._hidden(choice.text), model=model, usage=spent, seconds=seconds)
             replies.append((reply, choice.whole))
@@ -263,6 +266,14 @@ class EndpointModel:
     def _used(self, prompt_tokens: int, completion_tokens: int) -> Usage:
         cost = self._price.of(prompt_tokens, completion_tokens) if self._price is not None else 0.0
         return Usage(prompt_tokens=prompt_tokens, completion_tokens=completion_tokens, cost_usd=cost)
+
+    def _guessed(self, prompt: Prompt | None, text: str) -> Usage:
+        """Of an endpoint that counts no tokens: none, at the price of about so many as the texts have."""
+        if self._price is not None and not self._guesses:
+            self._guesses = True
+            _log.warning("%s does not count tokens: costs are guessed from the length of its replies.", self._where)
+        said = sum(len(message.content) for message in prompt.messages) if prompt is not None else 0
+        return replace(Usage(), cost_usd=self._used(said // CHARACTERS, len(text) // CHARACTERS).cost_usd)
 
 
 class _BatchRefused(Exception):

@@ -13,8 +13,8 @@ from ..types import Prompt, Reply
 
 _FIRST_GUESS = 1500
 """Tokens of a reply, before the first one is in."""
-_CHARACTERS = 4
-"""Of a token of a prompt."""
+CHARACTERS = 4
+"""Of a token, about."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ def afford(limit: float, replies: Sequence[Reply], price: Price | None, prompt: 
     if costs:
         expected = spent / len(costs) * count
     else:
-        asked = sum(len(message.content) for message in prompt.messages) / _CHARACTERS
+        asked = sum(len(message.content) for message in prompt.messages) / CHARACTERS
         expected = price.of(asked, _FIRST_GUESS * count) if price is not None else 0.0
     if spent + expected > limit:
         raise BudgetError(
