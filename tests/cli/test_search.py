@@ -189,7 +189,7 @@ def test_show_prints_every_slot_and_the_final_scores(parts, tmp_path, capsys):
 
 
 def test_a_run_is_json_for_programs(parts, tmp_path, capsys):
-    run("run", *SETTINGS, f"dir={tmp_path}/run")
+    run("run", *SETTINGS, "seeds=2", f"dir={tmp_path}/run")
     capsys.readouterr()
     assert run("show", f"{tmp_path}/run", "--json") == 0
     found = json.loads(capsys.readouterr().out)
@@ -206,8 +206,8 @@ def test_a_run_is_json_for_programs(parts, tmp_path, capsys):
     # Held out takes one from each toy F, and a seed adds a hundredth; that of the search counts for baselines.
     final = found["final"]["rewards"]
     assert final["best"]["fitness"][0] - 1 == pytest.approx(final["best"]["held_out_fitness"][0])
-    assert final["human"]["held_out_fitness"] == pytest.approx([9.0, 9.01])
-    assert found["verdict"].startswith("The generated reward is better than the human one: F 11.01")
+    assert final["human"]["held_out_fitness"] == pytest.approx([9.0, 9.01, 9.02])
+    assert found["verdict"].startswith("The generated reward is better than the human one: F 11.02 (2 seeds)")
     assert found["score"] == pytest.approx(1.4, abs=0.01)
 
 

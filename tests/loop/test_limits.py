@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from report.scripted import search_in
 
+from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 from openeureka.method.hacking import Kind
@@ -118,6 +119,10 @@ def test_limits_need_a_search_that_plays() -> None:
     with pytest.raises(ConfigError, match="search=best"):
         RunConfig(limits="torque=40", search="eureka")
     assert RunConfig(limits="torque=40, falls=0.1").limited == {"torque": 40.0, "falls": 0.1}
+    own = "openeureka.strategies.strategy:eureka"
+    for key, value in (("limits", "torque=40"), ("screen", 2)):
+        with pytest.raises(ConfigError, match=f"ranks by training, and `{key}=` needs policies that play"):
+            strategies.make(RunConfig(search=own, sample=2, **{key: value}))
 
 
 @dataclass

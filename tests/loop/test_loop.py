@@ -23,7 +23,7 @@ from openeureka.score import Arm, Baselines, Outcome
 from openeureka.store import Store, read_replies
 from openeureka.testing.hostile import CORPUS, STATE
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
-from openeureka.types import Candidate, TrainingState, VerdictCode
+from openeureka.types import Candidate, TrainingResult, TrainingState, VerdictCode
 
 REFUSED = "```python\ndef compute_reward(x):\n    return x\n```"
 CONFIG = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2)
@@ -327,6 +327,34 @@ def test_when_no_lane_can_train_the_run_stops_and_can_be_resumed(begin) -> None:
     one.trainer = ToyTrainer()
     best = one.go().best
     assert best is not None and best.fitness == 8 and one.model.said == 2
+
+
+@pytest.mark.parametrize("stopped", [False, True])
+def test_a_baseline_that_ends_its_worker_beside_others_that_train_stops_nothing(begin, stopped: bool) -> None:
+    """Also where the others trained before the run was stopped."""
+
+    class Fragile(ToyTrainer):
+        dies = stopped
+
+        def train(self, env: str, lanes, budget):
+            lost = [spec for spec in lanes if spec.id.startswith("sparse")]
+            yield from super().train(env, [spec for spec in lanes if spec not in lost], budget)
+            if self.dies:
+                raise KeyboardInterrupt
+            for spec in lost:
+                yield TrainingResult(
+                    lane=spec.id, state=TrainingState.FAILED, fitness=None, curves={}, env_steps=0, seconds=0.0,
+                    message="out of memory",
+                )  # fmt: skip
+
+    one = begin([reply(6), reply(8)])
+    one.trainer = Fragile()
+    if stopped:
+        with pytest.raises(KeyboardInterrupt):
+            one.go()
+        one.trainer.dies = False
+    outcome = one.go()
+    assert outcome.best is not None and outcome.best.fitness == 8 and outcome.sparse.scores == ()
 
 
 def test_a_reward_that_alone_ends_its_worker_is_recorded_and_a_resumed_run_does_not_train_it_again(

@@ -11,7 +11,7 @@ from openeureka.strategies import make
 from openeureka.strategies.islands import RENEWAL, Islands, islands
 from openeureka.testing.conformance.search import SearchConformance, entries
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
-from openeureka.types import History, Place, PromptPlan, Remark, RemarkKind
+from openeureka.types import Evaluation, History, Place, PromptPlan, Remark, RemarkKind
 
 
 class TestIslands(SearchConformance):
@@ -83,6 +83,21 @@ def test_the_weakest_island_begins_anew_from_the_best_of_another() -> None:
     # Where none of them trained, it is begun again.
     lost = TWO.tell(history, entries(RENEWAL, [0.0, 0.0, None, None]))
     assert parents(asked(lost)) == [Place(0, 0), Place(0, 0)]
+
+
+def test_an_island_whose_policies_break_a_limit_is_the_weakest() -> None:
+    history = grown(*[[5.0, 4.0, 9.0, 8.0]] * RENEWAL)
+    played = {
+        entry.result.lane: Evaluation(
+            lane=entry.result.lane, fitness=entry.score, episode_length=1.0, episodes=8,
+            costs={"torque": 99.0 if entry.sample.slot > 1 else 10.0},
+        )
+        for generation in history.generations for entry in generation.entries if entry.result is not None
+    }  # fmt: skip
+    limited = replace(history.replayed(played), limits={"torque": 40.0})
+    assert parents(asked(limited)) == [Place(0, 0), Place(0, 0)]
+    later = TWO.tell(limited, entries(RENEWAL, [0.0, 0.0, 0.5, 0.25]))
+    assert parents(asked(later)) == [Place(0, 0), Place(RENEWAL, 2)]
 
 
 def test_an_island_on_which_nothing_trained_takes_from_another() -> None:

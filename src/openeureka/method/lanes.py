@@ -161,13 +161,20 @@ class Lanes:
             budget = dataclasses.replace(whole, until=rung.share)
             for event in self.trainer.train(self.config.env, due, budget) if due else ():
                 self._hear(event, number, sharing, failed)
-            if failed and len(failed) == len(due) and any(isinstance(spec.program, str) for spec in due):
+            generated = not any(isinstance(spec.program, str) for spec in due)  # the trainer tried the human one beside
+            if failed and len(failed) == len(due) and not generated and not self._trained(lanes):
                 raise WorkerError(failed[0].message)
             for result in failed:
                 self._keep(result, sharing[result.lane])
             going = self._climb(number, rung, going, rivals, sharing)
         results = self.store.lanes.results()
         return {lane.id: results[lane.id] for lane in lanes}
+
+    def _trained(self, lanes: Iterable[Lane]) -> bool:
+        """Whether any of them left a policy, perhaps before the run was stopped: the machine can train."""
+        results = self.store.lanes.results()
+        known = (results[lane.id] for lane in lanes if lane.id in results)
+        return any(result.state is not TrainingState.FAILED for result in known)
 
     def _shared(self, lanes: Mapping[Lane, RewardProgram]) -> dict[str, list[LaneSpec]]:
         """The lanes without a result, by the one of them that trains for all that would train alike: programs that

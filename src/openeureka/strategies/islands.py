@@ -78,10 +78,9 @@ class Islands(Best):
         starts = [0] * self.count
         for end in range(RENEWAL, len(history.generations) + 1, RENEWAL):
             past = replace(history, generations=history.generations[:end])
-            worth = [
-                max((rank(entry.score) for entry in self._line(island, start, past)), default=rank(None))
-                for island, start in enumerate(starts)
-            ]
+            ranking = Ranking(past)
+            best = [ranking.best_of(self._line(island, start, past)) for island, start in enumerate(starts)]
+            worth = [rank(entry.score if entry is not None else None) for entry in best]
             if self.count > 1:
                 starts[worth.index(min(worth))] = end
         return starts

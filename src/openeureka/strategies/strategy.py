@@ -8,6 +8,7 @@ from random import Random
 from typing import Literal, Protocol
 
 from ..config import RunConfig
+from ..errors import ConfigError
 from ..plugins import Door
 from ..types import History, Opinion, Peak, PromptPlan, RemarkKind, Scored, VerdictCode
 from .ranking import Ranking
@@ -103,11 +104,17 @@ def make(config: RunConfig, ranks: Literal["played", "training"] = "played") -> 
         ranks: by what `best` ranks, see `Store.ranks`.
 
     Raises:
-        ConfigError: when there is none of that name, or it is none.
+        ConfigError: when there is none of that name, or it is none, or settings need one that lets policies play.
     """
     if config.search == "best" and ranks == "training":
         return Best(config.sample, judge="training", peaks=("reward",))
-    return SEARCHES.make(config.search, config)
+    found: SearchStrategy = SEARCHES.make(config.search, config)
+    if found.judge == "training" and (config.limited or config.screen > 1):
+        key = "limits" if config.limited else "screen"
+        raise ConfigError(
+            f"`search={config.search}` ranks by training, and `{key}=` needs policies that play; leave one of them out."
+        )
+    return found
 
 
 _SIZES = {"free": (16, 5), "grammar": (8, 3)}
