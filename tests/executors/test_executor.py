@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from openeureka.errors import TaskError, WorkerError
-from openeureka.executors import child, local, retry
+from openeureka.executors import child, local, retry, snapshots
 from openeureka.executors.local import LocalExecutor
 from openeureka.executors.snapshots import Snapshot
 from openeureka.training import population
@@ -90,6 +90,38 @@ def test_a_training_that_is_stopped_goes_on_from_where_it_was(monkeypatch: pytes
         assert dataclasses.replace(result, seconds=0.0) == dataclasses.replace(expected, seconds=0.0)
 
 
+def test_lanes_without_a_result_go_on_alone_from_the_snapshot_of_all(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    """The run was stopped while it stored the results of a population."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    monkeypatch.setattr(retry, "SNAPSHOT_SECONDS", 1e-9)
+    specs = [LaneSpec(id=f"angle-{seed}", program=GRAPH, seed=seed) for seed in range(3)]
+    budget = TrainBudget(env_steps=16 * 64 * 20, worlds=64)
+
+    def trained(lanes: list[LaneSpec], stop: bool = False) -> tuple[list[int], dict[str, TrainingResult]]:
+        epochs, found = list[int](), dict[str, TrainingResult]()
+        trainer = LocalExecutor(module="eager_worker", snapshots=tmp_path / "snapshots", threads=1)
+        training = trainer.train("cartpole", lanes, budget)
+        for message in training:
+            if isinstance(message, TrainingProgress):
+                epochs.append(message.epoch)
+            else:
+                found[message.lane] = message
+                if stop:
+                    training.close()
+        return epochs, found
+
+    _, first = trained(specs, stop=True)
+    assert list(first) == ["angle-0"] and list((tmp_path / "snapshots").glob("*.pt"))
+    epochs, rest = trained(specs[1:])
+    assert list(rest) == ["angle-1", "angle-2"] and epochs in ([], [20])  # from the last epoch
+    assert list(tmp_path.iterdir()) == []
+    _, whole = trained(specs)
+    for lane, result in rest.items():
+        assert result.curves.keys() == whole[lane].curves.keys()  # with the parts of components
+        assert result.curves["reward"] == pytest.approx(whole[lane].curves["reward"], rel=1e-3)
+        assert result.env_steps == whole[lane].env_steps and len(result.clock) == 20
+
+
 def test_a_snapshot_that_helps_no_worker_is_forgotten(tmp_path: Path):
     snapshot = Snapshot(tmp_path / "snapshots", {"what": "is trained"})
     assert snapshot.read() is None
@@ -124,7 +156,7 @@ def test_what_is_left_of_a_training_keeps_the_populations_that_left_a_snapshot(
     snapshot("ant", "f").write(b"state")
     assert populations("efg") == [["e", "f", "g"]]
     assert populations("adefg") == [["e", "f", "g"], ["a", "d"]]
-    assert populations("aef") == [["a", "e"], ["f"]]
+    assert populations("aef") == [["e", "f"], ["a"]]  # g has its result
     snapshot("cartpole", "efg").remove()
     assert populations("efg") == [["e", "f"], ["g"]]
 
@@ -133,6 +165,23 @@ def test_another_training_does_not_go_on_from_this_snapshot(tmp_path: Path):
     Snapshot(tmp_path, {"worlds": 2}).write(b"state")
     assert Snapshot(tmp_path, {"worlds": 2}).read() == b"state"
     assert Snapshot(tmp_path, {"worlds": 3}).read() is None
+
+
+def test_a_snapshot_serves_those_lanes_of_it_that_are_asked_for_alike(tmp_path: Path):
+    def asked(*lanes: str, worlds: int = 2, **starts: str) -> Snapshot:
+        own = [{"id": lane[0], "program": lane} for lane in lanes]
+        return Snapshot(tmp_path / "snapshots", {"env": "ant", "worlds": worlds, "lanes": own, "starts": starts})
+
+    asked("a", "b", "c", b="x").write(b"state")
+    for other in (asked("a2", "c"), asked("a", "d"), asked("a", worlds=3), asked("b"), asked("b", b="y")):
+        assert other.read() is None
+    fewer = asked("c", "b", b="x")
+    assert fewer.read() == b"state"
+    fewer.write(b"later")
+    assert snapshots.groups(tmp_path / "snapshots", "ant") == [["c", "b"]] and asked("a").read() is None
+    assert asked("b", b="x").read() == b"later"
+    fewer.remove()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_training_and_evaluation_in_a_worker_load_no_compiler(monkeypatch: pytest.MonkeyPatch):

@@ -118,7 +118,7 @@ def test_lanes_are_dealt_in_order_and_those_of_a_snapshot_stay_together():
 
     assert dealt([], 3) == ["abc", "def", "g"]
     assert dealt(["fb"], 3) == ["fb", "acd", "eg"]
-    assert dealt(["ax", ""], 1) == ["abcdefg"]  # x has its result; a snapshot of nothing is no population
+    assert dealt(["ax", ""], 1) == ["a", "bcdefg"]  # x has its result; a snapshot of nothing is no population
     assert dealt(["abcd", "efg"], 1) == ["abcd", "efg"]
 
 

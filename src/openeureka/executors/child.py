@@ -65,7 +65,7 @@ def _evaluate(channel: Channel, request: Frame, options: Mapping[str, Any]) -> N
 def _train(channel: Channel, request: Frame, population: Population) -> None:
     """Stream messages and, now and then, a snapshot to go on from; end with one when the parent asks to stop."""
     if SNAPSHOT in request.blobs:
-        population.load_state_dict(pausing.load(request.blobs[SNAPSHOT], population.device))
+        pausing.resume(population, request.blobs[SNAPSHOT])
     saved = time.monotonic()
     for message in population.train():
         frame = pack(message)
@@ -74,7 +74,7 @@ def _train(channel: Channel, request: Frame, population: Population) -> None:
             continue
         every, stopping = request.header["snapshot_seconds"], channel.ready()
         if stopping or (every and time.monotonic() - saved > every):
-            channel.send({}, {SNAPSHOT: pausing.save(population.state_dict())})
+            channel.send({}, {SNAPSHOT: pausing.snapshot(population)})
             saved = time.monotonic()
         if stopping:
             channel.receive()

@@ -12,10 +12,11 @@ from .transport import AnyCall, Slot, Transport, farewell
 
 
 def deal(lanes: Sequence[LaneSpec], kept: Sequence[Sequence[str]], count: int) -> list[Sequence[LaneSpec]]:
-    """Lanes of about `count` populations. What a snapshot was taken of (`kept`, ids) stays together: no other
-    population can go on from it."""
+    """Lanes of about `count` populations. What a snapshot was taken of (`kept`, ids) stays together, as far as it has
+    no result: no other population can go on from it."""
     left = {lane.id: lane for lane in lanes}
-    together = [[left.pop(name) for name in names] for names in kept if names and left.keys() >= set(names)]
+    groups = ([left.pop(name) for name in names if name in left] for names in kept)
+    together = [group for group in groups if group]
     rest = list(left.values())
     size = max(1, -(-len(rest) // max(1, count - len(together))))
     return [*together, *(rest[start : start + size] for start in range(0, len(rest), size))]

@@ -20,17 +20,45 @@ ABOUT = ".json"
 def groups(folder: Path | None, env: str) -> list[list[str]]:
     """Lane ids of each population of a task that has left a snapshot there. What cannot be read is left out: its
     training begins anew."""
-    if folder is None:
-        return []
-    names = (name for name in artifacts.names(folder.parent, folder.name) if name.endswith(ABOUT))
-    found = (_about(artifacts.read(folder.parent, f"{folder.name}/{name}")) for name in names)
-    return [about.lanes for about in found if about is not None and about.env == env]
+    return [about.lanes for about in _left(folder).values() if about.env == env]
 
 
 @dataclass(frozen=True, slots=True)
 class _About:
+    """What a snapshot was taken of."""
+
     env: str
     lanes: list[str]
+    digests: list[str]
+    """Of what each lane trains with."""
+    rest: str
+    """Digest of all else that was asked for, and of the version of this package."""
+
+    @classmethod
+    def of(cls, request: Mapping[str, Any]) -> _About:
+        lanes, starts = request.get("lanes", ()), request.get("starts", {})
+        rest = {name: part for name, part in request.items() if name not in ("lanes", "starts")}
+        own = [[digest for name, digest in starts.items() if name.split()[0] == lane["id"]] for lane in lanes]
+        return cls(
+            env=request.get("env", ""),
+            lanes=[lane["id"] for lane in lanes],
+            digests=[_digest(pair) for pair in zip(lanes, own, strict=True)],
+            rest=_digest((__version__, rest)),
+        )
+
+    def serves(self, other: _About) -> bool:
+        """Whether the lanes of another can go on from it."""
+        mine, theirs = (set(zip(about.lanes, about.digests, strict=False)) for about in (self, other))
+        return self.rest == other.rest and mine >= theirs
+
+
+def _left(folder: Path | None) -> dict[str, _About]:
+    """What there are snapshots of, by the names of their files."""
+    if folder is None:
+        return {}
+    files = (file for file in artifacts.names(folder.parent, folder.name) if file.endswith(ABOUT))
+    found = {file: _about(artifacts.read(folder.parent, f"{folder.name}/{file}")) for file in files}
+    return {file.removesuffix(ABOUT): about for file, about in found.items() if about is not None}
 
 
 def _about(data: bytes | None) -> _About | None:
@@ -40,32 +68,37 @@ def _about(data: bytes | None) -> _About | None:
         return None
 
 
+def _digest(value: object) -> str:
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()[:16]
+
+
 class Snapshot:
     """The newest state of one population, in a file that exists while the training is unfinished; beside it, its lanes.
 
     Args:
         folder: where the file is; None keeps nothing.
-        request: what is trained. Another request, or another version of this package, has another file.
+        request: what is trained. Its lanes go on from what was asked for alike, also where that was in more company:
+            of the others there are results.
     """
 
     def __init__(self, folder: Path | None, request: Mapping[str, Any]) -> None:
-        text = json.dumps([__version__, request], sort_keys=True)
-        name = hashlib.sha256(text.encode()).hexdigest()[:16]
-        self._folder = folder
-        self._name = f"{folder.name}/{name}" if folder is not None else ""
-        self._about = {"env": request.get("env"), "lanes": [lane["id"] for lane in request.get("lanes", ())]}
-        self._renewed = False
+        self._folder, self._about, self._renewed = folder, _About.of(request), False
+        self._name = _digest((self._about.rest, self._about.lanes, self._about.digests))
 
     def read(self) -> bytes | None:
         """The state to begin with; None to begin anew."""
         self._renewed = False
-        return artifacts.read(self._folder.parent, f"{self._name}.pt") if self._folder is not None else None
+        serving = {name: len(about.lanes) for name, about in _left(self._folder).items() if about.serves(self._about)}
+        if self._folder is None or not serving:
+            return None
+        self._name = min(serving, key=lambda name: serving[name])
+        return artifacts.read(self._folder.parent, self._file(".pt"))
 
     def write(self, state: bytes) -> None:
         """Raises StoreError when the disk is full; the old file is then still whole."""
         if self._folder is not None:
-            artifacts.write(self._folder.parent, f"{self._name}{ABOUT}", encode(self._about))
-            artifacts.write(self._folder.parent, f"{self._name}.pt", state)
+            artifacts.write(self._folder.parent, self._file(ABOUT), encode(self._about))
+            artifacts.write(self._folder.parent, self._file(".pt"), state)
             self._renewed = True
 
     def distrust(self) -> None:
@@ -78,6 +111,9 @@ class Snapshot:
         if self._folder is None:
             return
         for suffix in (".pt", ABOUT):
-            artifacts.remove(self._folder.parent, f"{self._name}{suffix}")
+            artifacts.remove(self._folder.parent, self._file(suffix))
         with suppress(OSError):  # others are under way
             self._folder.rmdir()
+
+    def _file(self, suffix: str) -> str:
+        return f"{self._folder.name}/{self._name}{suffix}" if self._folder is not None else ""

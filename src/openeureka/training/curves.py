@@ -119,6 +119,10 @@ class Curves:
                 if abs(number) < float("inf"):
                     curves[f"ppo/{name}"][-1] = float(f"{number:.6g}")
 
+    def forget_parts(self) -> None:
+        """Let no epoch so far count for `early_and_late`."""
+        self._parts = torch.zeros_like(self._parts)
+
     def early_and_late(self, lane: int) -> dict[str, tuple[float | None]]:
         """One number each, the mean of a component early in episodes and in the rest of them; nothing where no epoch
         counted."""

@@ -1,4 +1,7 @@
-"""A lane that pauses leaves its population, and goes on in another: its part of the state, cut out and put back."""
+"""A lane leaves its population, and goes on in another: its part of the state, cut out and put back.
+
+So it is where lanes pause at a rung, and where what is under way is stopped: those without a result go on alone.
+"""
 
 from __future__ import annotations
 
@@ -28,10 +31,26 @@ def load(data: bytes, device: torch.device) -> State:
     return torch.load(io.BytesIO(data), map_location=device, weights_only=True)
 
 
-def cut(population: Population, lane: int) -> State:
-    """The state of one lane (axis of length 1), copied: worlds, policy, optimiser, noise, visits and what it showed."""
-    state, n = population.state_dict(), population.worlds
-    task = population.env.task
+def snapshot(population: Population) -> bytes:
+    """The states of all lanes, by id."""
+    state = population.state_dict()
+    return save({spec.id: cut(population, lane, state) for lane, spec in enumerate(population.specs)})
+
+
+def resume(population: Population, data: bytes) -> None:
+    """Have a new population go on from a snapshot of these lanes, or of more."""
+    lanes = load(data, population.device)
+    put(population, [lanes[spec.id] for spec in population.specs])
+
+
+def cut(population: Population, lane: int, state: State | None = None) -> State:
+    """The state of one lane (axis of length 1), copied: worlds, policy, optimiser, noise, visits and what it showed.
+
+    Args:
+        state: that of the population, where it is known.
+    """
+    state, n = state or population.state_dict(), population.worlds
+    task, own_parts = population.env.task, [own == lane for own, _ in population.curves.components]
 
     def own(value: Tensor) -> Tensor:
         return value[lane : lane + 1].clone()
@@ -63,6 +82,7 @@ def cut(population: Population, lane: int) -> State:
             "curves": [curves["curves"][lane]],
             "scores": [own(scores) for scores in curves["scores"]],
             "moments": own(curves["moments"]),
+            "parts": curves["parts"][own_parts],
         },
         "rewards": {name: own(value) for name, value in state["rewards"].items()},
         "peaks": [[peaks[lane]] for peaks in state["peaks"]],
@@ -91,6 +111,7 @@ def put(population: Population, lanes: Sequence[State]) -> None:
         "curves": listed(lambda lane: lane["curves"]["curves"]),
         "scores": [torch.cat(step) for step in zip(*(lane["curves"]["scores"] for lane in lanes), strict=True)],
         "moments": joined(lambda lane: lane["curves"]["moments"]),
+        "parts": joined(lambda lane: lane["curves"]["parts"]),
     }
     # An older version saved none of it, and knew no bonus that needs it.
     state["rewards"] |= _joined([lane.get("rewards", {}) for lane in lanes], state["rewards"])

@@ -221,7 +221,10 @@ class Population:
 
     def _checkpoint(self, epoch: int) -> None:
         """Keep the policy that produced this epoch wherever F or the own reward peaks."""
-        fitness, own = self.curves.close_epoch(parts=epoch >= 9 * self.until // 10)
+        late = 9 * self.until // 10
+        if epoch == late:
+            self.curves.forget_parts()  # those of the last epochs before a rung
+        fitness, own = self.curves.close_epoch(parts=epoch >= late)
         for lane, active in enumerate(self.ppo.active.tolist()):
             if not active:
                 continue
