@@ -1,7 +1,8 @@
-"""Two rewards again, trained with seeds that had no part in choosing either."""
+"""Rewards again, trained with seeds that had no part in choosing any of them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import openeureka
@@ -12,9 +13,9 @@ from openeureka.score import difference
 
 
 def trained(
-    config: RunConfig, rewards: tuple[str, str], directory: Path, count: int
-) -> tuple[list[int], tuple[list[float], list[float]], list[float]]:
-    """Train both side by side as the run did, or go on with it.
+    config: RunConfig, rewards: Sequence[str], directory: Path, count: int
+) -> tuple[list[int], list[list[float]]]:
+    """Train them side by side as the run did, or go on with it.
 
     Args:
         config: of the run in which one of them was chosen.
@@ -23,8 +24,7 @@ def trained(
         count: seeds of each; from two on.
 
     Returns:
-        The seeds; the held-out F of the first and of the second reward; the difference of the means, second less
-        first, and the ends of its 95 % interval.
+        The seeds, and the held-out F of each reward.
     """
     run = openeureka.train(
         config.env,
@@ -36,7 +36,11 @@ def trained(
         worlds=config.worlds,
         device=config.device,
     )
-    first, second = (list(arm.scores) for arm in run.view.given.values())
-    between = difference(second, first, [second, first])
-    assert between is not None
-    return list(seeds(run.config)), (first, second), [between.value, between.low, between.high]
+    return list(seeds(run.config)), [list(arm.scores) for arm in run.view.given.values()]
+
+
+def between(first: Sequence[float], second: Sequence[float]) -> list[float]:
+    """The difference of the means, second less first, and the ends of its 95 % interval."""
+    found = difference(second, first, [second, first])
+    assert found is not None
+    return [found.value, found.low, found.high]

@@ -86,13 +86,19 @@ def search(whole: Plan, env: str, directory: Path) -> tuple[Path, Record]:
 
 def confirm(env: str, count: int) -> Record:
     """The row's reward and the human one with seeds that chose neither."""
-    with TemporaryDirectory() as folder:
-        (Path(folder) / FILENAME).write_bytes(lzma.decompress((ARCHIVE / f"{env}.sqlite.xz").read_bytes()))
-        run = RunView.read(Path(folder))
+    run = archive(env)
     assert run.best is not None
     rewards = "human", run.best.candidate.source
-    seeds, (human, generated), between = fresh.trained(run.config, rewards, CONFIRMED / env, count)
-    return {"seeds": seeds, "generated": generated, "human": human, "difference": between, **machine("cpu")}
+    seeds, (human, generated) = fresh.trained(run.config, rewards, CONFIRMED / env, count)
+    apart = fresh.between(human, generated)
+    return {"seeds": seeds, "generated": generated, "human": human, "difference": apart, **machine("cpu")}
+
+
+def archive(env: str) -> RunView:
+    """The search of a row."""
+    with TemporaryDirectory() as folder:
+        (Path(folder) / FILENAME).write_bytes(lzma.decompress((ARCHIVE / f"{env}.sqlite.xz").read_bytes()))
+        return RunView.read(Path(folder))
 
 
 def outcome(directory: Path, cell: Cell, found: bench.Bench) -> Record:

@@ -110,13 +110,11 @@ def confirm(name: str, options: argparse.Namespace) -> Record:
     assert found is not None and found.after
     texts = {trial.name: trial.candidate.source for trial in found.trials}
     directory = options.outputs / f"{task}_{kind}_{seed}_confirmed"
-    own, (before, after), between = fresh.trained(
-        config, (texts[ORIGINAL], texts[found.after]), directory, options.confirm
-    )
+    own, (before, after) = fresh.trained(config, (texts[ORIGINAL], texts[found.after]), directory, options.confirm)
     return {
         "seeds": own,
         "held_out": {"before": before, "after": after},
-        "difference": between,
+        "difference": fresh.between(before, after),
         **conditions("torch", "mujoco", "cmaes"),
     }
 

@@ -43,6 +43,7 @@ seed, between its least and largest value.
 """
 HEADLINE = ROOT / "docs" / "reference" / "headline.md"
 HEADLINE_TABLE = "<!-- headline -->\n", "<!-- /headline -->\n"
+GREEDY = "<!-- greedy -->\n", "<!-- /greedy -->\n"
 TREE = "<!-- tree -->\n", "<!-- /tree -->\n"
 SCORES = ROOT / "docs" / "concepts" / "scores.md"
 CHOOSING = ROOT / "benchmarks" / "results" / "choosing.json"
@@ -203,6 +204,14 @@ def headline() -> str:
     return f"{study.summary(measured)}\n\n{_table(study.TITLES, study.rows(measured))}"
 
 
+def greedy() -> str:
+    """What `benchmarks/greedy.py` has measured: a row a task on which the choices differ."""
+    study = _benchmark("greedy")
+    measured = study.read(study.RESULTS)
+    rows = study.rows(measured)
+    return f"{study.summary(measured)}\n" + (f"\n{_table(study.TITLES, rows)}" if rows else "")
+
+
 def table() -> str:
     """The rows of `benchmarks/headline.py` in a sentence."""
     study = _benchmark("headline")
@@ -287,7 +296,7 @@ def generated() -> Mapping[Path, str]:
         PYTHON: python_page.page(),
         MODULES: modules(),
         BASELINES: baselines(),
-        HEADLINE: _filled(HEADLINE, (HEADLINE_TABLE, headline())),
+        HEADLINE: _filled(HEADLINE, (HEADLINE_TABLE, headline()), (GREEDY, greedy())),
         BENCHMARK: _filled(BENCHMARK, (REACHED, reached())),
         README: _filled(README, (FOUND, found()), (HEADLINE_TABLE, table())),
         CONTRIBUTING: _filled(CONTRIBUTING, (TREE, tree())),

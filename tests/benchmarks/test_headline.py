@@ -99,3 +99,17 @@ def test_a_repetition_is_the_same_or_says_what_is_not(headline: ModuleType):
     assert headline.compared("ant", kept, later) == "ant: every number is the same to the bit."
     text = headline.compared("ant", kept, {**later, "human": [1.0000001]})
     assert "not the same" in text and "human: [1.0000001], the table has [1.0]" in text and "generated:" not in text
+
+
+def test_eureka_s_rule_looks_at_training_alone(headline: ModuleType):
+    import greedy  # pyright: ignore[reportMissingImports]
+
+    run = headline.archive("anymal")
+    entries = [entry for generation in run.history.generations for entry in generation.entries]
+    first = max(entries, key=lambda entry: entry.result.fitness if entry.result else -1e9)
+    assert greedy.greedy(run.history) == replace(first, played=None) and first.sample.place != run.crown
+    same = {"best": "g0s1", "eureka": "g0s1"}
+    other = same | {"own": [2.0, 3.0], "other": [0.0, 1.0], "difference": [2.0, 0.5, 3.5]}
+    told = greedy.summary({"ant": same, "anymal": other})
+    assert "On 1 both crown the same reward." in told and told.endswith("better on 1, worse on 0 and level on 0.")
+    assert [row[0] for row in greedy.rows({"ant": same, "anymal": other})] == ["anymal"]

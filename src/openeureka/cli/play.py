@@ -79,13 +79,12 @@ def _film(env: str, policy: bytes | str, config: PlayConfig, directory: Path | N
 def _of_run(directory: Path, wanted: str) -> bytes:
     """A policy of a run or a training, which anybody may have made."""
     policy = artifacts.read(directory, f"{wanted or 'best'}/policy.safetensors")
-    if policy is None:
-        read_config(directory)  # refuses what is no run
-    if policy is None and wanted:
+    if policy is not None:
+        return policy
+    read_config(directory)  # refuses what is no run
+    if wanted:
         raise ConfigError(f"{directory} holds no {wanted} policy, {_MADE_BY[wanted]}; leave policy={wanted} out.")
-    if policy is None:
-        raise ConfigError(f"{directory} has no policy yet; `eureka show {directory}` says how far it is.")
-    return policy
+    raise ConfigError(f"{directory} has no policy yet; `eureka show {directory}` says how far it is.")
 
 
 def _beside(directory: Path | None, wanted: str) -> bytes | str | None:

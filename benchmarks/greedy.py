@@ -1,0 +1,103 @@
+"""Which of the same rewards does Eureka's own rule crown? docs/reference/headline.md has the answer, task by task.
+
+    python benchmarks/greedy.py                       # every row of the table that has none yet
+    python benchmarks/greedy.py --env anymal          # one
+
+`search=eureka` crowns the reward with the highest F in training, of one training each. `search=best` lets policies
+play, and races the leading rewards with fresh seeds. Both see the rewards and trainings of a row of `headline.py`.
+Where they crown different ones, both train again with nine seeds that chose neither, and are judged alike: this
+compares choices alone. Trainings are under `outputs/greedy/`; one that was killed goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import fresh
+import headline
+from records import interval, machine, read, write
+
+from openeureka.benchmark.plan import load
+from openeureka.config import short_name
+from openeureka.method import race
+from openeureka.report.text import spread
+from openeureka.strategies import Ranking
+from openeureka.types import History, Scored
+
+RESULTS = headline.ROOT / "benchmarks" / "results" / "greedy.json"
+OUTPUTS = headline.ROOT / "outputs" / "greedy"
+SEEDS = 9
+TITLES = (
+    *("task", "`search=best` crowns", "`search=eureka` crowns"),
+    *("F held out, `search=best`", "`search=eureka`", "difference, 95 % interval"),
+)
+Record = dict[str, Any]
+
+
+def greedy(history: History) -> Scored | None:
+    """What a search crowns that looks at training alone."""
+    unplayed = [
+        replace(generation, entries=tuple(replace(entry, played=None) for entry in generation.entries))
+        for generation in history.generations
+    ]
+    return Ranking(replace(history, generations=tuple(unplayed))).best
+
+
+def measure(env: str) -> Record:
+    """Both choices of a row, and where they differ what they are worth."""
+    run = headline.archive(env)
+    own, other = race.crowned(run.history, run.crown), greedy(run.history)
+    assert own is not None and other is not None
+    found: Record = {"best": str(own.sample.place), "eureka": str(other.sample.place)}
+    if own.sample.verdict.graph == other.sample.verdict.graph:
+        return found
+    known = read(headline.RESULTS)[env].get("confirmed", {})
+    again = len(known.get("seeds", ())) == SEEDS
+    candidates = (entry.sample.candidate for entry in ((other,) if again else (own, other)))
+    sources = [candidate.source for candidate in candidates if candidate is not None]
+    seeds, scores = fresh.trained(run.config, sources, OUTPUTS / env, SEEDS)
+    first, second = (known["generated"], *scores) if again else scores
+    apart = fresh.between(second, first)
+    return {**found, "seeds": seeds, "own": first, "other": second, "difference": apart, **machine("cpu")}
+
+
+def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
+    """A row a task whose choices differ, in the order of the plan."""
+    return [
+        (
+            *(short_name(env), row["best"], row["eureka"], spread(row["own"]), spread(row["other"])),
+            interval(*row["difference"], digits=3),
+        )
+        for env in load(headline.PLAN).tasks
+        if "difference" in (row := measured.get(env, {}))
+    ]
+
+
+def decisive() -> list[str]:
+    """The rows that have something to compare: not both at zero."""
+    return [env for env, row in read(headline.RESULTS).items() if headline.ending(row) != "both at zero"]
+
+
+def summary(measured: Mapping[str, Record]) -> str:
+    """All tasks in a few sentences."""
+    apart = [row["difference"] for row in measured.values() if "difference" in row]
+    better, worse = sum(low > 0 for _, low, _ in apart), sum(high < 0 for _, _, high in apart)
+    same = len(measured) - len(apart)
+    return (
+        f"{len(measured)} of {len(decisive())} tasks are compared. On {same} both crown the same reward. On the other "
+        f"{len(apart)}, that of `search=best` is better on {better}, worse on {worse} and level on "
+        f"{len(apart) - better - worse}."
+    )
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--env", nargs="+", choices=sorted(read(headline.RESULTS)))
+    for env in parser.parse_args().env or decisive():
+        if env not in read(RESULTS):
+            write(RESULTS, read(RESULTS) | {env: measure(env)})
+            print(env, read(RESULTS)[env], flush=True)
+    print(summary(read(RESULTS)))
