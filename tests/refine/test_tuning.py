@@ -224,10 +224,11 @@ def test_nothing_is_said_of_a_race_before_its_policies_are_judged() -> None:
 # --- at the end of a search ------------------------------------------------------------------------------------------
 
 
-def test_a_search_fits_the_numbers_of_its_winner(tmp_path: Path) -> None:
-    def reply(worth: float) -> str:
-        return f"```python\n{program(worth).replace(str(worth), f'{worth} * x')}```\n"
+def reply(worth: float) -> str:
+    return f"```python\n{program(worth).replace(str(worth), f'{worth} * x')}```\n"
 
+
+def test_a_search_fits_the_numbers_of_its_winner(tmp_path: Path) -> None:
     wanted = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2, tune=8)
 
     def search(trainer: ToyTrainer):
@@ -264,6 +265,22 @@ def test_a_search_whose_winner_has_no_number_to_fit_is_finished(tmp_path: Path) 
         run(wanted, store, model, ToyChecker(), ToyTrainer(), TOY, strategies.make(wanted))
     assert RunView.read(tmp_path).tuned is None
     assert Run(tmp_path).finished
+
+
+def test_a_tuning_plays_its_lanes_and_a_search_that_ranks_by_training_does_not_take_that_for_its_own(tmp_path: Path):
+    """8 leads in training; to be played scores a point less, which would let 7.5 come before it."""
+
+    def found(tune: int):
+        wanted = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2, tune=tune, search="eureka")
+        texts = [reply(worth) for worth in (7.5, 8.0)]
+        with Store.open(tmp_path / str(tune), wanted) as store:
+            run(wanted, store, ScriptedModel(texts), ToyChecker(), ToyTrainer(), TOY, strategies.make(wanted))
+        return RunView.read(tmp_path / str(tune))
+
+    alone, fitted_too = found(0), found(8)
+    assert fitted_too.tuned is not None and fitted_too.history == alone.history
+    assert fitted_too.outcome is not None and alone.outcome is not None
+    assert fitted_too.outcome.best == alone.outcome.best and fitted_too.outcome.share == 1.0
 
 
 # --- arithmetic ------------------------------------------------------------------------------------------------------

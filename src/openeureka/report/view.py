@@ -104,7 +104,7 @@ class RunView:
                 trials=store.lanes.trials(),
                 usage=store.talk.usage(),
                 played=played,
-                ranks="training" if config.search == "eureka" else store.ranks,
+                ranks=store.ranks,
                 crown=store.crown(),
                 best_policy=store.lanes.best_policy(),
                 robust=hardened.read(store, results),

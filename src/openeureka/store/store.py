@@ -180,9 +180,10 @@ class Store:
 
     @property
     def ranks(self) -> Literal["played", "training"]:
-        """By what `search=best` ranks in this run: it goes on as it began. Older ones ranked by F in training."""
+        """By what the search ranks: it goes on as it began. Older ones with `search=best` ranked by F in training."""
         row = self._database.row("run")
-        return "played" if row is not None and row["ranks"] == "played" else "training"
+        plays = row is not None and row["ranks"] == "played" and self.config.search != "eureka"
+        return "played" if plays else "training"
 
     def save_attempt(
         self, generation: int, attempt: int, slot: int, candidate: CandidateId | None, repair: Sequence[Message]
@@ -264,7 +265,8 @@ class Store:
         """Every finished generation; `results` are those of the run, where the caller has them."""
         results = self.lanes.results() if results is None else results
         limits = self.config.limited
-        scores = {lane: played(plays, limits) for lane, plays in self.lanes.plays().items()}
+        plays = self.lanes.plays() if self.ranks == "played" else {}  # a tuning plays lanes of any search
+        scores = {lane: played(own, limits) for lane, own in plays.items()}
         generations: dict[int, list[Scored]] = {}
         for row in self._database.rows("entries", order=("generation", "slot")):
             generations.setdefault(row["generation"], []).append(self._scored(row, results, scores))
