@@ -233,6 +233,30 @@ def test_requests_have_seeds_of_their_own(begin) -> None:
     assert all(0 <= request_seed(seed, 9, 9, 99) < 2**31 for seed in range(100))
 
 
+def test_the_rest_of_an_interrupted_refill_has_the_seeds_that_it_would_have_had(begin) -> None:
+    """Slots 0 and 2 are filled again; the run ends after the first of both."""
+
+    @dataclass
+    class Ending(ScriptedModel):
+        ends: int = 0
+
+        def sample(self, prompt, *, n: int, seed: int):
+            for index, reply in enumerate(super().sample(prompt, n=n, seed=seed)):
+                if self.said > self.ends:
+                    raise KeyboardInterrupt
+                self.seeds[-1:] = [seed + index]
+                yield reply
+
+    one = begin([REFUSED, reply(7), REFUSED, reply(8), reply(6)], sample=3, refill=1)
+    texts, one.model = one.model.script, Ending(one.model.script, ends=4)
+    with pytest.raises(KeyboardInterrupt):
+        one.go()
+    first = one.model.seeds[-1]
+    one.model = Ending(texts, said=4, ends=5)
+    one.go()
+    assert one.model.seeds == [first + 1]
+
+
 class Interrupted(ScriptedModel):
     """Loses its connection after some replies."""
 

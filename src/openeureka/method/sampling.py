@@ -128,7 +128,8 @@ class Sampler:
             known = price.find(self.config.model, self.config.price)
             price.afford(self.config.max_cost, self.store.talk.replies(), known, prompt, len(missing))
         self.observer.asked(missing)
-        seed = request_seed(self.config.seed, generation, attempt, missing[0])
+        asked = request_seed(self.config.seed, generation, attempt, slots[0])
+        seed = (asked + slots.index(missing[0])) % 2**31  # of an interrupted request, what its rest would have had
         for slot, reply in zip(missing, self.model.sample(prompt, n=len(missing), seed=seed), strict=True):
             self.store.talk.save_reply(generation, attempt, slot, reply)
             self.observer.reply(generation, slot, reply)
