@@ -32,6 +32,16 @@ def test_the_axes_are_environment_steps_and_seconds(tmp_path):
     assert found == [(2000, 40.0), (3000, 60.0), (1000, 20.0)]
 
 
+def test_the_curves_of_a_curriculum_begin_where_its_earlier_stages_end(tmp_path):
+    result = TrainingResult(
+        lane="a", state=TrainingState.FINISHED, fitness=2.0, curves={"fitness": (1.0, 2.0)}, env_steps=50,
+        steps_before=30, seconds=10.0,
+    )  # fmt: skip
+    path = tmp_path / export.EVENTS
+    path.write_bytes(export.events_of(result))
+    assert [event.step for event in EventFileLoader(str(path)).Load() if event.summary.value] == [40, 50]
+
+
 def test_a_number_of_the_whole_training_is_no_curve(tmp_path):
     curves = {"fitness": (1.0, 2.0), "component_early/x": (0.5,), "component_late/x": (0.25,)}
     result = TrainingResult(

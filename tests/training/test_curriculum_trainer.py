@@ -60,7 +60,7 @@ def test_all_lanes_go_on_from_their_own_last_policy(tmp_path: Path):
         ("hard", 100, {"human-s0": b"10.0", "sparse-s0": b"5.0"}),
     ]
     assert found["human-s0"].fitness == 10.0
-    assert found["human-s0"].env_steps == 6, "three a stage"
+    assert (found["human-s0"].env_steps, found["human-s0"].steps_before) == (6, 3), "three a stage"
     # The first stage took four seconds.
     assert (found["human-s0"].seconds, found["human-s0"].clock) == (8.0, (5.0, 6.0, 7.0))
 

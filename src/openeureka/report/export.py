@@ -145,6 +145,7 @@ def to_events(
     curves: Mapping[str, Sequence[float | None]],
     *,
     env_steps: int = 0,
+    steps_before: int = 0,
     seconds: float = 0.0,
     clock: Sequence[float] = (),
 ) -> bytes:
@@ -152,6 +153,7 @@ def to_events(
 
     Args:
         env_steps: of the whole training; 0 counts epochs instead.
+        steps_before: those of them before the curves begin.
         seconds: that the training took, from time 0; without a clock, epochs are taken to last equally long.
         clock: [s] at each epoch, waits between two processes left out.
     """
@@ -163,7 +165,7 @@ def to_events(
         for epoch, value in enumerate(values):
             if value is not None:
                 summary = Summary(value=[Summary.Value(tag=tag, simple_value=value)])
-                step = (epoch + 1) * env_steps // epochs if env_steps else epoch
+                step = steps_before + (epoch + 1) * (env_steps - steps_before) // epochs if env_steps else epoch
                 time = clock[epoch] if epoch < len(clock) else (epoch + 1) * seconds / epochs
                 writer.write(Event(step=step, wall_time=time, summary=summary).SerializeToString())
     return buffer.getvalue()
@@ -171,4 +173,10 @@ def to_events(
 
 def events_of(result: TrainingResult) -> bytes:
     """The event file of a training."""
-    return to_events(result.over_epochs, env_steps=result.env_steps, seconds=result.seconds, clock=result.clock)
+    return to_events(
+        result.over_epochs,
+        env_steps=result.env_steps,
+        steps_before=result.steps_before,
+        seconds=result.seconds,
+        clock=result.clock,
+    )

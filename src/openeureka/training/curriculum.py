@@ -125,10 +125,11 @@ def _overall(progress: TrainingProgress, steps: Sequence[int], number: int) -> T
 
 
 def _summed(results: Sequence[TrainingResult]) -> TrainingResult:
-    """The last stage's result, with what all stages took; its clock goes on from the earlier ones'."""
+    """The last stage's result, with what all stages took; its steps and clock go on from the earlier ones'."""
     env_steps, seconds = sum(result.env_steps for result in results), sum(result.seconds for result in results)
     clock = tuple(seconds - results[-1].seconds + time for time in results[-1].clock)
-    return dataclasses.replace(results[-1], env_steps=env_steps, seconds=seconds, clock=clock)
+    before = env_steps - results[-1].env_steps
+    return dataclasses.replace(results[-1], env_steps=env_steps, steps_before=before, seconds=seconds, clock=clock)
 
 
 def _lost(results: Sequence[TrainingResult]) -> TrainingResult:

@@ -153,6 +153,8 @@ class TrainingResult:
     longest length, `component_late/<name>` in the rest. Older trainings lack them."""
     env_steps: Count
     seconds: Finite
+    steps_before: Count = 0
+    """Environment steps before the curves begin: those of the earlier stages of a curriculum."""
     clock: tuple[Finite, ...] = field(default=(), compare=False, repr=False)
     """[s] of the training at each epoch of the curves; empty where an older version kept none."""
     correlation: Finite | None = None
