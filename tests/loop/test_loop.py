@@ -241,11 +241,11 @@ def test_the_rest_of_an_interrupted_refill_has_the_seeds_that_it_would_have_had(
         ends: int = 0
 
         def sample(self, prompt, *, n: int, seed: int):
-            for index, reply in enumerate(super().sample(prompt, n=n, seed=seed)):
+            for index, text in enumerate(super().sample(prompt, n=n, seed=seed)):
                 if self.said > self.ends:
                     raise KeyboardInterrupt
                 self.seeds[-1:] = [seed + index]
-                yield reply
+                yield text
 
     one = begin([REFUSED, reply(7), REFUSED, reply(8), reply(6)], sample=3, refill=1)
     texts, one.model = one.model.script, Ending(one.model.script, ends=4)
