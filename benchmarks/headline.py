@@ -187,6 +187,18 @@ def gains(measured: Mapping[str, Record]) -> list[tuple[str, float, float, float
     return found
 
 
+def novelty(measured: Mapping[str, Record]) -> list[tuple[str, float, float]]:
+    """A row a task that is not both at zero: correlation with the human reward, and the difference in halves of its
+    interval, so that beyond 1 it is decided."""
+    known = ((env, decided(measured[env])) for env in load(PLAN).tasks if env in measured)
+    return [
+        (short_name(env), row["correlation_with_human"], value / (high - value))
+        for env, row in known
+        if row["difference"] is not None and ending(row) != "both at zero"
+        for value, _, high in (row["difference"],)
+    ]
+
+
 def summary(measured: Mapping[str, Record]) -> str:
     """The rows in a sentence."""
     ends = Counter(map(ending, measured.values()))

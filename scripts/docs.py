@@ -44,6 +44,7 @@ seed, between its least and largest value.
 HEADLINE = ROOT / "docs" / "reference" / "headline.md"
 HEADLINE_TABLE = "<!-- headline -->\n", "<!-- /headline -->\n"
 GREEDY = "<!-- greedy -->\n", "<!-- /greedy -->\n"
+CLAIMS = "<!-- claims -->\n", "<!-- /claims -->\n"
 TREE = "<!-- tree -->\n", "<!-- /tree -->\n"
 SCORES = ROOT / "docs" / "concepts" / "scores.md"
 CHOOSING = ROOT / "benchmarks" / "results" / "choosing.json"
@@ -212,6 +213,13 @@ def greedy() -> str:
     return f"{study.summary(measured)}\n" + (f"\n{_table(study.TITLES, rows)}" if rows else "")
 
 
+def claims() -> str:
+    """What `benchmarks/claims.py` has measured: a row a claim and task, then the groups that they compare."""
+    study = _benchmark("claims")
+    measured = study.read(study.RESULTS)
+    return f"{_table(study.ANSWERS, study.answers(measured))}\n{_table(study.TITLES, study.rows(measured))}"
+
+
 def table() -> str:
     """The rows of `benchmarks/headline.py` in a sentence."""
     study = _benchmark("headline")
@@ -250,6 +258,7 @@ def pictures() -> Mapping[Path, str]:
             early.correlations(early.known()), early.SHARES, "{}", "rank correlation with played F"
         ),
         "headline.svg": figures.bars(table.gains(records.read(table.RESULTS))),
+        "novelty.svg": figures.novelty(table.novelty(records.read(table.RESULTS))),
     }
     return {IMAGES / name: text for name, text in found.items()}
 
@@ -296,7 +305,7 @@ def generated() -> Mapping[Path, str]:
         PYTHON: python_page.page(),
         MODULES: modules(),
         BASELINES: baselines(),
-        HEADLINE: _filled(HEADLINE, (HEADLINE_TABLE, headline()), (GREEDY, greedy())),
+        HEADLINE: _filled(HEADLINE, (HEADLINE_TABLE, headline()), (GREEDY, greedy()), (CLAIMS, claims())),
         BENCHMARK: _filled(BENCHMARK, (REACHED, reached())),
         README: _filled(README, (FOUND, found()), (HEADLINE_TABLE, table())),
         CONTRIBUTING: _filled(CONTRIBUTING, (TREE, tree())),

@@ -86,6 +86,23 @@ def bars(rows: Sequence[tuple[str, float, float, float]]) -> str:
     return _svg(figure)
 
 
+def novelty(rows: Sequence[tuple[str, float, float]]) -> str:
+    """Rows of task, correlation of the generated reward with the human one, and difference in half intervals."""
+    figure = _figure(8.0, 3.6)
+    axes = figure.add_subplot()
+    for task, correlation, halves in rows:
+        colour = "#1f6fb2" if halves > 1.0 else "#b03a2e" if halves < -1.0 else "#888888"
+        axes.plot(correlation, halves, "o", color=colour)
+        if abs(halves) > 1.0:  # the names of all would cover each other
+            axes.annotate(task, (correlation, halves), (-6, -3), textcoords="offset points", ha="right")
+    for level in (-1.0, 0.0, 1.0):
+        axes.axhline(level, color="#444444", linewidth=0.8, linestyle="-" if level == 0.0 else ":")
+    axes.set_xlim(-1.05, 1.05)
+    axes.set_xlabel("correlation of the generated reward with the human one")
+    axes.set_ylabel("difference in F, in halves\nof its 95 % interval")
+    return _svg(figure)
+
+
 def _free(axes: Axes) -> None:
     axes.grid(visible=False, axis="y")
     axes.spines["left"].set_visible(False)

@@ -101,6 +101,14 @@ def test_a_repetition_is_the_same_or_says_what_is_not(headline: ModuleType):
     assert "not the same" in text and "human: [1.0000001], the table has [1.0]" in text and "generated:" not in text
 
 
+def test_the_figure_shows_what_is_decided_beyond_one(headline: ModuleType):
+    zeros = row([0.0, 0.0], [0.0, 0.0], [0.0, 0.0, 0.0])
+    level = row([1.0, 2.0], [2.0, 0.5], [0.25, -0.75, 1.25])
+    better = row([3.0, 4.0], [0.0, 0.0], [3.0, 1.0, 5.0])
+    shown = headline.novelty({"shadow_hand_kettle": zeros, "anymal": level, "ant": better})
+    assert shown == [("ant", 0.5, 1.5), ("anymal", 0.5, 0.25)]
+
+
 def test_eureka_s_rule_looks_at_training_alone(headline: ModuleType):
     import greedy  # pyright: ignore[reportMissingImports]
 

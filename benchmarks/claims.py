@@ -1,0 +1,129 @@
+"""What the paper claims of its parts, asked here: docs/reference/headline.md has the answers.
+
+    python benchmarks/claims.py                        # what is missing; about three hours on 2 cores
+    python benchmarks/claims.py --env ant --groups first reflection
+
+A group is the eight replies to one prompt: `benchmarks/claims/TASK.json`, for the first `choosing/TASK.json`. Groups
+differ in that prompt or in the model: the first prompt of a search; the second with reward reflection, as our searches
+send it; the same with the score alone; that of a search which began with the human reward; the first prompt again,
+answered by the embedded model. The second prompts tell of the trainings of the task's row in the table. All rewards
+train alike, with one seed that nothing was chosen by, and are judged in the same held-out episodes. Claims are about
+groups, so the spread is that over rewards. A group is a run under `outputs/claims/`; one that was killed goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import fresh
+import headline
+from records import interval, machine, read, write
+
+import openeureka
+from openeureka.report.text import number, spread
+from openeureka.reward import extract
+from openeureka.sandbox.client import Sandbox
+from openeureka.score import mean
+from openeureka.tasks.context import context
+from openeureka.tasks.record import record_states
+from openeureka.types import Candidate
+
+FOLDER = headline.ROOT / "benchmarks"
+REPLIES = FOLDER / "claims"
+RESULTS = FOLDER / "results" / "claims.json"
+OUTPUTS = headline.ROOT / "outputs" / "claims"
+STEPS = {"ant": 1_500_000, "ballbalance": 600_000, "quadcopter": 1_500_000}
+"""Of each lane, as in `benchmarks/plans/headline.yaml`."""
+SEED = 300
+"""Of all trainings: no search of these rewards used it."""
+GROUPS = {
+    "first": "first generation",
+    "reflection": "second, with reflection",
+    "scores": "second, with the score alone",
+    "init": "first, from the human reward",
+    "local": "first, the embedded model",
+}
+CLAIMS = {
+    "Later generations are better": ("reflection", "first"),
+    "Reflection helps": ("reflection", "scores"),
+    "Beginning with the human reward helps": ("init", "first"),
+    "A stronger model writes better rewards": ("first", "local"),
+}
+"""Which group should score more than which."""
+TITLES = ("task", "rewards", "accepted", "F held out, mean", "the best of them", "human")
+ANSWERS = ("claim", "task", "difference of means, 95 % interval", "holds here")
+Record = dict[str, Any]
+
+
+def accepted(env: str, replies: Iterable[str]) -> list[str]:
+    """The rewards among these replies that the sandbox accepts, each once."""
+    sources = dict.fromkeys(source for text in replies if (source := extract.program(text)) is not None)
+    with Sandbox(context(env).state, record_states(env)) as checker:
+        return [source for source in sources if checker.check(Candidate.of(source)).accepted]
+
+
+def asked(env: str, group: str) -> list[str]:
+    """The replies of a group; the table's row has those of the first."""
+    if group == "first":
+        return read(FOLDER / "choosing" / f"{env}.json")["replies"]
+    return read(REPLIES / f"{env}.json")["replies"][group]
+
+
+def measure(env: str, group: str) -> Record:
+    """Held-out F of a group's rewards; of the human one too, beside the first group."""
+    replies = asked(env, group)
+    rewards = accepted(env, replies)
+    others = ["human"] if group == "first" else []
+    run = openeureka.train(env, [*rewards, *others], dir=OUTPUTS / f"{env}_{group}", seed=SEED, steps=STEPS[env])
+    scores = [mean(arm.scores) for arm in run.view.given.values()]
+    own = {"replies": len(replies), "scores": scores[: len(rewards)]}
+    return {**own, **({"human": scores[-1]} if others else {}), "steps": STEPS[env], "seed": SEED, **machine("cpu")}
+
+
+def scored(row: Record) -> list[float]:
+    """Without the rewards whose training gave no score."""
+    return [score for score in row["scores"] if score is not None]
+
+
+def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
+    """A row a task and group."""
+    return [
+        (
+            *(env, title, f"{len(row['scores'])} of {row['replies']}", spread(scored(row))),
+            *(number(max(scored(row), default=None)), number(row.get("human"))),
+        )
+        for env, groups in measured.items()
+        for group, title in GROUPS.items()
+        if (row := groups.get(group)) is not None
+    ]
+
+
+def answers(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
+    """A row a claim and task."""
+    found = []
+    for claim, (better, worse) in CLAIMS.items():
+        for env, groups in measured.items():
+            own, other = (scored(groups[name]) if name in groups else [] for name in (better, worse))
+            if min(len(own), len(other)) > 1:
+                value, low, high = fresh.between(other, own)
+                holds = "yes" if low > 0 else "no, the reverse" if high < 0 else "not decided"
+                found.append((claim, env, interval(value, low, high, digits=3), holds))
+    return found
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--env", nargs="+", choices=STEPS, default=list(STEPS))
+    parser.add_argument("--groups", nargs="+", choices=GROUPS, default=list(GROUPS))
+    options = parser.parse_args()
+    for env in options.env:
+        for group in options.groups:
+            if group not in read(RESULTS).get(env, {}):
+                row = measure(env, group)
+                known = read(RESULTS)
+                write(RESULTS, known | {env: known.get(env, {}) | {group: row}})
+                print(env, group, row["scores"], flush=True)
+    for answer in answers(read(RESULTS)):
+        print(*answer, sep=" | ")

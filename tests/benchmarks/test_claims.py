@@ -1,0 +1,51 @@
+"""A claim holds where the interval over rewards says so, and every group that is compared has replies to repeat."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from openeureka.reward import extract
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def claims(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    import claims  # pyright: ignore[reportMissingImports]
+
+    return claims
+
+
+def group(scores: Sequence[float | None]) -> dict[str, object]:
+    return {"replies": 8, "scores": list(scores)}
+
+
+def test_a_claim_is_decided_by_its_interval(claims: ModuleType):
+    low, high = [0.9, 1.0, 1.1, 1.0], [2.0, 2.1, 1.9, None]
+    measured = {"ant": {"first": group(low), "reflection": group(high), "scores": group([1.9, 2.1]), "init": group([])}}
+    told = {claim: holds for claim, _, _, holds in claims.answers(measured)}
+    assert told == {"Later generations are better": "yes", "Reflection helps": "not decided"}
+    other = {"ant": {"first": group(high), "reflection": group(low)}}
+    assert [row[-1] for row in claims.answers(other)] == ["no, the reverse"]
+
+
+def test_a_row_counts_refusals_and_leaves_out_what_gave_no_score(claims: ModuleType):
+    measured = {"ant": {"first": {**group([1.0, 3.0, None]), "human": 2.5}, "local": group([])}}
+    first, local = claims.rows(measured)
+    assert first[:3] == ("ant", "first generation", "3 of 8") and first[4:] == ("3", "2.5")
+    assert local[2:] == ("0 of 8", "-", "-", "-")
+
+
+def test_every_group_has_eight_programs(claims: ModuleType):
+    for env in claims.STEPS:
+        for name in claims.GROUPS:
+            replies = claims.asked(env, name)
+            assert len(replies) == 8 and all(map(extract.program, replies))
+
+
+def test_what_the_sandbox_refuses_trains_not(claims: ModuleType):
+    good = "```python\ndef compute_reward(up_proj):\n    return up_proj, {'up': up_proj}\n```"
+    assert len(claims.accepted("ant", [good, good, "no program", good.replace("up_proj,", "open('x'),", 1)])) == 1
