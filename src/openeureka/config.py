@@ -237,14 +237,7 @@ class TrainConfig:
     """Run reward files in an unconfined child process where the kernel cannot confine it."""
 
     def __post_init__(self) -> None:
-        if self.seeds < 1:
-            raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")
-        for key in ("steps", "worlds", "threads"):
-            if getattr(self, key) < 0:
-                raise ConfigError(f"`{key}` must be zero or more, not {getattr(self, key)}.")
-        _check_bounds(self)
-        if self.bonus not in BONUSES:
-            raise ConfigError(f"`bonus` must be one of {', '.join(BONUSES)}, not `{self.bonus}`.")
+        self.run()  # whose settings have the same bounds
 
     def run(self) -> RunConfig:
         """The settings of the run: one that searches for nothing."""
@@ -269,10 +262,10 @@ class TuneConfig(TrainConfig):
     """Run directory; empty means `outputs/<time>_tune_<env>`. One that holds such a run is continued."""
 
     def __post_init__(self) -> None:
-        TrainConfig.__post_init__(self)  # `super()` does not know a class with slots
         for key in ("trials", "sample"):
             if not FEWEST_TUNED <= getattr(self, key) <= _MANY:
                 raise ConfigError(f"`{key}` must be from {FEWEST_TUNED} to {_MANY}, not {getattr(self, key)}.")
+        TrainConfig.__post_init__(self)  # `super()` does not know a class with slots
 
     def run(self) -> RunConfig:
         return dataclasses.replace(TrainConfig.run(self), tune=self.trials)
@@ -326,7 +319,7 @@ class RobustConfig:
         return dataclasses.replace(run, schedule="full", **given)
 
 
-def _check_bounds(config: RunConfig | TrainConfig) -> None:
+def _check_bounds(config: RunConfig) -> None:
     """Raises ConfigError for what would end a run after its first training, or never."""
     if not 0 <= config.seed <= LARGEST_SEED:
         raise ConfigError(f"`seed` must be from 0 to {LARGEST_SEED}, not {config.seed}.")

@@ -51,10 +51,13 @@ class Door:
         try:
             found = importlib.import_module(module)
         except Exception as error:  # whatever a person's code raises
-            said = " ".join(f"{type(error).__name__}: {error}".split())
-            raise ConfigError(f"`{self.setting}={value}` cannot be imported: {said}") from error
+            said = " ".join(f"{type(error).__name__}: {error}".split()).rstrip(".")
+            own = isinstance(error, ModuleNotFoundError) and (error.name or "") == module.partition(".")[0]
+            where = " Put the folder that holds it on PYTHONPATH: export PYTHONPATH=." if own else ""
+            raise ConfigError(f"`{self.setting}={value}` cannot be imported: {said}.{where}") from error
         if not callable(getattr(found, name, None)):
-            raise ConfigError(f"There is no class or function `{name}` in {module}.{nearest(name, vars(found))}")
+            makers = [known for known, own in vars(found).items() if callable(own)]
+            raise ConfigError(f"There is no class or function `{name}` in {module}.{nearest(name, makers)}")
         return getattr(found, name)
 
     def make(self, value: str, *args: object, **options: object) -> Any:

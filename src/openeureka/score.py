@@ -70,9 +70,8 @@ def pooled(looks: Sequence[Evaluation], *, shared: bool = False) -> Evaluation:
 
 
 def broken(score: Evaluation | None, limits: Limits) -> tuple[str, ...]:
-    """The limits that a policy breaks, by name; what was not measured breaks none."""
-    costs = score.costs if score is not None else NO_LIMITS
-    return tuple(name for name, most in limits.items() if costs.get(name, -math.inf) > most)
+    """See `Evaluation.broken`; of a policy that never played nothing is known."""
+    return score.broken(limits) if score is not None else ()
 
 
 def lawful(scores: Sequence[Evaluation], limits: Limits) -> bool:
@@ -292,7 +291,7 @@ class Outcome:
     """What a search found, and how it compares with the rewards that people wrote."""
 
     best: Scored | None
-    """The confirmed winner; None when no program ever trained."""
+    """The confirmed winner; None when no program ever trained, or each breaks a limit."""
     method: Arm = Arm()
     human: Arm = Arm()
     sparse: Arm = Arm()

@@ -53,6 +53,11 @@ def environment(env: Mapping[str, str] | None = None) -> dict[str, str]:
     return found
 
 
+def usable_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 class WorkerDied(WorkerError):
     """The child ended or closed its pipe before it sent a whole frame."""
 

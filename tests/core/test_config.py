@@ -1,6 +1,6 @@
 import pytest
 
-from openeureka.config import RobustConfig, RunConfig, TrainConfig
+from openeureka.config import RobustConfig, RunConfig, TrainConfig, TuneConfig
 from openeureka.errors import ConfigError
 from openeureka.parsing import as_dict, parse, restored
 
@@ -112,3 +112,11 @@ def test_stored_settings_that_nobody_stored_are_not_taken(stored: object, error:
 
 def test_stored_settings_are_taken_as_they_are():
     assert restored(RunConfig, {"max_cost": 1, "env": "${x}"}) == RunConfig(max_cost=1, env="${x}")
+
+
+@pytest.mark.parametrize("kind", [TrainConfig, TuneConfig])
+@pytest.mark.parametrize("settings", [{"observe": "foo"}, {"log": "foo"}, {"seeds": 200_000}, {"threads": 5000}])
+def test_given_rewards_are_refused_what_a_search_is_refused(kind, settings):
+    (name,) = settings
+    with pytest.raises(ConfigError, match=f"`{name}` must be"):
+        kind(**settings)

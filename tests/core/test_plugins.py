@@ -9,6 +9,7 @@ from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 from openeureka.executors import EXECUTORS
 from openeureka.executors.local import LocalExecutor
+from openeureka.llm import open_model
 from openeureka.plugins import Door
 from openeureka.strategies import SEARCHES, Best, Eureka
 
@@ -34,6 +35,12 @@ class Half:
 class Bare: ...
 
 
+class Oracle:
+    name, style, sample, close = "oracle", "free", None, None
+
+    def __init__(self, config): ...
+
+
 samples = 3
 """
 
@@ -48,6 +55,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: bracket\nVersion: 1.0\n")
     (about / "entry_points.txt").write_text(
         "[openeureka.searches]\ntournament = bracket:Tournament\nbest = bracket:Tournament\n"
+        "[openeureka.models]\noracle = bracket:Oracle\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
 
@@ -67,6 +75,12 @@ def test_built_in_ones_come_first_and_are_replaced_by_no_package():
 def test_those_of_a_package_are_found_by_entry_point_and_by_import_string(name):
     strategy = made(name)
     assert (type(strategy).__name__, strategy.samples) == ("Tournament", 3)
+
+
+def test_a_package_may_give_a_model_a_short_name():
+    assert open_model(RunConfig(model="oracle")).name == "oracle"
+    at_endpoint = open_model(RunConfig(model="oracle", base_url="http://127.0.0.1:1/v1"))
+    assert type(at_endpoint).__name__ == "EndpointModel"
 
 
 def test_only_a_name_that_is_listed_counts_as_installed():

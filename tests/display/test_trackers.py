@@ -72,6 +72,14 @@ def test_wandb_gets_settings_curves_texts_and_films(tmp_path: Path, monkeypatch:
     assert [values["id"] for kind, values in fake.calls if kind == "init"] == ["abc", "abc"]  # goes on there
 
 
+def test_a_run_that_goes_on_tells_no_generation_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    fake = FakeWandb()
+    monkeypatch.setitem(sys.modules, "wandb", fake)
+    for _ in range(2):
+        mirror(tmp_path / "run", "wandb")
+    assert [values["epoch"] for kind, values in fake.calls if kind == "log" and "best F" in values] == [0]
+
+
 def test_mlflow_gets_settings_curves_texts_and_films(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     calls: list[tuple[str, Any]] = []
     fake = ModuleType("mlflow")

@@ -221,3 +221,25 @@ def test_who_stops_listening_is_left_the_state_of_every_population(tmp_path: Pat
     stream.close()
     assert sorted(file.read_bytes() for file in (tmp_path / "snapshots").glob("*.pt")) == [b"0", b"1"]
     assert [names for _, names in transport.asked] == [["a"], ["b"]] and all(call.closed for call in transport.calls)
+
+
+def test_lanes_that_are_tried_one_by_one_go_on_from_the_state_of_all(tmp_path: Path):
+    """It stays until the last of them has begun; then nothing is left."""
+    folder = tmp_path / "snapshots"
+    (population,) = populations("abc", folder=folder)
+    state = [b"of all", b"of all, later", b"of a alone"]
+    said: list[list[Frame | Exception]] = [
+        [Frame({}, {SNAPSHOT: state[0]}), WorkerError("It died.")],
+        [Frame({}, {SNAPSHOT: state[1]}), WorkerError("It died again.")],
+        [Frame({}, {SNAPSHOT: state[2]}), WorkerError("It died for a.")],
+        [result("b"), DONE],
+        [result("c"), DONE],
+    ]
+    begun: list[bytes | None] = []
+    for frames in said:
+        begun.append(population.request("cpu").blobs.get(SNAPSHOT))
+        call = ScriptedCall("cpu", iter(frames))
+        while not population.hear(call)[1]:
+            pass
+    assert begun == [None, state[0], state[1], state[1], state[1]]
+    assert [lost.lane for lost in population.failed()] == ["a"] and list(tmp_path.iterdir()) == []

@@ -51,9 +51,23 @@ def test_a_missing_weights_file_is_said_when_it_is_needed(tmp_path):
         list(model.sample(Prompt(messages=(Message("user", "hi"),)), n=1, seed=0))
 
 
-@pytest.mark.parametrize("model", ["no.such:factory", f"{__name__}:nothing"])
-def test_an_import_string_that_leads_nowhere_is_one_sentence(model: str):
-    with pytest.raises(ConfigError, match="cannot be imported"):
+def unfinished(config: RunConfig) -> object:
+    return object()
+
+
+@pytest.mark.parametrize(
+    ("model", "says"),
+    [
+        ("no.such:factory", "cannot be imported: ModuleNotFoundError: .* Put the folder that holds it on PYTHONPATH"),
+        (f"{__name__}:nothing", "no class or function `nothing`"),
+        (f"{__name__}:json", "no class or function `json`"),
+        (f"{__name__}:Path.cwd", "no class or function"),
+        (f"{__name__}:test_a_limit_needs_a_price", "cannot be called with"),
+        (f"{__name__}:unfinished", "is not complete: it has no name, style, sample, close"),
+    ],
+)
+def test_an_import_string_that_leads_nowhere_is_one_sentence(model: str, says: str):
+    with pytest.raises(ConfigError, match=says):
         open_model(RunConfig(model=model))
 
 

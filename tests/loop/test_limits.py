@@ -14,12 +14,13 @@ from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 from openeureka.method.hacking import Kind
+from openeureka.observer import NullObserver
 from openeureka.report import costs, html, tables
 from openeureka.report.verdict import of_tuning, verdict
 from openeureka.report.view import RunView
 from openeureka.runs.run import Run
-from openeureka.score import played
-from openeureka.store import Store
+from openeureka.score import Outcome, played
+from openeureka.store import Store, look
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 from openeureka.types import Evaluation
 
@@ -53,6 +54,7 @@ def test_a_reward_whose_policy_breaks_a_limit_cannot_win(tmp_path: Path) -> None
     page = html.report(run, tmp_path / "run")
     assert "What each policy costs" in page and "80 BROKEN" in page and "What its policy costs" in page
     assert costs.facts(run.best.played) == [("torque [N m]", "70"), ("falls [share]", "0.25")]
+    assert tables.by_generation(run.history)[0].best == 6.0 and look(tmp_path / "run")[1].fitness == 6.0
     (row,) = (row for row in Run(tmp_path / "run").rows() if row["place"] == "g0s1" and row["role"] == "candidate")
     assert row["cost/torque"] == 80.0
 
@@ -86,7 +88,15 @@ def test_where_all_break_a_limit_nobody_wins_and_the_nearest_is_improved(tmp_pat
 
 def test_a_reward_that_breaks_a_limit_with_fresh_seeds_does_not_win(tmp_path: Path) -> None:
     """Seed 1 adds 0.01 to the worth: 7.495 keeps 75 in the search, and 7.505 does not."""
-    run = RunView.read(search_in(tmp_path / "run", [reply(7.495), reply(5)], trainer=Costly(), limits="torque=75"))
+    told: list[Outcome] = []
+
+    class Ear(NullObserver):
+        def outcome(self, outcome: Outcome) -> None:
+            told.append(outcome)
+
+    script, trainer = [reply(7.495), reply(5)], Costly()
+    run = RunView.read(search_in(tmp_path / "run", script, trainer=trainer, observer=Ear(), limits="torque=75"))
+    assert told == [Outcome(best=None)]
     assert run.crown is None and "trained again with fresh seeds" in verdict(run)
     assert Run(tmp_path / "run").finished
 

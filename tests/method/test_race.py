@@ -230,3 +230,17 @@ def test_a_run_of_a_version_that_ranked_by_training_goes_on_as_it_began(tmp_path
 def test_the_error_of_a_score_that_nobody_measured_leaves_no_one_level() -> None:
     alone = Evaluation(lane="a", fitness=2.0, episode_length=1.0, episodes=4)
     assert race.level({"a": alone, "b": dataclasses.replace(alone, fitness=1.9)}) == ["a"]
+
+
+def test_who_raced_stays_whatever_plays_afterwards(tmp_path: Path) -> None:
+    """A tuning lets the best reward play once more, which may leave it alone at the top."""
+    trainer = Lucky(error=1.0, said={spec(8, 1): 20.0, spec(8, 2): 21.0})
+    before = go(tmp_path, trainer, [7, 8], seeds=2)
+    assert set(before.rivals) == {Place(0, 0)}
+    with Store.view(tmp_path) as store:
+        history, lanes = store.history(), store.lanes
+        better = {spec(8, 0): Evaluation(lane=spec(8, 0), fitness=99.0, episode_length=1.0, episodes=9, error=0.1)}
+        history = history.replayed(better)
+        assert [entry.sample.place for entry in race.contenders(history)] == [Place(0, 1)]
+        after = race.outcome(store.config, history, store.crown(), lanes.results(), lanes.evaluations())
+    assert after.rivals == before.rivals and after.difference == before.difference

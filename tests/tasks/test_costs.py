@@ -63,3 +63,14 @@ def test_an_unknown_limit_says_what_the_task_has() -> None:
     with pytest.raises(ConfigError, match="`cartpole` has no cost `falls`"):
         costs.check("cartpole", {"falls": 0.1})
     costs.check("anymal", {"falls": 0.1})
+
+
+def test_a_body_that_drives_no_joint_and_touches_nothing_can_fall(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A drone whose thrust acts at sites, without its contacts."""
+    monkeypatch.setattr(costs, "_driven", lambda model: [])
+    env = registry.make("quadcopter", worlds=2, lane_seeds=[0], threads=1)
+    meter = Meter(env)
+    assert meter.names == ("falls",)
+    env.reset()
+    meter.add(env.step(torch.zeros(2, env.task.num_actions)), torch.ones(2, dtype=torch.bool))
+    assert meter.read(1) == [{"falls": 0.0}]

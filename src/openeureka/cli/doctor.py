@@ -10,13 +10,14 @@ from importlib.metadata import PackageNotFoundError, version
 
 from ..errors import ConfigError
 from ..executors import ray
-from ..executors.devices import devices, usable_cores
+from ..executors.devices import devices
 from ..film import video
 from ..film.video import VideoUnavailable
 from ..llm import weights
 from ..parsing import parse
 from ..report.text import columns
 from ..sandbox import confine
+from ..worker import usable_cores
 from .settings import DoctorConfig
 
 

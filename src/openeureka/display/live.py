@@ -80,7 +80,7 @@ class Tally:
             self._clock()
             self.durations.append(self._spent)
         best = generation.best
-        trained = sum(entry.fitness is not None for entry in generation.entries)
+        trained = sum(entry.trained and entry.score is not None for entry in generation.entries)
         return (
             f"Generation {generation.index}: best F {number(best.score if best else None)}, "
             f"{trained} of {len(generation.entries)} trained"

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from ..config import RunConfig
 from ..errors import ConfigError, EurekaError
-from ..observer import NullObserver
+from ..observer import NullObserver, Phase
 from ..parsing import as_dict
 from ..report.view import RunView
 from ..score import Outcome
@@ -117,7 +117,10 @@ class Mirror(NullObserver):
     def __init__(self, name: str, directory: Path, config: RunConfig) -> None:
         self._name, self._directory, self._config = name, directory, config
         self._tracker: Tracker | None = None
-        self._begun = False
+        self._begun = self._under_way = False
+
+    def phase(self, generation: int, name: Phase) -> None:
+        self._under_way = True
 
     def result(self, result: TrainingResult) -> None:
         for epoch in range(max(map(len, result.over_epochs.values()), default=0)):
@@ -127,6 +130,8 @@ class Mirror(NullObserver):
                 self._tell("numbers", values, epoch)
 
     def generation(self, generation: Generation) -> None:
+        if not self._under_way:  # a run that goes on begins with what the tracker was told before
+            return
         if generation.best is not None and generation.best.score is not None:
             self._tell("numbers", {"best F": generation.best.score}, generation.index)
         for entry in generation.entries:

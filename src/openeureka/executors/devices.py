@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 
 import torch
 
 from ..sim import check_device
+from ..worker import usable_cores
 from .transport import Slot
 
 CPU = "cpu"
@@ -44,8 +44,3 @@ def workers(devices: Sequence[str], threads: int, populations: int) -> tuple[Slo
     available = threads or usable_cores()
     count = max(1, min(available, populations, CPU_WORKERS))
     return (Slot(CPU, available // count),) * count
-
-
-def usable_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -21,7 +21,7 @@ from ..types import (
     TrainingState,
 )
 from ..worker import Frame
-from .snapshots import Snapshot
+from .snapshots import Snapshot, forget
 from .transport import AnyCall, Call, Slot, Transport, WorkerLost
 
 SNAPSHOT_SECONDS = 300.0
@@ -91,7 +91,8 @@ class Population:
         assert self._attempt is not None
         packed = pack_lanes(self._env, self._attempt.lanes, self._attempt.budget)
         folder = self._snapshots if self.resumable else None
-        self._snapshot = Snapshot(folder, {**packed.header, "device": device.partition(":")[0]})
+        about, alone = {**packed.header, "device": device.partition(":")[0]}, len(self._attempt.lanes) < len(self._left)
+        self._snapshot = Snapshot(folder, about, others=alone)
         state = self._snapshot.read()
         header = {"do": "train", "snapshot_seconds": SNAPSHOT_SECONDS if folder is not None else 0.0, **packed.header}
         return Frame(header, {**packed.blobs, **({SNAPSHOT: state} if state is not None else {})})
@@ -137,6 +138,8 @@ class Population:
         """Go on with the next attempt; lanes that none of them trains have the reason of their last."""
         self._reasons |= {lane.id: reason for lane in attempt.lanes}
         self._attempt = next(self._plan, None)
+        if self._attempt is None:
+            forget(self._snapshots, self._env, [lane.id for lane in self.lanes])
 
     def failed(self) -> Iterator[TrainingResult]:
         """Results of the lanes that nothing could train."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +21,13 @@ def groups(folder: Path | None, env: str) -> list[list[str]]:
     """Lane ids of each population of a task that has left a snapshot there. What cannot be read is left out: its
     training begins anew."""
     return [about.lanes for about in _left(folder).values() if about.env == env]
+
+
+def forget(folder: Path | None, env: str, lanes: Collection[str]) -> None:
+    """Remove what these lanes left and nobody else shares: nothing more is tried with them."""
+    for name, about in _left(folder).items():
+        if folder is not None and about.env == env and {*about.lanes} <= {*lanes}:
+            _remove(folder, name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,10 +86,11 @@ class Snapshot:
         folder: where the file is; None keeps nothing.
         request: what is trained. Its lanes go on from what was asked for alike, also where that was in more company:
             of the others there are results.
+        others: some of that company have none yet, and are to go on from it later: it is left as it is.
     """
 
-    def __init__(self, folder: Path | None, request: Mapping[str, Any]) -> None:
-        self._folder, self._about, self._renewed = folder, _About.of(request), False
+    def __init__(self, folder: Path | None, request: Mapping[str, Any], *, others: bool = False) -> None:
+        self._folder, self._about, self._renewed, self._others = folder, _About.of(request), False, others
         self._name = _digest((self._about.rest, self._about.lanes, self._about.digests))
 
     def read(self) -> bytes | None:
@@ -91,14 +99,16 @@ class Snapshot:
         serving = {name: len(about.lanes) for name, about in _left(self._folder).items() if about.serves(self._about)}
         if self._folder is None or not serving:
             return None
-        self._name = min(serving, key=lambda name: serving[name])
-        return artifacts.read(self._folder.parent, self._file(".pt"))
+        nearest = min(serving, key=lambda name: serving[name])
+        if not self._others:
+            self._name = nearest
+        return artifacts.read(self._folder.parent, _file(self._folder, nearest, ".pt"))
 
     def write(self, state: bytes) -> None:
         """Raises StoreError when the disk is full; the old file is then still whole."""
         if self._folder is not None:
-            artifacts.write(self._folder.parent, self._file(ABOUT), encode(self._about))
-            artifacts.write(self._folder.parent, self._file(".pt"), state)
+            artifacts.write(self._folder.parent, _file(self._folder, self._name, ABOUT), encode(self._about))
+            artifacts.write(self._folder.parent, _file(self._folder, self._name, ".pt"), state)
             self._renewed = True
 
     def distrust(self) -> None:
@@ -108,12 +118,16 @@ class Snapshot:
 
     def remove(self) -> None:
         """The training is finished; the folder goes with the last file."""
-        if self._folder is None:
-            return
-        for suffix in (".pt", ABOUT):
-            artifacts.remove(self._folder.parent, self._file(suffix))
-        with suppress(OSError):  # others are under way
-            self._folder.rmdir()
+        if self._folder is not None:
+            _remove(self._folder, self._name)
 
-    def _file(self, suffix: str) -> str:
-        return f"{self._folder.name}/{self._name}{suffix}" if self._folder is not None else ""
+
+def _remove(folder: Path, name: str) -> None:
+    for suffix in (".pt", ABOUT):
+        artifacts.remove(folder.parent, _file(folder, name, suffix))
+    with suppress(OSError):  # others are under way
+        folder.rmdir()
+
+
+def _file(folder: Path, name: str, suffix: str) -> str:
+    return f"{folder.name}/{name}{suffix}"

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from ..errors import ModelError, WorkerError
 from ..types import Message, Prompt, Reply, Usage
-from ..worker import Worker
+from ..worker import Worker, usable_cores
 
 MAX_TOKENS = 900
 """Of one answer; programs of three to five terms have 170 to 200."""
@@ -37,7 +37,7 @@ class LocalModel:
         self.name = name
         self._weights = weights
         self._temperature = temperature
-        self._threads = threads or os.cpu_count() or 1
+        self._threads = threads or usable_cores()
         self._worker: Worker | None = None
         self._capacity = (0, 0)
 

@@ -213,7 +213,8 @@ class EndpointModel:
         where = self._where
         if isinstance(error, openai.APITimeoutError):
             return ModelError(
-                f"{where} did not answer within {TIMEOUT:.0f} s; try again later or with a smaller sample=."
+                f"{where} did not answer: it may take {TIMEOUT:.0f} s for a sign of life, and {PATIENCE:.0f} s in all. "
+                "Try again later or with a smaller sample=."
             )
         if isinstance(error, openai.APIConnectionError):
             if self._reached:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import importlib
 import json
 import os
 import re
@@ -15,6 +14,7 @@ from typing import Literal
 
 from ..config import RunConfig
 from ..errors import ConfigError, ModelError
+from ..plugins import Door
 from ..types import Prompt, Reply
 from . import hub, price, weights
 from .client import LanguageModel
@@ -23,14 +23,16 @@ from .random import RandomModel
 
 KINDS = ("local", "random", "replay")
 """Models that are at no endpoint."""
+MODELS = Door(setting="model", group="openeureka.models", built_in={}, members=("name", "style", "sample", "close"))
+"""Those of others: each is called with the settings of the run, and makes a `LanguageModel`."""
 
 
 def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
     """The model that `config.model` names. Costly things (weights, processes, sockets) wait for the first sample.
 
     `local`, `local:PATH.gguf`, `local:hub:OWNER/REPO/FILE.gguf`, `random`, `replay:RUN`, `replay:FILE.json`, an import
-    string `pkg.mod:factory` of a function from RunConfig to a model, or the name of a model at an OpenAI-compatible
-    endpoint.
+    string `pkg.mod:factory` of a function from RunConfig to a model, a name that an installed package gives one, or the
+    name of a model at an OpenAI-compatible endpoint.
 
     Args:
         held: replies that the run already has; a replaying model goes on after them.
@@ -45,8 +47,8 @@ def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
         return RandomModel()
     if kind == "replay":
         return _replay(config, rest, held)
-    if rest and not config.base_url and "." in kind:
-        return _imported(config)
+    if not config.base_url and ((rest and "." in kind) or MODELS.installed(config.model)):
+        return MODELS.make(config.model, config)
     return _endpoint(config)
 
 
@@ -123,17 +125,6 @@ def _endpoint(config: RunConfig) -> LanguageModel:
             f"The price of {config.model} is not known, so max_cost cannot be kept; add price=INPUT,OUTPUT."
         )
     return EndpointModel(config.model, base_url=config.base_url, temperature=config.temperature, price=known)
-
-
-def _imported(config: RunConfig) -> LanguageModel:
-    module, _, name = config.model.partition(":")
-    try:
-        factory = getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError) as error:
-        raise ConfigError(
-            f"`model={config.model}` cannot be imported ({error}); it must be pkg.mod:factory."
-        ) from error
-    return factory(config)
 
 
 class ReplayModel:

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from ..config import RunConfig
 from ..reward.form import form
-from ..score import Outcome, broken, compare, difference, lawful, level, mean, rank, spent
+from ..score import Outcome, compare, difference, lawful, level, mean, rank, spent
 from ..strategies import Ranking, SearchStrategy
 from ..types import Evaluation, History, Place, Scored, TrainingResult
 from . import baselines
@@ -35,7 +35,7 @@ def contenders(history: History) -> tuple[Scored, ...]:
         return (best,) if best is not None else ()
     entries = [entry for generation in history.generations for entry in generation.entries]
     able = {e.sample.verdict.candidate: e for e in entries if e.sample.verdict.candidate not in ranking.rejected}
-    able = {name: entry for name, entry in able.items() if not broken(entry.played, history.limits)}
+    able = {name: entry for name, entry in able.items() if not entry.breaks(history.limits)}
     close = level({name: entry.played for name, entry in able.items() if entry.played is not None})
     ordered = sorted((able[name] for name in close), key=lambda entry: -rank(entry.score))
     different: dict[str, Scored] = {}
@@ -106,12 +106,17 @@ def outcome(
     scores: Mapping[str, Evaluation],
 ) -> Outcome:
     """What a search found, as far as its final trainings (`results`) and held-out `scores`, by lane id, go."""
-    arms, best = contenders(history), crowned(history, place)
+    best = crowned(history, place)
     if best is None:
         return Outcome(best=None)
-    rivals = [entry for entry in arms if entry is not best]
-    lanes = final_lanes(config, [best, *rivals], results, scores)
-    rivals = [entry for entry in rivals if lanes[entry.sample.verdict.candidate]]
+    entries = [entry for generation in history.generations for entry in generation.entries]
+    others: dict[str, Scored] = {}
+    for entry in sorted(entries, key=lambda entry: -rank(entry.score)):
+        others.setdefault(entry.sample.verdict.candidate, entry)
+    others.pop(best.sample.verdict.candidate, None)
+    lanes = final_lanes(config, [best, *others.values()], results, scores)
+    # Not whom the scores of now would race: what plays after the race may change those.
+    rivals = [entry for name, entry in others.items() if lanes[name]]
     own = share(config, len(lanes[best.sample.verdict.candidate])) if best.played is not None else 1.0
     return compare(best, lanes, results, scores, baselines.chosen(config), rivals, own)
 

@@ -33,7 +33,7 @@ def missing(directory: Path) -> dict[str, bytes]:
     """By lane id, the policies that count of those lanes of the search that are trained and not filmed."""
     with Store.view(directory) as store:
         # Of the final trainings, and of those that carry a policy on, only the best is filmed: `best/`, `polished/`.
-        lanes = [lane.id for lane in store.lanes.all().values() if lane.role not in ("final", "polish")]
+        lanes = [lane.id for lane in store.lanes.all().values() if lane.role not in ("final", "polish", "robust")]
         results = store.lanes.results()
         lanes = [lane for lane in lanes if lane in results and not artifacts.exists(directory, _place(lane))]
         return policies(store, lanes)

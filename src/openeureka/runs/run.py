@@ -25,11 +25,8 @@ from ..training.policy import Player, Policy
 from ..types import Evaluation, Glance, History, Lane, TrainingResult
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from ..llm.client import LanguageModel
     from .events import Event
-    from .run import TrainedPolicy
 
 Row = dict[str, str | int | float | None]
 

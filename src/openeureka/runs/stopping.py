@@ -68,8 +68,10 @@ def stoppable(directory: Path) -> Iterator[None]:
     """
     withdraw(directory)
     if threading.current_thread() is not threading.main_thread():
-        yield
-        withdraw(directory)
+        try:
+            yield
+        finally:
+            withdraw(directory)
         return
     over, listener = threading.Event(), threading.get_ident()
 

@@ -273,7 +273,7 @@ class Store:
         if list(generations) != list(range(len(generations))):
             raise changed_row(self.directory, "a generation is missing")
         finished = [
-            Generation(index, tuple(own), self.remarks.heard(index) or ()) for index, own in generations.items()
+            Generation(index, tuple(own), self.remarks.heard(index) or (), limits) for index, own in generations.items()
         ]
         return History(tuple(finished), "votes" if self.config.judge == "votes" else "fitness", limits)
 
@@ -300,7 +300,7 @@ class Store:
         row = self._database.glance()
         return Glance(
             generations=row["generations"],
-            fitness=row["fitness"],
+            fitness=self._lawful() if self.config.limited else row["fitness"],
             evaluations=row["evaluations"],
             ended=bool(row["ended"]),
             trainings=row["trainings"],
@@ -309,6 +309,14 @@ class Store:
             sparse=row["sparse"],
             usage=decode_usage(row),
         )
+
+    def _lawful(self) -> float | None:
+        """The best F of a policy that keeps the limits."""
+        finished = {row["lane"] for row in self._database.rows("entries")}
+        finished |= {lane.id for lane in self.lanes.all().values() if lane.role in ("given", "tuned")}
+        limits = self.config.limited
+        scores = [played(own, limits) for lane, own in self.lanes.plays().items() if lane in finished]
+        return max((s.fitness for s in scores if s.fitness is not None and not s.broken(limits)), default=None)
 
     # --- the best ----------------------------------------------------------------------------------------------------
 
@@ -328,6 +336,8 @@ class Store:
         """
         if program is not None:
             artifacts.write(self.directory, "best/reward.py", program.source)
+        else:
+            artifacts.remove(self.directory, "best/reward.py")
         self.lanes.expose("best", policy)
 
     def best(self) -> PolicyId | None:

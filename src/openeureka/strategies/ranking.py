@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Hashable, Iterable, Sequence
 from typing import NamedTuple, TypeVar
 
-from ..score import broken, excess
+from ..score import excess
 from ..types import CandidateId, Generation, History, Place, RemarkKind, Scored
 
 Item = TypeVar("Item", bound=Hashable)
@@ -79,7 +79,7 @@ class Ranking:
         return max(filter(self._may_win, entries), key=self._worth, default=None)
 
     def _may_win(self, entry: Scored) -> bool:
-        return self._stands(entry) and not broken(entry.played, self._limits)
+        return self._stands(entry) and not entry.breaks(self._limits)
 
     def _stands(self, entry: Scored) -> bool:
         trained = entry.trained if self.by_votes else entry.score is not None

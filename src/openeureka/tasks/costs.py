@@ -93,7 +93,8 @@ class Meter:
 
     def _look(self) -> None:
         """Before anything is reset."""
-        self._now = torch.stack([measure() for measure in self._each.values()]).nan_to_num(0.0, 0.0, 0.0).double()
+        if self._each:  # a body that drives nothing and touches nothing can only fall
+            self._now = torch.stack([measure() for measure in self._each.values()]).nan_to_num(0.0, 0.0, 0.0).double()
 
     def _change(self, torque: Tensor) -> Tensor:
         """(N,) since the last step; nothing in the first."""

@@ -55,6 +55,10 @@ class Scored:
         """Whether its training came to the end, or so far that others went on; with or without a defined F."""
         return self.result is not None and self.result.state in (TrainingState.FINISHED, TrainingState.CUT)
 
+    def breaks(self, limits: Limits) -> bool:
+        """Whether its policy, as it played, breaks one of them."""
+        return self.played is not None and bool(self.played.broken(limits))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Screened:
@@ -83,11 +87,13 @@ class Generation:
     entries: tuple[Scored, ...]
     remarks: tuple[Remark, ...] = ()
     """What a person said before the next generation was asked for."""
+    limits: Limits = field(default_factory=dict[str, float], hash=False)
+    """As in `History`."""
 
     @property
     def best(self) -> Scored | None:
-        """The entry of highest score; an undefined one never wins, ties go to the earlier slot."""
-        scored = [entry for entry in self.entries if entry.score is not None]
+        """The entry of highest score that keeps the limits; an undefined one never wins, of equals the earlier does."""
+        scored = [entry for entry in self.entries if entry.score is not None and not entry.breaks(self.limits)]
         return max(scored, key=lambda entry: entry.score or 0.0, default=None)
 
 
@@ -102,7 +108,7 @@ class History:
 
     def grown(self, entries: Sequence[Scored]) -> History:
         """With one more generation."""
-        generation = Generation(len(self.generations), tuple(entries))
+        generation = Generation(len(self.generations), tuple(entries), limits=self.limits)
         return replace(self, generations=(*self.generations, generation))
 
     def replayed(self, scores: Mapping[str, Evaluation]) -> History:
@@ -193,7 +199,7 @@ class Glance:
     generations: int
     """Finished ones."""
     fitness: float | None
-    """The best F among them: played, or in training where nothing was played."""
+    """The best F among them, of those that keep the limits: played, or in training where nothing was played."""
     evaluations: int
     """Held-out scores: they come last."""
     ended: bool

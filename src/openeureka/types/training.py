@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Literal, NamedTuple, Protocol
 
 from .bounds import Count, Finite, Name, Share
+from .costs import Limits
 from .dynamics import Dynamics, Ranges
 from .rewards import RewardGraph
 
@@ -247,6 +249,10 @@ class Evaluation:
     """What it costs, by the names in `COSTS`; those that its task has."""
     recorded: Episodes | None = field(default=None, compare=False, repr=False)
     """Some of its episodes, where that was asked for; never of one from a store, which keeps them apart."""
+
+    def broken(self, limits: Limits) -> tuple[str, ...]:
+        """The limits that the policy breaks, by name; what was not measured breaks none."""
+        return tuple(name for name, most in limits.items() if self.costs.get(name, -math.inf) > most)
 
 
 @dataclass(frozen=True, slots=True)
