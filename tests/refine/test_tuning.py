@@ -21,12 +21,12 @@ from openeureka.method.lanes import Lanes
 from openeureka.observer import NullObserver
 from openeureka.refine import tuned, tuning
 from openeureka.refine.tuned import ORIGINAL, Tuned, distinct, final_lanes
-from openeureka.report import fitted, html
-from openeureka.report.verdict import of_tuning
+from openeureka.report import fitted, html, tables
+from openeureka.report.verdict import deciding, of_tuning
 from openeureka.report.view import RunView
 from openeureka.reward.weights import weighed, weights
 from openeureka.runs.run import Run
-from openeureka.score import Arm, Difference, mean
+from openeureka.score import Arm, Difference, Outcome, mean
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program
 from openeureka.types import (
@@ -326,15 +326,18 @@ class Hungry(ToyTrainer):
 
 
 @pytest.mark.parametrize("more", [0.0, 20.0])
-def test_numbers_whose_policies_break_a_limit_do_not_win(tmp_path: Path, more: float) -> None:
+def test_numbers_whose_policies_break_a_limit_do_not_win(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: float
+) -> None:
     trainer = Hungry()
     trainer.more = more
     wanted = RunConfig(sample=8, iteration=1, repair=0, refill=0, seeds=2, tune=24, limits="torque=75")
     with Store.open(tmp_path, wanted) as store:
         text = f"```python\n{program(7.0).replace('7.0', '7.0 * x')}```\n"
         run(wanted, store, ScriptedModel([text] * 8), ToyChecker(), trainer, TOY, strategies.make(wanted))
-    found = RunView.read(tmp_path).tuned
-    assert found is not None
+    view = RunView.read(tmp_path)
+    found, own = view.tuned, view.best
+    assert found is not None and own is not None and own.candidate is not None
     before, after = (max(found.arms[name].scores) for name in (ORIGINAL, found.after))
     assert before < after <= 6.5  # played, a policy scores one less than its worth
     best = (tmp_path / "best" / "reward.py").read_text()
@@ -342,3 +345,10 @@ def test_numbers_whose_policies_break_a_limit_do_not_win(tmp_path: Path, more: f
         assert found.better == ORIGINAL and "7.0 * x" in best and "break a limit, torque 9" in of_tuning(found)
     else:
         assert found.better == found.after and "7.0 * x" not in best and not found.breach
+    assert view.best_text is not None and view.best_text.source == best
+    # What the search compared and tried has the numbers as they came: `best/` is another reward by now.
+    assert ("before its numbers were fitted" in tables.worlds(view).note) == (not more)
+    open_ = Difference(value=0.5, low=-0.5, high=1.5, seeds=9)
+    monkeypatch.setattr(Outcome, "difference", property(lambda outcome: open_))
+    folder = "best" if more else f"candidates/{own.candidate.id}"
+    assert f"reward=human,DIR/{folder}/reward.py" in deciding(view) and (tmp_path / folder / "reward.py").exists()

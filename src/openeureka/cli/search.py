@@ -67,8 +67,8 @@ def _keys(words: Sequence[str]) -> set[str]:
 def _tell(directory: Path, problems: Sequence[str]) -> None:
     """What the search has found, and what of its report could not be made."""
     result = RunView.read(directory)
-    if result.best is not None and result.best.candidate is not None:
-        print(f"\nBest reward:\n\n{plain(result.best.candidate.source)}")
+    if (best := result.best_text) is not None:
+        print(f"\nBest reward:\n\n{plain(best.source)}")
     print("\n".join(summary(result)))
     for problem in problems:
         print(plain(problem))

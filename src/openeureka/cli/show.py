@@ -58,8 +58,8 @@ def show(directory: Path, *, as_json: bool = False) -> None:
     print("".join(_costs(run)))
     print("".join(_heard(generation) for generation in run.history.generations))
     print(plain("\n".join(summary(run))))
-    if run.best is not None and run.best.candidate is not None:
-        print(f"\nBest reward ({run.best.candidate.id}):\n\n{plain(run.best.candidate.source)}")
+    if (best := run.best_text) is not None:
+        print(f"\nBest reward ({best.id}):\n\n{plain(best.source)}")
 
 
 def _heard(generation: Generation) -> str:
@@ -155,7 +155,7 @@ def final(outcome: Outcome) -> list[str]:
 
 def facts(run: RunView) -> dict[str, object]:
     """The run for programs. Under `fitness` is F in training, its maximum over epochs; what is undefined is null."""
-    best, outcome = run.best, run.outcome
+    best, text, outcome = run.best, run.best_text, run.outcome
     return {
         "settings": as_dict(run.config),
         "ranked_by": run.ranks,
@@ -169,7 +169,7 @@ def facts(run: RunView) -> dict[str, object]:
         "tuned": _tuned(run.tuned) if run.tuned is not None else None,
         "polished": _polished(run.polished) if run.polished is not None else None,
         "robust": _robust(run.robust) if run.robust is not None else None,
-        "best": {"name": str(best.place), "source": best.candidate.source} if best and best.candidate else None,
+        "best": {"name": str(best.place), "source": text.source} if best and text else None,
         "final": _final(outcome) if outcome is not None else None,
         "verdict": verdict(run),
         "score": outcome.normalised if outcome is not None else None,

@@ -229,7 +229,9 @@ def exploits(run: RunView) -> Table:
         for kind in Kind
         if kind is not Kind.LIMITS or run.config.limited
     ]
-    note = "Signs of reward hacking in the final trainings; a sign is no proof."
+    fitted = run.best is not None and run.best_text != run.best.candidate
+    note = f"Signs of reward hacking in the final trainings{', before numbers were fitted' if fitted else ''}; "
+    note += "a sign is no proof."
     return Table(("sign", "result", "numbers"), rows, note)
 
 
@@ -243,8 +245,10 @@ def worlds(run: RunView) -> Table:
         if (name in WORLDS or score is lane.held_out) and name not in PEAKS.values()
         if score.episodes  # none where a task has no other world
     ]
-    note = "Of the one policy in best/, which was picked from several seeds: its F is above their mean."
-    return Table(("world", "F of the policy in best/, held out"), rows, note)
+    before = run.best is not None and run.best_text != run.best.candidate
+    whose = "the winner's policy, before its numbers were fitted" if before else "the policy in best/"
+    note = f"Of one policy, {whose}. It was picked from several seeds: its F is above their mean."
+    return Table(("world", f"F of {whose}, held out"), rows, note)
 
 
 def generations(run: RunView) -> Table:

@@ -177,10 +177,11 @@ def _left_open(run: RunView, directory: str) -> tuple[Difference | None, tuple[s
     where it compares none.
     """
     if run.searched:
-        ended = run.outcome
-        if ended is None or not ended.method.scores or not beside(run.config):
+        ended, own = run.outcome, run.best.candidate if run.best is not None else None
+        if ended is None or own is None or not ended.method.scores or not beside(run.config):
             return None
-        return ended.difference, ("human", f"{directory}/best/reward.py")
+        kept = "best" if own == run.best_text else f"candidates/{own.id}"  # with fitted numbers it is another reward
+        return ended.difference, ("human", f"{directory}/{kept}/reward.py")
 
     def file(name: str) -> str:
         return f"{directory}/candidates/{run.texts[name].id}/reward.py" if name in run.texts else name

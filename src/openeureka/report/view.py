@@ -15,7 +15,7 @@ from ..method.lanes import BASELINES, beside, final_lanes, final_seeds
 from ..refine import hardened, polished, tuned
 from ..refine.hardened import Robust
 from ..refine.polished import Polished
-from ..refine.tuned import Tuned
+from ..refine.tuned import ORIGINAL, Tuned
 from ..score import Arm, Baselines, Outcome
 from ..store import Store, artifacts
 from ..types import (
@@ -165,6 +165,14 @@ class RunView:
         """The confirmed one; before that the first in the ranking of the finished generations."""
         best = race.crowned(self.history, self.crown)
         return next((c for c in self.candidates if best is not None and c.place == best.sample.place), None)
+
+    @property
+    def best_text(self) -> Candidate | None:
+        """The program of the best reward: with fitted numbers, where those are better."""
+        found = self.tuned if self.searched else None
+        if found is not None and found.better != ORIGINAL:
+            return self.texts[found.better]
+        return self.best.candidate if self.best is not None else None
 
     @property
     def baselines(self) -> dict[str, TrainingResult]:
