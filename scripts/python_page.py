@@ -18,6 +18,7 @@ Settings have the names and defaults of [the command line](commands.md). A run t
 """
 FUNCTIONS = ("search", "searching", "train", "tune", "robust", "bench", "check", "open_run")
 CLASSES = ("Run", "LaneView", "TrainedPolicy", "Bench", "Plan")
+ERRORS = [name for name in openeureka.__all__ if name.endswith(("Error", "Unavailable"))]
 EVENTS = [kind.__name__ for kind in openeureka.Event.__args__]
 
 
@@ -27,6 +28,8 @@ def page() -> str:
     parts += [f"## {name}\n\n{_class(getattr(openeureka, name))}" for name in CLASSES]
     events = "".join(f"- {_event(name)}\n" for name in EVENTS)
     parts.append(f"## Event\n\nOne of these. Each comes after what it tells is stored.\n\n{events}")
+    errors = "".join(f"- `{name}`: {' '.join((getattr(openeureka, name).__doc__ or '').split())}\n" for name in ERRORS)
+    parts.append(f"## Errors\n\nEach is a sentence for people, and all are an `EurekaError`.\n\n{errors}")
     return HEAD + "\n".join(parts)
 
 

@@ -13,7 +13,19 @@ from .version import __version__
 if TYPE_CHECKING:
     from .benchmark.bench import Bench, bench
     from .benchmark.plan import Plan
-    from .errors import EurekaError
+    from .errors import (
+        BudgetError,
+        CapacityError,
+        ConfigError,
+        EurekaError,
+        FeedbackError,
+        ModelError,
+        RewardFileError,
+        SandboxUnavailable,
+        StoreError,
+        TaskError,
+        WorkerError,
+    )
     from .runs.door import check, open_run, robust, search, searching, train, tune
     from .runs.events import Asked, Began, Checked, Event, Played, Replied, Started
     from .runs.run import LaneView, Run, TrainedPolicy
@@ -24,21 +36,31 @@ __all__ = [
     "Asked",
     "Began",
     "Bench",
+    "BudgetError",
+    "CapacityError",
     "Checked",
+    "ConfigError",
     "EurekaError",
     "Event",
+    "FeedbackError",
     "Generation",
     "LaneView",
+    "ModelError",
     "Outcome",
     "Plan",
     "Played",
     "Replied",
+    "RewardFileError",
     "Run",
+    "SandboxUnavailable",
     "Started",
+    "StoreError",
+    "TaskError",
     "TrainedPolicy",
     "TrainingProgress",
     "TrainingResult",
     "Verdict",
+    "WorkerError",
     "__version__",
     "bench",
     "check",
@@ -53,7 +75,19 @@ __all__ = [
 _MODULES = {
     "benchmark.bench": ("Bench", "bench"),
     "benchmark.plan": ("Plan",),
-    "errors": ("EurekaError",),
+    "errors": (
+        "BudgetError",
+        "CapacityError",
+        "ConfigError",
+        "EurekaError",
+        "FeedbackError",
+        "ModelError",
+        "RewardFileError",
+        "SandboxUnavailable",
+        "StoreError",
+        "TaskError",
+        "WorkerError",
+    ),
     "runs.door": ("check", "open_run", "robust", "search", "searching", "train", "tune"),
     "runs.events": ("Asked", "Began", "Checked", "Event", "Played", "Replied", "Started"),
     "runs.run": ("LaneView", "Run", "TrainedPolicy"),

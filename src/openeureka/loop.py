@@ -18,7 +18,7 @@ from .observer import NullObserver, Observer
 from .refine import polishing, tuning
 from .score import Outcome, worth
 from .store import Store
-from .strategies import Ranking, SearchStrategy
+from .strategies import Ranking, SearchStrategy, asked
 from .types import History, PolicyId, Scored, TaskContext, Trainer, lane_id
 
 
@@ -51,7 +51,7 @@ def run(
 
     for index in range(len(history.generations), config.generations):
         history = hearing.hear(history)
-        plans = strategy.ask(history, Random(f"{config.seed}/{index}"))
+        plans = asked(strategy, history, Random(f"{config.seed}/{index}"), config.sample)
         samples = sampler.given() if config.init and index == 0 else screen.fill(index, plans, sampler, lanes, history)
         model.close()  # an embedded model must not run while training does: they fight for the same cores
 

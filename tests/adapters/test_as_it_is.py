@@ -185,8 +185,21 @@ def test_what_does_not_fit_is_one_sentence(env: str, said: str):
 
 
 def test_an_environment_that_raises_is_named_with_its_error():
-    with pytest.raises(TaskError, match="Faulty-v0` failed: ValueError: the battery is empty"):
+    with pytest.raises(
+        TaskError, match=r"Faulty-v0` failed: .*/worlds\.py, line \d+, in `step`: ValueError: the battery is empty"
+    ):
         registry.get("gym:Openeureka/Faulty-v0")
+
+
+def test_pictures_and_what_is_no_number_are_refused_before_anything_trains():
+    with pytest.raises(TaskError, match="Eye-v0` observes pictures, which no policy here can read"):
+        registry.get("gym:Openeureka/Eye-v0")
+    with pytest.raises(TaskError, match="observes a value that is not finite, within 8 random steps"):
+        registry.get("gym:Openeureka/Void-v0+cut=1")
+
+
+def test_a_name_that_means_something_in_python_is_changed():
+    assert "value_class" in context("gym:Openeureka/Void-v0").state.names
 
 
 def test_what_is_set_reaches_the_constructor_the_limit_and_the_intent():

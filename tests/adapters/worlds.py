@@ -40,6 +40,25 @@ class Clock(gymnasium.Env):
         }
 
 
+class Void(Clock):
+    """Observes nothing that is a number from step `cut` on, under a name that is none in Python."""
+
+    observation_space = spaces.Dict({"class": spaces.Box(0.0, 100.0, (1,))})
+
+    def _seen(self):
+        return {"class": np.array([np.nan if self.step_count >= self.cut else 1.0], np.float32)}
+
+
+class Eye(Clock):
+    """Observes a picture."""
+
+    observation_space = spaces.Box(0, 255, (64, 48, 3), np.uint8)
+
+
+for name, kind in {"Void-v0": Void, "Eye-v0": Eye}.items():
+    gymnasium.register(f"Openeureka/{name}", entry_point=kind, max_episode_steps=20)
+
+
 for name, settings in {
     "Clock-v0": {},
     "Short-v0": {"end": 3},

@@ -258,6 +258,14 @@ def test_a_finished_run_says_so_when_it_is_resumed_and_how_to_improve_what_it_fo
     assert second == f"  eureka run env=cartpole init={tmp_path}/run/best/reward.py"
 
 
+def test_a_run_is_refused_other_settings_before_anything_is_said_of_it(parts, tmp_path, capsys):
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 0
+    capsys.readouterr()
+    assert run("resume", f"{tmp_path}/run", "sample=7") == 5
+    told = capsys.readouterr()
+    assert told.out == "" and "other settings: sample=7 (was 2). Leave them out" in told.err
+
+
 @pytest.mark.parametrize("name", ["show", "report", "resume"])
 def test_a_directory_that_is_no_run_is_said(name, tmp_path, capsys):
     assert run(name, str(tmp_path)) == 5

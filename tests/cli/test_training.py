@@ -131,8 +131,14 @@ def test_files_of_one_stem_are_called_by_their_folders(tmp_path):
         (tmp_path / name / "reward.py").write_text(GOOD)
     both = f"{tmp_path}/a/reward.py,{tmp_path}/b c/reward.py"
     assert list(named(TrainConfig(reward=f"human,{both}"))) == ["human", "a_reward", "b_c_reward"]
-    with pytest.raises(ConfigError, match="names `a_reward` twice; give the files different names"):
+    with pytest.raises(
+        ConfigError, match="names `a_reward` twice; name it once, and train it with more seeds: seeds=2"
+    ):
         named(TrainConfig(reward=f"{tmp_path}/a/reward.py,{tmp_path}/a/reward.py"))
+    (tmp_path / "c" / "a").mkdir(parents=True)
+    (tmp_path / "c" / "a" / "reward.py").write_text(GOOD)
+    with pytest.raises(ConfigError, match="names `a_reward` twice; give the files different names"):
+        named(TrainConfig(reward=f"{tmp_path}/a/reward.py,{tmp_path}/c/a/reward.py"))
 
 
 def test_two_given_rewards_that_one_seed_cannot_part_are_named_to_be_trained_again(toy, tmp_path, capsys):

@@ -205,7 +205,9 @@ def test_what_cannot_be_tuned_is_one_sentence(toy, tmp_path):
     with pytest.raises(ConfigError, match="sparse reward of a task is no program"):
         to_tune(TuneConfig(reward="sparse"))
     (tmp_path / "empty").mkdir()
-    with pytest.raises(RewardFileError, match="holds no generated or given reward"):
+    with pytest.raises(
+        RewardFileError, match="There is no program in .*/empty/best: its best reward came with the task, or nothing"
+    ):
         to_tune(TuneConfig(reward=str(tmp_path / "empty")))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..config import short_name
 from ..display.progress import working
-from ..errors import ConfigError
+from ..errors import ConfigError, RewardFileError
 from ..film import viewer
 from ..film.screen import draws_itself
 from ..film.stage import Stage
@@ -105,7 +105,11 @@ def _caption(said: str) -> str:
 
 def _read(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        data = path.read_bytes()
+        Policy.from_bytes(data)  # refuses what is none
+        return data
+    except RewardFileError as error:
+        raise RewardFileError(f"{path}: {error}") from None
     except OSError as error:
         raise ConfigError(
             f"Cannot read the policy {path}: {error.strerror}; name a run directory or policy=FILE, random or zero."

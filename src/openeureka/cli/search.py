@@ -21,6 +21,7 @@ from ..runs import compose, trust
 from ..runs.rewards import named
 from ..runs.run import Run
 from ..store.directory import output_directory
+from ..store.store import expect_same
 from ..tasks.registry import get
 from ..text import plain
 from ..types import TrainingState
@@ -46,7 +47,9 @@ def resume(words: Sequence[str]) -> None:
     directory = only_path(paths, "eureka resume outputs/<time>_cartpole")
     trusted = [word.removeprefix("trust=") for word in settings if word.startswith("trust=")]
     settings = [word for word in settings if not word.startswith("trust=")]
-    config = changed(compose.stored(directory), settings)
+    stored = compose.stored(directory)
+    config = changed(stored, settings)
+    expect_same(directory, stored, config)
     trust.agree(config, directory, typed=_keys(settings), trusted=Path(trusted[-1]) if trusted else None)
     if config.model == NO_MODEL and config.tune:
         tune.go_on(config, directory, None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shlex
 import shutil
 import textwrap
 from collections.abc import Sequence
@@ -130,6 +131,8 @@ def new(words: Sequence[str]) -> None:
         raise ConfigError(f"{path} exists already; choose another name, or delete it.")
     if not path.parent.is_dir():
         raise ConfigError(f"There is no folder {path.parent}; make it first, or choose another place.")
+    if config.env and config.model:
+        raise ConfigError("Name a robot with model=, or an environment with env=; not both.")
     if config.env:
         _adapt(path, config.env, config.intent)
         return
@@ -151,7 +154,7 @@ def new(words: Sequence[str]) -> None:
         _say_what_breaks(bad, at_rest=_try(path, 0.0)[1] > 0)
     print("Read it, and say what you want of the robot. Then")
     for command in ("play", "train", "run")[: 1 if drafted.aim.missing else None]:
-        print(f"  eureka {command} env={path}{' policy=random' if command == 'play' else ''}")
+        print(f"  eureka {command} {shlex.quote(f'env={path}')}{' policy=random' if command == 'play' else ''}")
 
 
 def _adapt(path: Path, env: str, intent: str) -> None:
@@ -163,7 +166,7 @@ def _adapt(path: Path, env: str, intent: str) -> None:
     print(f"F is the {task.score_unit}; +fitness=EXPRESSION behind the name of the environment says otherwise.")
     print("Rename, reword, hide or add what rewards may read. Then")
     for command in ("context", "train", "run"):
-        print(f"  eureka {command} env={path}")
+        print(f"  eureka {command} {shlex.quote(f'env={path}')}")
 
 
 def _try(path: Path, size: float) -> tuple[Task, int]:

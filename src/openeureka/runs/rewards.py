@@ -53,7 +53,9 @@ def named(config: TrainConfig, rewards: Sequence[str | Path] | None = None) -> G
     names = [_in_folder(word, name) if names.count(name) > 1 else name for name, word in zip(names, words, strict=True)]
     for name in names:
         if names.count(name) > 1:
-            raise ConfigError(f"`reward` names `{name}` twice; give the files different names.")
+            same = len({str(word) for word, own in zip(words, names, strict=True) if own == name}) == 1
+            way = "name it once, and train it with more seeds: seeds=2" if same else "give the files different names"
+            raise ConfigError(f"`reward` names `{name}` twice; {way}.")
     programs = {name: read(word) for name, word in zip(names, words, strict=True) if word not in BUILT_IN}
     verdicts = judge(config.env, list(programs.values()), worlds=config.worlds, unsafe=config.unsafe_no_sandbox)
     judged = {name: (programs[name], verdict) for name, verdict in zip(programs, verdicts, strict=True)}
@@ -100,7 +102,10 @@ def _only(config: TuneConfig, word: str | Path) -> Candidate:
         raise ConfigError(f"{directory} is a run of {short_name(env)}; add env={env}.")
     program = artifacts.read(directory, "best/reward.py")
     if program is None:
-        raise RewardFileError(f"{directory} holds no generated or given reward; name a file, or reward=human.")
+        raise RewardFileError(
+            f"There is no program in {directory}/best: its best reward came with the task, or nothing is trained yet. "
+            "Name a file, or reward=human."
+        )
     return extract.in_text(program.decode(errors="replace"))
 
 

@@ -59,6 +59,20 @@ FREE_TO_CHANGE = {
 """Settings that say how and where to run, not what is searched: a resumed run may have others."""
 
 
+def expect_same(directory: Path, stored: RunConfig, wanted: RunConfig) -> None:
+    """Raises StoreError where a run that exists was begun with other settings than are wanted of it."""
+    before, now = as_dict(stored), as_dict(wanted)
+    if (stored.model == NO_MODEL) != (wanted.model == NO_MODEL):
+        held = "trainings of given rewards" if stored.model == NO_MODEL else "a search"
+        raise StoreError(f"{directory} holds {held}, which this is not; choose another dir=.")
+    differing = [key for key in now if key not in FREE_TO_CHANGE and before[key] != now[key]]
+    if differing:
+        changes = ", ".join(f"{key}={now[key]} (was {before[key]})" for key in differing)
+        raise StoreError(
+            f"{directory} holds a run with other settings: {changes}. Leave them out, or give a new run another dir=."
+        )
+
+
 class Store:
     """Everything that a run has finished, readable at once and never changed afterwards.
 
@@ -155,14 +169,7 @@ class Store:
             row = {"id": 1, "config": json.dumps(as_dict(config)), "version": __version__, "ranks": "played"}
             self._database.put("run", row)
             return
-        stored, wanted = as_dict(self.config), as_dict(config)
-        differing = [key for key in wanted if key not in FREE_TO_CHANGE and stored[key] != wanted[key]]
-        if (stored["model"] == NO_MODEL) != (wanted["model"] == NO_MODEL):
-            held = "trainings of given rewards" if stored["model"] == NO_MODEL else "a search"
-            raise StoreError(f"{self.directory} holds {held}, which this is not; choose another dir=.")
-        if differing:
-            changes = ", ".join(f"{key}={wanted[key]} (was {stored[key]})" for key in differing)
-            raise StoreError(f"{self.directory} holds a run with other settings: {changes}; use those or another dir=.")
+        expect_same(self.directory, self.config, config)
 
     @property
     def config(self) -> RunConfig:

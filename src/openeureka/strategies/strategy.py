@@ -117,6 +117,15 @@ def make(config: RunConfig, ranks: Literal["played", "training"] = "played") -> 
     return found
 
 
+def asked(strategy: SearchStrategy, history: History, rng: Random, slots: int) -> Sequence[PromptPlan]:
+    """What the strategy asks for. Raises ConfigError where that is another number of samples."""
+    found = strategy.ask(history, rng)
+    if (wanted := sum(plan.count for plan in found)) != slots:
+        kind = type(strategy)
+        raise ConfigError(f"`ask` of {kind.__module__}:{kind.__name__} wants {wanted} samples; sample= says {slots}.")
+    return found
+
+
 _SIZES = {"free": (16, 5), "grammar": (8, 3)}
 """K and N where the user names none; a model on two cores takes minutes for what an endpoint does in seconds."""
 

@@ -98,8 +98,10 @@ def _discount(task: type[Task]) -> str:
     if task.recipe.gamma == 1.0:
         return "Nothing is discounted: what comes later in an episode counts in full."
     steps = round(1 / (1 - task.recipe.gamma))
+    seconds = steps * task.control_dt
     return (
-        f"The discount is {task.recipe.gamma:g} a step: what comes {steps} steps ({steps * task.control_dt:.2g} s) "
+        f"The discount is {task.recipe.gamma:g} a step: what comes {steps} steps "
+        f"({seconds:.{0 if seconds >= 99.5 else 2}{'f' if seconds >= 99.5 else 'g'}} s) "
         "later counts about a third."
     )
 

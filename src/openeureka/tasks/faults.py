@@ -28,16 +28,28 @@ def fault(error: Exception) -> TaskError | None:
 
 
 def _is_of_a_person(module: Mapping[str, Any]) -> bool:
-    name = str(module.get("__name__"))
-    if name.partition(".")[0] == _OURS:
+    if _is_ours(module):
         return False
     return any(isinstance(value, type) and issubclass(value, Task) for value in list(module.values()))
+
+
+def _is_ours(module: Mapping[str, Any]) -> bool:
+    return str(module.get("__name__")).partition(".")[0] == _OURS
 
 
 def told(error: BaseException) -> str:
     """Kind and text of an error, on one line."""
     text = " ".join(str(error).split()).rstrip(".")
     return f"{type(error).__name__}: {text}." if text else f"{type(error).__name__}."
+
+
+def told_where(error: BaseException) -> str:
+    """The same with file and line, where the error came out of code of others."""
+    calls = [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__) if not _is_ours(frame.f_globals)]
+    if not calls:
+        return told(error)
+    frame, line = calls[-1]
+    return f"{frame.f_code.co_filename}, line {line}, in `{frame.f_code.co_name}`: {told(error)}"
 
 
 def import_fault(place: str, error: Exception) -> TaskError:

@@ -249,7 +249,8 @@ class Task(ABC):
         Raises TaskError where there is none: the task is at home here.
         """
         raise TaskError(
-            f"`{cls.env}` is no environment of others that a reward could go back to; see `best/reward.py`."
+            f"`{cls.env}` is a task of openeureka's own kind. Rewards go back only to environments that came from "
+            "elsewhere, such as gym:Hopper-v5; this one is in best/reward.py."
         )
 
     @classmethod

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import keyword
 import re
 from collections.abc import Iterable
 
@@ -104,7 +105,7 @@ def identifiers(texts: Iterable[str]) -> list[str]:
         bare = re.sub(r"\s\([^()]*\)", "", text)
         words = re.sub(r"\b(?:the|a)\b|\W+", " ", bare.lower()).split()
         name = "_".join(words) or "value"
-        name = name if name[0].isalpha() else f"value_{name}"
+        name = name if name[0].isalpha() and not keyword.iskeyword(name) else f"value_{name}"
         number, base = 1, name
         while name in found:
             number += 1

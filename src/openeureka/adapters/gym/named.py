@@ -16,7 +16,7 @@ from gymnasium import Env, error
 from gymnasium.envs.registration import load_env_creator
 
 from ...errors import TaskError, nearest
-from ...tasks.faults import told
+from ...tasks.faults import told, told_where
 from ...tasks.task import Task
 from .families import FAMILIES
 from .survey import Survey, survey
@@ -69,7 +69,7 @@ def _task(env: str, name: str, keywords: str, fitness: str) -> type[PaidTask]:
     except TaskError:
         raise
     except Exception as fault:
-        raise TaskError(f"The environment `{name}` failed: {told(fault)}") from fault
+        raise TaskError(f"The environment `{name}` failed: {told_where(fault)}") from fault
     finally:
         instance.close()
     said = {

@@ -13,6 +13,9 @@ from torch import Tensor
 from ...errors import TaskError
 from ...tasks.choices import indices
 
+PICTURE = 32
+"""Rows and columns of the smallest."""
+
 
 @dataclass(frozen=True, slots=True)
 class Part:
@@ -28,11 +31,15 @@ class Part:
     def size(self) -> int:
         return int(np.prod(self.shape, dtype=int))
 
+    def of(self, observation: Any) -> np.ndarray:
+        """What it is in an observation, or in a batch of them."""
+        for key in self.path:
+            observation = observation[key]
+        return np.asarray(observation)
+
     def rows(self, observations: Any) -> np.ndarray:
         """(N, size) float32, of the observations of N worlds as a vector environment batches them."""
-        for key in self.path:
-            observations = observations[key]
-        array = np.asarray(observations)
+        array = self.of(observations)
         if isinstance(self.space, spaces.Discrete):
             return _ones(array.reshape(-1, 1) - self.space.start, [int(self.space.n)])
         if isinstance(self.space, spaces.MultiDiscrete):
@@ -69,10 +76,17 @@ def _parts(space: Space[Any], path: tuple[str | int, ...], env: str) -> Iterator
         yield Part(path, space, (int(space.n),))
     elif isinstance(space, spaces.MultiDiscrete):
         yield Part(path, space, (int(space.nvec.sum()),))
+    elif isinstance(space, spaces.Box) and _is_picture(space):
+        raise TaskError(f"`{env}` observes pictures, which no policy here can read; wrap it to observe numbers.")
     elif isinstance(space, spaces.Box | spaces.MultiBinary):
         yield Part(path, space, space.shape or (1,))
     elif space.dtype is None or space.dtype.kind != "U":  # texts, whatever class they are of
         raise TaskError(f"`{env}` observes a {type(space).__name__}, which has no fixed size; wrap it in a Box.")
+
+
+def _is_picture(space: spaces.Box) -> bool:
+    """Bytes in rows and columns, and more of them than the cells that an agent sees of a grid."""
+    return space.dtype == np.uint8 and len(space.shape) in (2, 3) and min(space.shape[:2]) >= PICTURE
 
 
 @dataclass(frozen=True, slots=True)

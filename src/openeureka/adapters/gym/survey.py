@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator, Mapping
+import keyword
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from gymnasium import Env
 
+from ...errors import TaskError
 from ...types import StateVar
 from . import documents
 from .spaces import Actions, Part, actions, parts
@@ -59,7 +61,7 @@ def survey(env: Env[Any, Any], name: str) -> Survey:
         actions=acting,
         steps=(spec.max_episode_steps if spec else None) or _own_limit(env) or LONGEST,
         dt=_dt(env),
-        infos=_infos(env),
+        infos=_infos(env, found, name),
         sections=_structure(env),
         document=inspect.getdoc(type(env.unwrapped)) or "",
     )
@@ -88,21 +90,30 @@ def _dt(env: Env[Any, Any]) -> float:
     return 1.0 / rate if isinstance(rate, int | float) and rate > 0 else 1.0
 
 
-def _infos(env: Env[Any, Any]) -> dict[str, tuple[int, ...]]:
+def _infos(env: Env[Any, Any], parts: Sequence[Part], env_name: str) -> dict[str, tuple[int, ...]]:
+    """Raises TaskError for an observation that is not finite: no policy learns from that."""
     env.action_space.seed(0)
-    _, info = env.reset(seed=0)
-    found = dict(info)
+    seen, info = env.reset(seed=0)
+    found, observed = dict(info), [seen]
     for _ in range(_TRIED):
-        _, _, terminated, truncated, info = env.step(env.action_space.sample())
+        seen, _, terminated, truncated, info = env.step(env.action_space.sample())
+        observed.append(seen)
         found |= info
         if terminated or truncated:
             env.reset(seed=0)
+    if not all(np.isfinite(part.of(seen)).all() for seen in observed for part in parts):
+        raise TaskError(f"`{env_name}` observes a value that is not finite, within {_TRIED} random steps.")
     shapes: dict[str, tuple[int, ...]] = {}
     for name, value in found.items():
         array = np.asarray(value) if isinstance(value, bool | int | float | np.generic | np.ndarray) else None
-        if array is not None and array.dtype.kind in "biuf" and array.ndim <= 1 and name.isidentifier():
+        if array is not None and array.dtype.kind in "biuf" and array.ndim <= 1 and _readable(name):
             shapes[name] = array.shape
     return shapes
+
+
+def _readable(name: str) -> bool:
+    """Whether an argument of a reward may be called so."""
+    return name.isidentifier() and not keyword.iskeyword(name)
 
 
 def variables(found: Survey, hidden: frozenset[str] = frozenset()) -> tuple[tuple[StateVar, slice | str], ...]:

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from ...errors import EurekaError, TaskError
 from ...sim import Worlds
-from ...tasks.faults import told
+from ...tasks.faults import told_where
 from .spaces import Actions, Part
 
 
@@ -170,4 +170,4 @@ class GymWorlds(Worlds):
         except EurekaError:
             raise
         except Exception as error:
-            raise TaskError(f"The environment `{self._name}` failed: {told(error)}") from error
+            raise TaskError(f"The environment `{self._name}` failed: {told_where(error)}") from error
