@@ -198,8 +198,9 @@ def test_pictures_and_what_is_no_number_are_refused_before_anything_trains():
         registry.get("gym:Openeureka/Void-v0+cut=1")
 
 
-def test_a_name_that_means_something_in_python_is_changed():
-    assert "value_class" in context("gym:Openeureka/Void-v0").state.names
+def test_a_name_that_means_something_else_in_a_reward_is_changed():
+    names = context("gym:Openeureka/Void-v0").state.names
+    assert {"value_class", "value_actions", "value_torch", "actions"} <= set(names)
 
 
 def test_what_is_set_reaches_the_constructor_the_limit_and_the_intent():

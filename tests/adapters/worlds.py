@@ -41,12 +41,13 @@ class Clock(gymnasium.Env):
 
 
 class Void(Clock):
-    """Observes nothing that is a number from step `cut` on, under a name that is none in Python."""
+    """Observes nothing that is a number from step `cut` on, under names that mean something else."""
 
-    observation_space = spaces.Dict({"class": spaces.Box(0.0, 100.0, (1,))})
+    observation_space = spaces.Dict({name: spaces.Box(0.0, 100.0, (1,)) for name in ("class", "actions", "torch")})
 
     def _seen(self):
-        return {"class": np.array([np.nan if self.step_count >= self.cut else 1.0], np.float32)}
+        value = np.array([np.nan if self.step_count >= self.cut else 1.0], np.float32)
+        return dict.fromkeys(self.observation_space, value)
 
 
 class Eye(Clock):

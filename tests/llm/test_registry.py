@@ -3,10 +3,11 @@ from pathlib import Path
 
 import pytest
 
-from openeureka.config import RunConfig
+from openeureka.config import NO_MODEL, RunConfig
 from openeureka.errors import ConfigError, EurekaError, ModelError
 from openeureka.llm import open_model
 from openeureka.llm.random import RandomModel
+from openeureka.store import Store
 from openeureka.types import Message, Prompt
 
 
@@ -69,6 +70,21 @@ def unfinished(config: RunConfig) -> object:
 def test_an_import_string_that_leads_nowhere_is_one_sentence(model: str, says: str):
     with pytest.raises(ConfigError, match=says):
         open_model(RunConfig(model=model))
+
+
+def test_a_module_that_is_found_needs_no_package_around_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "my_model_of_one_file.py").write_text(f"from {__name__} import scripted as made\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert isinstance(open_model(RunConfig(model="my_model_of_one_file:made")), RandomModel)
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-none")
+    assert open_model(RunConfig(model="llama3:latest")).name == "llama3:latest"
+
+
+def test_a_run_without_a_model_has_nothing_to_replay(tmp_path: Path):
+    with Store.open(tmp_path, RunConfig(model=NO_MODEL)):
+        pass
+    with pytest.raises(ConfigError, match="compares given rewards, and holds no replies"):
+        open_model(RunConfig(model=f"replay:{tmp_path}"))
 
 
 def test_a_file_of_replies_gives_them_in_order(tmp_path: Path):

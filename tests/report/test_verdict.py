@@ -2,15 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from openeureka.cli.show import summary
 from openeureka.report.tables import scale
 from openeureka.report.verdict import meaning, nexts, verdict
 from openeureka.report.view import RunView
 from openeureka.score import Arm, Outcome
 from openeureka.types import Candidate, Evaluation, Generation, History
 
+from .scripted import search_in
 from .search import BASELINES, BEST, HISTORY, finished, refused, result, run
 
 AGAIN = "eureka train env=cartpole reward=human,DIR/best/reward.py"
@@ -106,3 +109,11 @@ def test_f_is_explained_for_tasks_that_are_installed() -> None:
     assert meaning(finished()) == "F: steps the pole stays up, from 0 to 499; higher is better."
     own = replace(finished(), config=replace(finished().config, env="someone_s.py:Task"))
     assert meaning(own) == "F is the task's own score; higher is better."
+
+
+def test_a_search_that_found_nothing_says_why_and_where_to_read_more(tmp_path: Path) -> None:
+    view = RunView.read(search_in(tmp_path, ["prose"] * 4, iteration=2))
+    said = verdict(view)
+    assert said.startswith("No reward was found: of 4 slots none left a policy with a score. The newest: g1s0: ")
+    assert "the reply holds no Python function" in said and said in summary(view)
+    assert nexts(view) == [("eureka show DIR", "what was said of each reply")]

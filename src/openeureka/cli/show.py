@@ -96,6 +96,8 @@ def summary(run: RunView) -> list[str]:
         lines.append(lost)
     elif len(run.history.generations) < run.config.generations:
         lines.append(f"{len(run.history.generations)} of {run.config.generations} generations are done.")
+    elif run.best is None:
+        lines.append(verdict(run))
     lines += ["", "The best reward with fitted numbers:", "", *_fitted(found), ""] if (found := run.tuned) else []
     lines += ["", "The best policy, as it is:", "", *_carried_on(run, on), ""] if (on := run.polished) else []
     lines += ["", *robust_lines(run.robust), ""] if run.robust is not None else []

@@ -9,10 +9,11 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
-from ..config import RunConfig
+from ..config import NO_MODEL, RunConfig
 from ..errors import ConfigError, ModelError
 from ..plugins import Door
 from ..types import Prompt, Reply
@@ -47,9 +48,14 @@ def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
         return RandomModel()
     if kind == "replay":
         return _replay(config, rest, held)
-    if not config.base_url and ((rest and "." in kind) or MODELS.installed(config.model)):
+    if not config.base_url and (_is_import(kind, rest) or MODELS.installed(config.model)):
         return MODELS.make(config.model, config)
     return _endpoint(config)
+
+
+def _is_import(module: str, name: str) -> bool:
+    """Whether `module:name` is no model of an endpoint, whose names may have a colon too: `llama3:latest`."""
+    return bool(name) and ("." in module or (module.isidentifier() and find_spec(module) is not None))
 
 
 def expect(config: RunConfig) -> None:
@@ -82,6 +88,8 @@ def _replay(config: RunConfig, where: str, held: int) -> LanguageModel:
         )
     if not where.endswith(".json"):
         recorded = read_config(where).model
+        if recorded == NO_MODEL:
+            raise ConfigError(f"{where} compares given rewards, and holds no replies; name the directory of a search.")
         style = "grammar" if recorded.partition(":")[0] in ("local", "random") else "free"
         return ReplayModel(read_replies(where), style, held=held)
     if config.hearings:

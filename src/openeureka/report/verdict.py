@@ -101,7 +101,7 @@ def _of_search(run: RunView) -> str:
     if lost := nobody(run):
         return lost
     if run.best is None:
-        return "No reward has been trained yet."
+        return _none_trained(run)
     if outcome is None:
         return "Not decided yet: the final trainings are not done."
     generated, human = outcome.method, outcome.human
@@ -117,6 +117,17 @@ def _of_search(run: RunView) -> str:
         return f"Not decided: {between}. One seed says nothing of the next; seeds=3 would say more."
     told = decided(found, "The generated reward is {} than the human one", between)
     return told if found.sure else f"{told} {_needed(found, len(generated.scores))}"
+
+
+def _none_trained(run: RunView) -> str:
+    """Why, once all generations are done: what was said of one of the newest replies."""
+    done = run.history.generations
+    if len(done) < run.config.generations:
+        return "No reward has been trained yet."
+    entries = [entry for generation in reversed(done) for entry in generation.entries]
+    findings = ((entry.sample.place, finding) for entry in entries for finding in entry.sample.verdict.findings)
+    told = next((f" The newest: {place}: {finding.sentence()}." for place, finding in findings), "")
+    return f"No reward was found: of {len(entries)} slots none left a policy with a score.{told}"
 
 
 def meaning(run: RunView) -> str:
@@ -140,6 +151,8 @@ def nexts(run: RunView, directory: str = "DIR") -> list[tuple[str, str]]:
     """What to type next: the command, and what it does."""
     where = shlex.quote(directory)
     unfinished = run.tunes and verdict(run).startswith("Not decided yet")
+    if run.searched and verdict(run).startswith("No reward was found"):
+        return [(f"eureka show {where}", "what was said of each reply")]
     if unfinished or (run.searched and run.outcome is None):
         return [(f"eureka resume {where}", "go on where it was")]
     found, command = run.polished, deciding(run, directory)

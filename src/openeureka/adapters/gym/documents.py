@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import builtins
 import inspect
 import keyword
 import re
 from collections.abc import Iterable
 
 from ...types.tasks import StateUse
+
+WHOLE = ("obs_buf", "previous_obs_buf", "actions")
+"""Variables that every environment has."""
+TAKEN = frozenset((*WHOLE, *keyword.kwlist, *dir(builtins), "torch", "math", "np", "typing", "Dict", "Tuple"))
+"""What means something else in a reward."""
 
 _TOLD = ("description", "action space", "observation space", "starting state")
 _BETRAYS = re.compile(r"reward|score|success|fitness|recipe|return|solved|penal", re.IGNORECASE)
@@ -99,13 +105,13 @@ def _meaning(text: str, unit: str) -> str:
 
 
 def identifiers(texts: Iterable[str]) -> list[str]:
-    """Each text as a name of its own that a program may use: `Pole Angle` is `pole_angle`."""
+    """Each text as a name of its own that a reward may use: `Pole Angle` is `pole_angle`."""
     found: list[str] = []
     for text in texts:
         bare = re.sub(r"\s\([^()]*\)", "", text)
         words = re.sub(r"\b(?:the|a)\b|\W+", " ", bare.lower()).split()
         name = "_".join(words) or "value"
-        name = name if name[0].isalpha() and not keyword.iskeyword(name) else f"value_{name}"
+        name = name if name[0].isalpha() and name not in TAKEN else f"value_{name}"
         number, base = 1, name
         while name in found:
             number += 1

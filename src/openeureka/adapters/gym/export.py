@@ -12,9 +12,9 @@ from ...errors import TaskError
 from ...reward.spelled import spelled
 from ...reward.validate import inputs
 from ...types import RewardGraph, StateSpec
+from .documents import WHOLE
 from .draft import template
 from .spaces import Part
-from .survey import WHOLE
 
 
 def wrapper(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import keyword
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,8 +19,6 @@ LONGEST = 1000
 """[steps] of an episode that the environment itself never cuts off."""
 MAX_COLUMNS = 64
 """Columns of an observation that get names of their own."""
-WHOLE = ("obs_buf", "previous_obs_buf", "actions")
-"""Variables that every environment has."""
 _TRIED = 8
 """Random steps in which `info` shows what it holds."""
 
@@ -106,14 +103,9 @@ def _infos(env: Env[Any, Any], parts: Sequence[Part], env_name: str) -> dict[str
     shapes: dict[str, tuple[int, ...]] = {}
     for name, value in found.items():
         array = np.asarray(value) if isinstance(value, bool | int | float | np.generic | np.ndarray) else None
-        if array is not None and array.dtype.kind in "biuf" and array.ndim <= 1 and _readable(name):
+        if array is not None and array.dtype.kind in "biuf" and array.ndim <= 1 and name.isidentifier():
             shapes[name] = array.shape
     return shapes
-
-
-def _readable(name: str) -> bool:
-    """Whether an argument of a reward may be called so."""
-    return name.isidentifier() and not keyword.iskeyword(name)
 
 
 def variables(found: Survey, hidden: frozenset[str] = frozenset()) -> tuple[tuple[StateVar, slice | str], ...]:
@@ -122,10 +114,10 @@ def variables(found: Survey, hidden: frozenset[str] = frozenset()) -> tuple[tupl
     Of `info` what is in `hidden`, and what by its name gives away what counts, is left out.
     """
     if found.named:
-        unsaid = hidden.union(WHOLE)
+        unsaid = hidden.union(documents.TAKEN)
         return tuple((v, v.name) for v in found.named if v.name not in unsaid and not documents.betrays(v.name))
     made = [*_observed(found)]
-    taken = {variable.name for variable, _ in made}.union(WHOLE)
+    taken = {variable.name for variable, _ in made}.union(documents.TAKEN)
     for name, shape in found.infos.items():
         if name not in hidden and name not in taken and not documents.betrays(name):
             meaning = f"{name.replace('_', ' ')}, as `info` has it"
