@@ -13,7 +13,7 @@ from openeureka.method.lanes import Lanes, Wanted
 from openeureka.report.build import build
 from openeureka.runs.compose import comparing
 from openeureka.runs.rewards import named
-from openeureka.types import Evaluation, Peak, TrainingResult
+from openeureka.types import Evaluation, Peak, TrainingResult, Trial
 
 OUTPUTS = Path(__file__).parents[1] / "outputs"
 Learned = dict[str, tuple[TrainingResult, Mapping[Peak, Evaluation]]]
@@ -58,7 +58,7 @@ def _held_out(lanes: Lanes, peaks: Sequence[Peak]) -> dict[str, dict[Peak, Evalu
     log = lanes.store.lanes
     known = {(lane, score.peak): score for lane, score in log.evaluations().items()}
     others = [(lane, peak) for lane, _ in known for peak in peaks if (lane, peak) not in known]
-    lanes.try_out(hacking.Trial(lane=lane, name=hacking.PEAKS[peak], peak=peak) for lane, peak in others)
+    lanes.try_out(Trial(lane=lane, name=hacking.PEAKS[peak], peak=peak) for lane, peak in others)
     tried = log.trials()
     found: dict[str, dict[Peak, Evaluation]] = {}
     for lane, peak in [*known, *others]:

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from openeureka.method import hacking
-from openeureka.method.hacking import Kind, Sign, Trial
+from openeureka.method.hacking import Kind, Sign
 from openeureka.training.evaluate import concentration, evaluate
 from openeureka.training.population import Population
 from openeureka.types import (
@@ -19,6 +19,7 @@ from openeureka.types import (
     RewardProgram,
     TrainBudget,
     TrainingResult,
+    Trial,
 )
 
 SPEED = RewardGraph(nodes=(Node("input", ("cart_velocity",)),), reward=0, components=())

@@ -26,7 +26,7 @@ from ..tasks.registry import get
 from ..text import plain
 from ..types import TrainingState
 from . import tune
-from .settings import only_path, split
+from .settings import only_path, split, trusting
 from .show import closing, facts, summary
 from .terminal import Terminal
 
@@ -45,12 +45,11 @@ def resume(words: Sequence[str]) -> None:
     """
     settings, paths = split(words)
     directory = only_path(paths, "eureka resume outputs/<time>_cartpole")
-    trusted = [word.removeprefix("trust=") for word in settings if word.startswith("trust=")]
-    settings = [word for word in settings if not word.startswith("trust=")]
+    settings, trusted = trusting(settings, directory)
     stored = compose.stored(directory)
     config = changed(stored, settings)
     expect_same(directory, stored, config)
-    trust.agree(config, directory, typed=_keys(settings), trusted=Path(trusted[-1]) if trusted else None)
+    trust.agree(config, directory, typed=_keys(settings), trusted=trusted, way=f"add trust={directory}", asks=True)
     if config.model == NO_MODEL and config.tune:
         tune.go_on(config, directory, None)
     elif config.model == NO_MODEL:

@@ -142,6 +142,18 @@ def only_path(paths: Sequence[Path], usage: str) -> Path:
     return paths[0]
 
 
+def trusting(settings: Sequence[str], directory: Path) -> tuple[list[str], bool]:
+    """The settings without `trust=DIR`, and whether it is among them.
+
+    Raises:
+        ConfigError: where it names another run.
+    """
+    named = [word.removeprefix("trust=") for word in settings if word.startswith("trust=")]
+    if named and Path(named[-1]).resolve() != directory.resolve():
+        raise ConfigError(f"trust={named[-1]} is not the run that is resumed; write trust={directory}.")
+    return [word for word in settings if not word.startswith("trust=")], bool(named)
+
+
 def describe(kind: type) -> str:
     """One line per setting: `key=default` and the first line of its docstring, for `--help`."""
     notes = _attribute_docs(kind)

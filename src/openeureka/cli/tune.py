@@ -18,7 +18,7 @@ from ..store.directory import output_directory
 from ..tasks.registry import get
 from ..text import plain
 from ..types import Candidate, Verdict
-from .settings import only_path, split
+from .settings import only_path, split, trusting
 from .show import closing, facts, tuned
 from .show import robust_lines as lines
 from .terminal import Terminal
@@ -44,12 +44,11 @@ def robust(words: Sequence[str]) -> None:
     """Do what is missing to make the best policy of a run robust, write the report and print what was found."""
     settings, paths = split(words)
     directory = only_path(paths, "eureka robust outputs/<time>_anymal")
-    trusted = [word.removeprefix("trust=") for word in settings if word.startswith("trust=")]
-    settings = [word for word in settings if not word.startswith("trust=")]
+    settings, trusted = trusting(settings, directory)
     typed = {word.partition("=")[0] for word in settings}
     wanted = parse(RobustConfig, settings)
     config = wanted.changed(compose.stored(directory), typed)
-    trust.agree(config, directory, typed=typed, trusted=Path(trusted[-1]) if trusted else None)
+    trust.agree(config, directory, typed=typed, trusted=trusted, way=f"add trust={directory}", asks=True)
     again = shlex.join(["eureka", "robust", str(directory), *settings])
     problems = compose.robust(wanted, config, directory, Terminal(), again=again)
     found = RunView.read(directory).robust

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from ..score import NO_LIMITS, breach
-from ..types import NOMINAL, Dynamics, Evaluation, Limits, Peak, TrainingResult
+from ..types import Dynamics, Evaluation, Limits, Peak, TrainingResult, Trial
 
 DRIFT = 0.2
 """Share of the range of F over training that training on for the reward may cost."""
@@ -57,17 +57,6 @@ class Tried:
     held_out: Evaluation
     trials: Mapping[str, Evaluation]
     """By name: those of `WORLDS` for the policy that is kept, and of `PEAKS` where those are two policies."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Trial:
-    """One more held-out score to be taken of a final training."""
-
-    lane: str
-    name: str
-    peak: Peak
-    """Which of its two policies plays."""
-    dynamics: Dynamics = NOMINAL
 
 
 def trials(results: Mapping[str, TrainingResult], kept: str, peaks: Mapping[str, Peak]) -> list[Trial]:

@@ -27,16 +27,15 @@ from ..types import (
     Role,
     Sample,
     Scored,
-    Standing,
     TrainBudget,
     Trainer,
     TrainingProgress,
     TrainingResult,
     TrainingState,
+    Trial,
     lane_id,
 )
-from .hacking import Trial
-from .schedule import RUNGS, WHOLE, Rung, leaders, why
+from .schedule import RUNGS, WHOLE, Ladder
 
 HELD_OUT, CHOOSING = 1_000_003, 2_000_003
 """Added to the seed of a run: start states of its final scores, and those it chooses by. No lane trains with them."""
@@ -126,11 +125,6 @@ def drawn(config: RunConfig) -> Ranges | None:
     return ranges.find(config.env, config.randomise)
 
 
-def _racing(going: Iterable[str], rivals: Container[str]) -> bool:
-    """Whether there is anybody to compare."""
-    return sum(lane in rivals for lane in going) > 1
-
-
 @dataclass(frozen=True, slots=True)
 class Lanes:
     """A Trainer that remembers through the store."""
@@ -154,19 +148,23 @@ class Lanes:
         self.store.lanes.add(lanes)
         sharing = self._shared(lanes)
         going = {lane: group[0] for lane, group in sharing.items()}
-        rivals = [lane.id for lane in lanes if lane.role == "candidate"]
+        rivals = frozenset(lane.id for lane in lanes if lane.role == "candidate")
+        ladder = Ladder(self.store.lanes, rivals, self.config.limited, self._of_the_moment)
         whole = self._budget(steps)
         for number, rung in enumerate((*RUNGS[self.config.schedule], WHOLE), start=1):
-            due, failed = self._due(number, rung, going, rivals), list[TrainingResult]()
+            due, failed = ladder.due(number, rung, going), list[TrainingResult]()
             budget = dataclasses.replace(whole, until=rung.share)
             for event in self.trainer.train(self.config.env, due, budget) if due else ():
                 self._hear(event, number, sharing, failed)
-            generated = not any(isinstance(spec.program, str) for spec in due)  # the trainer tried the human one beside
-            if failed and len(failed) == len(due) and not generated and not self._trained(lanes):
+            # Beside generated rewards alone the trainer has tried the human one.
+            all_generated = not any(isinstance(spec.program, str) for spec in due)
+            if failed and len(failed) == len(due) and not all_generated and not self._trained(lanes):
                 raise WorkerError(failed[0].message)
             for result in failed:
                 self._keep(result, sharing[result.lane])
-            going = self._climb(number, rung, going, rivals, sharing)
+            going, cut = ladder.climb(number, rung, going)
+            for result in cut:
+                self._keep(result, sharing[result.lane])
         results = self.store.lanes.results()
         return {lane.id: results[lane.id] for lane in lanes}
 
@@ -222,56 +220,11 @@ class Lanes:
         rescaled = log.all()[policy.lane].reward != lane.reward
         return dataclasses.replace(spec, start=log.policy(*policy), fresh=lane.start.fresh, rescaled=rescaled)
 
-    def _due(self, number: int, rung: Rung, going: Mapping[str, LaneSpec], rivals: Container[str]) -> list[LaneSpec]:
-        """What has to train to a rung, or to the end. Nobody stops where fewer than two would be compared."""
-        log = self.store.lanes
-        if rung is WHOLE:
-            return list(going.values())
-        if self._stood(number, going) or not self._entered(number, going, rivals):
-            return []
-        return [spec for lane, spec in going.items() if log.paused(number, lane) is None]
-
-    def _entered(self, number: int, going: Mapping[str, LaneSpec], rivals: Container[str]) -> bool:
-        """Whether lanes stop at a rung: rivals race to it, or did before the run was stopped and all but one of them
-        diverged on the way."""
-        return _racing(going, rivals) or any(self.store.lanes.paused(number, lane) is not None for lane in going)
-
-    def _stood(self, number: int, going: Mapping[str, LaneSpec]) -> dict[str, Standing]:
-        """How lanes stood at a rung, once that is decided."""
-        return {lane: at[number] for lane, at in self.store.lanes.rungs().items() if lane in going and number in at}
-
-    def _climb(
-        self, number: int, rung: Rung, going: Mapping[str, LaneSpec], rivals: Container[str], sharing: Sharing
-    ) -> dict[str, LaneSpec]:
-        """Let policies play at a rung; the lanes that go on from there. Of rivals, those that trail are cut."""
-        log, stood = self.store.lanes, self._stood(number, going)
-        if not stood and (rung is WHOLE or not self._entered(number, going, rivals)):
-            return dict(going)
-        paused = {lane: result for lane in going if (result := log.paused(number, lane)) is not None}
-        if not stood:
-            stood = self._stand(rung, paused, rivals)
-            log.save_rung(number, stood.values())
-        # Of a run that was killed between two cuts, some of those that raced have a result already.
-        racing = {lane: at[number].played for lane, at in log.rungs().items() if lane in rivals and number in at}
-        on: dict[str, LaneSpec] = {}
-        for lane in stood:
-            result = paused.get(lane)
-            if result is None or stood[lane].went_on:  # whose file is lost begins anew
-                on[lane] = dataclasses.replace(going[lane], paused=result.paused if result is not None else None)
-            else:
-                said = why(rung, lane, racing, self.config.limited)
-                cut = dataclasses.replace(result, state=TrainingState.CUT, message=said)
-                self._keep(cut, sharing[lane])
-        return on
-
-    def _stand(self, rung: Rung, paused: Mapping[str, TrainingResult], rivals: Container[str]) -> dict[str, Standing]:
-        """What the lanes' policies of this moment score, on start states for choosing, and who goes on."""
+    def _of_the_moment(self, paused: Mapping[str, TrainingResult]) -> dict[str, Evaluation]:
+        """What the newest policies of lanes under way score, on start states for choosing."""
         policies = {lane: result.last for lane, result in paused.items() if result.last is not None}
         seed, episodes = self.config.seed + CHOOSING, affordable(paused.values(), 1)
-        scores = {s.lane: s for s in self.trainer.evaluate(self.config.env, policies, seed=seed, episodes=episodes)}
-        cut = {lane for lane in scores if lane in rivals}
-        cut -= leaders({lane: scores[lane] for lane in paused if lane in cut}, rung, self.config.limited)
-        return {lane: Standing(dataclasses.replace(scores[lane], peak="last"), lane not in cut) for lane in scores}
+        return {s.lane: s for s in self.trainer.evaluate(self.config.env, policies, seed=seed, episodes=episodes)}
 
     def _keep(self, result: TrainingResult, specs: Iterable[LaneSpec]) -> None:
         own = [dataclasses.replace(result, lane=spec.id) for spec in specs]

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from ..score import NO_LIMITS, broken
-from ..types import Evaluation, Limits, Sample, TrainingResult, TrainingState, VerdictCode
+from ..types import Evaluation, Limits, Sample, TrainingResult, TrainingState, VerdictCode, of_components
 
 Style = Literal["free", "grammar"]
 Curves = Mapping[str, Sequence[float | None]]
@@ -70,7 +70,7 @@ def refusal(sample: Sample) -> str:
 
 def summary(curves: Curves, *, points: int, brief: bool = False) -> list[str]:
     """A line for each component, then the task score and the episode length. Undefined epochs read `none`."""
-    shown = {name.removeprefix("component/"): curve for name, curve in curves.items() if name.startswith("component/")}
+    shown = of_components(curves)
     shown["task_score"] = curves.get("fitness", ())
     shown["episode_length"] = curves.get("episode_length", ())
     interval = _interval(curves, points)

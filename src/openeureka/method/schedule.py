@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 from ..score import NO_LIMITS, excess, rank
-from ..types import Evaluation, Limits
+from ..store.lane_log import LaneLog
+from ..types import Evaluation, LaneSpec, Limits, Standing, TrainingResult, TrainingState
+
+Going = Mapping[str, LaneSpec]
+"""Lanes that train on, by id."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,3 +49,63 @@ def why(rung: Rung, lane: str, scores: Mapping[str, Evaluation], limits: Limits 
 
 def _worth(score: Evaluation, limits: Limits) -> tuple[float, float]:
     return -excess(score, limits), rank(score.fitness)
+
+
+@dataclass(frozen=True, slots=True)
+class Ladder:
+    """Lanes on their way from rung to rung; what was decided before a run was stopped stands in its log."""
+
+    log: LaneLog
+    rivals: frozenset[str]
+    """The lanes that are compared, and may be cut."""
+    limits: Limits
+    play: Callable[[Mapping[str, TrainingResult]], Mapping[str, Evaluation]]
+    """What the newest policies of paused lanes score."""
+
+    def due(self, number: int, rung: Rung, going: Going) -> list[LaneSpec]:
+        """What has to train to a rung, or to the end. Nobody stops where fewer than two would be compared."""
+        if rung is WHOLE:
+            return list(going.values())
+        if self._stood(number, going) or not self._entered(number, going):
+            return []
+        return [spec for lane, spec in going.items() if self.log.paused(number, lane) is None]
+
+    def climb(self, number: int, rung: Rung, going: Going) -> tuple[dict[str, LaneSpec], list[TrainingResult]]:
+        """Let policies play at a rung: the lanes that go on from there, and of rivals the results of those that trail
+        and are cut."""
+        stood = self._stood(number, going)
+        if not stood and (rung is WHOLE or not self._entered(number, going)):
+            return dict(going), []
+        paused = {lane: result for lane in going if (result := self.log.paused(number, lane)) is not None}
+        if not stood:
+            stood = self._decide(rung, paused)
+            self.log.save_rung(number, stood.values())
+        # Of a run that was killed between two cuts, some of those that raced have a result already.
+        known = self.log.rungs().items()
+        racing = {lane: at[number].played for lane, at in known if lane in self.rivals and number in at}
+        on, cut = dict[str, LaneSpec](), list[TrainingResult]()
+        for lane in stood:
+            result = paused.get(lane)
+            if result is None or stood[lane].went_on:  # whose file is lost begins anew
+                on[lane] = replace(going[lane], paused=result.paused if result is not None else None)
+            else:
+                said = why(rung, lane, racing, self.limits)
+                cut.append(replace(result, state=TrainingState.CUT, message=said))
+        return on, cut
+
+    def _entered(self, number: int, going: Going) -> bool:
+        """Whether lanes stop at a rung: rivals race to it, or did before the run was stopped and all but one of them
+        diverged on the way."""
+        racing = sum(lane in self.rivals for lane in going) > 1
+        return racing or any(self.log.paused(number, lane) is not None for lane in going)
+
+    def _stood(self, number: int, going: Going) -> dict[str, Standing]:
+        """How lanes stood at a rung, once that is decided."""
+        return {lane: at[number] for lane, at in self.log.rungs().items() if lane in going and number in at}
+
+    def _decide(self, rung: Rung, paused: Mapping[str, TrainingResult]) -> dict[str, Standing]:
+        """What the lanes' policies of this moment score, and who goes on."""
+        scores = self.play(paused)
+        cut = {lane for lane in scores if lane in self.rivals}
+        cut -= leaders({lane: scores[lane] for lane in paused if lane in cut}, rung, self.limits)
+        return {lane: Standing(replace(scores[lane], peak="last"), lane not in cut) for lane in scores}

@@ -15,12 +15,11 @@ from ..errors import ConfigError, ModelError
 from ..llm import price
 from ..llm.client import LanguageModel
 from ..method import prompts
-from ..method.hacking import Trial
 from ..method.lanes import BASELINES, Lanes, Wanted, drawn
 from ..method.sampling import request_seed
 from ..score import worth
 from ..store import Store
-from ..types import NOMINAL, Dynamics, Hardening, Lane, Peak, PolicyId, Prompt, Ranges, RewardProgram, Start
+from ..types import NOMINAL, Dynamics, Hardening, Lane, Peak, PolicyId, Prompt, Ranges, RewardProgram, Start, Trial
 from ..types.dynamics import SCALES
 from .hardened import GRID, HARD, KEEPS, LONGER, PEAKS, UNIFORM, Carried, carries, chosen, hardening, origin
 

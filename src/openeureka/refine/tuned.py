@@ -13,13 +13,12 @@ from ..method import race
 from ..method.lanes import final_seeds
 from ..reward.weights import Weight, values, weights
 from ..score import CONFIDENCE, Arm, Difference, breach, difference, lawful, mean, pearson, pooled, rank
-from ..types import Candidate, Evaluation, Limits, TrainingResult, lane_id
+from ..types import COMPONENT, Candidate, Evaluation, Limits, TrainingResult, lane_id, of_components
 
 ORIGINAL = "original"
 """What the text as it came is called; the others are `trial_1` and so on."""
 FEWEST = 5
 """Trainings, for a correlation to have an interval."""
-COMPONENT = "component/"
 LAST = 0.1
 """Share of the epochs that the mean of a component is taken over."""
 
@@ -63,8 +62,8 @@ class Effect:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Trial:
-    """One weighting, as far as it has come."""
+class Weighting:
+    """Numbers of a reward, as far as they have come."""
 
     name: str
     candidate: Candidate
@@ -77,7 +76,7 @@ class Trial:
 class Tuned:
     """A tuning, as far as it has come."""
 
-    trials: tuple[Trial, ...]
+    trials: tuple[Weighting, ...]
     trained: int
     """How many of them trained by now."""
     effects: tuple[Effect, ...]
@@ -141,7 +140,7 @@ def read(
         return None
     origin = texts[ORIGINAL].source
     trials = [
-        Trial(
+        Weighting(
             name=name,
             candidate=candidate,
             values=own,
@@ -257,7 +256,7 @@ def _arm(lanes: Sequence[str], results: Mapping[str, TrainingResult], scores: Sc
 # --- which numbers matter --------------------------------------------------------------------------------------------
 
 
-def _trend(xs: Sequence[float], trials: Sequence[Trial]) -> Correlation | None:
+def _trend(xs: Sequence[float], trials: Sequence[Weighting]) -> Correlation | None:
     """An undefined F has a rank, the lowest."""
     return spearman(xs, [rank(trial.played) for trial in trials])
 
@@ -287,8 +286,8 @@ def _ranks(values: Sequence[float]) -> list[float]:
 def _components(
     before: Sequence[TrainingResult], after: Sequence[TrainingResult]
 ) -> dict[str, tuple[float | None, float | None]]:
-    names = dict.fromkeys(name for result in before for name in result.curves if name.startswith(COMPONENT))
-    return {name.removeprefix(COMPONENT): (_late(before, name), _late(after, name)) for name in names}
+    names = dict.fromkeys(name for result in before for name in of_components(result.curves))
+    return {name: (_late(before, COMPONENT + name), _late(after, COMPONENT + name)) for name in names}
 
 
 def _late(results: Sequence[TrainingResult], name: str) -> float | None:

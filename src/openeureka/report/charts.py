@@ -12,7 +12,7 @@ from ..refine.hardened import Robust
 from ..refine.tuned import ORIGINAL
 from ..score import rank
 from ..text import one_line
-from ..types import Place, TrainingResult
+from ..types import Place, TrainingResult, of_components
 from ..types.dynamics import SCALES
 from .candidates import CandidateView
 from .hints import adds_up
@@ -127,9 +127,7 @@ def trainings(run: RunView) -> Chart | None:
 
 def components(result: TrainingResult | None) -> Chart | None:
     """Each component's mean per step."""
-    prefix = "component/"
-    curves = result.curves if result is not None else {}
-    named = {name.removeprefix(prefix): curve for name, curve in curves.items() if name.startswith(prefix)}
+    named = of_components(result.curves) if result is not None else {}
     drawn = _curves("Components, mean per step", named, "components")
     if drawn is None or adds_up(result):
         return drawn

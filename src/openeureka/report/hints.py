@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from ..score import mean
 from ..text import one_line
-from ..types import TrainingResult
+from ..types import TrainingResult, of_components
 from .text import number
 
 STILL = 1e-3
@@ -22,7 +22,6 @@ WORTH = 0.1
 LEAST = 20
 """Epochs below which a curve says too little."""
 
-_PREFIX = "component/"
 Curve = Sequence[float | None]
 
 
@@ -53,8 +52,7 @@ def adds_up(result: TrainingResult | None) -> bool:
 
 def _ends(result: TrainingResult | None) -> dict[str, float]:
     """The mean of each component over the last tenth of the training."""
-    curves = result.curves if result is not None else {}
-    named = {name.removeprefix(_PREFIX): curve for name, curve in curves.items() if name.startswith(_PREFIX)}
+    named = of_components(result.curves) if result is not None else {}
     return {one_line(name, 60): mean(_end(curve)) or 0.0 for name, curve in named.items()}
 
 
@@ -85,11 +83,10 @@ def _rises(own: Curve, since: int) -> bool:
 
 
 def _of_components(result: TrainingResult) -> Iterator[str]:
-    named = {name: curve for name, curve in result.curves.items() if name.startswith(_PREFIX)}
-    for name, curve in named.items():
+    for name, curve in of_components(result.curves).items():
         defined = [value for value in curve if value is not None]
         if len(defined) >= LEAST and max(defined) - min(defined) <= STILL * max(map(abs, defined)):
-            yield f"`{one_line(name.removeprefix(_PREFIX), 60)}` never moved: it teaches nothing."
+            yield f"`{one_line(name, 60)}` never moved: it teaches nothing."
     found = shares(result)
     for name, share in found.items():
         if len(found) > 1 and share >= DOMINANT:

@@ -14,6 +14,7 @@ from ..refine.tuned import ORIGINAL, Tuned
 from ..score import Arm, Difference, Estimate, difference, mean, rank
 from ..tasks import registry
 from ..tasks.context import context
+from ..types import of_components
 from .costs import nobody
 from .text import number, scored
 from .view import RunView
@@ -142,8 +143,7 @@ def meaning(run: RunView) -> str:
 def why(run: RunView) -> str:
     """The components of the best reward; empty before anything trained."""
     result = run.best.result if run.best is not None else None
-    prefix = "component/"
-    names = [name.removeprefix(prefix) for name in (result.curves if result else {}) if name.startswith(prefix)]
+    names = of_components(result.curves) if result is not None else ()
     return f"Its components: {', '.join(names)}." if names else ""
 
 

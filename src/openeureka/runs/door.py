@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TypedDict, Unpack
 
 from ..config import NO_MODEL, RobustConfig, RunConfig, TrainConfig, TuneConfig
-from ..errors import ConfigError
 from ..llm.client import LanguageModel
 from ..parsing import absolute, taken
 from ..store import Store
@@ -255,7 +254,7 @@ def robust(
     wanted = RobustConfig(**typed)
     config = wanted.changed(compose.stored(directory), typed)
     given = [key for key, value in typed.items() if value]
-    _agree(config, directory, typed=given, trusted=trusted, again="robust(..., trusted=True)")
+    trust.agree(config, directory, typed=given, trusted=trusted, way="call robust(..., trusted=True)")
     words = [repr(str(directory)), *(f"{key}={value!r}" for key, value in typed.items() if key != "model")]
     if own is not None or name:
         words.append("model=..." if own is not None else f"model={name!r}")  # what prints as itself is no object
@@ -291,27 +290,17 @@ def open_run(directory: str | Path) -> Run:
 
 
 def resume(
-    run: Run, *, model: LanguageModel | None, trust: bool, on_event: Tell | None, settings: Mapping[str, object]
+    run: Run, *, model: LanguageModel | None, trusted: bool, on_event: Tell | None, settings: Mapping[str, object]
 ) -> Run:
     """See `Run.resume`."""
     directory = run.directory
     config = replace(compose.stored(directory), **taken(RunConfig, settings))
     typed = [*settings, *(["model"] if model is not None else [])]
-    _agree(config, directory, typed=typed, trusted=trust, again="resume(trust=True)")
+    trust.agree(config, directory, typed=typed, trusted=trusted, way="call resume(trust=True)")
     if config.model == NO_MODEL:
         work = compose.tune if config.tune else compose.train
         return done(directory, on_event, lambda host: work(config, directory, None, host))
     return done(directory, on_event, lambda host: compose.search(config, directory, host, model))
-
-
-def _agree(config: RunConfig, directory: Path, *, typed: Sequence[str], trusted: bool, again: str) -> None:
-    asked = {key: value for key, value in trust.unknown(config).items() if key not in typed}
-    if asked and not trusted:
-        listed = ", ".join(f"{key}={value}" for key, value in asked.items())
-        raise ConfigError(
-            f"{directory} would use what was never used here: {listed}; call {again} if you know where it comes from."
-        )
-    trust.remember(config)
 
 
 def _searched(

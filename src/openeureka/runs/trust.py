@@ -84,25 +84,26 @@ def unknown(config: object) -> dict[str, str]:
     return {key: value for key, value in claims(config).items() if _line(key, value) not in known}
 
 
-def agree(config: object, directory: Path, *, typed: Collection[str], trusted: Path | None) -> None:
+def agree(
+    config: object, directory: Path, *, typed: Collection[str], trusted: bool, way: str, asks: bool = False
+) -> None:
     """Have a person agree to what the stored settings of a run reach, unless they typed it, now or before.
 
     Args:
-        typed: keys that this command itself gives.
-        trusted: the directory of `trust=`, which agrees beforehand.
+        typed: keys that are given now.
+        trusted: they agreed beforehand.
+        way: how to, for a message.
+        asks: ask at the terminal, where there is one.
 
     Raises:
         ConfigError: when nobody agrees.
     """
-    if trusted is not None and trusted.resolve() != directory.resolve():
-        raise ConfigError(f"trust={trusted} is not the run that is resumed; write trust={directory}.")
     asked = {key: value for key, value in unknown(config).items() if key not in typed}
-    if asked and trusted is None:
-        if not (sys.stdin.isatty() and sys.stdout.isatty()):
+    if asked and not trusted:
+        if not (asks and sys.stdin.isatty() and sys.stdout.isatty()):
             listed = ", ".join(f"{key}={plain(value)}" for key, value in asked.items())
             raise ConfigError(
-                f"{directory} would use what was never typed here: {listed}; add trust={directory} if you know where "
-                "it comes from."
+                f"{directory} would use what was never typed here: {listed}; {way} if you know where it comes from."
             )
         _ask(asked, directory)
     remember(config)

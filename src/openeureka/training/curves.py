@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ..tasks.env import Step
+from ..types import COMPONENT
 from .ppo import STATISTICS
 from .rewards import correlation, moments
 
@@ -84,7 +85,7 @@ class Curves:
         scores = torch.stack(list(self._scores)).sum(0).tolist()
         components: list[dict[str, float | None]] = [{} for _ in range(self.lanes)]
         for (lane, name), (total, _) in zip(self.components, self._means.tolist(), strict=True):
-            components[lane][f"component/{name}"] = total / self._steps
+            components[lane][COMPONENT + name] = total / self._steps
         if parts:
             every = torch.full((len(self.components),), float(self._steps * self.worlds), dtype=torch.float64)
             total, early = (self._means.cpu() * self.worlds).unbind(dim=-1)

@@ -13,6 +13,7 @@ from torch import Tensor
 from ..tasks import registry
 from ..tasks.env import Step
 from ..types import (
+    COMPONENT,
     NOMINAL,
     Checkpoint,
     LaneSpec,
@@ -270,7 +271,7 @@ class Population:
 
 def _newest(curves: Mapping[str, Sequence[float | None]]) -> dict[str, float | None]:
     """What is followed of a lane while it trains."""
-    followed = {name: curve for name, curve in curves.items() if name.startswith(("fitness", "reward", "component/"))}
+    followed = {name: curve for name, curve in curves.items() if name.startswith(("fitness", "reward", COMPONENT))}
     return {name: curve[-1] for name, curve in followed.items() if curve}
 
 

@@ -11,6 +11,7 @@ from .rewards import PROGRESS, Arg, Candidate, CandidateId, Finding, Node, Part,
 from .search import Generation, Glance, History, Opinion, PromptPlan, Sample, Scored, Screened
 from .tasks import StateKind, StateSpec, StateUse, StateVar, TaskContext
 from .training import (
+    COMPONENT,
     Bonus,
     Checkpoint,
     Episodes,
@@ -31,10 +32,13 @@ from .training import (
     TrainingProgress,
     TrainingResult,
     TrainingState,
+    Trial,
     lane_id,
+    of_components,
 )
 
 __all__ = [
+    "COMPONENT",
     "COSTS",
     "GIVEN",
     "NOMINAL",
@@ -89,8 +93,10 @@ __all__ = [
     "TrainingProgress",
     "TrainingResult",
     "TrainingState",
+    "Trial",
     "Usage",
     "Verdict",
     "VerdictCode",
     "lane_id",
+    "of_components",
 ]

@@ -6,11 +6,11 @@ import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol, TypeVar
 
 from .bounds import Count, Finite, Name, Share
 from .costs import Limits
-from .dynamics import Dynamics, Ranges
+from .dynamics import NOMINAL, Dynamics, Ranges
 from .rewards import RewardGraph
 
 RewardProgram = RewardGraph | Literal["human", "sparse"]
@@ -21,6 +21,16 @@ Peak = Literal["fitness", "reward", "last"]
 Observe = Literal["all", "measurable"]
 
 Bonus = Literal["none", "original", "progress"]
+
+
+COMPONENT = "component/"
+"""What the name of a component's curve begins with."""
+Curve = TypeVar("Curve")
+
+
+def of_components(curves: Mapping[str, Curve]) -> dict[str, Curve]:
+    """The curves of a reward's components, by the names that it gives them."""
+    return {name.removeprefix(COMPONENT): curve for name, curve in curves.items() if name.startswith(COMPONENT)}
 
 
 class PolicyId(NamedTuple):
@@ -253,6 +263,17 @@ class Evaluation:
     def broken(self, limits: Limits) -> tuple[str, ...]:
         """The limits that the policy breaks, by name; what was not measured breaks none."""
         return tuple(name for name, most in limits.items() if self.costs.get(name, -math.inf) > most)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """One more held-out score to be taken of a final training."""
+
+    lane: str
+    name: str
+    peak: Peak
+    """Which of its policies plays."""
+    dynamics: Dynamics = NOMINAL
 
 
 @dataclass(frozen=True, slots=True)

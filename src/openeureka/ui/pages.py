@@ -16,7 +16,7 @@ from ..report.view import RunView
 from ..score import Outcome, human_normalised, mean, rank
 from ..store import Store, is_held, is_run
 from ..tasks import registry
-from ..types import lane_id
+from ..types import lane_id, of_components
 from . import folder, remarks
 from .folder import Entry, Standing
 from .follow import Parts, Version
@@ -166,18 +166,13 @@ def _prompt(run: RunView, candidate: CandidateView) -> PromptView | None:
 def _pieces(run: RunView | None) -> Any:
     """The macros of the page, which see the run."""
     values = {"run": run, "best": run.best if run is not None else None}
-    helpers = {"called": _called, "parts_of": _parts_of, "held_out": _held_out, "normalised": human_normalised}
+    helpers = {"called": _called, "parts_of": of_components, "held_out": _held_out, "normalised": human_normalised}
     return html.environment().get_template("ui/pieces.html").make_module(values | helpers)
 
 
 def _called(curves: Mapping[str, moment.Curves], places: Mapping[str, str]) -> dict[str, tuple[float | None, ...]]:
     """F of each lane, by what people call it."""
     return {places.get(lane, lane): own.get("fitness", ()) for lane, own in curves.items()}
-
-
-def _parts_of(curves: moment.Curves) -> moment.Curves:
-    """Those of the components."""
-    return {name.removeprefix("component/"): curve for name, curve in curves.items() if name.startswith("component/")}
 
 
 def _held_out(outcome: Outcome | None) -> float | None:
