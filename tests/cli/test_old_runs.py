@@ -36,7 +36,7 @@ def eureka(*words: str) -> int:
 def test_it_is_shown(directory: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert eureka("show", str(directory)) == 0
     shown = capsys.readouterr().out
-    assert "Generation 0: best F 38.55, 2 of 2 trained" in shown and "1 of 2 generations are done." in shown
+    assert "Generation 0: best F in training 38.55, 2 of 2 trained" in shown and "1 of 2 generations are done." in shown
     assert eureka("report", str(directory), "video=none") == 0
     assert "Made from" not in (directory / "report.html").read_text()  # `model=random` read no parent
     assert "0 of 2 generations" not in str(pages.overview(directory, RunView.read(directory)))

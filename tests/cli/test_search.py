@@ -66,7 +66,7 @@ def run(*words: str) -> int:
 def test_a_run_prints_its_best_reward_and_leaves_the_files_of_a_report(parts, tmp_path, capsys):
     assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 0
     text = capsys.readouterr().out
-    assert "Generation 1: best F 11, 2 of 2 trained" in text
+    assert "Generation 1: best F played 11, 2 of 2 trained" in text
     assert "return 12.0" in text
     made = {path.relative_to(tmp_path / "run").as_posix() for path in (tmp_path / "run").rglob("*")}
     assert {"report.html", "best/reward.py", "best/policy.safetensors", "messages.json"} <= made
@@ -93,7 +93,7 @@ def test_ctrl_c_says_how_to_continue_and_resuming_asks_for_the_rest_only(parts, 
     parts.setattr(compose, "open_model", lambda config, held: rest)
     assert run("resume", f"{tmp_path}/run", "max_cost=5") == 0
     assert rest.said == 2
-    assert "best F 11" in capsys.readouterr().out
+    assert "best F played 11" in capsys.readouterr().out
 
 
 def test_a_replay_broken_off_goes_on_where_it_stopped(parts, tmp_path, capsys):

@@ -8,6 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from openeureka.config import RunConfig
+from openeureka.llm import open_model
+from openeureka.reward import extract
+from openeureka.types import Message, Prompt
+
 GUIDES = Path(__file__).parents[2] / "docs" / "guides"
 
 
@@ -24,3 +29,14 @@ def test_a_guides_extension_keeps_the_promises_of_its_suite(name: str, tmp_path:
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"test_my_{name}.py"]
     said = subprocess.run(command, cwd=tmp_path, env=os.environ, capture_output=True, text=True, check=False).stdout
     assert promised[1] in said, said
+
+
+def test_the_model_that_its_guide_shows_writes_rewards(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    page = (GUIDES / "models.md").read_text()
+    (module,) = re.findall(r"```python\n(from openeureka.*?)\n```\n\n", page, re.DOTALL)
+    assert "model=my_model:MyModel" in page
+    (tmp_path / "my_model.py").write_text(module)
+    monkeypatch.syspath_prepend(tmp_path)
+    model = open_model(RunConfig(model="my_model:MyModel"))
+    (reply,) = model.sample(Prompt(messages=(Message("user", "Write the reward."),)), n=1, seed=0)
+    assert "return up_vec[:, 2], {}" in (extract.program(reply.text) or "")

@@ -39,7 +39,7 @@ def test_pen_spinning_begins_with_random_goals_and_ends_with_the_task():
 
 
 def test_two_lines_are_a_curriculum(written):
-    first, last = written("- {set: {episode_length: 100}, steps: 20000}\n- {}\n")
+    first, last = written("- {set: {episode_length: 100}, steps: 2e4}\n- {}\n")
     assert (first, last) == (
         Stage(env="cartpole+episode_length=100", steps=20000),
         Stage(env="cartpole", steps=600_000),  # of its recipe
@@ -63,7 +63,13 @@ def test_a_stage_may_be_another_task_in_a_file_beside_the_list(written, tmp_path
         ("- {set: {episode_length: long}}\n- {}\n", 'is 500; set another int, not `"long"`'),
         ("- {set: {episode_length: 100}}\n", "The last stage .* is the task itself"),
         ("- {step: 5}\n- {}\n", "unknown `step`; it may have env, set, steps"),
-        ("- {steps: many}\n- {}\n", "`steps` takes int"),
+        ("- {steps: many}\n- {}\n", "`steps` takes a whole number, zero or more"),
+        ("- {steps: 1.5}\n- {}\n", "`steps` takes a whole number"),
+        (
+            "- {set: {episode_length: -5}}\n- {}\n",
+            "`episode_length` of `cartpole` must be more than zero",
+        ),
+        ("- {set: {env: foo}}\n- {}\n", "has no `env` to set"),
         ("- {steps: -1}\n- {}\n", "does not fit"),
         ("steps: 5\n", "is no list of stages"),
         ("[]\n", "is no list of stages"),

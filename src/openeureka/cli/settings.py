@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import dataclasses
 import inspect
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -182,4 +183,4 @@ def _attribute_docs(kind: type) -> dict[str, str]:
 
 def again(directory: Path) -> str:
     """The command that goes on with a run."""
-    return f"eureka resume {directory}"
+    return shlex.join(["eureka", "resume", str(directory)])

@@ -84,9 +84,10 @@ def _slot(entry: Scored, strengths: Mapping[CandidateId, float]) -> tuple[str, .
 
 def summary(run: RunView) -> list[str]:
     """The result in a few lines."""
-    lines = [f"Generation {g.index}: best F {number(g.best)}, {g.trained} of {g.slots} trained"
+    how = "played" if run.ranks == "played" else "in training"
+    lines = [f"Generation {g.index}: best F {how} {number(g.best)}, {g.trained} of {g.slots} trained"
              for g in tables.by_generation(run.history)]  # fmt: skip
-    lines += [f"{name.capitalize()} reward: F {number(run.baseline_score(name))}" for name in run.baselines]
+    lines += [f"{name.capitalize()} reward: F {how} {number(run.baseline_score(name))}" for name in run.baselines]
     if run.outcome is not None:
         lines += final(run.outcome)
         lines += [verdict(run), meaning(run)]

@@ -249,7 +249,8 @@ class _Reader:
         said = ", ".join(f'"{self.said[word]}"' for word in strange or dict.fromkeys(words))
         if words and not strange:
             return _unsaid(f"{said} alone does not say what to bring where")
-        return _unsaid(f"it does not know what {said or 'that'} means for this model")
+        mean = "mean" if "," in said else "means"
+        return _unsaid(f"it does not know what {said or 'that'} {mean} for this model")
 
 
 def _cut(words: Sequence[str], marks: frozenset[str]) -> tuple[list[str], list[str]]:

@@ -110,7 +110,8 @@ def search(
     the run so far is returned. With the `dir` of a run that exists, it goes on with that.
 
     Args:
-        env: a name of `eureka envs`, `FILE.py` or `pkg.mod:Class`.
+        env: a name of `eureka envs`, `FILE.py`, `pkg.mod:Class`, `gym:ID`, or one of another suite such as `dmc:`. With
+            `python=PATH` among the settings the environment lives in that interpreter.
         model: what `model=` names on the command line, or an object of your own that keeps the protocol
             `openeureka.llm.client.LanguageModel`.
         on_event: called with every `Event`, in order; what it raises ends the search.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -48,15 +49,27 @@ def _read(path: Path) -> tuple[Stage, ...]:
     return tuple(_stage(stage, path) for stage in found)
 
 
+_WANTED = {"env": "a name", "set": "a mapping", "steps": "a whole number, zero or more"}
+
+
+def _whole(value: Any) -> Any:
+    """A whole number, also as people write large ones: YAML takes `1e6` for a text."""
+    try:
+        number = float(value) if isinstance(value, str | float) else None
+    except ValueError:
+        return value
+    return int(number) if number is not None and number.is_integer() else value
+
+
 def _stage(values: dict, path: Path) -> Stage:
     kinds = {"env": str, "set": dict, "steps": int}
     for key, value in values.items():
+        value = _whole(value) if key == "steps" else value
+        values = {**values, key: value}
         if key not in FIELDS:
             raise ConfigError(f"A stage in {path} has an unknown `{key}`; it may have {', '.join(FIELDS)}.")
         if type(value) is not kinds[key] or (key == "steps" and value < 0):
-            raise ConfigError(
-                f"`{key}: {value}` of a stage in {path} does not fit: `{key}` takes {kinds[key].__name__}."
-            )
+            raise ConfigError(f"`{key}: {value}` of a stage in {path} does not fit: `{key}` takes {_WANTED[key]}.")
     env = values.get("env", "")
     if ".py:" in env:
         values = {**values, "env": str(path.parent / env)}

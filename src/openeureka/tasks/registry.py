@@ -84,10 +84,17 @@ def variant(env: str, values: Mapping[str, object]) -> str:
     return "+".join([env, *(f"{name}={json.dumps(value)}" for name, value in values.items())])
 
 
+FIXED = ("env", "suite", "source", "draws_itself")
+"""Attributes of a task that say what it is."""
+POSITIVE = ("episode_length", "control_dt", "substeps")
+"""Without these, nothing moves."""
+
+
 def _changed(task: type[Task], settings: Mapping[str, str]) -> type[Task]:
     """A subclass whose attributes are replaced by values in JSON of the same type."""
     known = {name: getattr(task, name) for name in dir(task) if not name.startswith("_")}
     known = {name: value for name, value in known.items() if isinstance(value, bool | int | float | str)}
+    known = {name: value for name, value in known.items() if name not in FIXED}
     values: dict[str, object] = {}
     for name, text in settings.items():
         if name not in known:
@@ -100,6 +107,8 @@ def _changed(task: type[Task], settings: Mapping[str, str]) -> type[Task]:
         values[name] = float(value) if kind is float and type(value) is int else value
         if type(values[name]) is not kind:
             raise TaskError(f"`{name}` of `{task.env}` is {known[name]!r}; set another {kind.__name__}, not `{text}`.")
+        if name in POSITIVE and not values[name] > 0:  # type: ignore[operator]
+            raise TaskError(f"`{name}` of `{task.env}` must be more than zero, not `{text}`.")
     # What was changed may be what bounds F, such as the length of an episode, or what ends one.
     said = {"score_range": (None, None), "ends": task.ends if set(values) <= {"episode_length"} else ""}
     return type(task.__name__, (task,), {"__module__": task.__module__, **said, **values})

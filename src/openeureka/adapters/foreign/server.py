@@ -12,6 +12,7 @@ read for them alone.
 from __future__ import annotations
 
 import ctypes
+import difflib
 import importlib
 import importlib.util
 import inspect
@@ -181,7 +182,13 @@ def made(name: str) -> Any:
     place, _, attribute = name.rpartition(":")
     if not place:
         raise ValueError("name what makes the environment: pkg.mod:factory, or FILE.py:factory")
-    module = _module(os.path.expanduser(place)) if place.endswith(".py") else importlib.import_module(place)
+    file = os.path.expanduser(place)
+    if place.endswith(".py") and not os.path.isfile(file):
+        raise ValueError(f"there is no file {place}")
+    module = _module(file) if place.endswith(".py") else importlib.import_module(place)
+    if not hasattr(module, attribute):
+        close = difflib.get_close_matches(attribute, dir(module), n=1)
+        raise ValueError(f"{place} has no `{attribute}`{f', perhaps `{close[0]}`' if close else ''}")
     return getattr(module, attribute)
 
 
