@@ -15,11 +15,14 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Mapping
+from math import hypot
+from statistics import fmean, variance
 from typing import Any
 
 import fresh
 import headline
 from records import interval, machine, read, write
+from scipy.stats import t
 
 import openeureka
 from openeureka.report.text import number, spread
@@ -100,16 +103,36 @@ def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
     ]
 
 
+def compared(measured: Mapping[str, Record], better: str, worse: str) -> dict[str, tuple[list[float], list[float]]]:
+    """Scores of two groups by task, where both have some."""
+    rows = {env: (own[better], own[worse]) for env, own in measured.items() if better in own and worse in own}
+    found = {env: (scored(own), scored(other)) for env, (own, other) in rows.items()}
+    return {env: both for env, both in found.items() if min(map(len, both)) > 1}
+
+
+def together(groups: Iterable[tuple[list[float], list[float]]]) -> list[float]:
+    """Mean over tasks of the difference in standard deviations of rewards, and the ends of its 95 % interval."""
+    shifts, errors, freedoms = [], [], []
+    for own, other in groups:
+        freedom = len(own) + len(other) - 2
+        spread = ((variance(own) * (len(own) - 1) + variance(other) * (len(other) - 1)) / freedom) ** 0.5
+        shifts.append((fmean(own) - fmean(other)) / spread)
+        errors.append((1 / len(own) + 1 / len(other)) ** 0.5)
+        freedoms.append(freedom)
+    middle, half = fmean(shifts), float(t.ppf(0.975, sum(freedoms))) * hypot(*errors) / len(shifts)
+    return [middle, middle - half, middle + half]
+
+
 def answers(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
-    """A row a claim and task."""
+    """A row a claim and task, and one for all tasks of a claim."""
     found = []
     for claim, (better, worse) in CLAIMS.items():
-        for env, groups in measured.items():
-            own, other = (scored(groups[name]) if name in groups else [] for name in (better, worse))
-            if min(len(own), len(other)) > 1:
-                value, low, high = fresh.between(other, own)
-                holds = "yes" if low > 0 else "no, the reverse" if high < 0 else "not decided"
-                found.append((claim, env, interval(value, low, high, digits=3), holds))
+        groups = compared(measured, better, worse)
+        apart = {env: fresh.between(other, own) for env, (own, other) in groups.items()}
+        apart |= {"all, in standard deviations": together(groups.values())} if len(groups) > 1 else {}
+        for env, (value, low, high) in apart.items():
+            holds = "yes" if low > 0 else "no, the reverse" if high < 0 else "not decided"
+            found.append((claim, env, interval(value, low, high, digits=3), holds))
     return found
 
 

@@ -32,6 +32,19 @@ def test_a_claim_is_decided_by_its_interval(claims: ModuleType):
     assert [row[-1] for row in claims.answers(other)] == ["no, the reverse"]
 
 
+def test_tasks_count_alike_whatever_their_scores(claims: ModuleType):
+    low, high = [0.0, 1.0, 2.0], [3.0, 4.0, 5.0]
+    measured = {
+        "ant": {"first": group(low), "reflection": group(high)},
+        "ballbalance": {"first": group([100 * x for x in low]), "reflection": group([100 * x for x in low])},
+    }
+    *_, (_, env, told, holds) = claims.answers(measured)
+    assert env == "all, in standard deviations" and holds == "yes"  # three of them on one task, none on the other
+    assert told.startswith("1.5 (")
+    half = 2.7764 * (2 / 3) ** 0.5  # of Student, four degrees of freedom
+    assert claims.together([(high, low)]) == pytest.approx([3.0, 3.0 - half, 3.0 + half], 1e-3)
+
+
 def test_a_row_counts_refusals_and_leaves_out_what_gave_no_score(claims: ModuleType):
     measured = {"ant": {"first": {**group([1.0, 3.0, None]), "human": 2.5}, "local": group([])}}
     first, local = claims.rows(measured)
