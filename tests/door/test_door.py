@@ -255,6 +255,8 @@ def test_a_program_is_checked_as_text_or_file(tmp_path):
     assert not verdict.accepted and verdict.findings[0].rule == "no-number"
     with pytest.raises(RewardFileError, match="Cannot read the reward file"):
         openeureka.check("cartpole", "none.py")
+    told = openeureka.check("cartpole", "def compute_reward(pole_angle): return pole_angle, {}")
+    assert told.findings[0].rule == "no-number"  # judged, and not looked for as a file
 
 
 def test_what_is_no_run_is_said(tmp_path):

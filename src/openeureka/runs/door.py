@@ -165,7 +165,8 @@ def train(
     Args:
         env: as in `search`.
         reward: names and paths, separated by commas, or a list of names, paths and texts of programs. `human` and
-            `sparse` come with the task. A text has several lines; it is called `reward_1` by its place in the list.
+            `sparse` come with the task. A text has several lines, or begins with `def`; it is called `reward_1` by its
+            place in the list.
         on_event: as in `search`.
         settings: those of `eureka train`, by the same names.
 
@@ -268,7 +269,7 @@ def check(env: str | Path, program: str | Path, *, unsafe_no_sandbox: bool = Fal
 
     Args:
         env: as in `search`.
-        program: a path, or the program as a text of several lines, which may be a model's whole answer.
+        program: a path, or the program as a text, several lines or a `def`, which may be a model's whole answer.
         unsafe_no_sandbox: run it in an unconfined child process where the kernel cannot confine it.
 
     Raises:

@@ -23,7 +23,7 @@ BUILT_IN = ("human", "sparse")
 
 
 def read(program: str | Path) -> Candidate:
-    """The program in a file, or in a text of several lines; either may be a model's whole answer.
+    """The program in a file, or in a text: several lines, or a `def`. Either may be a model's whole answer.
 
     Raises:
         RewardFileError: for a file that cannot be read.
@@ -32,7 +32,7 @@ def read(program: str | Path) -> Candidate:
 
 
 def _is_text(program: str | Path) -> bool:
-    return isinstance(program, str) and "\n" in program
+    return isinstance(program, str) and ("\n" in program or program.startswith("def "))
 
 
 def named(config: TrainConfig, rewards: Sequence[str | Path] | None = None) -> Given:
@@ -70,7 +70,7 @@ def to_tune(config: TuneConfig, reward: str | Path | None = None) -> tuple[Candi
     """The reward whose numbers are fitted, checked before anything of a run is made.
 
     Args:
-        reward: in place of the one that the settings name; also a text of several lines.
+        reward: in place of the one that the settings name; also a text.
 
     Raises:
         ConfigError: where there is nothing to fit, or a run's reward is one of another task.
