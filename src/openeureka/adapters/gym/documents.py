@@ -12,7 +12,7 @@ from ...types.tasks import StateUse
 
 WHOLE = ("obs_buf", "previous_obs_buf", "actions")
 """Variables that every environment has."""
-TAKEN = frozenset((*WHOLE, *keyword.kwlist, *dir(builtins), "torch", "math", "np", "typing", "Dict", "Tuple"))
+TAKEN = frozenset((*WHOLE, *keyword.kwlist, "torch", "math", "np", "typing", "Dict", "Tuple"))
 """What means something else in a reward."""
 
 _TOLD = ("description", "action space", "observation space", "starting state")
@@ -111,7 +111,8 @@ def identifiers(texts: Iterable[str]) -> list[str]:
         bare = re.sub(r"\s\([^()]*\)", "", text)
         words = re.sub(r"\b(?:the|a)\b|\W+", " ", bare.lower()).split()
         name = "_".join(words) or "value"
-        name = name if name[0].isalpha() and name not in TAKEN else f"value_{name}"
+        taken = name in TAKEN or hasattr(builtins, name)
+        name = f"value_{name}" if taken or not name[0].isalpha() else name
         number, base = 1, name
         while name in found:
             number += 1
