@@ -14,31 +14,30 @@ groups, so the spread is that over rewards. A group is a run under `outputs/clai
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from math import hypot
 from statistics import fmean, variance
 from typing import Any
 
 import fresh
 import headline
+import rungs
 from records import interval, machine, read, write
 from scipy.stats import t
 
 import openeureka
+from openeureka.benchmark.plan import load
 from openeureka.report.text import number, spread
 from openeureka.reward import extract
-from openeureka.sandbox.client import Sandbox
 from openeureka.score import mean
-from openeureka.tasks.context import context
-from openeureka.tasks.record import record_states
 from openeureka.types import Candidate
 
 FOLDER = headline.ROOT / "benchmarks"
 REPLIES = FOLDER / "claims"
 RESULTS = FOLDER / "results" / "claims.json"
 OUTPUTS = headline.ROOT / "outputs" / "claims"
-STEPS = {"ant": 1_500_000, "ballbalance": 600_000, "quadcopter": 1_500_000}
-"""Of each lane, as in `benchmarks/plans/headline.yaml`."""
+STEPS = {env: load(headline.PLAN).per_task[env]["steps"] for env in ("ant", "ballbalance", "quadcopter")}
+"""Of each lane: those of the task's row."""
 SEED = 300
 """Of all trainings: no search of these rewards used it."""
 GROUPS = {
@@ -60,11 +59,11 @@ ANSWERS = ("claim", "task", "difference of means, 95 % interval", "holds here")
 Record = dict[str, Any]
 
 
-def accepted(env: str, replies: Iterable[str]) -> list[str]:
+def accepted(env: str, replies: Sequence[str]) -> list[str]:
     """The rewards among these replies that the sandbox accepts, each once."""
-    sources = dict.fromkeys(source for text in replies if (source := extract.program(text)) is not None)
-    with Sandbox(context(env).state, record_states(env)) as checker:
-        return [source for source in sources if checker.check(Candidate.of(source)).accepted]
+    graphs = rungs.accepted(env, replies)
+    candidates = (Candidate.of(extract.program(text) or "") for text in replies)
+    return list({candidate.id: candidate.source for candidate in candidates if candidate.id in graphs}.values())
 
 
 def asked(env: str, group: str) -> list[str]:

@@ -18,7 +18,7 @@ from __future__ import annotations
 import argparse
 import lzma
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -175,28 +175,32 @@ def _scores(row: Record, sparse: str) -> tuple[str, ...]:
     return spread(row["generated"]), spread(row["human"]), sparse, between, ending({**row, "confirmed": {}})
 
 
+def differences(measured: Mapping[str, Record]) -> Iterator[tuple[str, Record]]:
+    """The decisive scores of the rows that have a difference, in the order of the plan."""
+    known = ((short_name(env), decided(measured[env])) for env in load(PLAN).tasks if env in measured)
+    return ((name, row) for name, row in known if row["difference"] is not None)
+
+
 def gains(measured: Mapping[str, Record]) -> list[tuple[str, float, float, float]]:
     """A row a task whose human reward scores: the difference and its interval, as shares of the human one's F."""
     found = []
-    for env in (env for env in load(PLAN).tasks if env in measured):
-        row = decided(measured[env])
+    for name, row in differences(measured):
         human = mean(row["human"])
-        if row["difference"] is not None and human:
+        if human:
             value, low, high = (end / abs(human) for end in row["difference"])
-            found.append((short_name(env), value, low, high))
+            found.append((name, value, low, high))
     return found
 
 
 def novelty(measured: Mapping[str, Record]) -> list[tuple[str, float, float]]:
     """A row a task that is not both at zero: correlation with the human reward, and the difference in halves of its
     interval, so that beyond 1 it is decided."""
-    known = ((env, decided(measured[env])) for env in load(PLAN).tasks if env in measured)
-    return [
-        (short_name(env), row["correlation_with_human"], value / (high - value))
-        for env, row in known
-        if row["difference"] is not None and ending(row) != "both at zero"
-        for value, _, high in (row["difference"],)
-    ]
+    found = []
+    for name, row in differences(measured):
+        if ending(row) != "both at zero":
+            value, _, high = row["difference"]
+            found.append((name, row["correlation_with_human"], value / (high - value)))
+    return found
 
 
 def summary(measured: Mapping[str, Record]) -> str:

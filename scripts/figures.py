@@ -75,8 +75,7 @@ def bars(rows: Sequence[tuple[str, float, float, float]]) -> str:
     figure = _figure(8.0, 0.6 + 0.34 * len(rows))
     axes = figure.add_subplot()
     for place, (_, value, low, high) in enumerate(rows):
-        colour = "#1f6fb2" if low > 0.0 else "#b03a2e" if high < 0.0 else "#888888"
-        axes.barh(place, value, color=colour, height=0.6)
+        axes.barh(place, value, color=_colour(better=low > 0.0, worse=high < 0.0), height=0.6)
         axes.plot([low, high], [place, place], "-", color="#222222", linewidth=1.0)
     axes.axvline(0.0, color="#222222", linewidth=1.0)
     axes.set_yticks(range(len(rows)), [task for task, *_ in rows])
@@ -91,8 +90,7 @@ def novelty(rows: Sequence[tuple[str, float, float]]) -> str:
     figure = _figure(8.0, 3.6)
     axes = figure.add_subplot()
     for task, correlation, halves in rows:
-        colour = "#1f6fb2" if halves > 1.0 else "#b03a2e" if halves < -1.0 else "#888888"
-        axes.plot(correlation, halves, "o", color=colour)
+        axes.plot(correlation, halves, "o", color=_colour(better=halves > 1.0, worse=halves < -1.0))
         if abs(halves) > 1.0:  # the names of all would cover each other
             axes.annotate(task, (correlation, halves), (-6, -3), textcoords="offset points", ha="right")
     for level in (-1.0, 0.0, 1.0):
@@ -101,6 +99,10 @@ def novelty(rows: Sequence[tuple[str, float, float]]) -> str:
     axes.set_xlabel("correlation of the generated reward with the human one")
     axes.set_ylabel("difference in F, in halves\nof its 95 % interval")
     return _svg(figure)
+
+
+def _colour(*, better: bool, worse: bool) -> str:
+    return "#1f6fb2" if better else "#b03a2e" if worse else "#888888"
 
 
 def _free(axes: Axes) -> None:

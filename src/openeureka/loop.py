@@ -125,6 +125,7 @@ def keep(store: Store, lanes: Lanes, strategy: SearchStrategy, best: Scored, lan
 
 def summarise(config: RunConfig, store: Store, history: History) -> Outcome:
     """The outcome as far as the store holds it; where nobody was crowned, nobody has won."""
-    if store.crown() is None:
+    place = store.crown()
+    if place is None:
         return Outcome(best=None)
-    return race.outcome(config, history, store.crown(), store.lanes.results(), store.lanes.evaluations())
+    return race.outcome(config, history, place, store.lanes.results(), store.lanes.evaluations())

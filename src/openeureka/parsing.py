@@ -49,7 +49,7 @@ def elsewhere(settings: Mapping[str, object]) -> dict[str, object]:
     return found | {"env": f"{found['env']}+python={whole}"}
 
 
-def _whole(value: str) -> int:
+def whole_number(value: str) -> int:
     """A whole number, also as people write large ones: `1e6`, `2.5e5`."""
     if re.fullmatch(r"[+-]?\d+(\.\d*)?[eE]\+?\d{1,2}", value) and float(value).is_integer():
         return int(float(value))
@@ -136,7 +136,7 @@ def _switch(text: str) -> bool:
     return _SWITCH[text.lower()]
 
 
-_READ: Mapping[type, Callable[[str], Any]] = {str: str, int: _whole, float: float, bool: _switch}
+_READ: Mapping[type, Callable[[str], Any]] = {str: str, int: whole_number, float: float, bool: _switch}
 
 
 def restored(kind: type[Config], stored: object) -> Config:

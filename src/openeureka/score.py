@@ -69,26 +69,24 @@ def pooled(looks: Sequence[Evaluation], *, shared: bool = False) -> Evaluation:
     )
 
 
-def broken(score: Evaluation | None, limits: Limits) -> tuple[str, ...]:
-    """See `Evaluation.broken`; of a policy that never played nothing is known."""
-    return score.broken(limits) if score is not None else ()
-
-
 def lawful(scores: Sequence[Evaluation], limits: Limits) -> bool:
     """Whether policies keep the limits on average over their episodes; those of which nothing is known do."""
-    return not scores or not broken(pooled(scores), limits)
+    return not scores or not pooled(scores).broken(limits)
 
 
 def excess(score: Evaluation, limits: Limits) -> float:
     """By how much a policy is beyond its limits: shares of them, in all."""
-    return math.fsum((score.costs[name] - limits[name]) / (limits[name] or 1.0) for name in broken(score, limits))
+    return math.fsum((score.costs[name] - limits[name]) / (limits[name] or 1.0) for name in score.broken(limits))
 
 
 def breach(score: Evaluation | None, limits: Limits) -> str:
     """`torque 45.2 N m, above 40`: what a policy breaks; empty where nothing."""
-    costs = score.costs if score is not None else NO_LIMITS
+    if score is None:
+        return ""
     units = {name: f" {COSTS[name].unit}" if name in COSTS and COSTS[name].unit != "share" else "" for name in limits}
-    return "; ".join(f"{name} {costs[name]:.3g}{units[name]}, above {limits[name]:g}" for name in broken(score, limits))
+    return "; ".join(
+        f"{name} {score.costs[name]:.3g}{units[name]}, above {limits[name]:g}" for name in score.broken(limits)
+    )
 
 
 def played(plays: Mapping[Peak, Sequence[Evaluation]], limits: Limits = NO_LIMITS) -> Evaluation:
@@ -100,7 +98,7 @@ def played(plays: Mapping[Peak, Sequence[Evaluation]], limits: Limits = NO_LIMIT
 def worth(score: Evaluation | None, limits: Limits = NO_LIMITS) -> tuple[bool, float]:
     """To rank policies by: one that keeps the limits comes before others, then F counts. Of one without a score nothing
     is known."""
-    return score is not None and not broken(score, limits), rank(score.fitness if score is not None else None)
+    return score is not None and not score.broken(limits), rank(score.fitness if score is not None else None)
 
 
 def standing(plays: Mapping[Peak, Sequence[Evaluation]] | None, otherwise: Peak, limits: Limits = NO_LIMITS) -> Peak:

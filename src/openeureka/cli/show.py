@@ -18,7 +18,7 @@ from ..report import costs, fitted, robust, tables
 from ..report.build import build
 from ..report.candidates import CandidateView, GenerationView
 from ..report.text import columns, dollars, number, scored, spread
-from ..report.verdict import deciding, meaning, of_polishing, of_tuning, verdict
+from ..report.verdict import deciding, meaning, none_found, of_polishing, of_tuning, verdict
 from ..report.view import RunView
 from ..runs import trust
 from ..runs.run import lanes
@@ -93,12 +93,10 @@ def summary(run: RunView) -> list[str]:
         lines += [verdict(run), meaning(run)]
         lines += [run.known.sentence()] if run.known is not None else []
         lines += [f"Suspected reward hacking: {sign.kind}. {sign.sentence}" for sign in run.signs]
-    elif lost := costs.nobody(run):
+    elif lost := costs.nobody(run) or none_found(run):
         lines.append(lost)
     elif len(run.history.generations) < run.config.generations:
         lines.append(f"{len(run.history.generations)} of {run.config.generations} generations are done.")
-    elif run.best is None:
-        lines.append(verdict(run))
     lines += ["", "The best reward with fitted numbers:", "", *_fitted(found), ""] if (found := run.tuned) else []
     lines += ["", "The best policy, as it is:", "", *_carried_on(run, on), ""] if (on := run.polished) else []
     lines += ["", *robust_lines(run.robust), ""] if run.robust is not None else []

@@ -80,10 +80,9 @@ class Tally:
             self._clock()
             self.durations.append(self._spent)
         best = generation.best
-        trained = sum(entry.trained and entry.score is not None for entry in generation.entries)
         return (
             f"Generation {generation.index}: best F {number(best.score if best else None)}, "
-            f"{trained} of {len(generation.entries)} trained"
+            f"{len(generation.scores)} of {len(generation.entries)} trained"
         )
 
     def remaining(self) -> float | None:

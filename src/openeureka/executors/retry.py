@@ -91,8 +91,8 @@ class Population:
         assert self._attempt is not None
         packed = pack_lanes(self._env, self._attempt.lanes, self._attempt.budget)
         folder = self._snapshots if self.resumable else None
-        about, alone = {**packed.header, "device": device.partition(":")[0]}, len(self._attempt.lanes) < len(self._left)
-        self._snapshot = Snapshot(folder, about, others=alone)
+        about = {**packed.header, "device": device.partition(":")[0]}
+        self._snapshot = Snapshot(folder, about, others=len(self._attempt.lanes) < len(self._left))
         state = self._snapshot.read()
         header = {"do": "train", "snapshot_seconds": SNAPSHOT_SECONDS if folder is not None else 0.0, **packed.header}
         return Frame(header, {**packed.blobs, **({SNAPSHOT: state} if state is not None else {})})

@@ -25,8 +25,10 @@ def groups(folder: Path | None, env: str) -> list[list[str]]:
 
 def forget(folder: Path | None, env: str, lanes: Collection[str]) -> None:
     """Remove what these lanes left and nobody else shares: nothing more is tried with them."""
+    if folder is None:
+        return
     for name, about in _left(folder).items():
-        if folder is not None and about.env == env and {*about.lanes} <= {*lanes}:
+        if about.env == env and {*about.lanes} <= {*lanes}:
             _remove(folder, name)
 
 

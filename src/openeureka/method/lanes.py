@@ -11,7 +11,7 @@ from typing import cast
 from ..config import NO_RANGES, RunConfig
 from ..errors import WorkerError
 from ..observer import Observer
-from ..score import broken, level, played, standing
+from ..score import level, played, standing
 from ..store import Store
 from ..strategies import SearchStrategy
 from ..types import (
@@ -250,7 +250,7 @@ class Lanes:
         self._look(0, ids, strategy.peaks)
         records, beside = self.store.lanes.all(), dict(BASELINES)
         rivals = [lane for lane in ids if records[lane].role == "given" or records[lane].reward not in beside]
-        lawful = {lane: s for lane, s in self.first_looks(rivals).items() if not broken(s, self.config.limited)}
+        lawful = {lane: s for lane, s in self.first_looks(rivals).items() if not s.broken(self.config.limited)}
         self._look(1, level(lawful), strategy.peaks)
         scores = self._scores(ids)
         self.observer.played(scores)

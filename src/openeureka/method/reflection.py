@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
-from ..score import NO_LIMITS, broken
+from ..score import NO_LIMITS
 from ..types import Evaluation, Limits, Sample, TrainingResult, TrainingState, VerdictCode, of_components
 
 Style = Literal["free", "grammar"]
@@ -95,7 +95,7 @@ def _costs(played: Evaluation | None, limits: Limits) -> list[str]:
     told = ", ".join(
         f"{name} {_number(played.costs.get(name), brief=False)} of at most {most:g}" for name, most in limits.items()
     )
-    end = " It breaks a limit, so it cannot win: mind what it breaks first." if broken(played, limits) else ""
+    end = " It breaks a limit, so it cannot win: mind what it breaks first." if played.broken(limits) else ""
     return [f"Costs of its policy when played: {told}.{end}"]
 
 

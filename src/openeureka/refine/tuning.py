@@ -17,7 +17,7 @@ from ..method import race
 from ..method.lanes import Lanes, deal, final_seeds
 from ..method.sampling import Checker
 from ..reward.weights import Weight, values, weighed, weights
-from ..score import broken, lawful, rank, worth
+from ..score import lawful, rank, worth
 from ..store import Store
 from ..strategies import Best
 from ..types import GIVEN, Candidate, PolicyId, Reply, RewardGraph, Scored, Verdict, lane_id
@@ -174,7 +174,7 @@ def _scores(
 ) -> tuple[list[tuple[float, ...]], list[float | None]]:
     """The numbers of weightings, and what each scored: None for one whose policy breaks a limit."""
     ids, limits = [lane_id(candidate.id, lanes.config.seed) for candidate in candidates], lanes.config.limited
-    kept = {lane: score.fitness for lane, score in lanes.first_looks(ids).items() if not broken(score, limits)}
+    kept = {lane: score.fitness for lane, score in lanes.first_looks(ids).items() if not score.broken(limits)}
     numbers = [values(candidate.source, origin.source) for candidate in candidates]
     assert all(own is not None for own in numbers)  # all come from `weighed`
     return [own for own in numbers if own is not None], [kept.get(lane) for lane in ids]

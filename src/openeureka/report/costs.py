@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..config import NO_MODEL
 from ..method.lanes import BASELINES
-from ..score import breach, broken
+from ..score import breach
 from ..types import COSTS, Evaluation, lane_id
 from .tables import Table
 from .text import number, scored
@@ -21,7 +21,7 @@ def table(run: RunView) -> Table:
             called,
             scored(score),
             *(
-                f"{number(score.costs.get(name), 3)}{' BROKEN' if name in broken(score, limits) else ''}"
+                f"{number(score.costs.get(name), 3)}{' BROKEN' if name in score.broken(limits) else ''}"
                 for name in names
             ),
         )

@@ -229,9 +229,8 @@ def exploits(run: RunView) -> Table:
         for kind in Kind
         if kind is not Kind.LIMITS or run.config.limited
     ]
-    fitted = run.best is not None and run.best_text != run.best.candidate
-    note = f"Signs of reward hacking in the final trainings{', before numbers were fitted' if fitted else ''}; "
-    note += "a sign is no proof."
+    before = ", before numbers were fitted" if run.fitted is not None else ""
+    note = f"Signs of reward hacking in the final trainings{before}; a sign is no proof."
     return Table(("sign", "result", "numbers"), rows, note)
 
 
@@ -245,8 +244,8 @@ def worlds(run: RunView) -> Table:
         if (name in WORLDS or score is lane.held_out) and name not in PEAKS.values()
         if score.episodes  # none where a task has no other world
     ]
-    before = run.best is not None and run.best_text != run.best.candidate
-    whose = "the winner's policy, before its numbers were fitted" if before else "the policy in best/"
+    fitted = run.fitted is not None
+    whose = "the winner's policy, before its numbers were fitted" if fitted else "the policy in best/"
     note = f"Of one policy, {whose}. It was picked from several seeds: its F is above their mean."
     return Table(("world", f"F of {whose}, held out"), rows, note)
 
@@ -361,7 +360,7 @@ def by_generation(history: History) -> tuple[GenerationStats, ...]:
 
 
 def _of(generation: Generation, env_steps: int) -> GenerationStats:
-    scores = [entry.score for entry in generation.entries if entry.trained and entry.score is not None]
+    scores = generation.scores
     return GenerationStats(
         index=generation.index,
         slots=len(generation.entries),

@@ -102,7 +102,7 @@ def _of_search(run: RunView) -> str:
     if lost := nobody(run):
         return lost
     if run.best is None:
-        return _none_trained(run)
+        return none_found(run) or "No reward has been trained yet."
     if outcome is None:
         return "Not decided yet: the final trainings are not done."
     generated, human = outcome.method, outcome.human
@@ -120,11 +120,12 @@ def _of_search(run: RunView) -> str:
     return told if found.sure else f"{told} {_needed(found, len(generated.scores))}"
 
 
-def _none_trained(run: RunView) -> str:
-    """Why, once all generations are done: what was said of one of the newest replies."""
+def none_found(run: RunView) -> str:
+    """Why a search that is over found no reward: what was said of one of the newest replies. Empty where it found one,
+    goes on, or limits are the reason."""
     done = run.history.generations
-    if len(done) < run.config.generations:
-        return "No reward has been trained yet."
+    if not run.searched or run.best is not None or len(done) < run.config.generations or nobody(run):
+        return ""
     entries = [entry for generation in reversed(done) for entry in generation.entries]
     findings = ((entry.sample.place, finding) for entry in entries for finding in entry.sample.verdict.findings)
     told = next((f" The newest: {place}: {finding.sentence()}." for place, finding in findings), "")
@@ -151,7 +152,7 @@ def nexts(run: RunView, directory: str = "DIR") -> list[tuple[str, str]]:
     """What to type next: the command, and what it does."""
     where = shlex.quote(directory)
     unfinished = run.tunes and verdict(run).startswith("Not decided yet")
-    if run.searched and verdict(run).startswith("No reward was found"):
+    if none_found(run):
         return [(f"eureka show {where}", "what was said of each reply")]
     if unfinished or (run.searched and run.outcome is None):
         return [(f"eureka resume {where}", "go on where it was")]
@@ -193,7 +194,7 @@ def _left_open(run: RunView, directory: str) -> tuple[Difference | None, tuple[s
         ended, own = run.outcome, run.best.candidate if run.best is not None else None
         if ended is None or own is None or not ended.method.scores or not beside(run.config):
             return None
-        kept = "best" if own == run.best_text else f"candidates/{own.id}"  # with fitted numbers it is another reward
+        kept = "best" if run.fitted is None else f"candidates/{own.id}"  # with fitted numbers it is another reward
         return ended.difference, ("human", f"{directory}/{kept}/reward.py")
 
     def file(name: str) -> str:

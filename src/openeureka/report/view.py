@@ -167,12 +167,15 @@ class RunView:
         return next((c for c in self.candidates if best is not None and c.place == best.sample.place), None)
 
     @property
-    def best_text(self) -> Candidate | None:
-        """The program of the best reward: with fitted numbers, where those are better."""
+    def fitted(self) -> Candidate | None:
+        """What a search found with fitted numbers, where those are better: then it is in `best/`."""
         found = self.tuned if self.searched else None
-        if found is not None and found.better != ORIGINAL:
-            return self.texts[found.better]
-        return self.best.candidate if self.best is not None else None
+        return self.texts[found.better] if found is not None and found.better != ORIGINAL else None
+
+    @property
+    def best_text(self) -> Candidate | None:
+        """The program of the best reward, with fitted numbers where those are better."""
+        return self.fitted or (self.best.candidate if self.best is not None else None)
 
     @property
     def baselines(self) -> dict[str, TrainingResult]:

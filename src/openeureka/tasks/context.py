@@ -99,10 +99,9 @@ def _discount(task: type[Task]) -> str:
         return "Nothing is discounted: what comes later in an episode counts in full."
     steps = round(1 / (1 - task.recipe.gamma))
     seconds = steps * task.control_dt
+    told = f"{seconds:.0f}" if seconds >= 99.5 else f"{seconds:.2g}"  # two digits, and no exponent
     return (
-        f"The discount is {task.recipe.gamma:g} a step: what comes {steps} steps "
-        f"({seconds:.{0 if seconds >= 99.5 else 2}{'f' if seconds >= 99.5 else 'g'}} s) "
-        "later counts about a third."
+        f"The discount is {task.recipe.gamma:g} a step: what comes {steps} steps ({told} s) later counts about a third."
     )
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from ..errors import ConfigError, TaskError, nearest
+from ..parsing import whole_number
 from .registry import get, variant
 from .task import Stage, Task
 
@@ -52,20 +54,19 @@ def _read(path: Path) -> tuple[Stage, ...]:
 _WANTED = {"env": "a name", "set": "a mapping", "steps": "a whole number, zero or more"}
 
 
-def _whole(value: Any) -> Any:
-    """A whole number, also as people write large ones: YAML takes `1e6` for a text."""
-    try:
-        number = float(value) if isinstance(value, str | float) else None
-    except ValueError:
-        return value
-    return int(number) if number is not None and number.is_integer() else value
+def _steps(value: Any) -> Any:
+    """As a whole number, where it is one: YAML takes `1e6` for a text, and `1.0e+6` for a float."""
+    if isinstance(value, float) and value.is_integer():
+        return int(value)
+    with suppress(ValueError):
+        return whole_number(value) if isinstance(value, str) else value
+    return value
 
 
 def _stage(values: dict, path: Path) -> Stage:
     kinds = {"env": str, "set": dict, "steps": int}
+    values = {**values, "steps": _steps(values["steps"])} if "steps" in values else values
     for key, value in values.items():
-        value = _whole(value) if key == "steps" else value
-        values = {**values, key: value}
         if key not in FIELDS:
             raise ConfigError(f"A stage in {path} has an unknown `{key}`; it may have {', '.join(FIELDS)}.")
         if type(value) is not kinds[key] or (key == "steps" and value < 0):

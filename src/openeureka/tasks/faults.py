@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from torch import Tensor
@@ -19,12 +19,22 @@ def fault(error: Exception) -> TaskError | None:
 
     None where it came through none, and for the tasks of this package: those errors are the program's and stay loud.
     """
-    calls = [(f, line) for f, line in traceback.walk_tb(error.__traceback__) if _is_of_a_person(f.f_globals)]
+    sentence = _placed(error, _is_of_a_person)
+    return TaskError(sentence) if sentence else None
+
+
+def told_where(error: BaseException) -> str:
+    """As `told`, with file and line where the error came out of code of others."""
+    return _placed(error, lambda module: not _is_ours(module)) or told(error)
+
+
+def _placed(error: BaseException, counts: Callable[[Mapping[str, Any]], bool]) -> str:
+    """The error with the innermost call in a module that counts; empty where there is none."""
+    calls = [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__) if counts(frame.f_globals)]
     if not calls:
-        return None
+        return ""
     frame, line = calls[-1]
-    code = frame.f_code
-    return TaskError(f"{code.co_filename}, line {line}, in `{code.co_name}`: {told(error)}")
+    return f"{frame.f_code.co_filename}, line {line}, in `{frame.f_code.co_name}`: {told(error)}"
 
 
 def _is_of_a_person(module: Mapping[str, Any]) -> bool:
@@ -41,15 +51,6 @@ def told(error: BaseException) -> str:
     """Kind and text of an error, on one line."""
     text = " ".join(str(error).split()).rstrip(".")
     return f"{type(error).__name__}: {text}." if text else f"{type(error).__name__}."
-
-
-def told_where(error: BaseException) -> str:
-    """The same with file and line, where the error came out of code of others."""
-    calls = [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__) if not _is_ours(frame.f_globals)]
-    if not calls:
-        return told(error)
-    frame, line = calls[-1]
-    return f"{frame.f_code.co_filename}, line {line}, in `{frame.f_code.co_name}`: {told(error)}"
 
 
 def import_fault(place: str, error: Exception) -> TaskError:

@@ -92,9 +92,8 @@ POSITIVE = ("episode_length", "control_dt", "substeps")
 
 def _changed(task: type[Task], settings: Mapping[str, str]) -> type[Task]:
     """A subclass whose attributes are replaced by values in JSON of the same type."""
-    known = {name: getattr(task, name) for name in dir(task) if not name.startswith("_")}
+    known = {name: getattr(task, name) for name in dir(task) if not name.startswith("_") and name not in FIXED}
     known = {name: value for name, value in known.items() if isinstance(value, bool | int | float | str)}
-    known = {name: value for name, value in known.items() if name not in FIXED}
     values: dict[str, object] = {}
     for name, text in settings.items():
         if name not in known:

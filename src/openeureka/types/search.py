@@ -91,6 +91,11 @@ class Generation:
     """As in `History`."""
 
     @property
+    def scores(self) -> list[float]:
+        """Of the entries whose training came to its end, or was cut, with a score."""
+        return [entry.score for entry in self.entries if entry.trained and entry.score is not None]
+
+    @property
     def best(self) -> Scored | None:
         """The entry of highest score that keeps the limits; an undefined one never wins, of equals the earlier does."""
         scored = [entry for entry in self.entries if entry.score is not None and not entry.breaks(self.limits)]

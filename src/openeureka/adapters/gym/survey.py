@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,8 +49,15 @@ class Survey:
 
 
 def survey(env: Env[Any, Any], name: str) -> Survey:
-    """Plays a few random steps. Raises TaskError for spaces that no policy here knows."""
+    """Plays a few random steps.
+
+    Raises:
+        TaskError: for spaces that no policy here knows, and for observations that are not finite.
+    """
     found, acting = parts(env.observation_space, name), actions(env.action_space, name)
+    observed, info = _play(env)
+    if not all(np.isfinite(part.of(seen)).all() for seen in observed for part in found):
+        raise TaskError(f"`{name}` observes a value that is not finite, within {_TRIED} random steps.")
     spec = env.spec
     return Survey(
         env=name,
@@ -58,7 +65,7 @@ def survey(env: Env[Any, Any], name: str) -> Survey:
         actions=acting,
         steps=(spec.max_episode_steps if spec else None) or _own_limit(env) or LONGEST,
         dt=_dt(env),
-        infos=_infos(env, found, name),
+        infos=_shapes(info),
         sections=_structure(env),
         document=inspect.getdoc(type(env.unwrapped)) or "",
     )
@@ -87,21 +94,24 @@ def _dt(env: Env[Any, Any]) -> float:
     return 1.0 / rate if isinstance(rate, int | float) and rate > 0 else 1.0
 
 
-def _infos(env: Env[Any, Any], parts: Sequence[Part], env_name: str) -> dict[str, tuple[int, ...]]:
-    """Raises TaskError for an observation that is not finite: no policy learns from that."""
+def _play(env: Env[Any, Any]) -> tuple[list[Any], dict[str, Any]]:
+    """What a few random steps show: observations, and the newest value of each name of `info`."""
     env.action_space.seed(0)
     seen, info = env.reset(seed=0)
-    found, observed = dict(info), [seen]
+    observed, found = [seen], dict(info)
     for _ in range(_TRIED):
         seen, _, terminated, truncated, info = env.step(env.action_space.sample())
         observed.append(seen)
         found |= info
         if terminated or truncated:
             env.reset(seed=0)
-    if not all(np.isfinite(part.of(seen)).all() for seen in observed for part in parts):
-        raise TaskError(f"`{env_name}` observes a value that is not finite, within {_TRIED} random steps.")
+    return observed, found
+
+
+def _shapes(info: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
+    """Of the numbers in `info`."""
     shapes: dict[str, tuple[int, ...]] = {}
-    for name, value in found.items():
+    for name, value in info.items():
         array = np.asarray(value) if isinstance(value, bool | int | float | np.generic | np.ndarray) else None
         if array is not None and array.dtype.kind in "biuf" and array.ndim <= 1 and name.isidentifier():
             shapes[name] = array.shape
