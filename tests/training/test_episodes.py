@@ -98,8 +98,9 @@ def test_a_policy_that_was_played_tells_what_programs_would_have_paid():
     assert dict(rewards("cartpole", {"angle": ANGLE}, [own])) == {"angle": pytest.approx((-angles.abs()).tolist())}
 
 
-def test_every_variable_that_a_reward_may_name_is_recorded():
-    simulation = registry.make("cartpole", worlds=2, threads=1)
+@pytest.mark.parametrize("env", ["cartpole", "ant", "quadcopter", "shadow_hand_over"])
+def test_every_variable_that_a_reward_may_name_is_recorded(env: str):
+    simulation = registry.make(env, worlds=2, threads=1)
     simulation.reset()
     step = simulation.step(torch.zeros(2, simulation.task.num_actions))
     recorder = Recorder(simulation.task.spec, [0], 2)
