@@ -1,6 +1,8 @@
 import os
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -118,6 +120,32 @@ def test_ctrl_c_is_one_word_and_exit_code_130(monkeypatch, capsys):
     fail_with(KeyboardInterrupt(), monkeypatch)
     assert run("context") == 130
     assert capsys.readouterr().err == "Stopped.\n"
+
+
+PROJECT = Path(__file__).parents[2] / "pyproject.toml"
+MODULE, NAME = tomllib.loads(PROJECT.read_text())["project"]["scripts"]["eureka"].split(":")
+INTERRUPTED = """
+import runpy, sys
+
+class Person:
+    def find_spec(self, name, path, target=None):
+        if name == {during!r}:
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Person())
+sys.argv = ["eureka", "envs"]
+"""
+
+
+@pytest.mark.parametrize("during", ["openeureka.cli.main", "typer", "openeureka.cli.settings", "torch"])
+@pytest.mark.parametrize(
+    "way", [f"from {MODULE} import {NAME}; sys.exit({NAME}())", "runpy.run_module('openeureka', run_name='__main__')"]
+)
+def test_ctrl_c_while_the_command_loads_ends_it_without_a_traceback(during, way):
+    code = INTERRUPTED.format(during=during) + way
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (ended.returncode, ended.stdout) == (130, ""), ended.stderr
+    assert ended.stderr == ("Stopped.\n" if during == "torch" else "")
 
 
 def test_what_a_terminal_cannot_show_is_shown_in_another_way():
