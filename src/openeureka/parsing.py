@@ -65,7 +65,7 @@ def parse(kind: type[Config], words: Sequence[str]) -> Config:
     """Build a frozen config dataclass from `key=value` words. A value is taken as it is: nothing in it is looked up.
 
     Raises:
-        ConfigError: for a word that is not `key=value`, an unknown key or a value of the wrong type.
+        ConfigError: for a word that is not `key=value`, an unknown or repeated key or a value of the wrong type.
     """
     return kind(**_typed(kind, words))
 
@@ -83,6 +83,8 @@ def _typed(kind: type, words: Sequence[str]) -> dict[str, Any]:
         key, sign, value = word.partition("=")
         if not sign:
             raise ConfigError(f"`{word}` is not of the form key=value, for example env=cartpole.")
+        if key in given:
+            raise ConfigError(f"`{key}` is set twice, to `{given[key]!s:.80}` and to `{value:.80}`; say it once.")
         given[key] = value
     for key, value in elsewhere(given).items():
         _expect_known(key, hints)

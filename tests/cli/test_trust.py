@@ -81,8 +81,9 @@ def test_an_address_from_elsewhere_is_refused_in_a_script_and_trusted_by_name(as
     with pytest.raises(ConfigError) as refused:
         search.resume([str(run)])
     assert f"base_url={ADDRESS}" in str(refused.value) and f"add trust={run} if" in str(refused.value)
-    with pytest.raises(ConfigError, match="is not the run that is resumed"):
-        search.resume([str(run), f"trust={tmp_path}"])
+    for words in ([f"trust={tmp_path}"], [f"trust={tmp_path}", f"trust={run}"]):
+        with pytest.raises(ConfigError, match="is not the run that is resumed"):
+            search.resume([str(run), *words])
     assert asked == []
     search.resume([str(run), f"trust={run}"])
     search.resume([str(run)])  # who has agreed once is not asked again

@@ -2,7 +2,7 @@ import pytest
 
 from openeureka.config import RobustConfig, RunConfig, TrainConfig, TuneConfig
 from openeureka.errors import ConfigError
-from openeureka.parsing import as_dict, parse, restored
+from openeureka.parsing import as_dict, changed, parse, restored
 
 
 def test_words_become_typed_fields():
@@ -50,6 +50,16 @@ def test_a_wrong_word_is_one_sentence_that_says_what_to_do(word: str, says: str)
     with pytest.raises(ConfigError, match=r"^[^\n]*$") as error:
         parse(RunConfig, [word])
     assert says in str(error.value)
+
+
+@pytest.mark.parametrize("last", ["ant", "cartpole"])
+def test_a_setting_is_said_once(last: str):
+    words = ["env=cartpole", "sample=2", f"env={last}"]
+    says = f"`env` is set twice, to `cartpole` and to `{last}`; say it once."
+    with pytest.raises(ConfigError, match=f"^{says}$"):
+        parse(RunConfig, words)
+    with pytest.raises(ConfigError, match=f"^{says}$"):
+        changed(RunConfig(), words)
 
 
 @pytest.mark.parametrize("word", ["seed=-1", "threads=100000", "worlds=2e6", "steps=1e16"])

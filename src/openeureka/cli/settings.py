@@ -150,8 +150,8 @@ def trusting(settings: Sequence[str], directory: Path) -> tuple[list[str], bool]
         ConfigError: where it names another run.
     """
     named = [word.removeprefix("trust=") for word in settings if word.startswith("trust=")]
-    if named and Path(named[-1]).resolve() != directory.resolve():
-        raise ConfigError(f"trust={named[-1]} is not the run that is resumed; write trust={directory}.")
+    if other := [name for name in named if Path(name).resolve() != directory.resolve()]:
+        raise ConfigError(f"trust={other[0]} is not the run that is resumed; write trust={directory}.")
     return [word for word in settings if not word.startswith("trust=")], bool(named)
 
 
