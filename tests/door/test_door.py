@@ -209,6 +209,39 @@ def test_settings_that_do_not_fit_are_refused_as_on_the_command_line(tmp_path, s
     assert sentence in str(refused.value) and not (tmp_path / "run").exists()
 
 
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (
+            lambda: openeureka.search(model=None),
+            "`model` takes an object with name, style, sample, close; NoneType has no name, style, sample, close.",
+        ),
+        (lambda: openeureka.searching(model=5), "`model` takes an object with name"),
+        (lambda: openeureka.robust("x", model=5), "`model` takes an object with name"),
+        (
+            lambda: openeureka.train("ant", 3),
+            "`reward=3` does not fit: `reward` takes names, paths and texts of programs.",
+        ),
+        (lambda: openeureka.train("ant", ["human", None]), "`reward=None` does not fit"),
+        (
+            lambda: openeureka.tune("ant", None),
+            "`reward=None` does not fit: `reward` takes a name, a path or the text of a program.",
+        ),
+        (lambda: openeureka.robust(3), "`run=3` does not fit: `run` takes a run or the path of its directory."),
+        (lambda: openeureka.open_run(3), "`directory=3` does not fit: `directory` takes the path of a run."),
+        (
+            lambda: openeureka.check("ant", 7),
+            "`program=7` does not fit: `program` takes a path or the text of a program.",
+        ),
+        (lambda: openeureka.Run(Path("x")).resume(model="random"), "`model` takes an object with name, style"),
+    ],
+)
+def test_what_is_of_another_kind_is_refused_in_one_sentence(call, sentence):
+    with pytest.raises(ConfigError, match=r"^[^\n]*$") as refused:
+        call()
+    assert str(refused.value).startswith(sentence)
+
+
 def test_settings_may_be_paths_and_large_numbers_as_people_write_them(tmp_path, monkeypatch):
     (tmp_path / "mine.py").write_text(program(9.0))
     monkeypatch.chdir(tmp_path)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
 from typing import TypedDict, Unpack
 
 from ..config import NO_MODEL, RobustConfig, RunConfig, TrainConfig, TuneConfig
+from ..errors import ConfigError
 from ..llm.client import LanguageModel
+from ..llm.registry import MODELS
 from ..parsing import absolute, taken
 from ..store import Store
 from ..store.directory import output_directory
@@ -175,10 +178,10 @@ def train(
         RewardFileError: for a reward that cannot be read or was refused.
         EurekaError: what else a person can do something about; what was finished is kept.
     """
-    config = TrainConfig(**taken(TrainConfig, {"env": env, **settings}))
+    config, listed = TrainConfig(**taken(TrainConfig, {"env": env, **settings})), _listed(reward)
     get(config.env)
     trust.remember(config)
-    programs = rewards.named(config, _listed(reward))
+    programs = rewards.named(config, listed)
     directory = output_directory(config.dir, config.env, "train_")
     return done(directory, on_event, lambda host: compose.train(config.run(), directory, programs, host))
 
@@ -186,7 +189,10 @@ def train(
 def _listed(reward: str | Path | Sequence[str | Path]) -> list[str | Path]:
     if isinstance(reward, str) and "\n" not in reward:
         return [word.strip() for word in reward.split(",") if word.strip()]
-    return [reward] if isinstance(reward, (str, Path)) else list(reward)
+    words = list(reward) if isinstance(reward, Iterable) and not isinstance(reward, str) else [reward]
+    for word in words:
+        _expect("reward", word, "names, paths and texts of programs")
+    return words
 
 
 def tune(
@@ -215,6 +221,7 @@ def tune(
         RewardFileError: for a reward that cannot be read or was refused.
         EurekaError: what else a person can do something about; what was finished is kept.
     """
+    _expect("reward", reward, "a name, a path or the text of a program")
     config = TuneConfig(**taken(TuneConfig, {"env": env, **settings}))
     get(config.env)
     trust.remember(config)
@@ -250,8 +257,10 @@ def robust(
         ModelError: when no reply holds ranges that can be used.
         EurekaError: what else a person can do something about; what was finished is kept.
     """
+    if not isinstance(run, Run):
+        _expect("run", run, "a run or the path of its directory")
     directory = run.directory if isinstance(run, Run) else Path(run)
-    own, name = (None, model) if isinstance(model, str) else (model, model.name)
+    own, name = _named(model)
     typed = taken(RobustConfig, {"model": name, **settings})
     wanted = RobustConfig(**typed)
     config = wanted.changed(compose.stored(directory), typed)
@@ -273,10 +282,12 @@ def check(env: str | Path, program: str | Path, *, unsafe_no_sandbox: bool = Fal
         unsafe_no_sandbox: run it in an unconfined child process where the kernel cannot confine it.
 
     Raises:
+        ConfigError: for what is neither a path nor a text.
         TaskError: for a task that does not exist.
         RewardFileError: for a file that cannot be read.
         SandboxUnavailable: where the kernel cannot confine it.
     """
+    _expect("program", program, "a path or the text of a program")
     candidate = rewards.read(program)
     return rewards.judge(absolute("env", str(env)), [candidate], unsafe=unsafe_no_sandbox)[0]
 
@@ -285,8 +296,10 @@ def open_run(directory: str | Path) -> Run:
     """A run that exists, finished, stopped or at work. Nothing that it names is used.
 
     Raises:
+        ConfigError: for what is no path.
         StoreError: when there is none.
     """
+    _expect("directory", directory, "the path of a run")
     Store.view(directory).close()
     return Run(Path(directory))
 
@@ -295,6 +308,8 @@ def resume(
     run: Run, *, model: LanguageModel | None, trusted: bool, on_event: Tell | None, settings: Mapping[str, object]
 ) -> Run:
     """See `Run.resume`."""
+    if model is not None:
+        _expect_model(model)
     directory = run.directory
     config = replace(compose.stored(directory), **taken(RunConfig, settings))
     typed = [*settings, *(["model"] if model is not None else [])]
@@ -309,7 +324,28 @@ def _searched(
     env: str | Path, model: str | LanguageModel, settings: Mapping[str, object]
 ) -> tuple[RunConfig, Path, LanguageModel | None]:
     """The settings of a search, its directory, and the model where it is an object."""
-    own, name = (None, model) if isinstance(model, str) else (model, model.name)
+    own, name = _named(model)
     typed = taken(RunConfig, {"env": env, "model": name, **settings})
     config = compose.admitted(RunConfig(**typed), typed)
     return config, output_directory(config.dir, config.env), own
+
+
+def _named(model: str | LanguageModel) -> tuple[LanguageModel | None, str]:
+    """The model where it is an object, and what it is called."""
+    if isinstance(model, str):
+        return None, model
+    _expect_model(model)
+    return model, model.name
+
+
+def _expect_model(model: object) -> None:
+    if missing := [name for name in MODELS.members if not hasattr(model, name)]:
+        raise ConfigError(
+            f"`model` takes an object with {', '.join(MODELS.members)}; {type(model).__name__} has no "
+            f"{', '.join(missing)}."
+        )
+
+
+def _expect(key: str, value: object, wanted: str) -> None:
+    if not isinstance(value, (str, PathLike)):
+        raise ConfigError(f"`{key}={value!s:.80}` does not fit: `{key}` takes {wanted}.")
