@@ -6,8 +6,14 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
+from typing import TYPE_CHECKING
 
 from .types import COSTS, Evaluation, Limits, Peak, Place, Scored, TrainingResult
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    Vector = np.ndarray[tuple[int], np.dtype[np.float64]]
 
 ERRORS = 2.0
 """Standard errors that two scores must be apart before one counts as the higher."""
@@ -131,6 +137,14 @@ def pearson(xs: Sequence[float | None], ys: Sequence[float | None]) -> float | N
     xx = math.fsum((x - mean_x) ** 2 for x, _ in pairs)
     yy = math.fsum((y - mean_y) ** 2 for _, y in pairs)
     return xy / math.sqrt(xx * yy) if xx > 0 and yy > 0 else None
+
+
+def midranks(values: Sequence[float] | Vector) -> Vector:
+    """Ranks from 1 to n; equal values share the mean of theirs. Spearman's correlation is `pearson` of these."""
+    import numpy as np  # takes a tenth of a second, and only screens and tunings rank
+
+    _, places, counts = np.unique(np.asarray(values, np.float64), return_inverse=True, return_counts=True)
+    return (np.cumsum(counts) - (counts - 1) / 2)[places]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,7 +4,7 @@ from random import Random
 import pytest
 
 from openeureka import score
-from openeureka.score import Arm, Outcome, clipped, human_normalised, mean, pearson, rank
+from openeureka.score import Arm, Outcome, clipped, human_normalised, mean, midranks, pearson, rank
 from openeureka.types import Evaluation
 
 
@@ -53,6 +53,11 @@ def test_pearson_is_undefined_for_constants_and_single_pairs() -> None:
     assert pearson([1, 1, 1], [1, 2, 3]) is None
     assert pearson([1], [2]) is None
     assert pearson([], []) is None
+
+
+def test_equal_values_share_the_mean_of_their_ranks() -> None:
+    # In order -inf -inf 0.5 3 3 3: places 1 and 2, 3, 4 to 6.
+    assert midranks([3.0, -math.inf, 3.0, 0.5, -math.inf, 3.0]).tolist() == [5.0, 1.5, 5.0, 3.0, 1.5, 5.0]
 
 
 def test_errors_of_looks_that_share_start_states_add_up() -> None:

@@ -20,7 +20,7 @@ from statistics import median
 
 import numpy as np
 
-from ..score import ERRORS
+from ..score import ERRORS, midranks
 from ..types import CandidateId, Episodes, Finding, History, Place, PromptPlan, Sample, Screened, Verdict, VerdictCode
 from .lanes import Lanes, programs
 from .sampling import Sampler
@@ -138,11 +138,10 @@ def _correlation(a: Vector, b: Vector) -> float | None:
 
 
 def _ranks(values: Vector) -> Vector | None:
-    """Ranks, equal values sharing the mean of theirs, about their mean and of length 1; None where all are equal."""
+    """Ranks about their mean and of length 1, so that a correlation is a product; None where all values are equal."""
     if not len(values):
         return None
-    _, places, counts = np.unique(values, return_inverse=True, return_counts=True)
-    found = (np.cumsum(counts) - (counts + 1) / 2)[places]
+    found = midranks(values)
     found = found - found.mean()
     length = float(np.linalg.norm(found))
     return found / length if length > 0.0 else None

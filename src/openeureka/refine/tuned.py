@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_left, bisect_right
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
@@ -12,7 +11,7 @@ from ..config import FEWEST_TUNED, RunConfig
 from ..method import race
 from ..method.lanes import final_seeds
 from ..reward.weights import Weight, values, weights
-from ..score import CONFIDENCE, Arm, Difference, breach, difference, lawful, mean, pearson, pooled, rank
+from ..score import CONFIDENCE, Arm, Difference, breach, difference, lawful, mean, midranks, pearson, pooled, rank
 from ..types import COMPONENT, Candidate, Evaluation, Limits, TrainingResult, lane_id, of_components
 
 ORIGINAL = "original"
@@ -269,18 +268,12 @@ def spearman(xs: Sequence[float], ys: Sequence[float], *, claims: int = 2) -> Co
     Args:
         claims: how many such intervals are to hold together (Bonferroni).
     """
-    value = pearson(_ranks(xs), _ranks(ys)) if len(xs) >= FEWEST else None
+    value = pearson(midranks(xs).tolist(), midranks(ys).tolist()) if len(xs) >= FEWEST else None
     if value is None:
         return None
     quantile = NormalDist().inv_cdf(1 - (1 - CONFIDENCE) / (2 * claims))
     middle, half = math.atanh(min(max(value, -0.9999), 0.9999)), quantile * math.sqrt(1.06 / (len(xs) - 3))
     return Correlation(value=value, low=math.tanh(middle - half), high=math.tanh(middle + half))
-
-
-def _ranks(values: Sequence[float]) -> list[float]:
-    """From 1; equal values share the mean of theirs."""
-    ordered = sorted(values)
-    return [(bisect_left(ordered, value) + bisect_right(ordered, value) + 1) / 2 for value in values]
 
 
 def _components(
