@@ -53,7 +53,7 @@ class RunConfig:
     iteration: int = 0
     """Generations, N; 0 means 3, or 5 with an endpoint."""
     search: str = "best"
-    """`best` (the best so far is the parent), `eureka` (as published) or `pkg.mod:Name` of your own."""
+    """`best` (the best so far is the parent), `eureka` (as published), or your own: `FILE.py:Name`, `pkg.mod:Name`."""
     init: str = ""
     """Begin with a given reward: `human`, or the path of a reward file; empty means with the model's own."""
     safety: str = ""
@@ -103,7 +103,7 @@ class RunConfig:
     threads: int = 0
     """Cores to train on; 0 means all of them."""
     executor: str = "local"
-    """Where lanes run: `local`, on this machine, `ray`, on a cluster, or `pkg.mod:Name` of your own."""
+    """Where lanes run: `local`, on this machine, `ray`, on a cluster, or your own: `FILE.py:Name`, `pkg.mod:Name`."""
     address: str = ""
     """Of the Ray cluster: `auto`, the one that this machine is part of, `HOST:PORT`, or `local`, one of its own."""
     max_cost: float = 0.0
@@ -226,7 +226,7 @@ class TrainConfig:
     threads: int = 0
     """Cores to train on; 0 means all of them."""
     executor: str = "local"
-    """Where lanes run: `local`, on this machine, `ray`, on a cluster, or `pkg.mod:Name` of your own."""
+    """Where lanes run: `local`, on this machine, `ray`, on a cluster, or your own: `FILE.py:Name`, `pkg.mod:Name`."""
     address: str = ""
     """Of the Ray cluster: `auto`, the one that this machine is part of, `HOST:PORT`, or `local`, one of its own."""
     log: str = ""

@@ -17,12 +17,15 @@ if TYPE_CHECKING:
 
 _LONGEST = 4096
 """Characters of a setting: those of the longest path."""
+_CODE = r"()(.+\.py)(:.*)?"
 _FILES = {
     "env": r"((?:python:)?)(.+\.py)([:+].*)?",
+    "search": _CODE,
+    "executor": _CODE,
     "init": r"()(?!human\Z)(.+)()",
     "curriculum": r"()(.+\.ya?ml)()",
     "randomise": r"()(.+\.ya?ml)()",
-    "model": r"(replay:|local:(?!hub:))(.+)()",
+    "model": r"(replay:|local:(?!hub:)|(?=.+\.py:))(.+?)((?<=\.py):.+)?",
 }
 
 

@@ -1,12 +1,17 @@
-"""Ways in for code of others: a name that is built in, one of an installed package, or `pkg.mod:Name`."""
+"""Ways in for code of others: a built-in name, one of an installed package, `pkg.mod:Name` or `FILE.py:Name`."""
 
 from __future__ import annotations
 
+import hashlib
 import importlib
+import importlib.util
 import inspect
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from .errors import ConfigError, nearest
@@ -42,14 +47,19 @@ class Door:
         Raises:
             ConfigError: when there is none of that name, or it cannot be imported.
         """
-        module, sign, name = (self.built_in.get(value) or self._added().get(value) or value).partition(":")
+        module, sign, name = (self.built_in.get(value) or self._added().get(value) or value).rpartition(":")
+        if value.endswith(".py"):
+            raise ConfigError(f"Say which class or function of {value} is meant: {self.setting}={value}:Name.")
         if not sign:
             raise ConfigError(
                 f"There is no {self.setting} `{value}`.{nearest(value, self.names())} It is {', '.join(self.names())}, "
-                "or pkg.mod:Name of your own."
+                "or pkg.mod:Name or FILE.py:Name of your own."
             )
+        file = Path(module).resolve() if module.endswith(".py") else None
+        if file and not file.is_file():
+            raise ConfigError(f"There is no file {file}; {self.setting}=FILE.py:Name names what is in a file.")
         try:
-            found = importlib.import_module(module)
+            found = import_file(file) if file else importlib.import_module(module)
         except Exception as error:  # whatever a person's code raises
             said = " ".join(f"{type(error).__name__}: {error}".split()).rstrip(".")
             own = isinstance(error, ModuleNotFoundError) and (error.name or "") == module.partition(".")[0]
@@ -76,3 +86,19 @@ class Door:
         if missing := [name for name in self.members if not hasattr(made, name)]:
             raise ConfigError(f"What `{self.setting}={value}` makes is not complete: it has no {', '.join(missing)}.")
         return made
+
+
+def import_file(path: Path) -> ModuleType:
+    """Import a file once a process, under a name that no other module has."""
+    name = f"openeureka_file_{hashlib.sha256(bytes(path)).hexdigest()[:12]}"
+    if name not in sys.modules:
+        spec = importlib.util.spec_from_file_location(name, path)
+        assert spec is not None and spec.loader is not None
+        # Dataclasses and `inspect` look a class's module up by name, already while it is being executed.
+        sys.modules[name] = importlib.util.module_from_spec(spec)
+        try:
+            spec.loader.exec_module(sys.modules[name])
+        except BaseException:
+            del sys.modules[name]
+            raise
+    return sys.modules[name]

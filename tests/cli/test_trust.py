@@ -180,9 +180,11 @@ def executor(**options):
 """
 
 
+@pytest.mark.parametrize("place", ["strange_{setting}", "{folder}/strange_{setting}.py"])
 @pytest.mark.parametrize("setting", ["search", "executor"])
-def test_code_that_a_run_names_is_imported_when_somebody_agrees(asked, tmp_path, monkeypatch, capsys, setting):
-    mark, named = tmp_path / "mark", f"strange_{setting}:{setting}"
+def test_code_that_a_run_names_is_imported_when_somebody_agrees(asked, tmp_path, monkeypatch, capsys, setting, place):
+    mark, named = tmp_path / "mark", f"{place.format(setting=setting, folder=tmp_path)}:{setting}"
+    monkeypatch.delitem(sys.modules, f"strange_{setting}", raising=False)
     (tmp_path / f"strange_{setting}.py").write_text(STRANGE.format(mark=str(mark)))
     monkeypatch.syspath_prepend(tmp_path)
     run = foreign(tmp_path / "run", env="cartpole", model="local", base_url="", **{setting: named})
@@ -197,6 +199,17 @@ def test_code_that_a_run_names_is_imported_when_somebody_agrees(asked, tmp_path,
     assert len(questions) == 1 and not mark.exists()
     search.resume([str(run), f"trust={run}"])
     assert mark.exists() and "best F" in capsys.readouterr().out
+
+
+def test_a_relative_file_of_code_elsewhere_is_another_file(tmp_path, monkeypatch):
+    config = RunConfig(model="mine.py:Model", search="mine.py:Search", executor="mine.py:Executor")
+    for folder in ("mine", "theirs"):
+        (tmp_path / folder).mkdir()
+    monkeypatch.chdir(tmp_path / "mine")
+    trust.remember(config)
+    assert trust.unknown(config) == {}
+    monkeypatch.chdir(tmp_path / "theirs")
+    assert set(trust.unknown(config)) == {"model", "search", "executor"}
 
 
 def test_searches_and_executors_that_are_installed_need_no_consent():

@@ -1,5 +1,6 @@
 """`search=` and `executor=` find what is built in, what a package brings along, and what somebody names."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from openeureka.errors import ConfigError
 from openeureka.executors import EXECUTORS
 from openeureka.executors.local import LocalExecutor
 from openeureka.llm import open_model
+from openeureka.parsing import parse
 from openeureka.plugins import Door
 from openeureka.strategies import SEARCHES, Best, Eureka
 
@@ -77,6 +79,48 @@ def test_those_of_a_package_are_found_by_entry_point_and_by_import_string(name):
     assert (type(strategy).__name__, strategy.samples) == ("Tournament", 3)
 
 
+def test_a_file_needs_no_place_where_python_finds_it(tmp_path, monkeypatch):
+    folder = tmp_path / "else:where"
+    folder.mkdir()
+    (folder / "mine.py").write_text(MODULE)
+    assert "mine" not in sys.modules and made(f"{folder}/mine.py:Tournament").samples == 3
+    assert open_model(RunConfig(model=f"{folder}/mine.py:Oracle")).name == "oracle"
+    monkeypatch.chdir(folder)
+    assert type(made("mine.py:Tournament")) is type(made(f"{folder}/mine.py:Tournament"))
+
+
+def test_settings_keep_the_whole_path_of_a_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for key in ("search", "executor", "model"):
+        assert getattr(parse(RunConfig, [f"{key}=a/mine.py:Mine"]), key) == f"{tmp_path}/a/mine.py:Mine"
+        assert getattr(parse(RunConfig, [f"{key}=pkg.mine:Mine"]), key) == "pkg.mine:Mine"
+        assert not SEARCHES.installed("a/mine.py:Mine")
+    assert parse(RunConfig, ["model=local:weights.gguf"]).model == f"local:{tmp_path}/weights.gguf"
+    assert parse(RunConfig, ["model=local:hub:a/b/c.gguf"]).model == "local:hub:a/b/c.gguf"
+    assert parse(RunConfig, ["model=llama3:latest"]).model == "llama3:latest"
+
+
+@pytest.mark.parametrize(
+    ("value", "says"),
+    [
+        ("nowhere.py:Search", "There is no file {folder}/nowhere.py; search=FILE.py:Name names what is in a file."),
+        ("bracket.py", "Say which class or function of bracket.py is meant: search=bracket.py:Name."),
+        ("bracket.py:Turnament", "There is no class or function `Turnament` in bracket.py. Did you mean `Tournament`?"),
+        ("broken.py:Search", "`search=broken.py:Search` cannot be imported: ModuleNotFoundError: No module named"),
+        (
+            "cut.py:Search",
+            "`search=cut.py:Search` cannot be imported: SyntaxError: '(' was never closed (cut.py, line 1)",
+        ),
+    ],
+)
+def test_what_no_file_holds_is_one_sentence(tmp_path, monkeypatch, value, says):
+    (tmp_path / "cut.py").write_text("f(\n")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigError, match=r"^[^\n]*$") as refused:
+        made(value)
+    assert str(refused.value).startswith(says.format(folder=tmp_path))
+
+
 def test_a_package_may_give_a_model_a_short_name():
     assert open_model(RunConfig(model="oracle")).name == "oracle"
     at_endpoint = open_model(RunConfig(model="oracle", base_url="http://127.0.0.1:1/v1"))
@@ -92,7 +136,10 @@ def test_only_a_name_that_is_listed_counts_as_installed():
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("greedy", "There is no search `greedy`. It is best, eureka, tournament, or pkg.mod:Name of your own."),
+        (
+            "greedy",
+            "There is no search `greedy`. It is best, eureka, tournament, or pkg.mod:Name or FILE.py:Name of your own.",
+        ),
         ("eurkea", "Did you mean `eureka`?"),
         ("", "There is no search ``."),
         (

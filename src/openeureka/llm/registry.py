@@ -31,9 +31,9 @@ MODELS = Door(setting="model", group="openeureka.models", built_in={}, members=(
 def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
     """The model that `config.model` names. Costly things (weights, processes, sockets) wait for the first sample.
 
-    `local`, `local:PATH.gguf`, `local:hub:OWNER/REPO/FILE.gguf`, `random`, `replay:RUN`, `replay:FILE.json`, an import
-    string `pkg.mod:factory` of a function from RunConfig to a model, a name that an installed package gives one, or the
-    name of a model at an OpenAI-compatible endpoint.
+    `local`, `local:PATH.gguf`, `local:hub:OWNER/REPO/FILE.gguf`, `random`, `replay:RUN`, `replay:FILE.json`,
+    `pkg.mod:factory` or `FILE.py:factory` of a function from RunConfig to a model, a name that an installed package
+    gives one, or the name of a model at an OpenAI-compatible endpoint.
 
     Args:
         held: replies that the run already has; a replaying model goes on after them.
@@ -48,7 +48,7 @@ def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
         return RandomModel()
     if kind == "replay":
         return _replay(config, rest, held)
-    if not config.base_url and (_is_import(kind, rest) or MODELS.installed(config.model)):
+    if not config.base_url and (_is_import(*config.model.rpartition(":")[::2]) or MODELS.installed(config.model)):
         return MODELS.make(config.model, config)
     return _endpoint(config)
 

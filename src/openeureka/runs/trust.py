@@ -47,8 +47,8 @@ def claims(config: object) -> dict[str, str]:
     )
     found = {
         "env": "" if registry.installed(env) else absolute("env", env),
-        "search": "" if SEARCHES.installed(search) else search,
-        "executor": "" if EXECUTORS.installed(executor) else executor,
+        "search": "" if SEARCHES.installed(search) else absolute("search", search),
+        "executor": "" if EXECUTORS.installed(executor) else absolute("executor", executor),
         "address": "" if address in ("auto", "local") else address,
         "curriculum": absolute("curriculum", curriculum) if curriculum.endswith((".yaml", ".yml")) else "",
         "randomise": absolute("randomise", randomise) if randomise.endswith((".yaml", ".yml")) else "",

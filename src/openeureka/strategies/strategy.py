@@ -121,8 +121,7 @@ def asked(strategy: SearchStrategy, history: History, rng: Random, slots: int) -
     """What the strategy asks for. Raises ConfigError where that is another number of samples."""
     found = strategy.ask(history, rng)
     if (wanted := sum(plan.count for plan in found)) != slots:
-        kind = type(strategy)
-        raise ConfigError(f"`ask` of {kind.__module__}:{kind.__name__} wants {wanted} samples; sample= says {slots}.")
+        raise ConfigError(f"`ask` of {type(strategy).__name__} wants {wanted} samples; sample= says {slots}.")
     return found
 
 

@@ -5,12 +5,9 @@ strings `pkg.mod:Class` and files `path/to/file.py`, or `path/to/file.py:Class` 
 
 from __future__ import annotations
 
-import hashlib
 import importlib
-import importlib.util
 import json
 import re
-import sys
 from collections.abc import Mapping, Sequence
 from functools import partial
 from importlib.metadata import entry_points
@@ -19,6 +16,7 @@ from types import ModuleType
 from typing import Any
 
 from ..errors import TaskError, nearest
+from ..plugins import import_file
 from ..types import Ranges
 from . import faults
 from .env import BatchedEnv
@@ -157,25 +155,9 @@ def _import(place: str) -> ModuleType:
     if file and not file.is_file():
         raise TaskError(f"There is no file {file}; env=FILE.py names a task in a file.")
     try:
-        return _import_file(file) if file else importlib.import_module(place)
+        return import_file(file) if file else importlib.import_module(place)
     except Exception as error:
         raise faults.import_fault(place, error) from error
-
-
-def _import_file(path: Path) -> ModuleType:
-    """Import a file once a process, under a name that no other module has."""
-    name = f"openeureka_task_{hashlib.sha256(bytes(path)).hexdigest()[:12]}"
-    if name not in sys.modules:
-        spec = importlib.util.spec_from_file_location(name, path)
-        assert spec is not None and spec.loader is not None
-        # Dataclasses and `inspect` look a class's module up by name, already while it is being executed.
-        sys.modules[name] = importlib.util.module_from_spec(spec)
-        try:
-            spec.loader.exec_module(sys.modules[name])
-        except BaseException:
-            del sys.modules[name]
-            raise
-    return sys.modules[name]
 
 
 def make(
