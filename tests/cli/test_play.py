@@ -78,6 +78,15 @@ def test_a_task_whose_file_has_moved_is_found_where_env_says(asked, tmp_path):
     assert [env for env, *_ in asked] == ["/new/mine.py:Mine"]
 
 
+def test_a_policy_file_is_decoded_once_to_find_its_task(asked, tmp_path, monkeypatch):
+    decoded: list[bytes] = []
+    decode = Policy.from_bytes
+    monkeypatch.setattr(Policy, "from_bytes", staticmethod(lambda data: decoded.append(data) or decode(data)))
+    (tmp_path / "ant.safetensors").write_bytes(policy_of("ant"))
+    play.play([f"policy={tmp_path}/ant.safetensors", f"out={tmp_path}/a.mp4"])
+    assert decoded == [policy_of("ant")] and asked[0][0] == "ant"
+
+
 def test_a_run_without_a_policy_says_so(asked, tmp_path):
     Store.open(tmp_path / "run", RunConfig(env="ant")).close()
     with pytest.raises(ConfigError, match="has no policy yet; `eureka show"):

@@ -58,8 +58,8 @@ def _chosen(config: PlayConfig, directory: Path | None) -> tuple[str, bytes | st
         run = read_config(directory).env if directory is not None else ""
         return _trusted(run, config.env) if run else config.env or "cartpole", config.policy
     of_run = config.policy in ("", *_MADE_BY)
-    policy = _of_run(directory, config.policy) if directory and of_run else _read(Path(config.policy))
-    return _env_of(policy, config.env), policy
+    policy, trained = _of_run(directory, config.policy) if directory and of_run else _read(Path(config.policy))
+    return _env_of(trained, config.env), policy
 
 
 def _film(env: str, policy: bytes | str, config: PlayConfig, directory: Path | None) -> None:
@@ -76,11 +76,11 @@ def _film(env: str, policy: bytes | str, config: PlayConfig, directory: Path | N
     print(f"Wrote {folder / name}")
 
 
-def _of_run(directory: Path, wanted: str) -> bytes:
-    """A policy of a run or a training, which anybody may have made."""
+def _of_run(directory: Path, wanted: str) -> tuple[bytes, str]:
+    """A policy of a run or a training, which anybody may have made, and its task."""
     policy = artifacts.read(directory, f"{wanted or 'best'}/policy.safetensors")
     if policy is not None:
-        return policy
+        return policy, Policy.from_bytes(policy).env
     read_config(directory)  # refuses what is no run
     if wanted:
         raise ConfigError(f"{directory} holds no {wanted} policy, {_MADE_BY[wanted]}; leave policy={wanted} out.")
@@ -92,7 +92,7 @@ def _beside(directory: Path | None, wanted: str) -> bytes | str | None:
     if wanted and wanted not in (HUMAN, *AGENTS) and not Path(wanted).exists():
         raise ConfigError(f"There is no policy file {wanted}; beside= is human, random, zero or such a file.")
     if wanted != HUMAN:
-        return wanted if wanted in AGENTS else _read(Path(wanted)) if wanted else None
+        return wanted if wanted in AGENTS else _read(Path(wanted))[0] if wanted else None
     policy = filming.human(directory) if directory is not None and is_run(directory) else None
     if policy is None:
         raise ConfigError("beside=human needs a run that trained the human reward; name a policy file instead.")
@@ -103,11 +103,11 @@ def _caption(said: str) -> str:
     return f"{HUMAN} reward" if said == HUMAN else one_line(Path(said).parent.name or said, CAPTION)
 
 
-def _read(path: Path) -> bytes:
+def _read(path: Path) -> tuple[bytes, str]:
+    """A policy file, and its task."""
     try:
         data = path.read_bytes()
-        Policy.from_bytes(data)  # refuses what is none
-        return data
+        return data, Policy.from_bytes(data).env
     except RewardFileError as error:
         raise RewardFileError(f"{path}: {error}") from None
     except OSError as error:
@@ -116,9 +116,8 @@ def _read(path: Path) -> bytes:
         ) from None
 
 
-def _env_of(policy: bytes, wanted: str) -> str:
+def _env_of(trained: str, wanted: str) -> str:
     """The task a policy was trained on; it fits no other. `wanted` may say where its file lies now."""
-    trained = Policy.from_bytes(policy).env
     if wanted and short_name(wanted) != short_name(trained):
         raise ConfigError(f"The policy was trained on env={trained}, not on env={wanted}; leave env= out.")
     return _trusted(trained, wanted, "The policy")
