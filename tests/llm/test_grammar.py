@@ -1,5 +1,6 @@
 """Every string of the grammar is a program that runs. It is executed here because this package itself wrote it."""
 
+import ast
 from itertools import pairwise
 
 import pytest
@@ -42,6 +43,24 @@ def test_every_random_string_passes_the_gate_and_runs(env: str, progress: bool):
         marks = [value for name, value in components.items() if name.startswith("progress_")]
         assert progress <= len(marks) <= 3 * progress, source
         assert all(((value >= 0.0) & (value <= 1.0)).all() for value in marks), source
+
+
+@pytest.mark.parametrize("progress", [False, True])
+def test_no_variable_of_a_task_is_overwritten_by_a_program(progress: bool):
+    """As `x` of Lunar Lander, which after the first term was that term."""
+    named = ("x", "x_", "reward", "components")
+    spec = StateSpec(tuple(StateVar(name=name, meaning="m", use="zero_centred") for name in named))
+    for source in programs(spec, 40, progress=progress):
+        assert isinstance(gate.check(source, spec), gate.Program), source
+        (function,) = (node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef))
+        bound = {
+            node.id for node in ast.walk(function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+        }
+        assert bound == {"x__", "reward_", "components_"}, source
+        namespace: dict = {}
+        exec(source, namespace)
+        _, components = namespace["compute_reward"](*(torch.full((WORLDS,), float(i)) for i in range(4)))
+        assert all(name.startswith(("x", "reward", "components", "progress_")) for name in components), source
 
 
 def test_arguments_are_the_offered_variables_in_the_order_of_the_table():

@@ -6,6 +6,8 @@ from the state table, signs from `StateVar.use`. What is left to the model is wh
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from importlib.resources import files
 from itertools import combinations
 
@@ -15,6 +17,8 @@ from . import gbnf
 
 _MAX_COLUMNS = 4
 """Vectors up to this size are offered by column: beyond it, a column number means nothing to a reader."""
+_LOCALS: tuple[str, ...] = ("x", "reward", "components")
+"""What the programs of `reward.gbnf` bind."""
 
 
 def offered(spec: StateSpec) -> tuple[StateVar, ...]:
@@ -48,16 +52,28 @@ def grammar(spec: StateSpec, *, progress: bool = False) -> str:
         progress: whether programs tell how far an episode has come.
     """
     variables = offered(spec)
-    frame = _rules("reward") | (_rules("progress") if progress else {})
-    leaves = {name: tuple(map(gbnf.literal, texts)) for name, texts in _leaves(variables).items() if texts}
+    names = _locals(variables)
+    frame = _rules("reward", names) | (_rules("progress", names) if progress else {})
+    leaves = {name: tuple(map(gbnf.literal, texts)) for name, texts in _leaves(variables, names).items() if texts}
     return gbnf.render(gbnf.prune({**frame, **leaves}))
 
 
-def _rules(name: str) -> dict[str, tuple[gbnf.Sequence, ...]]:
-    return gbnf.parse((files("openeureka") / "templates" / f"{name}.gbnf").read_text())
+def _locals(variables: tuple[StateVar, ...]) -> dict[str, str]:
+    """What each of `_LOCALS` is called: a variable of the task that has its name would be lost when it is bound."""
+    taken = {variable.name for variable in variables}
+    found = {name: name for name in _LOCALS}
+    for name in _LOCALS:
+        while found[name] in taken:
+            found[name] += "_"
+    return found
 
 
-def _leaves(variables: tuple[StateVar, ...]) -> dict[str, list[str]]:
+def _rules(name: str, names: Mapping[str, str]) -> dict[str, tuple[gbnf.Sequence, ...]]:
+    text = (files("openeureka") / "templates" / f"{name}.gbnf").read_text()
+    return gbnf.parse(re.sub(rf"\b({'|'.join(names)})\b", lambda match: names[match[0]], text))
+
+
+def _leaves(variables: tuple[StateVar, ...], names: Mapping[str, str]) -> dict[str, list[str]]:
     """Expressions of each leaf of `reward.gbnf`."""
     centred = [v for v in variables if v.use == "zero_centred"]
     points = [v for v in variables if v.use == "point"]
@@ -66,7 +82,7 @@ def _leaves(variables: tuple[StateVar, ...]) -> dict[str, list[str]]:
     # A point that nothing can be compared with still has meaningful coordinates, a height for example.
     directed = [v for v in variables if v.use == "directional"] + [v for v in points if v.name not in paired]
     return {
-        "start": [_start(variables[0])],
+        "start": [_start(variables[0], names)],
         "offset": [
             *(text for v in centred for text in _scalars(v)),
             *(f"{x} - {y}" for a, b in pairs for x, y in zip(_scalars(a), _scalars(b), strict=True)),
@@ -85,6 +101,7 @@ def _scalars(variable: StateVar) -> list[str]:
     return [f"{variable.name}[:, {i}]" for i in range(columns)] if columns <= _MAX_COLUMNS else []
 
 
-def _start(variable: StateVar) -> str:
+def _start(variable: StateVar, names: Mapping[str, str]) -> str:
     like = f"{variable.name}[:, 0]" if variable.shape else variable.name
-    return f"    reward = torch.zeros_like({like})\n    components: Dict[str, torch.Tensor] = {{}}\n"
+    reward, components = names["reward"], names["components"]
+    return f"    {reward} = torch.zeros_like({like})\n    {components}: Dict[str, torch.Tensor] = {{}}\n"

@@ -12,8 +12,9 @@ from ..types import Prompt, Reply
 from . import gbnf
 
 _TRIES = 100
-_TERM = re.compile(r'    # .*\n    x = (.+)\n(    reward = .+\n)    components\["\w+"\] = x\n')
-_MARK = re.compile(r'    # .*\n    components\["progress_\w+"\] = (.+)\n')
+_TERM = re.compile(r'    # .*\n(    x_* = (.+)\n    reward_* = .+\n    components_*)\["\w+"\] = (x_*)\n')
+_MARK = re.compile(r'    # .*\n(    components_*)\["progress_\w+"\] = (.+)\n')
+"""Where a variable of the task is called `x`, the local is `x_`: see `grammar`."""
 _VARIABLE = re.compile(r"(?<![\w.])([A-Za-z_]\w*)\b(?:\[:, (\d+)\])?(?!\s*=)")
 _FORMS = {"torch.exp(": "close", " > ": "above", " < ": "below", "torch.clamp(": "bounded"}
 MAX_NAME = 48
@@ -63,12 +64,12 @@ def named(text: str) -> str:
         return name
 
     def term(match: re.Match[str]) -> str:
-        name = fresh(_measured(match[1]))
-        return f'    # {name.replace("_", " ")}\n    x = {match[1]}\n{match[2]}    components["{name}"] = x\n'
+        name = fresh(_measured(match[2]))
+        return f'    # {name.replace("_", " ")}\n{match[1]}["{name}"] = {match[3]}\n'
 
     def mark(match: re.Match[str]) -> str:
-        name = fresh(f"progress_{_measured(match[1])}")
-        return f'    # {name.replace("_", " ")}\n    components["{name}"] = {match[1]}\n'
+        name = fresh(f"progress_{_measured(match[2])}")
+        return f'    # {name.replace("_", " ")}\n{match[1]}["{name}"] = {match[2]}\n'
 
     found, count = _TERM.subn(term, _MARK.sub(mark, text))
     return re.sub(r"\A .*\n", " drawn at random\n", found) if count else text
