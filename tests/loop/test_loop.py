@@ -13,9 +13,10 @@ from sandbox.states import recorded
 from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.errors import BudgetError, ConfigError, ModelError, WorkerError
+from openeureka.llm.random import RandomModel
 from openeureka.loop import run, summarise
 from openeureka.method import baselines
-from openeureka.method.sampling import request_seed
+from openeureka.method.sampling import Sampler, request_seed
 from openeureka.observer import NullObserver
 from openeureka.sandbox import confine
 from openeureka.sandbox.client import Sandbox
@@ -23,7 +24,7 @@ from openeureka.score import Arm, Baselines, Outcome
 from openeureka.store import Store, read_replies
 from openeureka.testing.hostile import CORPUS, STATE
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
-from openeureka.types import Candidate, TrainingResult, TrainingState, VerdictCode
+from openeureka.types import Candidate, PromptPlan, StateSpec, StateVar, TrainingResult, TrainingState, VerdictCode
 
 REFUSED = "```python\ndef compute_reward(x):\n    return x\n```"
 CONFIG = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2)
@@ -255,6 +256,29 @@ def test_the_rest_of_an_interrupted_refill_has_the_seeds_that_it_would_have_had(
     one.model = Ending(texts, said=4, ends=5)
     one.go()
     assert one.model.seeds == [first + 1]
+
+
+def test_chance_draws_the_rest_of_an_interrupted_request_as_it_would_have(tmp_path: Path) -> None:
+    class Ending(RandomModel):
+        def sample(self, prompt, *, n: int, seed: int):
+            for index, drawn in enumerate(super().sample(prompt, n=n, seed=seed)):
+                if index == 2:
+                    raise KeyboardInterrupt
+                yield drawn
+
+    speed = StateVar(name="speed", meaning="how fast", use="directional")
+    context = replace(TOY, state=StateSpec((speed,)))
+    config = replace(CONFIG, sample=5)
+
+    def draw(name: str, model: RandomModel) -> list[str]:
+        with Store.open(tmp_path / name, config) as store:
+            Sampler(config, store, model, ToyChecker(), context, NullObserver()).fill(0, [PromptPlan(count=5)])
+        return [one.text for one in read_replies(tmp_path / name)]
+
+    with pytest.raises(KeyboardInterrupt):
+        draw("stopped", Ending())
+    assert len(read_replies(tmp_path / "stopped")) == 2
+    assert draw("stopped", RandomModel()) == draw("whole", RandomModel())
 
 
 class Interrupted(ScriptedModel):

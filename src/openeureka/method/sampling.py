@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Protocol
 
@@ -12,6 +13,7 @@ from ..config import RunConfig
 from ..errors import RewardFileError
 from ..llm import price
 from ..llm.client import LanguageModel
+from ..llm.random import RandomModel
 from ..observer import Observer
 from ..reward import extract
 from ..store import Store
@@ -128,9 +130,9 @@ class Sampler:
             known = price.find(self.config.model, self.config.price)
             price.afford(self.config.max_cost, self.store.talk.replies(), known, prompt, len(missing))
         self.observer.asked(missing)
-        asked = request_seed(self.config.seed, generation, attempt, slots[0])
-        seed = (asked + slots.index(missing[0])) % 2**31  # of an interrupted request, what its rest would have had
-        for slot, reply in zip(missing, self.model.sample(prompt, n=len(missing), seed=seed), strict=True):
+        seed = request_seed(self.config.seed, generation, attempt, slots[0])
+        rest = rest_of(self.model, prompt, seed=seed, held=slots.index(missing[0]), missing=len(missing))
+        for slot, reply in zip(missing, rest, strict=True):
             self.store.talk.save_reply(generation, attempt, slot, reply)
             self.observer.reply(generation, slot, reply)
 
@@ -197,6 +199,19 @@ def _repeating(filled: Mapping[int, Sample], known: Iterable[Sample]) -> list[in
             repeating.append(slot)
         seen.add(program)
     return repeating
+
+
+def rest_of(model: LanguageModel, prompt: Prompt, *, seed: int, held: int, missing: int) -> Iterator[Reply]:
+    """What an interrupted request still owes, as near as can be to what it would have been.
+
+    Args:
+        seed: of the whole request.
+        held: replies that came of it.
+        missing: those that did not.
+    """
+    if isinstance(model, RandomModel):  # what it draws depends on its draws before, and costs nothing
+        return islice(model.sample(prompt, n=held + missing, seed=seed), held, None)
+    return model.sample(prompt, n=missing, seed=(seed + held) % 2**31)
 
 
 def request_seed(seed: int, generation: int, attempt: int, slot: int) -> int:

@@ -16,7 +16,7 @@ from ..llm import price
 from ..llm.client import LanguageModel
 from ..method import prompts
 from ..method.lanes import BASELINES, Lanes, Wanted, drawn
-from ..method.sampling import request_seed
+from ..method.sampling import request_seed, rest_of
 from ..score import worth
 from ..store import Store
 from ..types import NOMINAL, Dynamics, Hardening, Lane, Peak, PolicyId, Prompt, Ranges, RewardProgram, Start, Trial
@@ -182,8 +182,9 @@ def _draw(lanes: Lanes, model: LanguageModel, prompt: Prompt, attempt: int, slot
     if config.max_cost:
         paid = [*store.talk.replies(), *store.talk.proposals().values()]
         price.afford(config.max_cost, paid, price.find(config.model, config.price), prompt, len(missing))
-    seed = request_seed(config.seed, config.generations, attempt, missing[0])
-    for slot, reply in zip(missing, model.sample(prompt, n=len(missing), seed=seed), strict=True):
+    seed = request_seed(config.seed, config.generations, attempt, slots[0])
+    rest = rest_of(model, prompt, seed=seed, held=slots.index(missing[0]), missing=len(missing))
+    for slot, reply in zip(missing, rest, strict=True):
         store.talk.save_proposal(slot, attempt, prompt, reply)
 
 
