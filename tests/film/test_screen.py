@@ -12,7 +12,7 @@ pytest.importorskip("gymnasium", reason="needs Gymnasium: pip install 'openeurek
 from adapters import worlds  # noqa: F401  registers its environments
 
 from openeureka.film.render import frames
-from openeureka.film.screen import NothingDrawn, Screen, draws_itself, fitted
+from openeureka.film.stage import NothingDrawn, Screen, draws_itself, fitted
 from openeureka.tasks import registry
 from openeureka.training.evaluate import evaluate
 from openeureka.training.policy import Policy

@@ -9,8 +9,7 @@ from ..config import short_name
 from ..display.progress import working
 from ..errors import ConfigError, RewardFileError
 from ..film import viewer
-from ..film.screen import draws_itself
-from ..film.stage import Stage
+from ..film.stage import Stage, draws_itself
 from ..film.video import render
 from ..parsing import parse
 from ..report import filming

@@ -16,8 +16,7 @@ from ..errors import EurekaError
 from ..tasks.faults import fault, told
 from ..worker import Channel
 from . import mp4
-from .screen import Screen, draws_itself
-from .stage import Stage
+from .stage import Screen, Stage, draws_itself
 
 WIDTH, HEIGHT = 1280, 720
 FPS = 30
