@@ -11,9 +11,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-
 from ..types import Candidate
 from . import files
+from pathlib import Path
+from ..errors import RewardFileError, nearest
+from ..types import Candidate
+
 
 MAX_REPLY = 1_000_000
 """Characters of a reply that are looked at."""
@@ -181,3 +184,18 @@ def _parse(source: str) -> ast.Module:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # an invalid escape in a model's string is no concern of ours
         return ast.parse(source)
+
+
+OWN = ("human", "sparse")
+
+
+def read(path: Path) -> Candidate:
+    """The program in a file. Raises RewardFileError."""
+    try:
+        return Candidate.of(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        meant = nearest(str(path), OWN) if str(path) not in OWN else ""
+        known = f"{meant} Where rewards train, {' and '.join(OWN)} are the task's own; here a name is that of a file."
+        raise RewardFileError(f"Cannot read the reward file {path}: {error.strerror}.{known}") from None
+    except UnicodeDecodeError:
+        raise RewardFileError(f"{path} is not a text file; a reward file is Python source in UTF-8.") from None

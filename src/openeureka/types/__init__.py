@@ -3,15 +3,26 @@
 World axis N, lane axis L and worlds per lane n are used throughout; N = L * n.
 """
 
-from .costs import COSTS, Limits
 from .dynamics import NOMINAL, Dynamics, Ranges
-from .remarks import Place, Remark, RemarkKind
 from .replies import GIVEN, Attempt, Message, Prompt, Reply, Usage
 from .rewards import PROGRESS, Arg, Candidate, CandidateId, Finding, Node, Part, RewardGraph, Verdict, VerdictCode
-from .search import Generation, Glance, History, Opinion, PromptPlan, Sample, Scored, Screened
+from .search import (
+    Generation,
+    Glance,
+    History,
+    Opinion,
+    Place,
+    PromptPlan,
+    Remark,
+    RemarkKind,
+    Sample,
+    Scored,
+    Screened,
+)
 from .tasks import StateKind, StateSpec, StateUse, StateVar, TaskContext
 from .training import (
     COMPONENT,
+    COSTS,
     Bonus,
     Checkpoint,
     Episodes,
@@ -19,6 +30,7 @@ from .training import (
     Hardening,
     Lane,
     LaneSpec,
+    Limits,
     NodeShare,
     Observe,
     Peak,

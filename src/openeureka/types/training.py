@@ -1,4 +1,4 @@
-"""What is trained, what it left, and who trains."""
+"""What is trained, what it left and what that costs beside its score, and who trains."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from enum import StrEnum
 from typing import Literal, NamedTuple, Protocol, TypeVar
 
 from .bounds import Count, Finite, Name, Share
-from .costs import Limits
 from .dynamics import NOMINAL, Dynamics, Ranges
 from .rewards import RewardGraph
 
@@ -239,6 +238,29 @@ class Episodes:
     """Of each state that is left, which of the episodes it belongs to."""
     states: bytes = field(default=b"", repr=False)
     """Those states, in a form that only trainers read."""
+
+
+class Cost(NamedTuple):
+    """A quantity of a robot at work; less is better."""
+
+    unit: str
+    meaning: str
+
+
+COSTS: Mapping[str, Cost] = {
+    "torque": Cost("N m", "largest torque of a driven joint, mean over steps"),
+    "torque_peak": Cost("N m", "largest torque of a driven joint in an episode, mean over episodes"),
+    "torque_rate": Cost("N m/s", "fastest change of a driven joint's torque, mean over steps"),
+    "joint_limits": Cost("share", "steps in which a driven joint is at an end of its range"),
+    "speed": Cost("rad/s", "fastest driven joint, mean over steps"),
+    "power": Cost("W", "torque times rate of all driven joints, whichever its sign, mean over steps"),
+    "contact_force": Cost("N", "largest net force of all contacts on the robot in an episode, mean over episodes"),
+    "falls": Cost("share", "episodes that end early"),
+}
+"""By name. Joints that slide are measured in N, N/s and m/s."""
+
+Limits = Mapping[str, float]
+"""The most of each named cost that a policy may have."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
