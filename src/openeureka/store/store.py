@@ -43,8 +43,7 @@ from .codec import decode_messages, decode_usage, decode_verdict, encode_message
 from .db import AGAIN, FILENAME, LOCK, LOG, STOP, Database, changed_row, explained
 from .lane_log import LaneLog
 from .remarks import RemarkLog
-from .screens import ScreenLog
-from .talk import TalkLog
+from .slots import ScreenLog, TalkLog
 
 T = TypeVar("T")
 HARDENING = "robust.json"

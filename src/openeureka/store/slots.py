@@ -1,13 +1,14 @@
-"""What the model was asked and what it replied."""
+"""What became of slots before they trained: what the model was asked and replied, and what the screen decided."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Iterable
 
-from ..types import GIVEN, Message, Place, Prompt, Reply, Usage
+from ..types import GIVEN, Message, Place, Prompt, Reply, Screened, Usage
 from . import artifacts
-from .codec import decode_messages, decode_reply, encode_messages, encode_reply
+from .codec import decode_messages, decode_reply, decode_screened, encode_messages, encode_reply, encode_screened
 from .db import Database
 
 
@@ -94,3 +95,19 @@ class TalkLog:
         """Those replies, by slot and attempt."""
         rows = self._database.rows("proposals", order=("slot", "attempt"))
         return {(row["slot"], row["attempt"]): decode_reply(row) for row in rows}
+
+
+class ScreenLog:
+    """Decisions of a store, all those of a generation at once: they are made among its slots."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def save(self, decisions: Iterable[Screened]) -> None:
+        self._database.put("screens", *map(encode_screened, decisions))
+
+    def all(self) -> dict[Place, Screened]:
+        """By slot; those of a slot without an accepted program, or in a generation without a screen, are not there."""
+        rows = self._database.rows("screens", order=("generation", "slot"))
+        decisions = [self._database.decoded(decode_screened, dict(row)) for row in rows]
+        return {decision.place: decision for decision in decisions}
