@@ -6,7 +6,6 @@ import torch
 from openeureka.reward import gate, probe
 from openeureka.reward import graph as graphs
 from openeureka.reward.load import load
-from openeureka.reward.spelled import spelled
 from openeureka.tasks import human, registry
 from openeureka.types import Node, RewardGraph
 
@@ -22,7 +21,7 @@ def test_human_rewards_are_the_same_to_the_bit(env: str):
     graph = probe.probe(load(program), task.spec, state).graph
     expected, parts = graphs.compile(graph, task.spec)(state)
     names: dict = {"torch": torch}
-    exec(spelled(graph, task.spec), names)
+    exec(graphs.spelled(graph, task.spec), names)
     found, components = names["reward"](state)
     assert torch.equal(found, expected)
     assert components.keys() == parts.keys() and all(torch.equal(components[name], parts[name]) for name in parts)
@@ -32,4 +31,4 @@ def test_what_is_no_allowed_operation_is_not_spelled():
     nodes = (Node("input", ("dof_pos",)), Node("__import__.default", ("os",)))
     graph = RewardGraph(nodes=nodes, reward=0, components=())
     with pytest.raises(graphs.GraphError, match="not allowed"):
-        spelled(graph, registry.get("cartpole").spec)
+        graphs.spelled(graph, registry.get("cartpole").spec)

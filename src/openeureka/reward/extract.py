@@ -1,4 +1,4 @@
-"""Finds the reward program in a model's reply. Reads text, runs nothing, and takes time linear in the reply."""
+"""Finds the reward program in a reply or a file. Reads text, runs nothing, and takes time linear in the text."""
 
 from __future__ import annotations
 
@@ -11,12 +11,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from ..types import Candidate
-from . import files
-from pathlib import Path
+
 from ..errors import RewardFileError, nearest
 from ..types import Candidate
-
 
 MAX_REPLY = 1_000_000
 """Characters of a reply that are looked at."""
@@ -24,6 +21,8 @@ MAX_PARSED = 100_000
 """Characters of a block that are parsed; a longer one is no reward program."""
 MAX_TRIMS = 50
 MAX_NESTING = 2
+OWN = ("human", "sparse")
+"""What a task calls its own rewards, where a file may be named."""
 
 # Possessive, all of them: a mark that gave characters back would be tried again at each.
 _FENCE = re.compile(r"^[ \t>]*+(?P<mark>`{3,}+|~{3,}+)(?P<info>[^`\n]*+)$")
@@ -55,10 +54,22 @@ def in_file(path: Path) -> tuple[Candidate, str]:
     Raises:
         RewardFileError: for a file that cannot be read.
     """
-    text = files.read(path).source
+    text = read(path).source
     found = in_text(text)
     prose = f"{path} is prose with a program in it; lines are counted from the program's first."
     return found, prose if found.source != text else ""
+
+
+def read(path: Path) -> Candidate:
+    """The program in a file. Raises RewardFileError."""
+    try:
+        return Candidate.of(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        meant = nearest(str(path), OWN) if str(path) not in OWN else ""
+        known = f"{meant} Where rewards train, {' and '.join(OWN)} are the task's own; here a name is that of a file."
+        raise RewardFileError(f"Cannot read the reward file {path}: {error.strerror}.{known}") from None
+    except UnicodeDecodeError:
+        raise RewardFileError(f"{path} is not a text file; a reward file is Python source in UTF-8.") from None
 
 
 def in_text(text: str) -> Candidate:
@@ -184,18 +195,3 @@ def _parse(source: str) -> ast.Module:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # an invalid escape in a model's string is no concern of ours
         return ast.parse(source)
-
-
-OWN = ("human", "sparse")
-
-
-def read(path: Path) -> Candidate:
-    """The program in a file. Raises RewardFileError."""
-    try:
-        return Candidate.of(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        meant = nearest(str(path), OWN) if str(path) not in OWN else ""
-        known = f"{meant} Where rewards train, {' and '.join(OWN)} are the task's own; here a name is that of a file."
-        raise RewardFileError(f"Cannot read the reward file {path}: {error.strerror}.{known}") from None
-    except UnicodeDecodeError:
-        raise RewardFileError(f"{path} is not a text file; a reward file is Python source in UTF-8.") from None

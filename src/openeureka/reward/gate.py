@@ -15,10 +15,9 @@ from types import CodeType
 
 from ..text import printable
 from ..types import Finding, StateSpec
-from .fold import twin
 from .normalise import Draft, Normaliser
 from .rules import Rules
-from .syntax import dotted
+from .syntax import dotted, twin
 
 FILENAME = "<reward>"
 MAX_BYTES = 20_000

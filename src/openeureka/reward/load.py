@@ -13,9 +13,9 @@ from torch import Tensor
 
 from . import math as helper_functions
 from . import surface
-from .fold import numpy_name
 from .gate import Program
 from .math import norm
+from .syntax import numpy_name
 
 Runner = Callable[[Mapping[str, Any]], object]
 """Takes every state variable, `num_envs` and `device` by name; returns whatever the program returns."""

@@ -14,8 +14,7 @@ from typing import TypeVar, cast
 
 from ..types import Finding
 from . import surface
-from .fold import Folder
-from .syntax import dotted
+from .syntax import Folder, dotted
 
 ENTRY_NAMES = ("compute_reward", "compute_gpt_reward", "_get_rewards_eureka", "_get_rewards")
 DROPPED_DECORATORS = frozenset({

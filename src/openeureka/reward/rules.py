@@ -8,9 +8,8 @@ from collections.abc import Iterable
 
 from ..types import Finding, StateSpec
 from . import surface
-from .fold import twin
 from .normalise import Draft
-from .syntax import Scope, bound, dotted, identifiers, rebound, shown
+from .syntax import Scope, bound, dotted, identifiers, rebound, shown, twin
 
 MAX_RANGE = 1_000
 MAX_INT = 2**63

@@ -1,9 +1,14 @@
-"""Questions to a piece of a program: which names it says and binds, and how it reads."""
+"""Questions to a piece of a program: which names it says and binds, how it reads, and what its numbers come to."""
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+import math
+import operator
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from . import surface
 
 Scope = ast.FunctionDef | ast.Lambda | ast.ListComp | ast.DictComp | ast.GeneratorExp
 SCOPES = (ast.FunctionDef, ast.Lambda, ast.ListComp, ast.DictComp, ast.GeneratorExp)
@@ -60,3 +65,112 @@ def rebound(function: ast.FunctionDef) -> set[str]:
     targets = [target for node in ast.walk(function) if isinstance(node, ast.Assign) for target in node.targets]
     names = [name for target in targets for name in ast.walk(target)]
     return {name.id for name in names if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)}
+
+
+# --- what numbers come to, as in `LIMIT = 12 * math.pi / 180` --------------------------------------------------------
+
+Number = int | float
+
+
+def _quotient(a: Number, b: Number) -> Number:
+    return a / b
+
+
+def _floor_quotient(a: Number, b: Number) -> Number:
+    return a // b
+
+
+_BINARY: Mapping[type[ast.operator], Callable[[Number, Number], Number]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: _quotient,
+    ast.FloorDiv: _floor_quotient,
+    ast.Mod: operator.mod,
+    ast.Pow: math.pow,  # in floats: a power of integers could fill the memory
+}
+_NUMPY = {
+    "arccos": math.acos, "arcsin": math.asin, "arctan": math.atan, "arctan2": math.atan2, "deg2rad": math.radians,
+    "newaxis": None, "power": math.pow, "rad2deg": math.degrees,
+}  # fmt: skip
+
+
+def numpy_name(name: str) -> Any:
+    """What a name of numpy stands for: a constant, or the function of Python numbers."""
+    return _NUMPY[name] if name in _NUMPY else getattr(math, name)
+
+
+_SPELT = {
+    "power": "pow",
+    "fabs": "abs",
+    "amax": "amax",
+    "amin": "amin",
+    "concatenate": "cat",
+    "degrees": "rad2deg",
+    "radians": "deg2rad",
+}
+
+
+def twin(path: str) -> str | None:
+    """What torch calls a function of numpy or math: `torch.exp` for `numpy.exp`; None where it has none."""
+    package, _, name = path.partition(".")
+    module, _, name = f"torch.{_SPELT.get(name, name)}".rpartition(".")
+    known = package in ("numpy", "math") and name in surface.MODULES.get(module, ())
+    return f"{module}.{name}" if known else None
+
+
+class Folder(ast.NodeTransformer):
+    """Replaces arithmetic of numbers by its result and leaves everything else as it is.
+
+    Args:
+        names: name to dotted path, for everything imported.
+    """
+
+    def __init__(self, names: Mapping[str, str]) -> None:
+        self.names = names
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
+        self.generic_visit(node)
+        compute, left, right = _BINARY.get(type(node.op)), _number(node.left), _number(node.right)
+        if compute is None or left is None or right is None:
+            return node
+        return _result(node, compute, left, right)
+
+    def visit_Name(self, node: ast.Name) -> ast.expr:
+        return self._constant(node)
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.expr:
+        return self._constant(node)
+
+    def visit_Call(self, node: ast.Call) -> ast.expr:
+        node.args = [self.visit(argument) for argument in node.args]
+        function, numbers = self._math(node.func), [_number(argument) for argument in node.args]
+        return node if function is None or node.keywords or None in numbers else _result(node, function, *numbers)
+
+    def _constant(self, node: ast.expr) -> ast.expr:
+        value = self._math(node)
+        return ast.copy_location(ast.Constant(value), node) if isinstance(value, float) else node
+
+    def _math(self, node: ast.expr) -> Any:
+        """What a path into math, numpy or torch's constants stands for; None for all others."""
+        root, _, rest = (dotted(node) or "").partition(".")
+        module, _, name = f"{self.names.get(root, '')}.{rest}".strip(".").rpartition(".")
+        if (module == "math" and name in surface.MATH) or (module == "torch" and name in ("pi", "inf", "nan")):
+            return getattr(math, name)
+        return numpy_name(name) if module == "numpy" and name in surface.NUMPY else None
+
+
+def _number(node: ast.expr) -> Number | None:
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        positive = _number(node.operand)
+        return None if positive is None else -positive
+    value = node.value if isinstance(node, ast.Constant) else None
+    return value if isinstance(value, int | float) else None
+
+
+def _result(node: ast.expr, compute: Callable[..., Number], *numbers: Any) -> ast.expr:
+    try:
+        value = compute(*numbers)
+    except (ArithmeticError, ValueError, TypeError):
+        return node
+    return ast.copy_location(ast.Constant(value), node)

@@ -6,7 +6,7 @@ import inspect
 from pprint import pformat
 
 from ...errors import TaskError
-from ...reward.spelled import spelled
+from ...reward.graph import spelled
 from ...types import RewardGraph, StateSpec
 from ..gym.draft import template
 from ..gym.export import read

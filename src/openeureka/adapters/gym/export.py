@@ -9,7 +9,7 @@ from typing import Any
 from gymnasium import spaces
 
 from ...errors import TaskError
-from ...reward.spelled import spelled
+from ...reward.graph import spelled
 from ...reward.validate import inputs
 from ...types import RewardGraph, StateSpec
 from .documents import WHOLE
