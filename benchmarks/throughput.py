@@ -25,7 +25,7 @@ import torch
 from mujoco.batch import Batch
 from records import conditions, write
 
-from openeureka.executors import devices
+from openeureka.executors import local
 from openeureka.executors.local import LocalExecutor
 from openeureka.tasks import registry
 from openeureka.training.population import Population
@@ -74,7 +74,7 @@ def waited(env: str, processes: int, worlds: int, epochs: int) -> float:
     specs = [LaneSpec(id=str(i), program="human", seed=i) for i in range(LANES)]
     started = time.perf_counter()
     cores = max(os.cpu_count() or 1, processes)
-    with patch.multiple(devices, usable_cores=lambda: cores, CPU_WORKERS=processes):
+    with patch.multiple(local, usable_cores=lambda: cores, CPU_WORKERS=processes):
         messages = list(LocalExecutor().train(env, specs, budget))
     results = [message for message in messages if isinstance(message, TrainingResult)]
     failed = [result.message for result in results if not result.env_steps]

@@ -8,8 +8,7 @@ import torch
 
 from openeureka.errors import ConfigError
 from openeureka.executors import scheduler
-from openeureka.executors.devices import CPU_WORKERS, devices, workers
-from openeureka.executors.local import LocalExecutor, Message
+from openeureka.executors.local import CPU_WORKERS, LocalExecutor, Message, devices, workers
 from openeureka.types import LaneSpec, TrainBudget, TrainingProgress, TrainingResult, TrainingState
 
 
@@ -22,7 +21,7 @@ def signal(tmp_path: Path) -> Path:
 @pytest.fixture
 def gpus(monkeypatch: pytest.MonkeyPatch, signal: Path) -> None:
     """Three GPUs, as far as anyone asks for their number, and workers that only say on which one they are."""
-    monkeypatch.setattr("openeureka.executors.devices.check_device", lambda _: None)
+    monkeypatch.setattr("openeureka.executors.local.check_device", lambda _: None)
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 3)
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     monkeypatch.setenv("SIGNAL", str(signal))

@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from ..errors import ConfigError
 from ..executors import ray
-from ..executors.devices import devices
+from ..executors.local import devices
 from ..film import video
 from ..film.video import VideoUnavailable
 from ..llm import weights

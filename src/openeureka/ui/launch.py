@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 from ..config import RunConfig
 from ..errors import ConfigError, StoreError
-from ..executors.devices import devices
+from ..executors.local import devices
 from ..llm import expect, open_model
 from ..parsing import parse
 from ..store import artifacts, is_held, is_run
