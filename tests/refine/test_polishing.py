@@ -16,7 +16,7 @@ from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 from openeureka.loop import run
 from openeureka.refine import polishing
-from openeureka.refine.polished import Polished
+from openeureka.refine.polishing import Polished
 from openeureka.report import html
 from openeureka.report.verdict import nexts, of_polishing, verdict
 from openeureka.report.view import RunView

@@ -12,7 +12,7 @@ from ..display.live import verdict_line
 from ..display.progress import working
 from ..parsing import as_dict, parse
 from ..refine.hardened import Robust
-from ..refine.polished import Polished
+from ..refine.polishing import Polished
 from ..refine.tuned import Tuned
 from ..report import costs, fitted, robust, tables
 from ..report.build import build

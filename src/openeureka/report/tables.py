@@ -11,7 +11,7 @@ from ..config import RunConfig
 from ..method import baselines
 from ..method.hacking import PEAKS, WORLDS, Kind
 from ..parsing import as_dict
-from ..refine.polished import Polished, Try
+from ..refine.polishing import Polished, Try
 from ..refine.tuned import ORIGINAL, Tuned
 from ..score import Arm, Baselines, Outcome, human_normalised, mean
 from ..types import Evaluation, Generation, History, Remark, RemarkKind, VerdictCode

@@ -9,7 +9,7 @@ from ..config import TrainConfig
 from ..errors import TaskError
 from ..method.lanes import beside, polish_seeds
 from ..method.prompts import scale
-from ..refine.polished import Polished
+from ..refine.polishing import Polished
 from ..refine.tuned import ORIGINAL, Tuned
 from ..score import Arm, Difference, Estimate, difference, mean, rank
 from ..tasks import registry

@@ -12,9 +12,9 @@ from ..config import NO_MODEL, RunConfig
 from ..method import baselines, hacking, race
 from ..method.hacking import Sign, Tried
 from ..method.lanes import BASELINES, beside, final_lanes, final_seeds
-from ..refine import hardened, polished, tuned
+from ..refine import hardened, polishing, tuned
 from ..refine.hardened import Robust
-from ..refine.polished import Polished
+from ..refine.polishing import Polished
 from ..refine.tuned import ORIGINAL, Tuned
 from ..score import Arm, Baselines, Outcome
 from ..store import Store, artifacts
@@ -134,7 +134,7 @@ class RunView:
     def polished(self) -> Polished | None:
         """What came of carrying the best policy on; None where none is."""
         best, limits = self.best_policy, self.config.limited
-        return polished.read(self.lanes, self.results, self.played, self.evaluations, best, limits)
+        return polishing.read(self.lanes, self.results, self.played, self.evaluations, best, limits)
 
     @property
     def given(self) -> dict[str, Arm]:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ..config import RunConfig
 from ..errors import ConfigError, StoreError
 from ..refine.hardened import Robust
-from ..refine.polished import Polished
+from ..refine.polishing import Polished
 from ..refine.tuned import Tuned
 from ..report import html, verdict
 from ..report.candidates import CandidateView
