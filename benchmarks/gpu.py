@@ -131,7 +131,7 @@ def _stepper(env: str, worlds: int, device: str) -> Callable[[], None]:
     import mujoco_warp as mjw
     import warp as wp
 
-    from openeureka.sim.capacity import Capacity, capacity
+    from openeureka.sim.base import Capacity, capacity
 
     task = registry.get(env)
     model = task.compile_model()

@@ -4,7 +4,7 @@ import torch
 from openeureka import sim
 from openeureka.errors import ConfigError
 from openeureka.sim import check_device
-from openeureka.sim.capacity import Capacity, capacity
+from openeureka.sim.base import Capacity, capacity
 from openeureka.tasks.registry import get, make
 
 

@@ -6,7 +6,7 @@ import torch
 
 from openeureka.errors import TaskError
 from openeureka.sim import Simulator, open_simulator
-from openeureka.sim.capacity import Capacity
+from openeureka.sim.base import Capacity
 from openeureka.tasks.registry import get, make
 from openeureka.testing.conformance.simulator import SimulatorConformance
 

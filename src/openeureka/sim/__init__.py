@@ -9,8 +9,7 @@ import mujoco
 import torch
 
 from ..errors import ConfigError
-from .base import Simulator, Worlds
-from .capacity import GUESS, Capacity, capacity
+from .base import GUESS, Capacity, Simulator, Worlds, capacity
 from .cpu import CpuSimulator
 
 __all__ = ["CpuSimulator", "Simulator", "Worlds", "check_device", "open_simulator"]

@@ -17,8 +17,7 @@ import warp as wp  # pyright: ignore[reportMissingImports]
 from torch import Tensor
 
 from ..errors import CapacityError
-from .base import INPUT_FIELDS, MAX_SPEED, Simulator
-from .capacity import Capacity
+from .base import INPUT_FIELDS, MAX_SPEED, Capacity, Simulator
 
 wp.config.log_level = wp.LOG_WARNING  # else a line for every kernel loaded
 

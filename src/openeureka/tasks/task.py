@@ -17,7 +17,7 @@ from torch import Tensor
 from ..errors import TaskError
 from ..reward.graph import CompiledReward
 from ..sim import Simulator, open_simulator
-from ..sim.capacity import Capacity
+from ..sim.base import Capacity
 from ..types import Observe, RewardGraph, StateSpec
 from . import human
 from .deployment import Deployment
