@@ -10,7 +10,7 @@ import pytest
 from openeureka.config import TrainConfig
 from openeureka.reward import gate
 from openeureka.tasks.registry import get
-from openeureka.training.counts import VALUES
+from openeureka.training.rewards import VALUES
 from openeureka.types import Evaluation, TrainingResult, TrainingState
 
 ROOT = Path(__file__).parents[2]

@@ -7,9 +7,8 @@ import pytest
 import torch
 
 from openeureka.training import pausing, population
-from openeureka.training.counts import ProgressCounts
 from openeureka.training.population import Population
-from openeureka.training.rewards import moments, spread
+from openeureka.training.rewards import ProgressCounts, moments, spread
 from openeureka.types import LaneSpec, Node, RewardGraph, TrainBudget, TrainingProgress, TrainingResult, TrainingState
 
 SMALL = TrainBudget(env_steps=16 * 32 * 4, worlds=32)

@@ -6,8 +6,7 @@ import pytest
 import torch
 
 from openeureka.tasks.task import Recipe
-from openeureka.training.network import StackedActorCritic
-from openeureka.training.normalize import RunningNorm
+from openeureka.training.network import RunningNorm, StackedActorCritic
 from openeureka.training.ppo import PPO, STATISTICS, Rollout, advantages
 
 CPU = torch.device("cpu")

@@ -19,7 +19,7 @@ from tensorboard.summary.writer.record_writer import RecordWriter
 from ..codec import plain
 from ..tasks.deployment import Interface, interface, of_task
 from ..tasks.task import Task
-from ..training.normalize import EPSILON, LIMIT
+from ..training.network import EPSILON, LIMIT
 from ..training.policy import Policy
 from ..types import TrainingResult
 

@@ -13,8 +13,7 @@ from torch import Tensor
 
 from ..errors import RewardFileError
 from .heads import head
-from .network import CRITIC, StackedActorCritic, shapes
-from .normalize import normalize
+from .network import CRITIC, StackedActorCritic, normalize, shapes
 from .ppo import PPO
 
 FORMAT = "openeureka-policy-1"

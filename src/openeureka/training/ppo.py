@@ -12,8 +12,7 @@ from torch import Tensor
 
 from ..tasks.task import Recipe
 from .heads import head
-from .network import StackedActorCritic
-from .normalize import ALL, RunningNorm
+from .network import ALL, RunningNorm, StackedActorCritic
 
 LEARNING_RATES = (1e-6, 1e-2)
 STATISTICS = ("surrogate_loss", "value_loss", "kl", "entropy", "learning_rate")
