@@ -8,8 +8,7 @@ from pprint import pformat
 from ...errors import TaskError
 from ...reward.graph import spelled
 from ...types import RewardGraph, StateSpec
-from ..gym.draft import template
-from ..gym.export import read
+from ..gym.export import read, template
 from . import scene
 
 _TITLES = {"mjlab": "mjlab", "isaaclab": "Isaac Lab"}

@@ -15,8 +15,7 @@ from ...tasks.noise import WorldNoise
 from ...tasks.task import Recipe, Score, State, Task, mean_over_episodes, mean_over_steps
 from ...types import RewardGraph, StateSpec, StateVar
 from . import documents
-from .draft import draft
-from .export import wrapper
+from .export import draft, wrapper
 from .formula import Formula, formula
 from .survey import Survey, action_meaning, variables
 from .worlds import GymWorlds
