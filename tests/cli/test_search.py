@@ -12,7 +12,7 @@ from toys import ToySandbox
 from openeureka.cli import main as command
 from openeureka.cli import remote
 from openeureka.config import RunConfig
-from openeureka.display import log
+from openeureka.display import outside
 from openeureka.errors import ModelError
 from openeureka.film import video
 from openeureka.report.view import RunView
@@ -337,7 +337,7 @@ def test_what_is_printed_into_the_log_is_not_written_there_twice(tmp_path, print
     try:
         with (tmp_path / printed).open("wb") as file:
             os.dup2(file.fileno(), 1)
-        with log.logged(tmp_path, RunConfig(env="cartpole"), Usage()) as found:
+        with outside.logged(tmp_path, RunConfig(env="cartpole"), Usage()) as found:
             assert len(found) == observers  # one writes what the page follows
     finally:
         os.dup2(stdout, 1)

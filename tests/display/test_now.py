@@ -1,7 +1,7 @@
 import pytest
 
 from openeureka.config import RunConfig
-from openeureka.display import now
+from openeureka.display import outside
 from openeureka.store.db import NOW
 from openeureka.types import NodeShare, Reply, TrainingProgress, Usage
 
@@ -21,15 +21,15 @@ def told(epoch: int, **fitness: float | None) -> TrainingProgress:
 
 @pytest.fixture
 def recorder(tmp_path, monkeypatch):
-    monkeypatch.setattr(now, "PAUSE", 0.0)
-    return now.Recorder(tmp_path, CONFIG, Usage())
+    monkeypatch.setattr(outside, "PAUSE", 0.0)
+    return outside.Recorder(tmp_path, CONFIG, Usage())
 
 
 def test_what_is_written_is_read_back(recorder, tmp_path):
     recorder.phase(0, "sample")
     recorder.asked([0, 1])
     recorder.reply(0, 1, Reply(text="x", model="m", usage=Usage(prompt_tokens=100, completion_tokens=10)))
-    found = now.read(tmp_path)
+    found = outside.read(tmp_path)
     assert found is not None
     assert (found.doing, found.writing, found.usage.prompt_tokens) == ("asking the model", 1, 100)
 
@@ -38,13 +38,13 @@ def test_every_lane_has_a_value_at_each_place_whenever_it_began(recorder, tmp_pa
     recorder.phase(0, "train")
     recorder.progress(told(1, a=0.5))
     recorder.progress(told(2, a=0.75, b=None))
-    found = now.read(tmp_path)
+    found = outside.read(tmp_path)
     assert found is not None
     assert (found.epoch, found.epochs, found.places) == (2, 1000, (1, 2))
     assert found.curves["a"] == {"fitness": (0.5, 0.75), "component/up": (2.0, 2.0)}
     assert found.curves["b"] == {"fitness": (None, None), "component/up": (None, 2.0)}
     recorder.phase(0, "play")
-    found = now.read(tmp_path)
+    found = outside.read(tmp_path)
     assert found is not None and not found.curves
 
 
@@ -52,9 +52,9 @@ def test_a_long_training_keeps_few_values_over_its_whole_length(recorder, tmp_pa
     recorder.phase(0, "train")
     for epoch in range(1000):
         recorder.progress(told(epoch, a=float(epoch)))
-    found = now.read(tmp_path)
+    found = outside.read(tmp_path)
     assert found is not None
-    assert now.MOST / 2 <= len(found.places) <= now.MOST
+    assert outside.MOST / 2 <= len(found.places) <= outside.MOST
     assert found.curves["a"]["fitness"] == tuple(map(float, found.places))
     assert found.places[0] == 0 and found.places[-1] > 950
     gaps = [after - before for before, after in zip(found.places, found.places[1:], strict=False)]
@@ -64,10 +64,10 @@ def test_a_long_training_keeps_few_values_over_its_whole_length(recorder, tmp_pa
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"doing": 1}', '{"doing": "x", "generation": -1}'])
 def test_what_is_no_such_file_says_nothing(tmp_path, text):
     (tmp_path / NOW).write_text(text)
-    assert now.read(tmp_path) is None
+    assert outside.read(tmp_path) is None
 
 
 def test_a_link_is_not_followed(tmp_path):
     (tmp_path / "elsewhere").write_text("{}")
     (tmp_path / NOW).symlink_to(tmp_path / "elsewhere")
-    assert now.read(tmp_path) is None
+    assert outside.read(tmp_path) is None

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..config import FEEDBACKS, VIDEOS, RunConfig
-from ..display import now as moment
+from ..display import outside
 from ..parsing import as_dict
 from ..report import filming, html, tables
 from ..report.candidates import CandidateView, PromptView
@@ -71,7 +71,7 @@ def overview(directory: Path, run: RunView) -> Parts:
 
 def now(directory: Path, run: RunView) -> Parts:
     """How a run stands, and what it is doing while it is at work."""
-    piece, told = _pieces(run=run), moment.read(directory) if is_held(directory) else None
+    piece, told = _pieces(run=run), outside.read(directory) if is_held(directory) else None
     tiles = tables.tiles(run)
     if told is not None:
         left = duration(told.left) if told.left is not None else "-"
@@ -118,7 +118,7 @@ def _in_depth(env: str) -> bool:
 
 def trained(directory: Path, run: RunView) -> Parts:
     """The curves of candidates that are being trained."""
-    told = moment.read(directory) if is_held(directory) else None
+    told = outside.read(directory) if is_held(directory) else None
     if told is None:
         return {}
     piece, places = _pieces(run=run), _places(run)
@@ -170,7 +170,7 @@ def _pieces(run: RunView | None) -> Any:
     return html.environment().get_template("ui/pieces.html").make_module(values | helpers)
 
 
-def _called(curves: Mapping[str, moment.Curves], places: Mapping[str, str]) -> dict[str, tuple[float | None, ...]]:
+def _called(curves: Mapping[str, outside.Curves], places: Mapping[str, str]) -> dict[str, tuple[float | None, ...]]:
     """F of each lane, by what people call it."""
     return {places.get(lane, lane): own.get("fitness", ()) for lane, own in curves.items()}
 

@@ -1,4 +1,5 @@
-"""What a run is doing now, in a small file of its directory that is replaced every few seconds: for the page.
+"""What a person sees of a run who looks at its directory, or at the page, and not at its terminal: lines on how it
+went, and what it is doing now, in a small file that is replaced every few seconds.
 
 A store holds what is finished. Curves of lanes that still train, and the time left, interest nobody once the run is
 over; the file goes with it.
@@ -6,21 +7,89 @@ over; the file goes with it.
 
 from __future__ import annotations
 
+import io
+import os
 import time
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import BinaryIO
+
+from rich.console import Console
 
 from ..codec import DecodeError, decode, defined, encode
 from ..config import RunConfig
-from ..errors import StoreError
-from ..observer import NullObserver, Phase
+from ..errors import EurekaError, StoreError
+from ..observer import NullObserver, Observer, Phase
 from ..store import artifacts
-from ..store.db import NOW
+from ..store.db import LOG, NOW
+from ..text import plain
 from ..types import Generation, NodeShare, Reply, TrainingProgress, Usage
 from ..types.bounds import Count, Finite, Name
-from .live import Tally
+from .live import PlainView, Tally
+
+WIDTH = 120
+
+
+class _LogFile(io.TextIOWrapper):
+    """Says nothing of a full disk: a search does not stop for its log, and the store will speak of it."""
+
+    def write(self, text: str) -> int:
+        with suppress(OSError):
+            super().write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with suppress(OSError):
+            super().flush()
+
+    def close(self) -> None:
+        with suppress(OSError):
+            super().close()
+
+
+@contextmanager
+def logged(directory: Path, config: RunConfig, usage: Usage) -> Iterator[list[Observer]]:
+    """Observers that keep what the run is doing while it is at work, and write `run.log`, where that can be written and
+    the process does not print to it already."""
+    recorder = Recorder(directory, config, usage)
+    try:
+        with _lines(directory, config, usage) as lines:
+            yield [recorder, *lines]
+    finally:
+        with suppress(StoreError):
+            artifacts.remove(directory, NOW)
+
+
+@contextmanager
+def _lines(directory: Path, config: RunConfig, usage: Usage) -> Iterator[list[Observer]]:
+    raw = _opened(directory)
+    if raw is None:
+        yield []
+        return
+    with _LogFile(raw, encoding="utf-8") as file:
+        try:
+            yield [PlainView(Console(file=file, width=WIDTH, force_terminal=False), config, usage)]
+        except EurekaError as error:
+            print(plain(str(error)), file=file)
+            raise
+        except KeyboardInterrupt:
+            print("Stopped", file=file)
+            raise
+
+
+def _opened(directory: Path) -> BinaryIO | None:
+    try:
+        file = artifacts.appended(directory, LOG)
+    except (OSError, StoreError):
+        return None
+    with suppress(OSError):  # no stdout
+        if os.path.samestat(os.fstat(1), os.fstat(file.fileno())):  # as the page starts runs
+            file.close()
+            return None
+    return file
+
 
 PAUSE = 2.0
 """[s] between two writings while a training goes on."""
