@@ -80,6 +80,6 @@ def test_processes_are_started_where_contributing_says():
         "llm/weights.py",
         "film/mp4.py",
         "film/video.py",
-        "ui/launch.py",
+        "ui/actions.py",
         "ui/play.py",
     }

@@ -26,7 +26,7 @@ from openeureka.report import html
 from openeureka.report.view import VIDEO, RunView
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 from openeureka.types import Prompt, Reply, TrainingProgress, Usage
-from openeureka.ui import launch
+from openeureka.ui import actions
 
 from .conftest import PATIENCE, broken_rules, comes_true, served
 from .serving import TOKEN
@@ -382,7 +382,7 @@ def test_the_report_works_by_itself_from_its_file(page: Page, searched: Path):
 
 def test_a_run_is_started_from_the_form(page: Page, monkeypatch: pytest.MonkeyPatch):
     # A run needs seconds to import torch; what is tested is the form.
-    monkeypatch.setattr(launch, "_EUREKA", [sys.executable, "-c", "import sys; print(*sys.argv[1:])"])
+    monkeypatch.setattr(actions, "_EUREKA", [sys.executable, "-c", "import sys; print(*sys.argv[1:])"])
     page.get_by_text("Start a run").click()
     page.get_by_label("task").fill("quadcopter")
     page.get_by_label("rewards per generation").fill("0")

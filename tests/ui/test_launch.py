@@ -17,7 +17,7 @@ from openeureka.errors import ConfigError, EurekaError
 from openeureka.store.db import LOCK, LOG
 from openeureka.store.directory import is_asked_to_stop
 from openeureka.testing.scripted import reply
-from openeureka.ui import launch, server
+from openeureka.ui import actions, server
 
 from .serving import visitor
 
@@ -55,7 +55,7 @@ def test_a_run_outlives_the_page_that_started_it_and_its_log_tells_how_it_goes(t
 
 def test_a_started_run_has_the_settings_of_the_form_and_a_session_of_its_own(tmp_path, monkeypatch):
     # A run needs seconds to import torch; what is tested is how it is started.
-    monkeypatch.setattr(launch, "_EUREKA", [sys.executable, "-c", "import os, sys; print(os.getsid(0), sys.argv[1:])"])
+    monkeypatch.setattr(actions, "_EUREKA", [sys.executable, "-c", "import os, sys; print(os.getsid(0), sys.argv[1:])"])
     form = {
         "env": "ant",
         "model": " random ",
@@ -64,7 +64,7 @@ def test_a_started_run_has_the_settings_of_the_form_and_a_session_of_its_own(tmp
         "dir": "elsewhere",
         "base_url": "http://x",
     }
-    name = launch.Launcher(tmp_path).start(form)
+    name = actions.Launcher(tmp_path).start(form)
     log = tmp_path / name / LOG
     wait_for(lambda: log.read_text().endswith("\n"))
     session, words = log.read_text().split(" ", 1)
@@ -73,7 +73,7 @@ def test_a_started_run_has_the_settings_of_the_form_and_a_session_of_its_own(tmp
 
 
 def test_a_stopped_run_goes_on_and_its_log_grows(tmp_path, monkeypatch):
-    monkeypatch.setattr(launch, "_EUREKA", [sys.executable, "-c", "import sys; print(sys.argv[1:])"])
+    monkeypatch.setattr(actions, "_EUREKA", [sys.executable, "-c", "import sys; print(sys.argv[1:])"])
     directory = search_in(tmp_path / "run", [reply(1), reply(2)], iteration=1)
     (directory / LOG).write_text("earlier\n")
     client = visitor(tmp_path)
@@ -109,7 +109,7 @@ def test_a_run_that_is_at_work_is_asked_to_stop(tmp_path):
 )
 def test_a_form_that_does_not_fit_starts_nothing_and_says_why(tmp_path, form, problem):
     with pytest.raises(EurekaError, match=re.escape(problem)):
-        launch.Launcher(tmp_path).start(form)
+        actions.Launcher(tmp_path).start(form)
     answer = visitor(tmp_path).post("/start", data=form)
     assert answer.status_code == 400 and problem in answer.text
     assert not list(tmp_path.iterdir())

@@ -2,12 +2,12 @@ import pytest
 
 from openeureka.errors import FeedbackError
 from openeureka.types import Place, Remark, RemarkKind
-from openeureka.ui import remarks
+from openeureka.ui import actions
 
 
 def test_a_form_becomes_remarks():
     form = {"words": " too jerky\n", "favourite": "g0s3", "veto": "g1s12", "vote": "g0s3:g0s1", "go": "1"}
-    assert set(remarks.read(form)) == {
+    assert set(actions.read(form)) == {
         Remark(kind=RemarkKind.WORDS, text="too jerky"),
         Remark(kind=RemarkKind.FAVOURITE, candidate=Place(0, 3)),
         Remark(kind=RemarkKind.VETO, candidate=Place(1, 12)),
@@ -17,27 +17,27 @@ def test_a_form_becomes_remarks():
 
 
 def test_go_comes_last_so_that_no_words_are_left_behind():
-    assert [r.kind for r in remarks.read({"go": "1", "words": "stop"})] == [RemarkKind.WORDS, RemarkKind.GO]
+    assert [r.kind for r in actions.read({"go": "1", "words": "stop"})] == [RemarkKind.WORDS, RemarkKind.GO]
 
 
 @pytest.mark.parametrize("form", [{}, {"words": "  "}])
 def test_an_empty_form_is_refused(form):
     with pytest.raises(FeedbackError, match="Nothing was said"):
-        remarks.read(form)
+        actions.read(form)
 
 
 @pytest.mark.parametrize("place", ["", "3", "g0", "g0s1x", "g-1s0", "g99999999999s0", "g0s1:g0s2", "<b>"])
 def test_what_is_no_candidate_is_refused(place):
     with pytest.raises(FeedbackError, match="names no candidate"):
-        remarks.read({"favourite": place})
+        actions.read({"favourite": place})
 
 
 def test_a_vote_is_between_two():
     with pytest.raises(FeedbackError, match="votes for a candidate over itself"):
-        remarks.read({"vote": "g0s1:g0s1"})
+        actions.read({"vote": "g0s1:g0s1"})
 
 
 @pytest.mark.parametrize("vote", ["g0s1", "g0s1:", ":g0s1", "g0s1:x"])
 def test_a_vote_names_two(vote):
     with pytest.raises(FeedbackError, match="names no candidate"):
-        remarks.read({"vote": vote})
+        actions.read({"vote": vote})

@@ -30,9 +30,9 @@ from ..report import html
 from ..report.view import RunView
 from ..store import artifacts, is_run, say
 from ..store.directory import ask_to_stop
-from . import folder, guard, pages, remarks
+from . import actions, folder, guard, pages
+from .actions import Launcher
 from .follow import Fingerprint, Fresh, Parts, Version, events
-from .launch import Launcher
 from .play import Players
 
 ENTRANCE = "/open"
@@ -133,7 +133,7 @@ class Pages:
 
     async def say(self, request: Request) -> Response:
         form = await _form(request)
-        return self._act(request, lambda directory: say(directory, *remarks.read(form)))
+        return self._act(request, lambda directory: say(directory, *actions.read(form)))
 
     async def stop(self, request: Request) -> Response:
         return self._act(request, ask_to_stop)

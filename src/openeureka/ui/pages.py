@@ -17,7 +17,7 @@ from ..score import Outcome, human_normalised, mean, rank
 from ..store import Store, is_held, is_run
 from ..tasks import registry
 from ..types import lane_id, of_components
-from . import folder, remarks
+from . import actions, folder
 from .folder import Entry, Standing
 from .follow import Parts, Version
 
@@ -58,7 +58,7 @@ def overview(directory: Path, run: RunView) -> Parts:
     parts = {
         "head": "",
         "now": "",
-        "said": piece.said(*remarks.ear(directory)),
+        "said": piece.said(*actions.ear(directory)),
         "result": piece.result(),
         "table": piece.overview(),
         "log": piece.log(folder.log(directory), entry.standing is not Standing.FINISHED),
@@ -87,7 +87,7 @@ def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
     known = {html.anchor(candidate): candidate for candidate in run.candidates}
     shown = [known[name] for name in dict.fromkeys(names) if name in known]
     piece = _pieces(run=run)
-    listens = remarks.ear(directory).listens
+    listens = actions.ear(directory).listens
     places = list(known)
     trained_ones = [c for c in shown if c.result is not None] if _in_depth(run.config.env) else []
     parts = {f"play-{html.anchor(c)}": piece.play(c) for c in trained_ones}

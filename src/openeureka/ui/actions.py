@@ -1,21 +1,23 @@
-"""Starts runs that outlive the page."""
+"""What a person does from the page: starts runs that outlive it, goes on with them, and says a word to one."""
 
 from __future__ import annotations
 
 import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from ..config import RunConfig
-from ..errors import ConfigError, StoreError
+from ..errors import ConfigError, FeedbackError, StoreError
 from ..executors.local import devices
 from ..llm import expect, open_model
 from ..parsing import parse
-from ..store import artifacts, is_held, is_run
+from ..store import Store, artifacts, is_held, is_run
 from ..store.db import LOG, explained
 from ..store.directory import output_directory
+from ..store.remarks import remark
 from ..tasks import registry
+from ..types import Remark, RemarkKind
 from ..worker import environment, interpreter
 
 SETTINGS = ("env", "model", "sample", "iteration", "steps", "seed", "device", "feedback", "video")
@@ -77,3 +79,37 @@ def _detached(words: Sequence[str], log: BinaryIO) -> subprocess.Popen[bytes]:
         env=environment() | {"PYTHONUNBUFFERED": "1"},
         start_new_session=True,
     )
+
+
+class Ear(NamedTuple):
+    """Whether a run listens."""
+
+    listens: bool
+    """Something said now will reach the model."""
+    waits: bool
+    """It goes on when a person says so."""
+
+
+def ear(directory: Path) -> Ear:
+    """Raises StoreError when there is no run."""
+    with Store.view(directory) as store:
+        hearings, done = store.config.hearings, store.glance().generations
+        listens = hearings > 0 and store.remarks.heard(hearings - 1) is None
+        waits = listens and 0 < done <= hearings and store.remarks.heard(done - 1) is None and is_held(directory)
+    return Ear(listens=listens, waits=waits)
+
+
+def read(form: Mapping[str, str]) -> tuple[Remark, ...]:
+    """The remarks of a form: `words`, a candidate as `favourite` or `veto`, a `vote` such as g0s3:g0s1, and `go`.
+
+    Raises:
+        FeedbackError: where a candidate is not named like g0s1, or nothing is said.
+    """
+    remarks = [remark(f"{mark}={form[mark]}") for mark in ("favourite", "veto", "vote") if mark in form]
+    if words := form.get("words", "").strip():
+        remarks.append(Remark(kind=RemarkKind.WORDS, text=words))
+    if "go" in form:
+        remarks.append(Remark(kind=RemarkKind.GO))
+    if not remarks:
+        raise FeedbackError("Nothing was said; write some words, or choose a candidate.")
+    return tuple(remarks)
