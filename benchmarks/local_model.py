@@ -24,7 +24,7 @@ import openeureka
 from openeureka.errors import EurekaError
 from openeureka.report.build import build
 from openeureka.report.view import RunView
-from openeureka.runs.events import Began, Event
+from openeureka.runs.program import Began, Event
 from openeureka.tasks import registry
 from openeureka.types import Generation, TrainingProgress, lane_id
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
         WorkerError,
     )
     from .runs.door import check, open_run, robust, search, searching, train, tune
-    from .runs.events import Asked, Began, Checked, Event, Played, Replied, Started
+    from .runs.program import Asked, Began, Checked, Event, Played, Replied, Started
     from .runs.run import LaneView, Run, TrainedPolicy
     from .score import Outcome
     from .types import Generation, TrainingProgress, TrainingResult, Verdict
@@ -89,7 +89,7 @@ _MODULES = {
         "WorkerError",
     ),
     "runs.door": ("check", "open_run", "robust", "search", "searching", "train", "tune"),
-    "runs.events": ("Asked", "Began", "Checked", "Event", "Played", "Replied", "Started"),
+    "runs.program": ("Asked", "Began", "Checked", "Event", "Played", "Replied", "Started"),
     "runs.run": ("LaneView", "Run", "TrainedPolicy"),
     "score": ("Outcome",),
     "types": ("Generation", "TrainingProgress", "TrainingResult", "Verdict"),

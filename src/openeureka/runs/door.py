@@ -18,8 +18,7 @@ from ..store.directory import output_directory
 from ..tasks.registry import get
 from ..types import Verdict
 from . import compose, rewards, trust
-from .events import Event
-from .program import Tell, done, followed
+from .program import Event, Tell, done, followed
 from .run import Run
 
 # --- settings: what they mean, the fields of `config.RunConfig` and `config.TrainConfig` say ------------------------

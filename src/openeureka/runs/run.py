@@ -26,7 +26,7 @@ from ..types import Evaluation, Glance, History, Lane, TrainingResult
 
 if TYPE_CHECKING:
     from ..llm.client import LanguageModel
-    from .events import Event
+    from .program import Event
 
 Row = dict[str, str | int | float | None]
 
