@@ -23,7 +23,7 @@ from ledger import OUTPUTS
 from records import Record, machine, read, write
 
 import openeureka
-from openeureka.cli.tune import robust
+from openeureka.cli.train import robust
 from openeureka.config import BEST, SCRATCH, STARTS
 from openeureka.refine.hardened import LONGER, PLAIN, UNIFORM, Carried, RobustArm
 from openeureka.report.text import spread

@@ -6,8 +6,8 @@ from html import unescape
 import pytest
 
 from openeureka.cli.main import main
-from openeureka.cli.search import resume, train
 from openeureka.cli.show import facts, show
+from openeureka.cli.train import resume, train
 from openeureka.config import RunConfig, TrainConfig
 from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError, WorkerError
 from openeureka.method import baselines

@@ -12,7 +12,7 @@ import pytest
 from toys import ToySandbox
 
 from openeureka import strategies
-from openeureka.cli import search
+from openeureka.cli import train
 from openeureka.cli.play import play
 from openeureka.cli.settings import PlayConfig
 from openeureka.cli.show import report, show
@@ -68,25 +68,25 @@ def at_a_terminal(monkeypatch: pytest.MonkeyPatch, answer: str) -> list[str]:
 def test_a_run_of_ones_own_goes_on_unasked_also_moved_and_copied(asked, tmp_path, monkeypatch):
     questions = at_a_terminal(monkeypatch, "n")
     own = [f"env={TASK}", "model=m", f"base_url={ADDRESS}", "price=1,2", *SETTINGS]
-    search.run([*own, f"dir={tmp_path}/run"])
+    train.run([*own, f"dir={tmp_path}/run"])
     (tmp_path / "run").rename(tmp_path / "moved")
     shutil.copytree(tmp_path / "moved", tmp_path / "copy")
     for place in ("moved", "copy"):
-        search.resume([f"{tmp_path}/{place}"])
+        train.resume([f"{tmp_path}/{place}"])
     assert asked == [ADDRESS] * 3 and questions == []
 
 
 def test_an_address_from_elsewhere_is_refused_in_a_script_and_trusted_by_name(asked, tmp_path):
     run = foreign(tmp_path / "run", env="cartpole")
     with pytest.raises(ConfigError) as refused:
-        search.resume([str(run)])
+        train.resume([str(run)])
     assert f"base_url={ADDRESS}" in str(refused.value) and f"add trust={run} if" in str(refused.value)
     for words in ([f"trust={tmp_path}"], [f"trust={tmp_path}", f"trust={run}"]):
         with pytest.raises(ConfigError, match="is not the run that is resumed"):
-            search.resume([str(run), *words])
+            train.resume([str(run), *words])
     assert asked == []
-    search.resume([str(run), f"trust={run}"])
-    search.resume([str(run)])  # who has agreed once is not asked again
+    train.resume([str(run), f"trust={run}"])
+    train.resume([str(run)])  # who has agreed once is not asked again
     assert asked == [ADDRESS, ADDRESS]
 
 
@@ -99,7 +99,7 @@ def test_at_a_terminal_a_person_is_shown_what_is_used_and_asked(asked, tmp_path,
     run = foreign(tmp_path / "run", env="cartpole", init=str(notes), model="m\u202e")
     questions = at_a_terminal(monkeypatch, answer)
     with contextlib.nullcontext() if opened else pytest.raises(ConfigError, match="Nothing was done"):
-        search.resume([str(run)])
+        train.resume([str(run)])
     assert asked == opened and len(questions) == 1
     shown = capsys.readouterr().out
     assert f"  base_url={ADDRESS}\n    which is sent the prompts and your key\n" in shown
@@ -108,7 +108,7 @@ def test_at_a_terminal_a_person_is_shown_what_is_used_and_asked(asked, tmp_path,
 
 def test_what_the_command_itself_says_is_not_asked_about(asked, tmp_path):
     run = foreign(tmp_path / "run", env="cartpole", model="local")
-    search.resume([str(run), "base_url=http://127.0.0.1:8/v1"])
+    train.resume([str(run), "base_url=http://127.0.0.1:8/v1"])
     assert asked == ["http://127.0.0.1:8/v1"]
 
 
@@ -121,8 +121,8 @@ def test_no_store_switches_the_sandbox_off(asked, tmp_path, monkeypatch):
 
     monkeypatch.setattr(ToySandbox, "__enter__", noted)
     run = foreign(tmp_path / "run", env="cartpole", model="local", base_url="", unsafe_no_sandbox=True)
-    search.resume([str(run)])
-    search.resume([str(run), "unsafe_no_sandbox=true"])
+    train.resume([str(run)])
+    train.resume([str(run), "unsafe_no_sandbox=true"])
     assert seen == [False, True]
 
 
@@ -191,13 +191,13 @@ def test_code_that_a_run_names_is_imported_when_somebody_agrees(asked, tmp_path,
     show(run)
     report([str(run)])
     with pytest.raises(ConfigError, match=f"was never typed here: {setting}={named}; add trust="):
-        search.resume([str(run)])
+        train.resume([str(run)])
     questions = at_a_terminal(monkeypatch, "n")
     with pytest.raises(ConfigError, match="Nothing was done"):
-        search.resume([str(run)])
+        train.resume([str(run)])
     assert f"  {setting}={named}\n    which is run with your rights\n" in capsys.readouterr().out
     assert len(questions) == 1 and not mark.exists()
-    search.resume([str(run), f"trust={run}"])
+    train.resume([str(run), f"trust={run}"])
     assert mark.exists() and "best F" in capsys.readouterr().out
 
 

@@ -15,9 +15,8 @@ import pytest
 
 import openeureka
 from openeureka.cli.main import main
-from openeureka.cli.search import resume, train
 from openeureka.cli.show import facts, show
-from openeureka.cli.tune import tune
+from openeureka.cli.train import resume, train, tune
 from openeureka.config import TuneConfig
 from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError
 from openeureka.report.view import RunView

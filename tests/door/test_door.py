@@ -12,7 +12,7 @@ import pytest
 from report.policies import policy
 
 import openeureka
-from openeureka.cli.search import resume as resume_command
+from openeureka.cli.train import resume as resume_command
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError, ModelError, RewardFileError, StoreError
 from openeureka.film import mp4, video

@@ -10,7 +10,7 @@ from report.scripted import search_in
 
 import openeureka
 from openeureka.cli.show import show
-from openeureka.cli.tune import robust
+from openeureka.cli.train import robust
 from openeureka.config import RobustConfig, RunConfig
 from openeureka.errors import ConfigError, EurekaError, Interrupted, ModelError, StoreError
 from openeureka.parsing import parse

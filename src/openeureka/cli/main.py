@@ -80,7 +80,7 @@ def run(words: Settings = None) -> None:
 
     Example: eureka run env=cartpole model=random sample=8 iteration=2
     """
-    from .search import run
+    from .train import run
 
     run(words or [])
 
@@ -91,7 +91,7 @@ def resume(words: Words = None) -> None:
 
     Example: eureka resume outputs/2026-01-31_12-00-00_cartpole max_cost=10
     """
-    from .search import resume
+    from .train import resume
 
     resume(words or [])
 
@@ -157,7 +157,7 @@ def train(words: Settings = None, as_json: Json = False) -> None:
 
     Example: eureka train env=cartpole reward=human,sparse seeds=3
     """
-    from .search import train
+    from .train import train
 
     train(words or [], as_json=as_json)
 
@@ -168,7 +168,7 @@ def tune(words: Settings = None, as_json: Json = False) -> None:
 
     Example: eureka tune env=ant reward=human trials=32
     """
-    from .tune import tune
+    from .train import tune
 
     tune(words or [], as_json=as_json)
 
@@ -179,7 +179,7 @@ def robust(words: Words = None) -> None:
 
     Example: eureka robust outputs/2026-01-31_12-00-00_anymal sample=8
     """
-    from .tune import robust
+    from .train import robust
 
     robust(words or [])
 
@@ -225,7 +225,7 @@ def ui(words: Words = None) -> None:
 
     Example: eureka ui outputs port=8081
     """
-    from .ui import ui
+    from .remote import ui
 
     ui(words or [])
 

@@ -1,4 +1,7 @@
-"""`eureka feedback` and `eureka stop`: a word to a run that another shell has at work. Neither loads PyTorch."""
+"""`eureka feedback` and `eureka stop`, a word to a run at work elsewhere, and `eureka ui`, the page to say it on.
+
+None loads PyTorch.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +9,14 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..errors import FeedbackError, StoreError
+from ..errors import ConfigError, FeedbackError, StoreError
+from ..parsing import parse
 from ..runs.stopping import stopped
 from ..store import is_held, say
-from ..store.directory import ask_to_stop
+from ..store.directory import OUTPUTS, ask_to_stop
 from ..store.remarks import remark
 from ..types import RemarkKind
-from .settings import again
+from .settings import PageConfig, again, only_path, split
 
 PATIENCE = 60.0
 """[s] in which a run that was asked must have stopped."""
@@ -37,3 +41,17 @@ def stop(directory: Path) -> None:
             raise StoreError(f"The run in {directory} was asked to stop and goes on; end its process where it runs.")
         time.sleep(0.1)
     print(stopped(again(directory)))
+
+
+def ui(words: Sequence[str]) -> None:
+    """Serve the page of the runs below a folder."""
+    settings, paths = split(words)
+    config = parse(PageConfig, settings)
+    try:
+        from ..ui.server import serve
+    except ModuleNotFoundError as error:
+        raise ConfigError(f"The page needs {error.name}: pip install 'openeureka[ui]'.") from None
+    folder = only_path(paths or [OUTPUTS], "eureka ui outputs")
+    if paths and not folder.is_dir():
+        raise ConfigError(f"There is no folder {folder}; name the one that holds your runs.")
+    serve(folder, config.host, config.port)
