@@ -1,4 +1,4 @@
-"""The `eureka` command: names, help and errors. Each command is a module of its own, imported when it is called."""
+"""The `eureka` command: names, help and errors. What a command does stands elsewhere, imported when it is called."""
 
 from __future__ import annotations
 
@@ -190,7 +190,7 @@ def bench(words: Words = None) -> None:
 
     Example: eureka bench plan.yaml dir=outputs/ablations
     """
-    from .bench import bench
+    from .train import bench
 
     raise typer.Exit(bench(words or []))
 

@@ -1,4 +1,4 @@
-"""`eureka run`, `resume`, `train`, `tune` and `robust`: everything that trains, with the terminal as its host."""
+"""`eureka run`, `resume`, `train`, `tune`, `robust` and `bench`: all that trains, with the terminal as its host."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from contextlib import nullcontext, redirect_stdout
 from pathlib import Path
 
+from ..benchmark import bench as cells
 from ..config import NO_MODEL, RobustConfig, RunConfig, TrainConfig, TuneConfig
 from ..errors import WorkerError
 from ..method.given import Given
@@ -25,7 +26,7 @@ from ..store.store import expect_same
 from ..tasks.registry import get
 from ..text import plain
 from ..types import Candidate, TrainingState, Verdict
-from .settings import only_path, split, trusting
+from .settings import BenchConfig, only_path, split, trusting
 from .show import closing, facts, summary, tuned
 from .show import robust_lines as lines
 from .terminal import Terminal
@@ -171,3 +172,37 @@ def go_on(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] 
         print(plain(problem))
     print("\n".join(closing(run, directory)))
     return run
+
+
+class _Host(Terminal):
+    """One whose searches go on with the bench."""
+
+    def __init__(self, command: str) -> None:
+        self._command = command
+
+    def again(self, directory: Path) -> str:
+        return self._command
+
+
+def bench(words: Sequence[str]) -> int:
+    """Run the cells of a plan that are missing and print the comparison.
+
+    Returns:
+        The exit status: that of the first cell that could not be finished, 0 where all are.
+    """
+    settings, paths = split(words)
+    path = only_path(paths, "eureka bench plan.yaml dir=outputs/ablations")
+    plan, directory = cells.opened(path, parse(BenchConfig, settings).dir)
+    told: list[cells.Bench] = []
+    host = _Host(" ".join(["eureka bench", str(path), *settings]))
+    cells.run(plan, directory, host, tell=told.append, say=lambda text: print(plain(text), flush=True))
+    _tell_compared(told[-1])
+    return next((error.exit_code for error in told[-1].failures.values()), 0)
+
+
+def _tell_compared(found: cells.Bench) -> None:
+    for table in found.compared.tables():
+        print(plain(f"\n{columns([table.titles, *table.rows])}\n\n{table.note}"))
+    for name, error in found.failures.items():
+        print(plain(f"{name} could not be finished: {error}"))
+    print(f"\nEverything is in {found.directory}; begin with {cells.PAGE}")
