@@ -119,7 +119,7 @@ class TrainBudget:
     """Share of a lane's steps after which it pauses; 1 is the end."""
     bonus: Bonus = "none"
     """What trains with generated rewards beside what they say: the task's `success_bonus`, as in the original, or pay
-    for rare values of the components that tell progress (`training.counts`)."""
+    for rare values of the components that tell progress (`training.rewards`)."""
     randomise: Ranges | None = None
     """What the worlds of training are drawn from; None for the task's own alone."""
     observe: Observe = "all"
