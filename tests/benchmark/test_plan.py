@@ -81,6 +81,7 @@ REST = "{tasks: [cartpole], seeds: [0], arms: {a: {}}, "
         (REST + "per_task: {cartpol: {}}}", "`cartpol`, which is no task of the plan. Did you mean `cartpole`?"),
         (REST + "settings: {video: some}}", "`video` must be one of"),
         ("{tasks: [", "is not YAML"),
+        ("[" * 3000, "is not YAML"),
     ],
 )
 def test_what_does_not_fit_is_one_sentence(tmp_path, text, says):

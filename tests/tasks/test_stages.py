@@ -74,6 +74,7 @@ def test_a_stage_may_be_another_task_in_a_file_beside_the_list(written, tmp_path
         ("steps: 5\n", "is no list of stages"),
         ("[]\n", "is no list of stages"),
         ("- {\n", "is not YAML"),
+        ("[" * 3000, "is not YAML"),
     ],
 )
 def test_what_could_not_be_trained_is_refused_in_one_sentence(written, text: str, sentence: str):

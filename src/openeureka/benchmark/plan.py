@@ -113,7 +113,7 @@ def load(path: Path) -> Plan:
         found = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
     except OSError as error:
         raise ConfigError(f"Cannot read the plan {path}: {error.strerror}.") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise ConfigError(f"The plan {path} is not YAML: {' '.join(str(error).split())}.") from None
     try:
         return plan(found, path.parent)

@@ -44,7 +44,7 @@ def _read(path: Path) -> tuple[Stage, ...]:
         found = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"Cannot read the curriculum {path}: {error.strerror}.") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise ConfigError(f"The curriculum {path} is not YAML: {' '.join(str(error).split())}.") from None
     if not (isinstance(found, list) and found and all(isinstance(stage, dict) for stage in found)):
         raise ConfigError(f"The curriculum {path} is no list of stages, such as `- {{steps: 100000}}`.")
