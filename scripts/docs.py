@@ -45,6 +45,7 @@ HEADLINE = ROOT / "docs" / "reference" / "headline.md"
 HEADLINE_TABLE = "<!-- headline -->\n", "<!-- /headline -->\n"
 GREEDY = "<!-- greedy -->\n", "<!-- /greedy -->\n"
 CLAIMS = "<!-- claims -->\n", "<!-- /claims -->\n"
+WORDS = "<!-- words -->\n", "<!-- /words -->\n"
 TREE = "<!-- tree -->\n", "<!-- /tree -->\n"
 SCORES = ROOT / "docs" / "concepts" / "scores.md"
 CHOOSING = ROOT / "benchmarks" / "results" / "choosing.json"
@@ -220,6 +221,12 @@ def claims() -> str:
     return f"{_table(study.ANSWERS, study.answers(measured))}\n{_table(study.TITLES, study.rows(measured))}"
 
 
+def words() -> str:
+    """What `benchmarks/words.py` has measured: a row a measure."""
+    study = _benchmark("words")
+    return _table(study.TITLES, study.rows(study.read(study.RESULTS)))
+
+
 def table() -> str:
     """The rows of `benchmarks/headline.py` in a sentence."""
     study = _benchmark("headline")
@@ -305,7 +312,9 @@ def generated() -> Mapping[Path, str]:
         PYTHON: python_page.page(),
         MODULES: modules(),
         BASELINES: baselines(),
-        HEADLINE: _filled(HEADLINE, (HEADLINE_TABLE, headline()), (GREEDY, greedy()), (CLAIMS, claims())),
+        HEADLINE: _filled(
+            HEADLINE, (HEADLINE_TABLE, headline()), (GREEDY, greedy()), (CLAIMS, claims()), (WORDS, words())
+        ),
         BENCHMARK: _filled(BENCHMARK, (REACHED, reached())),
         README: _filled(README, (FOUND, found()), (HEADLINE_TABLE, table())),
         CONTRIBUTING: _filled(CONTRIBUTING, (TREE, tree())),
