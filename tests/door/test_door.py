@@ -281,6 +281,11 @@ def test_a_training_that_is_stopped_goes_on(tmp_path, trainer, capsys):
     assert run.best_reward is None  # the human one comes with the task
 
 
+def test_a_program_of_one_line_is_not_split_at_its_commas():
+    with pytest.raises(RewardFileError, match="reward_1 was refused"):
+        openeureka.train("cartpole", "def compute_reward(pole_angle, no_such): return pole_angle, {}")
+
+
 def test_a_program_is_checked_as_text_or_file(tmp_path):
     assert openeureka.check("cartpole", program(3.0)).accepted
     (tmp_path / "bad.py").write_text("def f(x):\n    return x\n")

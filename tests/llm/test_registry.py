@@ -77,7 +77,8 @@ def test_a_module_that_is_found_needs_no_package_around_it(tmp_path: Path, monke
     monkeypatch.syspath_prepend(tmp_path)
     assert isinstance(open_model(RunConfig(model="my_model_of_one_file:made")), RandomModel)
     monkeypatch.setenv("OPENAI_API_KEY", "sk-none")
-    assert open_model(RunConfig(model="llama3:latest")).name == "llama3:latest"
+    for name in ("llama3:latest", "llama3.2:latest", "qwen2.5-coder:1.5b"):
+        assert open_model(RunConfig(model=name)).name == name
 
 
 def test_a_run_without_a_model_has_nothing_to_replay(tmp_path: Path):

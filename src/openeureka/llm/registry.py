@@ -54,8 +54,10 @@ def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
 
 
 def _is_import(module: str, name: str) -> bool:
-    """Whether `module:name` is no model of an endpoint, whose names may have a colon too: `llama3:latest`."""
-    return bool(name) and ("." in module or (module.isidentifier() and find_spec(module) is not None))
+    """Whether `module:name` is no model of an endpoint, whose names may have a colon too: `llama3.2:latest`."""
+    parts = module.split(".")
+    named = all(map(str.isidentifier, parts)) and (len(parts) > 1 or find_spec(module) is not None)
+    return bool(name) and (named or module.endswith(".py"))
 
 
 def expect(config: RunConfig) -> None:

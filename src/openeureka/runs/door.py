@@ -186,7 +186,7 @@ def train(
 
 
 def _listed(reward: str | Path | Sequence[str | Path]) -> list[str | Path]:
-    if isinstance(reward, str) and "\n" not in reward:
+    if isinstance(reward, str) and not rewards.is_text(reward):
         return [word.strip() for word in reward.split(",") if word.strip()]
     words = list(reward) if isinstance(reward, Iterable) and not isinstance(reward, str) else [reward]
     for word in words:

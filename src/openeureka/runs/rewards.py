@@ -28,10 +28,11 @@ def read(program: str | Path) -> Candidate:
     Raises:
         RewardFileError: for a file that cannot be read.
     """
-    return extract.in_text(str(program)) if _is_text(program) else extract.in_file(Path(program))[0]
+    return extract.in_text(str(program)) if is_text(program) else extract.in_file(Path(program))[0]
 
 
-def _is_text(program: str | Path) -> bool:
+def is_text(program: str | Path) -> bool:
+    """Whether it is a program itself, and not the name of one."""
     return isinstance(program, str) and ("\n" in program or program.startswith("def "))
 
 
@@ -62,7 +63,7 @@ def named(config: TrainConfig, rewards: Sequence[str | Path] | None = None) -> G
     for name, word in zip(names, words, strict=True):
         if name in judged and not judged[name][1].accepted:
             reasons = "; ".join(explain(judged[name][1]))
-            raise RewardFileError(f"{name if _is_text(word) else word} was refused: {reasons}")
+            raise RewardFileError(f"{name if is_text(word) else word} was refused: {reasons}")
     return {name: judged.get(name) for name in names}
 
 
@@ -78,7 +79,7 @@ def to_tune(config: TuneConfig, reward: str | Path | None = None) -> tuple[Candi
         TaskError: where the task's own reward is no program.
     """
     word = config.reward if reward is None else reward
-    name = "the reward" if _is_text(word) else f"`{word}`"
+    name = "the reward" if is_text(word) else f"`{word}`"
     candidate = _only(config, word)
     (verdict,) = judge(config.env, [candidate], worlds=config.worlds, unsafe=config.unsafe_no_sandbox)
     if not verdict.accepted:
@@ -95,7 +96,7 @@ def _only(config: TuneConfig, word: str | Path) -> Candidate:
         raise ConfigError(
             "The sparse reward of a task is no program; tune `human`, a file, or the best reward of a run."
         )
-    directory = Path(word) if not _is_text(word) else None
+    directory = Path(word) if not is_text(word) else None
     if directory is None or not directory.is_dir():
         return read(word)
     if is_run(directory) and (env := read_config(directory).env) != config.env:
@@ -113,7 +114,7 @@ def _name(reward: str | Path, number: int) -> str:
     """A file's stem, as far as it can name a folder."""
     if reward in BUILT_IN:
         return str(reward)
-    if _is_text(reward):
+    if is_text(reward):
         return f"reward_{number}"
     stem = _nameable(Path(reward).stem)
     return f"{stem}_file" if stem in BUILT_IN else stem
@@ -121,7 +122,7 @@ def _name(reward: str | Path, number: int) -> str:
 
 def _in_folder(reward: str | Path, name: str) -> str:
     """A file by its folder and its stem."""
-    if reward in BUILT_IN or _is_text(reward):
+    if reward in BUILT_IN or is_text(reward):
         return name
     return _nameable(f"{Path(reward).absolute().parent.name}_{Path(reward).stem}")
 
