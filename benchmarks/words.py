@@ -67,10 +67,10 @@ def measure(group: str) -> list[Record]:
     """What the policies of a group's rewards do."""
     rewards = claims.accepted(ENV, claims.asked(ENV, group))
     run = openeureka.train(ENV, rewards, dir=OUTPUTS / group, seed=claims.SEED, steps=claims.STEPS[ENV])
-    own = policies(group)
+    own, lanes = policies(group), run.lanes
     found = []
     for play in evaluate(ENV, own, seed=claims.SEED, episodes=EPISODES, record=own):
-        score = run.lanes[play.lane].held_out
+        score = lanes[play.lane].held_out
         assert score is not None
         costs = {name: score.costs[name] for name in ("contact_force", "falls")}
         found.append({"fitness": score.fitness, **gait(play.recorded), **costs})
@@ -86,7 +86,7 @@ def policies(group: str) -> dict[str, bytes]:
 
 
 def gait(recorded: Episodes | None) -> Record:
-    """How level a torso is, and how steady its height: means over episodes."""
+    """How level a torso is, over all states, and how steady its height in an episode."""
     assert recorded is not None
     state = load(recorded.states)
     owners = torch.tensor(recorded.owners)
@@ -120,11 +120,11 @@ def sheet(pictures: np.ndarray) -> Image.Image:
 
 def picture() -> None:
     """The policy of each group whose tilt is in the middle, side by side."""
-    groups, films = read(RESULTS)["groups"], {(group, number): film for film, (group, number) in read(KEY).items()}
+    groups, places = read(RESULTS)["groups"], {(group, number): place for place, (group, number) in read(KEY).items()}
     sides = []
     for group, title in GROUPS.items():
         order = sorted(range(len(groups[group])), key=lambda number: groups[group][number]["tilt"])
-        shown = mp4.frames((FILMS / f"{films[group, order[len(order) // 2]]}.mp4").read_bytes())
+        shown = mp4.frames((FILMS / f"{places[group, order[len(order) // 2]]}.mp4").read_bytes())
         sides.append([titled(frame, title) for frame in shown[FROM::2]])
     frames = [Image.fromarray(np.concatenate(pair, axis=1)) for pair in zip(*sides, strict=True)]
     frames[0].save(PICTURE, save_all=True, append_images=frames[1:], duration=66, loop=0, quality=40, method=4)
@@ -142,8 +142,8 @@ def judge(known: Record, marks: Mapping[str, float]) -> Record:
     key = read(KEY)
     if set(marks) != set(key):
         raise SystemExit(f"Marks are wanted for the films {', '.join(sorted(key))}, each a number from 0 to 10.")
-    for film, (group, number) in key.items():
-        known["groups"][group][number].setdefault("marks", []).append(marks[film])
+    for place, (group, number) in key.items():
+        known["groups"][group][number].setdefault("marks", []).append(marks[place])
     return known
 
 

@@ -14,6 +14,7 @@ from .errors import ConfigError, nearest
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
+    from yaml import SafeLoader
 
 _LONGEST = 4096
 """Characters of a setting: those of the longest path."""
@@ -163,6 +164,25 @@ def restored(kind: type[Config], stored: object) -> Config:
         if isinstance(value, str) and (len(value) > _LONGEST or "\0" in value):
             raise TypeError(f"`{key}` is no text of a setting")
     return kind(**settings)
+
+
+def read_yaml(path: Path, kind: str, loader: type[SafeLoader] | None = None) -> Any:
+    """What a YAML file says.
+
+    Args:
+        kind: what the file is called, such as `plan`.
+
+    Raises:
+        ConfigError: when it cannot be read, or is not YAML.
+    """
+    import yaml  # most commands read none
+
+    try:
+        return yaml.load(path.read_text(encoding="utf-8"), Loader=loader or yaml.SafeLoader)
+    except OSError as error:
+        raise ConfigError(f"Cannot read the {kind} {path}: {error.strerror}.") from None
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        raise ConfigError(f"The {kind} {path} is not YAML: {' '.join(str(error).split())}.") from None
 
 
 def as_dict(config: DataclassInstance) -> dict[str, object]:

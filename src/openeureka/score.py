@@ -13,8 +13,6 @@ from .types import COSTS, Evaluation, Limits, Peak, Place, Scored, TrainingResul
 if TYPE_CHECKING:
     import numpy as np
 
-    Vector = np.ndarray[tuple[int], np.dtype[np.float64]]
-
 ERRORS = 2.0
 """Standard errors that two scores must be apart before one counts as the higher."""
 
@@ -139,7 +137,7 @@ def pearson(xs: Sequence[float | None], ys: Sequence[float | None]) -> float | N
     return xy / math.sqrt(xx * yy) if xx > 0 and yy > 0 else None
 
 
-def midranks(values: Sequence[float] | Vector) -> Vector:
+def midranks(values: Sequence[float] | np.ndarray) -> np.ndarray:
     """Ranks from 1 to n; equal values share the mean of theirs. Spearman's correlation is `pearson` of these."""
     import numpy as np  # takes a tenth of a second, and only screens and tunings rank
 

@@ -14,7 +14,7 @@ import yaml
 
 from ..config import NO_MODEL, RunConfig, short_name
 from ..errors import ConfigError, nearest
-from ..parsing import absolute, as_dict, parse, restored
+from ..parsing import absolute, as_dict, parse, read_yaml, restored
 from ..store.store import FREE_TO_CHANGE
 
 Settings = Mapping[str, Any]
@@ -109,12 +109,7 @@ class _Loader(yaml.SafeLoader):
 
 def load(path: Path) -> Plan:
     """A plan from a YAML file; files that it names are found from where it is. Raises ConfigError."""
-    try:
-        found = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
-    except OSError as error:
-        raise ConfigError(f"Cannot read the plan {path}: {error.strerror}.") from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise ConfigError(f"The plan {path} is not YAML: {' '.join(str(error).split())}.") from None
+    found = read_yaml(path, "plan", _Loader)
     try:
         return plan(found, path.parent)
     except ConfigError as error:

@@ -27,8 +27,7 @@ from ..tasks.registry import get
 from ..text import plain
 from ..types import Candidate, TrainingState, Verdict
 from .settings import BenchConfig, only_path, split, trusting
-from .show import closing, facts, summary, tuned
-from .show import robust_lines as lines
+from .show import closing, facts, robust_lines, summary, tuned
 from .terminal import Terminal
 
 
@@ -73,9 +72,14 @@ def _tell(directory: Path, problems: Sequence[str]) -> None:
     if (best := result.best_text) is not None:
         print(f"\nBest reward:\n\n{plain(best.source)}")
     print("\n".join(summary(result)))
+    _close(result, directory, problems)
+
+
+def _close(run: RunView, directory: Path, problems: Sequence[str]) -> None:
+    """What of its report could not be made, and where the rest is."""
     for problem in problems:
         print(plain(problem))
-    print("\n".join(closing(result, directory)))
+    print("\n".join(closing(run, directory)))
 
 
 def train(words: Sequence[str], *, as_json: bool = False) -> None:
@@ -108,9 +112,7 @@ def compare(config: RunConfig, directory: Path, rewards: Given | None) -> RunVie
     for lane, result in run.results.items():
         if result.state is TrainingState.DIVERGED:
             print(plain(f"{lane} {result.message}"))
-    for problem in problems:
-        print(plain(problem))
-    print("\n".join(closing(run, directory)))
+    _close(run, directory, problems)
     return run
 
 
@@ -145,7 +147,7 @@ def robust(words: Sequence[str]) -> None:
     settings, paths = split(words)
     directory = only_path(paths, "eureka robust outputs/<time>_anymal")
     settings, trusted = trusting(settings, directory)
-    typed = {word.partition("=")[0] for word in settings}
+    typed = _keys(settings)
     wanted = parse(RobustConfig, settings)
     config = wanted.changed(compose.stored(directory), typed)
     trust.agree(config, directory, typed=typed, trusted=trusted, way=f"add trust={directory}", asks=True)
@@ -153,7 +155,7 @@ def robust(words: Sequence[str]) -> None:
     problems = compose.robust(wanted, config, directory, Terminal(), again=again)
     found = RunView.read(directory).robust
     if found is not None:
-        print("\n".join(["", *lines(found)]))
+        print("\n".join(["", *robust_lines(found)]))
     for problem in problems:
         print(plain(problem))
     print(f"\nThe policy and its ranges are in {directory / 'robust'}; begin with report.html")
@@ -168,9 +170,7 @@ def go_on(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] 
     problems = compose.tune(config, directory, reward, Terminal())
     run = RunView.read(directory)
     print("\n".join(["", *tuned(run)]))
-    for problem in problems:
-        print(plain(problem))
-    print("\n".join(closing(run, directory)))
+    _close(run, directory, problems)
     return run
 
 

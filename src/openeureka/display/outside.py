@@ -30,6 +30,10 @@ from ..types.bounds import Count, Finite, Name
 from .live import PlainView, Tally
 
 WIDTH = 120
+PAUSE = 2.0
+"""[s] between two writings while a training goes on."""
+MOST = 80
+"""Points kept of a curve; of a longer one every second goes, and those to come are that much farther apart."""
 
 
 class _LogFile(io.TextIOWrapper):
@@ -90,11 +94,6 @@ def _opened(directory: Path) -> BinaryIO | None:
             return None
     return file
 
-
-PAUSE = 2.0
-"""[s] between two writings while a training goes on."""
-MOST = 80
-"""Points kept of a curve; of a longer one every second goes, and those to come are that much farther apart."""
 
 Curves = Mapping[Name, tuple[Finite | None, ...]]
 

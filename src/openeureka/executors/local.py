@@ -20,6 +20,8 @@ from .transport import SILENCE, Processes, Slot
 CPU = "cpu"
 CPU_WORKERS = 8
 """The most processes that share one CPU: each costs 0.4 GB of memory before its worlds."""
+MAX_WORLDS = {"cpu": 16384, "cuda": 65536}
+"""A world costs about 0.15 MB, of which the model hardly matters (measured on Cartpole and Humanoid, on the CPU)."""
 
 
 def devices(setting: str) -> tuple[str, ...]:
@@ -51,10 +53,6 @@ def workers(devices: Sequence[str], threads: int, populations: int) -> tuple[Slo
     available = threads or usable_cores()
     count = max(1, min(available, populations, CPU_WORKERS))
     return (Slot(CPU, available // count),) * count
-
-
-MAX_WORLDS = {"cpu": 16384, "cuda": 65536}
-"""A world costs about 0.15 MB, of which the model hardly matters (measured on Cartpole and Humanoid, on the CPU)."""
 
 
 class LocalExecutor:

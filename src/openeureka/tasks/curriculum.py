@@ -7,10 +7,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from ..errors import ConfigError, TaskError, nearest
-from ..parsing import whole_number
+from ..parsing import read_yaml, whole_number
 from .registry import get, variant
 from .task import Stage, Task
 
@@ -40,12 +38,7 @@ def find(env: str, curriculum: str) -> tuple[Stage, ...]:
 
 def _read(path: Path) -> tuple[Stage, ...]:
     """A list of mappings with the fields of a Stage; files of tasks are found from where the list is."""
-    try:
-        found = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"Cannot read the curriculum {path}: {error.strerror}.") from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise ConfigError(f"The curriculum {path} is not YAML: {' '.join(str(error).split())}.") from None
+    found = read_yaml(path, "curriculum")
     if not (isinstance(found, list) and found and all(isinstance(stage, dict) for stage in found)):
         raise ConfigError(f"The curriculum {path} is no list of stages, such as `- {{steps: 100000}}`.")
     return tuple(_stage(stage, path) for stage in found)

@@ -20,6 +20,11 @@ MAX_CALL_SECONDS = 2.0
 """Processor time of one lane's reward for one step on a CPU: four times what a check lets through."""
 ROUNDING = 1e-12
 """Sums of squares cancel; what is left below this share of them is rounding."""
+VALUES = 3
+"""Progress values of a program that count, the first ones."""
+BINS = 10
+"""Of each value. Three values make 1,000 bins: an even share of a training of a million steps visits each a thousand
+times, and pays 3 % of a first visit at its end. With finer bins everything would stay new."""
 
 
 class LaneRewards:
@@ -213,13 +218,6 @@ def correlation(sums: Tensor) -> float | None:
     if not (spread_x > ROUNDING * xx and spread_y > ROUNDING * yy):
         return None
     return (xy - x * y / count) / (spread_x * spread_y) ** 0.5
-
-
-VALUES = 3
-"""Progress values of a program that count, the first ones."""
-BINS = 10
-"""Of each value. Three values make 1,000 bins: an even share of a training of a million steps visits each a thousand
-times, and pays 3 % of a first visit at its end. With finer bins everything would stay new."""
 
 
 class ProgressCounts:
