@@ -172,3 +172,7 @@ def test_who_wrote_the_rewards_and_what_they_were_shown_is_true(model, told, tmp
 def test_a_model_is_called_by_its_file_without_the_way_there():
     assert html.model("replay:runs/deep/over.json") == "replay:over.json"
     assert html.model("replay:outputs/ant") == "replay:ant" and html.model("openai/gpt-5") == "openai/gpt-5"
+
+
+def test_a_long_name_may_go_on_in_the_next_line_and_stays_text():
+    assert html.breakable("replay:a_<b>") == "replay:<wbr>a_<wbr>&lt;b&gt;"

@@ -200,7 +200,8 @@ def model(setting: str) -> str:
 
 def breakable(text: str) -> Markup:
     """A name that may go on in the next line after a colon, a slash or an underscore; copied, it is as it was."""
-    return Markup(re.sub("([:/_])", r"\1<wbr>", escape(plain(text))))
+    escaped = str(escape(plain(text)))  # re.sub would escape what it puts into a Markup
+    return Markup(re.sub("([:/_])", r"\1<wbr>", escaped))
 
 
 def anchor(place: CandidateView | Sample) -> str:
