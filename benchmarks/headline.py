@@ -17,8 +17,11 @@ from __future__ import annotations
 
 import argparse
 import lzma
+import shutil
+import sqlite3
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -62,7 +65,7 @@ def measure(whole: Plan, env: str) -> None:
     """Search on one task, or go on with it, and keep what it found."""
     store, row = search(whole, env, OUTPUTS / env)
     ARCHIVE.mkdir(exist_ok=True)
-    (ARCHIVE / f"{env}.sqlite.xz").write_bytes(lzma.compress(store.read_bytes(), preset=9))
+    (ARCHIVE / f"{env}.sqlite.xz").write_bytes(lzma.compress(portable(store), preset=9))
     write(RESULTS, {**read(RESULTS), env: row})
 
 
@@ -82,6 +85,19 @@ def search(whole: Plan, env: str, directory: Path) -> tuple[Path, Record]:
         raise SystemExit(f"{name}: {error}")
     store = directory / cell.name / FILENAME
     return store, outcome(store.parent, cell, found[-1])
+
+
+def portable(store: Path) -> bytes:
+    """The store, in which the file of replies is named from the root of the repository, as another clone has it."""
+    with TemporaryDirectory() as folder:
+        copy = shutil.copy(store, folder)
+        with closing(sqlite3.connect(copy, isolation_level=None)) as database:
+            (guard,) = database.execute("SELECT sql FROM sqlite_master WHERE name = 'run_UPDATE'").fetchone()
+            database.execute("DROP TRIGGER run_UPDATE")
+            database.execute("UPDATE run SET config = replace(config, ?, '')", (f"{ROOT}/",))
+            database.execute(guard)
+            database.execute("VACUUM")
+        return Path(copy).read_bytes()
 
 
 def confirm(env: str, count: int) -> Record:

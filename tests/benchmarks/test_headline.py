@@ -1,5 +1,7 @@
 """The table's rows end as their numbers say, and every task has replies to repeat."""
 
+import lzma
+import sqlite3
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -8,6 +10,7 @@ import pytest
 
 from openeureka.benchmark.plan import load
 from openeureka.llm.registry import archived
+from openeureka.store.db import FILENAME
 from openeureka.tasks import registry
 
 ROOT = Path(__file__).parents[2]
@@ -121,3 +124,19 @@ def test_eureka_s_rule_looks_at_training_alone(headline: ModuleType):
     told = greedy.summary({"ant": same, "anymal": other})
     assert "On 1 both crown the same reward." in told and told.endswith("better on 1, worse on 0 and level on 0.")
     assert [row[0] for row in greedy.rows({"ant": same, "anymal": other})] == ["anymal"]
+
+
+def test_an_archived_run_names_its_replies_as_any_clone_has_them(headline: ModuleType):
+    for path in headline.ARCHIVE.glob("*.sqlite.xz"):
+        replies = Path(headline.archive(path.name.removesuffix(".sqlite.xz")).config.model.removeprefix("replay:"))
+        assert not replies.is_absolute() and (headline.ROOT / replies).is_file(), path.name
+
+
+def test_what_is_archived_says_nothing_of_where_it_was_measured(headline: ModuleType, tmp_path: Path, monkeypatch):
+    (tmp_path / FILENAME).write_bytes(lzma.decompress((headline.ARCHIVE / "anymal.sqlite.xz").read_bytes()))
+    monkeypatch.setattr(headline, "ROOT", Path("replay:benchmarks"))  # what stands before the name of the file
+    kept = headline.portable(tmp_path / FILENAME)
+    assert b"replay:benchmarks/" not in kept and b"headline/anymal.json" in kept
+    (tmp_path / FILENAME).write_bytes(kept)
+    with pytest.raises(sqlite3.IntegrityError, match="never changes"), sqlite3.connect(tmp_path / FILENAME) as database:
+        database.execute("UPDATE run SET version = ''")
