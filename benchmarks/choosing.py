@@ -82,6 +82,7 @@ FEWER = ("task", *(f"of {size}" if size > 1 else "a random one" for size in SIZE
 CHECKPOINTS = ("task", "lanes", "peak of F", "peak of own reward", "end of training", "the one that plays best")
 RANKED = """*Same policy*: rank correlation with held-out F of the policy that was ranked. *Fresh seeds*: with that of
 trainings with other seeds; the last five columns are held-out F over those seeds. Three race, the first by playing.
+*The best* of the three, and of all, are picked by the very scores that stand there: no search can count on them.
 
 How many rewards does it take? So many train with one seed, drawn from the eight in all ways, and the one that plays
 best is chosen. Held-out F with fresh seeds, mean over the draws:

@@ -39,8 +39,12 @@ def trained(
     return list(seeds(run.config)), [list(arm.scores) for arm in run.view.given.values()]
 
 
-def between(first: Sequence[float], second: Sequence[float]) -> list[float]:
-    """The difference of the means, second less first, and the ends of its 95 % interval."""
-    found = difference(second, first, [second, first])
+def between(first: Sequence[float], second: Sequence[float], *, claims: int = 1) -> list[float]:
+    """The difference of the means, second less first, and the ends of its 95 % interval.
+
+    Args:
+        claims: how many such intervals are to hold together (Bonferroni).
+    """
+    found = difference(second, first, [second, first], claims=claims)
     assert found is not None
     return [found.value, found.low, found.high]

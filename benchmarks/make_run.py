@@ -110,7 +110,7 @@ def summary() -> str:
     runs: list[Any] = list(read(RESULTS).values())
     ends = Counter(one["verdict"].partition(":")[0] for one in runs)
     each = ", ".join(f"*{end[0].lower()}{end[1:]}* ({times})" for end, times in ends.most_common())
-    return f"How {len(runs)} runs of `make run` with other seeds ended: {each}."
+    return f"How {len(runs)} runs of `make run` ended, each with a seed of its own: {each}."
 
 
 if __name__ == "__main__":

@@ -33,16 +33,22 @@ def test_a_claim_is_decided_by_its_interval(claims: ModuleType):
 
 
 def test_tasks_count_alike_whatever_their_scores(claims: ModuleType):
-    low, high = [0.0, 1.0, 2.0], [3.0, 4.0, 5.0]
+    low, high = [0.0, 1.0, 2.0], [6.0, 7.0, 8.0]
     measured = {
         "ant": {"first": group(low), "reflection": group(high)},
         "ballbalance": {"first": group([100 * x for x in low]), "reflection": group([100 * x for x in low])},
     }
     *_, (_, env, told, holds) = claims.answers(measured)
-    assert env == "all, in standard deviations" and holds == "yes"  # three of them on one task, none on the other
-    assert told.startswith("1.5 (")
-    half = 2.7764 * (2 / 3) ** 0.5  # of Student, four degrees of freedom
-    assert claims.together([(high, low)]) == pytest.approx([3.0, 3.0 - half, 3.0 + half], 1e-3)
+    assert env == "all, in standard deviations" and holds == "yes"  # six of them on one task, none on the other
+    assert told.startswith("3 (")
+    half = 4.3147 * (2 / 3) ** 0.5  # of Student, four degrees of freedom, an eighth of 5 % on each side
+    assert claims.together([(high, low)]) == pytest.approx([6.0, 6.0 - half, 6.0 + half], 1e-3)
+
+
+def test_four_claims_are_asked_so_each_takes_more_to_hold(claims: ModuleType):
+    low, high = [0.0, 1.0, 2.0], [3.0, 4.0, 5.0]  # 3 ± 2.27 alone, 3 ± 3.52 beside three others
+    measured = {"ant": {"first": group(low), "reflection": group(high)}}
+    assert [row[-1] for row in claims.answers(measured)] == ["not decided"]
 
 
 def test_a_row_counts_refusals_and_leaves_out_what_gave_no_score(claims: ModuleType):
