@@ -284,6 +284,8 @@ def test_a_tuning_plays_its_lanes_and_a_search_that_ranks_by_training_does_not_t
     assert fitted_too.tuned is not None and fitted_too.history == alone.history
     assert fitted_too.outcome is not None and alone.outcome is not None
     assert fitted_too.outcome.best == alone.outcome.best and fitted_too.outcome.share == 1.0
+    # Before and after are judged alike: by the only policy that stands for a lane in this search.
+    assert {score.peak for score in fitted_too.evaluations.values()} == {"fitness"}
 
 
 # --- arithmetic ------------------------------------------------------------------------------------------------------
