@@ -320,4 +320,9 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
     if not config.curriculum:
         return trainer
     stages = curriculum.find(config.env, config.curriculum)
+    if config.observe != "all" and len({get(stage.env).unseen("measurable") for stage in stages}) > 1:
+        raise ConfigError(
+            f"The stages of `{config.curriculum}` differ in what a sensor tells: leave observe=measurable out, or give "
+            "all of their tasks the same `unmeasured`."
+        )
     return CurriculumTrainer(trainer, stages, StageFiles(directory))
