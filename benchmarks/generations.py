@@ -26,7 +26,7 @@ from openeureka.benchmark import figures
 from openeureka.benchmark.plan import Cell
 from openeureka.config import short_name
 from openeureka.report.text import number, spread
-from openeureka.score import difference
+from openeureka.score import difference, mean
 from openeureka.store import read_replies
 from openeureka.types import Generation
 
@@ -136,7 +136,7 @@ def _row(one: Record) -> tuple[str, ...]:
     played = [f"{number(score['fitness'])} ± {number(score['error'], 2)}" for score in (first, later)]
     seeds = f"{len(one['generated'])}, {len(one['human'])}"
     size = (str(one["sample"]), f"{one['steps']:,}")
-    held_out = [number(sum(arm) / len(arm)) for arm in (one["generated"], one["human"])]
+    held_out = [number(mean(arm)) for arm in (one["generated"], one["human"])]
     return (one["env"], one["model"], *size, *played, f"{apart:+.1f}", *held_out, seeds)
 
 

@@ -210,12 +210,12 @@ def gains(measured: Mapping[str, Record]) -> list[tuple[str, float, float, float
 
 def novelty(measured: Mapping[str, Record]) -> list[tuple[str, float, float]]:
     """A row a task that is not both at zero: correlation with the human reward, and the difference in halves of its
-    interval, so that beyond 1 it is decided."""
+    interval, so that beyond 1 it is decided. A difference without any spread has no place in that."""
     found = []
     for name, row in differences(measured):
-        if ending(row) != "both at zero":
-            value, _, high = row["difference"]
-            found.append((name, row["correlation_with_human"], value / (high - value)))
+        value, _, high = row["difference"]
+        if ending(row) != "both at zero" and (high > value or not value):
+            found.append((name, row["correlation_with_human"], value / (high - value) if value else 0.0))
     return found
 
 

@@ -4,7 +4,8 @@
     python benchmarks/parity.py --steps 20000      # a look
 
 What differs on purpose: rsl_rl keeps actor and critic apart, shuffles minibatches, measures the divergence from the
-policy that collected the data, and values a time-out by the state before it. Both receive the human reward times the
+policy that collected the data, and values a time-out by the state before it. Its first means are as the weights give
+them, whatever the recipe's `head`. Both receive the human reward times the
 recipe's scale; F comes from the environment, which neither learner can change. Our side is a run for each seed under
 `outputs/parity/`: what is trained there is not trained again.
 """
@@ -80,7 +81,7 @@ def configuration(env: str) -> dict[str, Any]:
         "save_interval": 1_000_000,
         "obs_groups": {"actor": ["policy"], "critic": ["policy"]},
         "actor": network
-        | {"distribution_cfg": {"class_name": "GaussianDistribution", "init_std": 1.0, "std_type": "log"}},
+        | {"distribution_cfg": {"class_name": "GaussianDistribution", "init_std": recipe.noise, "std_type": "log"}},
         "critic": dict(network),
         "algorithm": {
             "class_name": "PPO",

@@ -78,7 +78,8 @@ def run(
     history = hearing.hear(history)  # where votes decide, the last generation needs some too
     if not tuning.begun(store):
         conclude(config, store, lanes, strategy, history, observer)
-    tuned = tuning.tune_winner(lanes, checker, race.crowned(history, store.crown())) if config.tune else None
+    winner = race.crowned(history, store.crown())
+    tuned = tuning.tune_winner(lanes, checker, winner, strategy.peaks) if config.tune else None
     if config.polish and (tuned is not None or store.crown() is not None):
         polishing.polish(lanes)
     store.end()

@@ -265,7 +265,7 @@ def _quantile(freedom: int, claims: float = 1) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arm:
-    """One reward's final trainings, a value per seed; None where that seed diverged."""
+    """One reward's final trainings, a value per seed; None where that seed has none, as where it diverged at once."""
 
     training: tuple[float | None, ...] = ()
     """Maximum of F over the epochs, the measure of the published results."""

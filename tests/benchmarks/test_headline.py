@@ -110,6 +110,8 @@ def test_the_figure_shows_what_is_decided_beyond_one(headline: ModuleType):
     better = row([3.0, 4.0], [0.0, 0.0], [3.0, 1.0, 5.0])
     shown = headline.novelty({"shadow_hand_kettle": zeros, "anymal": level, "ant": better})
     assert shown == [("ant", 0.5, 1.5), ("anymal", 0.5, 0.25)]
+    ones, apart = row([1.0, 1.0], [1.0, 1.0], [0.0, 0.0, 0.0]), row([1.0, 1.0], [0.0, 0.0], [1.0, 1.0, 1.0])
+    assert headline.novelty({"ant": ones, "anymal": apart}) == [("ant", 0.5, 0.0)]  # every seed comes to the same
 
 
 def test_eureka_s_rule_looks_at_training_alone(headline: ModuleType):

@@ -1,12 +1,15 @@
 """`curriculum=` of `eureka run` and `eureka train`, with a trainer of pure functions."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from toys import ToySandbox
 
 from openeureka.cli import main as command
+from openeureka.config import RunConfig
+from openeureka.errors import ConfigError
 from openeureka.runs import compose
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 
@@ -132,3 +135,14 @@ def test_what_does_not_fit_is_said_before_a_model_is_asked(toy: StagedTrainer, c
     assert run("run", *SETTINGS, *words, "dir=out") == 2
     assert sentence in capsys.readouterr().err
     assert toy.stages == []
+
+
+def test_stages_of_which_a_policy_would_not_see_the_same_are_refused(tmp_path: Path):
+    (tmp_path / "other.py").write_text(
+        "from openeureka.suite.isaac.anymal import Anymal\n\nclass Sighted(Anymal):\n    unmeasured = ()\n"
+    )
+    (tmp_path / "stages.yaml").write_text("- {env: 'other.py:Sighted'}\n- {}\n")
+    config = RunConfig(env="anymal", curriculum=str(tmp_path / "stages.yaml"))
+    compose.trainer_of(config, tmp_path)
+    with pytest.raises(ConfigError, match="differ in what a sensor tells: leave observe=measurable out"):
+        compose.trainer_of(replace(config, observe="measurable"), tmp_path)

@@ -68,6 +68,12 @@ def test_a_search_returns_a_run_with_all_that_it_found(tmp_path):
     assert run.report.is_file() and run.config.env == "cartpole"
 
 
+def test_by_which_f_a_search_of_ones_own_ranks_is_kept(tmp_path):
+    own = search(tmp_path / "own", search="openeureka.strategies.strategy:eureka")
+    assert own.view.ranks == "training" and search(tmp_path / "run").view.ranks == "played"
+    assert own.candidates[0].score == 3.0  # F in training, of which one less is played
+
+
 def test_lanes_are_rows_of_plain_values(tmp_path):
     run = search(tmp_path / "run")
     rows = {row["lane"]: row for row in run.rows()}

@@ -267,20 +267,25 @@ def test_a_search_whose_winner_has_no_number_to_fit_is_finished(tmp_path: Path) 
     assert Run(tmp_path).finished
 
 
-def test_a_tuning_plays_its_lanes_and_a_search_that_ranks_by_training_does_not_take_that_for_its_own(tmp_path: Path):
+@pytest.mark.parametrize("search", ["eureka", "openeureka.strategies.strategy:eureka"])
+def test_a_tuning_plays_its_lanes_and_a_search_that_ranks_by_training_does_not_take_that_for_its_own(
+    tmp_path: Path, search: str
+):
     """8 leads in training; to be played scores a point less, which would let 7.5 come before it."""
 
     def found(tune: int):
-        wanted = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2, tune=tune, search="eureka")
-        texts = [reply(worth) for worth in (7.5, 8.0)]
-        with Store.open(tmp_path / str(tune), wanted) as store:
-            run(wanted, store, ScriptedModel(texts), ToyChecker(), ToyTrainer(), TOY, strategies.make(wanted))
+        wanted = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2, tune=tune, search=search)
+        texts, strategy = [reply(worth) for worth in (7.5, 8.0)], strategies.make(wanted)
+        with Store.open(tmp_path / str(tune), wanted, strategy.judge) as store:
+            run(wanted, store, ScriptedModel(texts), ToyChecker(), ToyTrainer(), TOY, strategy)
         return RunView.read(tmp_path / str(tune))
 
     alone, fitted_too = found(0), found(8)
     assert fitted_too.tuned is not None and fitted_too.history == alone.history
     assert fitted_too.outcome is not None and alone.outcome is not None
     assert fitted_too.outcome.best == alone.outcome.best and fitted_too.outcome.share == 1.0
+    # Before and after are judged alike: by the only policy that stands for a lane in this search.
+    assert {score.peak for score in fitted_too.evaluations.values()} == {"fitness"}
 
 
 # --- arithmetic ------------------------------------------------------------------------------------------------------

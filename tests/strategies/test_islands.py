@@ -100,6 +100,12 @@ def test_an_island_whose_policies_break_a_limit_is_the_weakest() -> None:
     assert parents(asked(later)) == [Place(0, 0), Place(RENEWAL, 2)]
 
 
+def test_where_votes_decide_they_say_which_island_is_the_weakest() -> None:
+    history = replace(grown(*[[1.0, 0.5, 5.0, 4.0]] * RENEWAL), judge="votes")
+    vote = Remark(kind=RemarkKind.VOTE, candidate=Place(RENEWAL - 1, 0), over=Place(RENEWAL - 1, 2))
+    assert parents(asked(history.heard([vote]))) == [Place(RENEWAL - 1, 0)] * 2
+
+
 def test_an_island_on_which_nothing_trained_takes_from_another() -> None:
     assert parents(asked(grown([1.0, 2.0, None, None]))) == [Place(0, 1), Place(0, 1)]
 

@@ -17,12 +17,15 @@ class Longer(Cartpole):
 
 class Wider(Cartpole):
     num_observations = 5
+
+class Choosing(Cartpole):
+    choices = (1,)
 """
 
 
 @pytest.fixture
 def written(tmp_path: Path):
-    """Finds the stages of a YAML text for cartpole, beside a file with two tasks."""
+    """Finds the stages of a YAML text for cartpole, beside a file with three tasks."""
     (tmp_path / "other.py").write_text(OTHER)
 
     def written(text: str) -> tuple[Stage, ...]:
@@ -58,6 +61,7 @@ def test_a_stage_may_be_another_task_in_a_file_beside_the_list(written, tmp_path
     [
         ("- {env: ant}\n- {}\n", "stage 1 of .*: `ant` has other observations than `cartpole`"),
         ("- {env: 'other.py:Wider'}\n- {}\n", "other observations"),
+        ("- {env: 'other.py:Choosing'}\n- {}\n", "other choices"),
         ("- {env: cartpol}\n- {}\n", "In stage 1 of .*Did you mean `cartpole`"),
         ("- {set: {episode_lenght: 100}}\n- {}\n", "has no `episode_lenght` to set. Did you mean `episode_length`"),
         ("- {set: {episode_length: long}}\n- {}\n", 'is 500; set another int, not `"long"`'),

@@ -160,6 +160,7 @@ def test_a_lane_whose_reward_is_absurd_is_masked_and_the_others_are_bit_identica
     # It was stopped in the first of four epochs of 16 steps of 32 worlds.
     assert (found["bad"].env_steps, found["good"].env_steps) == (16 * 32, 4 * 16 * 32)
     assert {len(curve) for curve in found["bad"].curves.values()} == {1}
+    assert found["bad"].correlation is None  # its worlds went on for three epochs more
     assert dict(found["good"].curves) == dict(calm.curves)
     assert found["good"].best_fitness is not None and calm.best_fitness is not None
     assert found["good"].best_fitness.policy == calm.best_fitness.policy

@@ -16,7 +16,7 @@ from openeureka.tasks import registry
 from openeureka.tasks.randomise import RandomisedEnv
 from openeureka.tasks.ranges import NAMED, find, ranges, useless
 from openeureka.testing.scripted import ToyTrainer
-from openeureka.training import population
+from openeureka.training import pausing, population
 from openeureka.training.population import Population
 from openeureka.training.wire import pack_lanes, unpack_lanes
 from openeureka.types import NOMINAL, Lane, LaneSpec, Ranges, TrainBudget, TrainingProgress, TrainingResult
@@ -167,6 +167,28 @@ def test_a_training_goes_on_in_the_worlds_it_left(monkeypatch: pytest.MonkeyPatc
         second.load_state_dict(first.state_dict())
     results = [message for message in second.train() if isinstance(message, TrainingResult)]
     assert {r.lane: dataclasses.replace(r, seconds=0.0) for r in results} == whole
+
+
+def test_a_lane_goes_on_alone_where_those_beside_it_acted_later(monkeypatch: pytest.MonkeyPatch):
+    """The others have their results, or end their worker: the state of all of them is what it goes on from."""
+    monkeypatch.setattr(population, "PROGRESS_SECONDS", 0.0)
+    near = ranges({"mass": (0.5, 2.0), "delay": (0.0, 0.02)})  # two actions remembered, and seven for the other
+    late = ranges({"delay": (0.0, 0.1), "noise": (0.0, 0.1)})
+    specs = [
+        LaneSpec(id="late", program="human", randomise=late),
+        LaneSpec(id="near", program="human", randomise=near),
+    ]
+    first = Population("cartpole", specs, SMALL, threads=1)
+    snapshot, results = b"", dict[str, TrainingResult]()
+    for message in first.train():
+        if isinstance(message, TrainingResult):
+            results[message.lane] = message
+        elif message.epoch == 2:
+            snapshot = pausing.snapshot(first)
+    alone = Population("cartpole", specs[1:], SMALL, threads=1)
+    pausing.resume(alone, snapshot)
+    (result,) = [message for message in alone.train() if isinstance(message, TrainingResult)]
+    assert result.curves["reward"] == pytest.approx(results["near"].curves["reward"], rel=1e-4)
 
 
 def test_where_worlds_are_reset_by_mask_they_are_drawn_the_same():

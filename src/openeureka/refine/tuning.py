@@ -20,7 +20,7 @@ from ..reward.weights import Weight, values, weighed, weights
 from ..score import lawful, rank, worth
 from ..store import Store
 from ..strategies import Best
-from ..types import GIVEN, Candidate, PolicyId, Reply, RewardGraph, Scored, Verdict, lane_id
+from ..types import GIVEN, Candidate, Peak, PolicyId, Reply, RewardGraph, Scored, Verdict, lane_id
 from . import tuned
 from .tuned import ORIGINAL
 
@@ -30,6 +30,8 @@ RIVALS = 2
 """Weightings that race the text as it came."""
 DIGITS, FARTHEST = 4, 10.0
 """Of a proposed number; and the most steps that it goes from the one that came."""
+JUDGE = Best(samples=0)
+"""Ranks by what policies play."""
 
 
 class Optimiser:
@@ -83,10 +85,13 @@ def keep(store: Store, origin: Candidate, verdict: Verdict) -> None:
         store.save_given({ORIGINAL: origin.id})
 
 
-def tune(lanes: Lanes, checker: Checker) -> PolicyId | None:
+def tune(lanes: Lanes, checker: Checker, judge: Best = JUDGE) -> PolicyId | None:
     """Train rounds of weightings, race the best of them against the text as it came, and score the racers held out.
 
     `best/` gets the better one of the text as it came and the winner among the others, by mean held-out F.
+
+    Args:
+        judge: says which policies of a lane may stand for it.
 
     Returns:
         The policy in `best/`.
@@ -108,14 +113,18 @@ def tune(lanes: Lanes, checker: Checker) -> PolicyId | None:
         kept = store.texts()
         candidates = [kept[name] for name in names]
         last = own is every[-1]
-        _train(lanes, index, candidates, over=bool(_raced(store, kept)) if last else _name(own.stop) in kept)
+        over = bool(_raced(store, kept)) if last else _name(own.stop) in kept
+        _train(lanes, index, candidates, judge, over=over)
         if not last:
             optimiser.tell(*_scores(lanes, candidates, origin))
-    return _race(lanes, len(every))
+    return _race(lanes, len(every), judge)
 
 
-def tune_winner(lanes: Lanes, checker: Checker, winner: Scored | None) -> PolicyId | None:
+def tune_winner(lanes: Lanes, checker: Checker, winner: Scored | None, peaks: tuple[Peak, ...]) -> PolicyId | None:
     """Fit the numbers of what a search found, where it found a reward that has some.
+
+    Args:
+        peaks: the policies that may stand for a lane in the search: by one of these its winner is judged already.
 
     Returns, Raises:
         EurekaError: as `tune` does.
@@ -123,7 +132,7 @@ def tune_winner(lanes: Lanes, checker: Checker, winner: Scored | None) -> Policy
     found = winner.sample if winner is not None else None
     if found is not None and found.candidate is not None and weights(found.candidate.source):
         keep(lanes.store, found.candidate, found.verdict)
-        return tune(lanes, checker)
+        return tune(lanes, checker, Best(samples=0, peaks=peaks))
     return None
 
 
@@ -156,7 +165,7 @@ def _graphs(store: Store, candidates: Iterable[Candidate]) -> Iterator[tuple[str
             yield candidate.id, verdict.graph
 
 
-def _train(lanes: Lanes, index: int, candidates: Iterable[Candidate], *, over: bool) -> None:
+def _train(lanes: Lanes, index: int, candidates: Iterable[Candidate], judge: Best, *, over: bool) -> None:
     """Train and play the weightings of a round.
 
     Args:
@@ -166,7 +175,7 @@ def _train(lanes: Lanes, index: int, candidates: Iterable[Candidate], *, over: b
     results = lanes.train(deal(_graphs(lanes.store, candidates), [lanes.config.seed], "tuned"))
     if not over:
         lanes.observer.phase(index, "play")
-        lanes.play(results, Best(samples=0))
+        lanes.play(results, judge)
 
 
 def _scores(
@@ -180,9 +189,9 @@ def _scores(
     return [own for own in numbers if own is not None], [kept.get(lane) for lane in ids]
 
 
-def _race(lanes: Lanes, last: int) -> PolicyId | None:
+def _race(lanes: Lanes, last: int, judge: Best) -> PolicyId | None:
     """Train those that lead and the text as it came with fresh seeds, more of them only while it is undecided."""
-    config, store, strategy = lanes.config, lanes.store, Best(samples=0)
+    config, store = lanes.config, lanes.store
     texts = store.texts()
     racing, seeds = _raced(store, texts) or _leading(lanes, texts), list[int]()
     arms = {name: texts[name] for name in (ORIGINAL, *racing)}
@@ -192,14 +201,14 @@ def _race(lanes: Lanes, last: int) -> PolicyId | None:
         seeds += more
         lanes.train(deal(_graphs(store, [arms[name] for name in (ORIGINAL, *racing)]), more, "final"))
         own = tuned.final_lanes(config, arms, store.lanes.results(), seeds)
-        looks, scores = race.play_finals(lanes, own, strategy)
+        looks, scores = race.play_finals(lanes, own, judge)
         racing = [name for name in racing if name in looks and lawful(looks[name], config.limited)]
         racing = race.running(scores, racing)
         strict = claims / race.share(config, len(seeds))
         if len(racing) < 2 and (not racing or race.sure(scores, racing[0], ORIGINAL, strict)):
             break
     lanes.observer.phase(last, "evaluate")
-    return _conclude(lanes, texts, strategy)
+    return _conclude(lanes, texts, judge)
 
 
 def _raced(store: Store, texts: tuned.Texts) -> list[str]:
@@ -218,7 +227,7 @@ def _leading(lanes: Lanes, texts: tuned.Texts) -> list[str]:
     return [name for name in texts if name in best]  # as `_raced` finds them again
 
 
-def _conclude(lanes: Lanes, texts: tuned.Texts, strategy: Best) -> PolicyId | None:
+def _conclude(lanes: Lanes, texts: tuned.Texts, judge: Best) -> PolicyId | None:
     """Score the final trainings on held-out episodes, and leave the better reward in `best/`.
 
     Returns: its policy; None where that breaks a limit.
@@ -226,7 +235,7 @@ def _conclude(lanes: Lanes, texts: tuned.Texts, strategy: Best) -> PolicyId | No
     config, store = lanes.config, lanes.store
     results = store.lanes.results()
     own = tuned.final_lanes(config, texts, results)
-    standing = lanes.standing([lane for ids in own.values() for lane in ids], strategy)
+    standing = lanes.standing([lane for ids in own.values() for lane in ids], judge)
     scores = lanes.evaluate(standing)
     found = tuned.read(config, texts, results, lanes.scores(), scores)
     if found is None or not own[found.better]:

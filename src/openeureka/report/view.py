@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
 
 from .. import score, strategies
 from ..config import NO_MODEL, RunConfig
@@ -26,6 +25,7 @@ from ..types import (
     Peak,
     Place,
     PolicyId,
+    Ranks,
     Remark,
     TrainingResult,
     Usage,
@@ -57,7 +57,7 @@ class RunView:
     """By id, trained or under way."""
     played: Mapping[str, Evaluation] = field(default_factory=dict)
     """By lane id: what lanes scored when they were played to choose by."""
-    ranks: Literal["played", "training"] = "training"
+    ranks: Ranks = "training"
     """By which F the search ranks."""
     crown: Place | None = None
     """The candidate that the final trainings confirmed."""

@@ -35,7 +35,7 @@ from ..tasks.context import context, informed
 from ..tasks.record import record_states
 from ..tasks.registry import get
 from ..training.curriculum import CurriculumTrainer
-from ..types import Candidate, TaskContext, Trainer, Usage, Verdict
+from ..types import Candidate, Ranks, TaskContext, Trainer, Usage, Verdict
 from . import inputs, trust
 from .stopping import continuable, stoppable, stopped
 
@@ -140,7 +140,7 @@ def _parts(
     trainer = trainer_of(config, directory)
     model = model or open_model(config, held=len(read_replies(directory)) if begun else 0)
     config = strategies.sized(config, model.style)
-    strategies.make(config)  # refuses what is none; which one it will be, the store says
+    begins = strategies.make(config)  # refuses what is none; which one it will be, the store says
     host.begins(config, directory)
     with host.working("Trying the task out"):
         states = record_states(config.env)
@@ -151,7 +151,7 @@ def _parts(
             if not begun:
                 sampling.admit(config, checker)
             with (
-                _store(directory, config) as store,
+                _store(directory, config, begins.judge) as store,
                 continuable(host.again(directory)),
                 stoppable(directory),
                 logged(directory, config, store.talk.usage()) as log,
@@ -292,9 +292,9 @@ def comparing(config: RunConfig, directory: Path, host: Host) -> Iterator[Lanes]
 
 
 @contextmanager
-def _store(directory: Path, config: RunConfig) -> Iterator[Store]:
+def _store(directory: Path, config: RunConfig, ranks: Ranks = "played") -> Iterator[Store]:
     """The store of a run, as long as it is at work; files that it names say what they said when it began."""
-    with Store.open(directory, config) as store:
+    with Store.open(directory, config, ranks) as store:
         inputs.keep(config, directory)
         yield store
 
@@ -320,4 +320,9 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
     if not config.curriculum:
         return trainer
     stages = curriculum.find(config.env, config.curriculum)
+    if config.observe != "all" and len({get(stage.env).unseen("measurable") for stage in stages}) > 1:
+        raise ConfigError(
+            f"The stages of `{config.curriculum}` differ in what a sensor tells: leave observe=measurable out, or give "
+            "all of their tasks the same `unmeasured`."
+        )
     return CurriculumTrainer(trainer, stages, StageFiles(directory))

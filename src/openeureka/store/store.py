@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Literal, TypeVar
+from typing import TypeVar
 
 from filelock import FileLock, Timeout
 
@@ -31,6 +31,7 @@ from ..types import (
     Place,
     PolicyId,
     Ranges,
+    Ranks,
     Reply,
     Sample,
     Scored,
@@ -95,8 +96,8 @@ class Store:
         self.talk = TalkLog(database)
 
     @classmethod
-    def open(cls, directory: Path | str, config: RunConfig) -> Store:
-        """Begin the run, or continue it when the directory holds one; nobody else can until `close`.
+    def open(cls, directory: Path | str, config: RunConfig, ranks: Ranks = "played") -> Store:
+        """Begin the run, of a search that `ranks` so, or continue what is there; nobody else can until `close`.
 
         Raises:
             StoreError: when another process has it, it holds something else, or its settings differ.
@@ -117,7 +118,7 @@ class Store:
             database = Database(directory, writable=True)
             undo.callback(database.close)
             store = cls(directory, database, lock)
-            store._settle(config)
+            store._settle(config, ranks)
             undo.pop_all()
         return store
 
@@ -157,7 +158,7 @@ class Store:
 
     # --- settings ----------------------------------------------------------------------------------------------------
 
-    def _settle(self, config: RunConfig) -> None:
+    def _settle(self, config: RunConfig, ranks: Ranks) -> None:
         """Store the settings first of all; a later process must come with the same."""
         if self._database.row("run") is None:
             if _foreign(self.directory):
@@ -165,7 +166,7 @@ class Store:
                     f"{self.directory} has files of a run whose {FILENAME} is gone; restore it from a copy, with the "
                     "-wal file beside it, or choose another dir=."
                 )
-            row = {"id": 1, "config": json.dumps(as_dict(config)), "version": __version__, "ranks": "played"}
+            row = {"id": 1, "config": json.dumps(as_dict(config)), "version": __version__, "ranks": ranks}
             self._database.put("run", row)
             return
         expect_same(self.directory, self.config, config)
@@ -185,7 +186,7 @@ class Store:
             ) from None
 
     @property
-    def ranks(self) -> Literal["played", "training"]:
+    def ranks(self) -> Ranks:
         """By what the search ranks: it goes on as it began. Older ones with `search=best` ranked by F in training."""
         row = self._database.row("run")
         plays = row is not None and row["ranks"] == "played" and self.config.search != "eureka"

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from random import Random
 
 from ..config import RunConfig
-from ..score import rank
 from ..types import Generation, History, PromptPlan, Scored
 from .ranking import Ranking
 from .strategy import Best, prompt_plan
@@ -80,7 +79,7 @@ class Islands(Best):
             past = replace(history, generations=history.generations[:end])
             ranking = Ranking(past)
             best = [ranking.best_of(self._line(island, start, past)) for island, start in enumerate(starts)]
-            worth = [rank(entry.score if entry is not None else None) for entry in best]
+            worth = list(map(ranking.worth, best))
             if self.count > 1:
                 starts[worth.index(min(worth))] = end
         return starts

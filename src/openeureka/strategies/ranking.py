@@ -76,7 +76,16 @@ class Ranking:
 
     def best_of(self, entries: Iterable[Scored]) -> Scored | None:
         """The first of some of the history's entries, as `best` is of all."""
-        return max(filter(self._may_win, entries), key=self._worth, default=None)
+        return max(filter(self._may_win, entries), key=self.worth, default=None)
+
+    def worth(self, entry: Scored | None) -> tuple[float, float]:
+        """To rank by. Votes come before the score, where votes count; whom nobody compared is below all whom somebody
+        did, and nobody below all."""
+        undecided = -math.inf
+        if entry is None:
+            return undecided, undecided
+        strength = self.strengths.get(entry.sample.verdict.candidate, undecided) if self.by_votes else undecided
+        return strength, entry.score if entry.score is not None else -math.inf
 
     def _may_win(self, entry: Scored) -> bool:
         return self._stands(entry) and not entry.breaks(self._limits)
@@ -84,12 +93,6 @@ class Ranking:
     def _stands(self, entry: Scored) -> bool:
         trained = entry.trained if self.by_votes else entry.score is not None
         return trained and entry.sample.verdict.candidate not in self.rejected
-
-    def _worth(self, entry: Scored) -> tuple[float, float]:
-        """Votes before the score, where votes count; whom nobody compared is below all whom somebody did."""
-        undecided = -math.inf
-        strength = self.strengths.get(entry.sample.verdict.candidate, undecided) if self.by_votes else undecided
-        return strength, entry.score if entry.score is not None else -math.inf
 
     def _compared(self, generation: Generation) -> Iterable[tuple[CandidateId, CandidateId]]:
         """Winner and loser of the votes after a generation; a favourite wins against its whole generation."""

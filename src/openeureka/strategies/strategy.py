@@ -10,7 +10,7 @@ from typing import Literal, Protocol
 from ..config import RunConfig
 from ..errors import ConfigError
 from ..plugins import Door
-from ..types import History, Opinion, Peak, PromptPlan, RemarkKind, Scored, VerdictCode
+from ..types import History, Opinion, Peak, PromptPlan, Ranks, RemarkKind, Scored, VerdictCode
 from .ranking import Ranking
 
 
@@ -18,7 +18,7 @@ class SearchStrategy(Protocol):
     """Decides who becomes a parent."""
 
     @property
-    def judge(self) -> Literal["played", "training"]:
+    def judge(self) -> Ranks:
         """What ranks candidates: F of their policies when played, or the maximum of F over training."""
         ...
 
@@ -45,7 +45,7 @@ class Eureka:
     """As published: greedy. The best of the last generation is the parent, even where an earlier one was better."""
 
     samples: int
-    judge: Literal["played", "training"] = "training"
+    judge: Ranks = "training"
     peaks: tuple[Peak, ...] = ("fitness",)
 
     def ask(self, history: History, rng: Random) -> Sequence[PromptPlan]:
@@ -62,7 +62,7 @@ class Best:
     """The reward that plays best so far is the parent, and the winners of recent generations show the way to it."""
 
     samples: int
-    judge: Literal["played", "training"] = "played"
+    judge: Ranks = "played"
     peaks: tuple[Peak, ...] = ("reward", "last", "fitness")
 
     def ask(self, history: History, rng: Random) -> Sequence[PromptPlan]:
@@ -97,7 +97,7 @@ SEARCHES = Door(
 """Each is called with the settings of the run, in which `sample` is filled in; what it makes is a `SearchStrategy`."""
 
 
-def make(config: RunConfig, ranks: Literal["played", "training"] = "played") -> SearchStrategy:
+def make(config: RunConfig, ranks: Ranks = "played") -> SearchStrategy:
     """The strategy that `search=` names. Those built in are greedy: neither draws from the generator it is given.
 
     Args:

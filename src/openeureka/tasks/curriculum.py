@@ -91,6 +91,8 @@ def _difference(one: type[Task], other: type[Task]) -> str:
         return "observations"
     if one.num_actions != other.num_actions:
         return "actions"
+    if one.choices != other.choices:
+        return "choices"
     if one.recipe.hidden != other.recipe.hidden:
         return "network sizes"
     shapes = {variable.name: (variable.kind, variable.shape) for variable in one.spec.variables}

@@ -47,8 +47,8 @@ class Policy:
         """Let a lane go on from here: weights, exploration and all statistics; the optimiser begins anew.
 
         Weights may be mixed with fresh ones (shrink and perturb, arXiv 1910.08475). The log standard deviation is mixed
-        as they are, towards its 0: a policy explores again as far as it was pushed from where it was, and one that is
-        not pushed goes on as it was. The head of the value, whose errors would only mislead, is kept.
+        as they are, towards that of the recipe: a policy explores again as far as it was pushed from where it was, and
+        one that is not pushed goes on as it was. The head of the value, whose errors would only mislead, is kept.
 
         Args:
             fresh: share of the weights that the lane was made with.

@@ -260,7 +260,8 @@ class Population:
             env_steps=trained * self.horizon * self.worlds,
             seconds=seconds,
             clock=tuple(round(time, 3) for time in self.clock[:trained]),
-            correlation=self.curves.correlation(lane),
+            # The worlds of a lane that was stopped go on as long as those beside it.
+            correlation=None if message else self.curves.correlation(lane),
             best_fitness=peak.checkpoint() if peak else None,
             best_reward=peak_reward.checkpoint() if peak_reward else None,
             last=None if message else Policy.of(self.env_name, self.ppo, lane).to_bytes(),

@@ -12,6 +12,9 @@ from .replies import Usage
 from .rewards import Candidate, Verdict
 from .training import Evaluation, Limits, TrainingResult, TrainingState
 
+Ranks = Literal["played", "training"]
+"""By which F candidates are ranked: that of their policies when played, or its maximum over training."""
+
 
 class Place(NamedTuple):
     """A slot of a generation: what people call a candidate by, as in `g0s3`."""

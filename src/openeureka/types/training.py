@@ -169,7 +169,8 @@ class TrainingResult:
     clock: tuple[Finite, ...] = field(default=(), compare=False, repr=False)
     """[s] of the training at each epoch of the curves; empty where an older version kept none."""
     correlation: Finite | None = None
-    """Pearson correlation of own and human reward over the transitions of training; None when either is constant."""
+    """Pearson correlation of own and human reward over the transitions of training; None when either is constant, and
+    where the lane ended early."""
     best_fitness: Checkpoint | None = None
     best_reward: Checkpoint | None = None
     last: bytes | None = field(default=None, repr=False)
