@@ -84,6 +84,26 @@ def test_a_model_that_refuses_a_temperature_is_asked_without_one(endpoint: Endpo
     assert "temperature" not in endpoint.bodies[1]
 
 
+@pytest.mark.parametrize(
+    ("status", "refusal"),
+    [
+        (400, "System role not supported"),  # Gemma by vLLM
+        (400, "Unsupported value: 'messages[0].role' does not support 'system' with this model."),  # o1-mini
+        (500, "Conversation roles must alternate user/assistant/user/assistant/..."),  # Mistral by llama.cpp
+    ],
+)
+def test_a_model_without_a_system_role_is_told_the_same_by_the_user(endpoint: Endpoint, status: int, refusal: str):
+    endpoint.script = lambda body: (
+        failure(status, refusal) if body["messages"][0]["role"] == "system" else answer(*["x"] * body.get("n", 1))
+    )
+    model = endpoint.model()
+    assert texts(sample(model, 2)) == ["x", "x"]
+    assert endpoint.bodies[-1]["messages"] == [{"role": "user", "content": f"{'s' * 40}\n\n{'u' * 40}"}]
+    assert endpoint.waits == [] and endpoint.bodies[-1]["n"] == 2
+    sample(model, 1)
+    assert len(endpoint.bodies) == 3
+
+
 def test_requests_that_were_under_way_with_a_temperature_are_all_asked_again_without(endpoint: Endpoint):
     together = threading.Barrier(3)
 

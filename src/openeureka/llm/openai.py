@@ -6,18 +6,18 @@ import logging
 import math
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
 from email.utils import parsedate_to_datetime
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 from urllib.parse import urlsplit
 
 import httpx2
 import openai
 
 from ..errors import ConfigError, ModelError
-from ..types import Prompt, Reply, Usage
+from ..types import Message, Prompt, Reply, Usage
 from . import completion
 from .client import share
 from .completion import Completion, Unreadable
@@ -37,12 +37,20 @@ MAX_BODY = 64 << 20
 
 _PASSING = {408, 409, 425, 429}
 """Client errors that are none: too slow, a conflict, too early, too often (RFC 9110, RFC 8470, RFC 6585)."""
-_MAY_REFUSE_N = {500, 501}
-"""llama.cpp says with 500 that it gives one answer a request."""
+_MAY_REFUSE = {500, 501}
+"""llama.cpp says with 500 that it gives one answer a request, and what the template of a model does not know."""
 _SHORTEST_SECRET = 8
 """Characters of a key that is worth hiding; servers that need none are given words such as `none` or `ollama`."""
 _log = logging.getLogger(__name__)
 MAX_WAIT = 120.0  # [s]
+
+
+class _Manner(NamedTuple):
+    """What requests hold besides the model and the words, until it is refused."""
+
+    temperature: float | None
+    system: bool = True
+    """Whether the first message has a role of its own."""
 
 
 class EndpointModel:
@@ -79,7 +87,7 @@ class EndpointModel:
         self._key = _key(base_url)
         self._client = _client(self._key, base_url)
         self._where = _without_secrets(str(self._client.base_url))
-        self._temperature: float | None = temperature
+        self._manner = _Manner(temperature)
         self._price = price
         self._wait = wait
         self._knows_n = True
@@ -140,15 +148,15 @@ class EndpointModel:
         """One request, tried again while that makes sense."""
         for attempt in range(ATTEMPTS):
             last = attempt == ATTEMPTS - 1
-            began, temperature = time.monotonic(), self._temperature
+            began, manner = time.monotonic(), self._manner
             try:
-                answer = completion.read(self._post(prompt, n, temperature))
+                answer = completion.read(self._post(prompt, n, manner))
             except Unreadable as error:
                 if last or not error.broken:
                     raise self._unreadable(error) from None
                 self._wait(delay({}, attempt))
             except openai.APIError as error:
-                if not self._adapted(error, n, temperature, attempt):
+                if not self._adapted(error, n, manner, attempt):
                     if last or not self._passing(error, attempt):
                         raise self._explained(error) from None
                     self._wait(delay(_headers(error), attempt))
@@ -156,13 +164,13 @@ class EndpointModel:
                 return self._replies_of(prompt, answer, n, time.monotonic() - began)
         raise ModelError(f"{self._where} accepts no request for {self.name}; choose another model.")
 
-    def _post(self, prompt: Prompt, n: int, temperature: float | None) -> bytes:
+    def _post(self, prompt: Prompt, n: int, manner: _Manner) -> bytes:
         """The body of the answer. Raises openai.APIError, or Unreadable for one without end."""
         until = time.monotonic() + PATIENCE
         body = bytearray()
         create = self._client.chat.completions.with_streaming_response.create
         try:
-            with create(**self._arguments(prompt, n, temperature)) as response:
+            with create(**self._arguments(prompt, n, manner)) as response:
                 self._reached = True
                 for chunk in response.iter_bytes():
                     body += chunk
@@ -176,31 +184,36 @@ class EndpointModel:
             raise kind(request=error.request) from None
         return bytes(body)
 
-    def _arguments(self, prompt: Prompt, n: int, temperature: float | None) -> dict[str, Any]:
+    def _arguments(self, prompt: Prompt, n: int, manner: _Manner) -> dict[str, Any]:
+        messages = prompt.messages if manner.system else _without_system(prompt.messages)
         arguments: dict[str, Any] = {
             "model": self.name,
-            "messages": [{"role": message.role, "content": message.content} for message in prompt.messages],
+            "messages": [{"role": message.role, "content": message.content} for message in messages],
         }
-        if temperature is not None:
-            arguments["temperature"] = temperature
+        if manner.temperature is not None:
+            arguments["temperature"] = manner.temperature
         return arguments if n == 1 else {**arguments, "n": n}
 
-    def _adapted(self, error: openai.APIError, n: int, temperature: float | None, attempt: int) -> bool:
-        """Whether the request, made with this temperature, will be another one next time.
+    def _adapted(self, error: openai.APIError, n: int, manner: _Manner, attempt: int) -> bool:
+        """Whether the request, made in this manner, will be another one next time.
 
         Raises:
             _BatchRefused: to have it split.
         """
-        if n > 1 and attempt and isinstance(error, openai.InternalServerError) and error.status_code in _MAY_REFUSE_N:
-            raise _BatchRefused  # this once: it may as well be in trouble
-        if not isinstance(error, openai.BadRequestError | openai.UnprocessableEntityError):
+        refused = isinstance(error, openai.BadRequestError | openai.UnprocessableEntityError)
+        if not refused and not (isinstance(error, openai.InternalServerError) and error.status_code in _MAY_REFUSE):
             return False
-        if temperature is not None and "temperature" in error.message:
-            self._temperature = None  # reasoning models know only their own
+        said = error.message.lower()
+        if manner.temperature is not None and "temperature" in said:
+            self._manner = self._manner._replace(temperature=None)  # reasoning models know only their own
             return True
-        if n > 1:
-            self._knows_n = False
-            raise _BatchRefused  # whatever else is wrong will show with n = 1
+        if manner.system and "role" in said and ("system" in said or "alternate" in said):
+            self._manner = self._manner._replace(system=False)  # templates of Gemma and Mistral have no such role
+            return True
+        if n > 1 and (refused or attempt):
+            # Whatever else is wrong will show with n = 1. What speaks of trouble, twice, may as well be in trouble.
+            self._knows_n = not refused
+            raise _BatchRefused
         return False
 
     def _passing(self, error: openai.APIError, attempt: int) -> bool:
@@ -324,6 +337,15 @@ def _client(key: str, base_url: str) -> openai.OpenAI:
             "The address of the model's endpoint is none; write it like base_url=http://localhost:8000/v1."
         ) from None
     return client
+
+
+def _without_system(messages: Sequence[Message]) -> Sequence[Message]:
+    """The same words, the first of them said by the user."""
+    first, *rest = messages
+    if first.role != "system" or not rest:
+        return messages
+    asked, *later = rest
+    return (Message(asked.role, f"{first.content}\n\n{asked.content}"), *later)
 
 
 def _without_secrets(url: str) -> str:
