@@ -34,6 +34,8 @@ MOST_THREADS = 1024
 """A process that asks for many more is killed."""
 MOST_WORLDS = 1 << 20
 """Of a lane. A reward is measured with so many before it trains."""
+_LONGEST_NAME = 60
+"""Letters of a task's name, which may hold sentences: with four bytes each, a folder called so exists on any disk."""
 FEWEST_TUNED = 4
 """Trainings of a tuning, and of a round of one: with fewer, nothing says which way is up."""
 
@@ -334,4 +336,4 @@ def _check_bounds(config: RunConfig) -> None:
 def short_name(env: str) -> str:
     """A task's name for files and titles: that of `some/where/pendulum.py:Pendulum` is `pendulum`."""
     name = re.sub(r"\+python=[^+]*", "", env).rpartition(":")[2]
-    return re.sub(r"\W+", "_", Path(name).stem if name.endswith(".py") else name).lower()
+    return re.sub(r"\W+", "_", Path(name).stem if name.endswith(".py") else name).lower()[:_LONGEST_NAME]

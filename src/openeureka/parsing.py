@@ -28,7 +28,8 @@ _FILES = {
     "randomise": r"()(.+\.ya?ml)()",
     "model": r"(replay:|local:(?!hub:)|(?=.+\.py:))(.+?)((?<=\.py):.+)?",
 }
-
+_PLACES = {"beside", "dir", "out", "policy", "reward"}
+"""Settings of one command, which names files as its shell does: not every shell knows `~` behind an equals sign."""
 
 _hints = cache(get_type_hints)
 """Evaluating the annotations of a config takes longer than reading one."""
@@ -36,8 +37,10 @@ _hints = cache(get_type_hints)
 
 def absolute(key: str, value: str, folder: Path = Path()) -> str:
     """The whole path of a file that a setting names from a folder, so that it is found from any directory."""
+    if key in _PLACES:
+        return ",".join(map(os.path.expanduser, value.split(",")))
     match = re.fullmatch(_FILES.get(key, "(?!)"), value)
-    return f"{match[1]}{(folder / Path(match[2]).expanduser()).resolve()}{match[3] or ''}" if match else value
+    return f"{match[1]}{(folder / os.path.expanduser(match[2])).resolve()}{match[3] or ''}" if match else value
 
 
 def elsewhere(settings: Mapping[str, object]) -> dict[str, object]:

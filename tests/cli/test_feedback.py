@@ -101,6 +101,12 @@ def test_the_terminal_shows_each_candidate_and_keeps_lines_typed(directory: Path
     assert said(directory) == (JERKY, GO)
 
 
+def test_the_command_for_another_shell_can_be_typed_as_it_stands(directory: Path, tmp_path: Path, capsys) -> None:
+    spaced = directory.rename(tmp_path / "my run")
+    TerminalDesk(spaced, CONFIG, []).invite(Generation(0, ()))
+    assert f"eureka feedback '{spaced}' " in capsys.readouterr().out
+
+
 def test_without_a_terminal_nothing_is_read(directory: Path, monkeypatch, capsys) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("not for me\n"))
     desk = TerminalDesk(directory, CONFIG, [])

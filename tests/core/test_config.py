@@ -14,6 +14,14 @@ def test_words_become_typed_fields():
     assert config.base_url == "http://h/v?a=b"
 
 
+def test_a_place_at_home_is_found_whatever_the_shell(monkeypatch, tmp_path):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert parse(RunConfig, ["dir=~/runs/a"]).dir == f"{tmp_path}/runs/a"
+    assert parse(RunConfig, ["init=~/mine.py"]).init == f"{tmp_path.resolve()}/mine.py"
+    assert parse(TrainConfig, ["reward=human,~/mine.py"]).reward == f"human,{tmp_path}/mine.py"
+    assert parse(RunConfig, ["init=~nobody.py"]).init.endswith("/~nobody.py")  # a file of that name, and no user
+
+
 def test_a_config_survives_being_stored_and_read_back():
     config = parse(RunConfig, ["env=ant", "seeds=5"])
     assert RunConfig(**as_dict(config)) == config  # pyright: ignore[reportArgumentType]

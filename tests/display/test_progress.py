@@ -3,9 +3,11 @@ import io
 
 from rich.console import Console
 
+from openeureka.config import RunConfig
 from openeureka.display import progress
+from openeureka.display.live import PlainView, view
 from openeureka.display.progress import ProgressLine, by_node
-from openeureka.types import NodeShare, TrainingProgress
+from openeureka.types import NodeShare, TrainingProgress, Usage
 
 PROGRESS = TrainingProgress(
     epoch=5, epochs=20, env_steps_per_second=12345.6, fitness={"sparse-s0": 5.0, "[red]": 321.0, "x-s0": None}
@@ -43,6 +45,15 @@ def test_the_nodes_of_a_cluster_follow_with_what_each_trains():
         line.show(placed)
     assert out.getvalue().endswith(f"sparse-s0 5; {by_node(placed)}\n")
     assert by_node(PROGRESS) == ""
+
+
+def test_a_terminal_that_cannot_redraw_is_given_lines():
+    out = io.StringIO()
+    dumb = Console(file=out, width=200, force_terminal=True, _environ={"TERM": "dumb"})
+    with progress.working("Filming", dumb), ProgressLine(dumb) as line:
+        line.show(PROGRESS)
+    assert out.getvalue().splitlines()[0] == "Filming" and "epoch 5 of 20" in out.getvalue()
+    assert isinstance(view(RunConfig(), Usage(), dumb), PlainView)
 
 
 def test_on_a_terminal_the_line_is_redrawn():

@@ -265,6 +265,10 @@ def test_the_language_model_sees_the_state_and_not_the_score(tmp_path: Path):
     assert "FALLEN" not in seen.source and "sparse" not in seen.source
 
 
+def test_the_commands_in_a_draft_can_be_typed_as_they_stand(tmp_path: Path):
+    assert f"eureka run 'env={tmp_path}/my robot.py'\n" in draft(tmp_path / "my robot.py", odd(tmp_path)).text
+
+
 def test_a_model_beside_its_task_moves_with_it(tmp_path: Path):
     first, second = tmp_path / "first", tmp_path / "second"
     first.mkdir()

@@ -114,6 +114,7 @@ def test_a_urdf_becomes_a_task_that_steps(arm: Path, tmp_path: Path, floating: b
         ("upper.stl", "lower.stl", "meshes/lower.stl, which is in no folder above it"),
         ("upper.stl", "base.dae", "meshes/base.dae, which MuJoCo cannot read; convert it to STL"),
         ('effort="', 'effort="0" was="', "has a <limit> with an effort above zero"),
+        ('velocity="4"', 'velocity="fast"', "The limit velocity='fast' of joint shoulder is no number"),
         ("</robot>", "", "is not readable XML"),
         ("robot", "mujoco", "is no URDF"),
         ('child link="upper"', 'child link="nowhere"', "MuJoCo cannot read"),

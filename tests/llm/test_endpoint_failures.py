@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import threading
 from http.server import BaseHTTPRequestHandler
 
@@ -31,6 +32,20 @@ def raw(body: bytes, *, length: int | None = None) -> Play:
         handler.send_response(200)
         handler.send_header("Content-Type", "application/json")
         handler.send_header("Content-Length", str(len(body) if length is None else length))
+        handler.end_headers()
+        handler.wfile.write(body)
+        handler.close_connection = True
+
+    return play
+
+
+def failing(body: bytes, status: int = 502, **headers: str) -> Play:
+    """An answer of 100 bytes with the status of an error, of which these arrive."""
+
+    def play(handler: BaseHTTPRequestHandler) -> None:
+        handler.send_response(status)
+        for name, value in {"Content-Length": "100", **headers}.items():
+            handler.send_header(name.replace("_", "-"), value)
         handler.end_headers()
         handler.wfile.write(body)
         handler.close_connection = True
@@ -69,6 +84,9 @@ CUT = raw(GOOD[:100], length=len(GOOD))
         raw(b""),
         raw(b" \n" * 1000 + GOOD[:50]),
         replaced(choices=None, error={"message": "the provider is busy", "code": 502}),  # with status 200
+        replaced(choices=[], error={"message": "the provider is busy"}),
+        failing(b'{"error":'),  # a gateway that goes down in the middle of its error page
+        failing(b"no gzip" * 20, 400, Content_Encoding="gzip"),
     ],
 )
 def test_what_may_pass_is_tried_again(endpoint: Endpoint, bad: Answer):
@@ -209,6 +227,43 @@ def test_a_redirect_is_not_followed_and_the_key_not_sent_there(endpoint: Endpoin
     assert other.bodies == [] and KEY not in sentence
 
 
+def test_a_redirect_to_no_address_is_one_sentence(endpoint: Endpoint):
+    endpoint.script = [(307, "", {"Location": "http://["})]
+    assert "sends requests on to what is no address" in said(endpoint)
+
+
+@pytest.mark.parametrize(
+    "url", ["http://localhost:port/v1", "http://[::1/v1", "http://a..b/v1", f"http://{'a' * 64}/v1"]
+)
+def test_an_address_that_is_none_is_one_sentence(url: str):
+    with pytest.raises(ConfigError, match="The address of the model's endpoint is none"):
+        EndpointModel("m", base_url=url)
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "sentence"),
+    [
+        ("HTTPS_PROXY", "ftp://proxy:3128", "holds what is no address"),
+        ("HTTP_PROXY", "http://me:secret@proxy:x", "holds what is no address"),
+        ("SSL_CERT_FILE", "/nowhere/ca.pem", r"cannot be read \(No such file"),
+    ],
+)
+def test_a_proxy_or_certificates_that_cannot_be_used_are_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, variable: str, value: str, sentence: str
+):
+    monkeypatch.setenv(variable, value)
+    with pytest.raises(ConfigError, match=sentence) as caught:
+        EndpointModel("m", base_url="https://localhost:1/v1")
+    assert "secret" not in str(caught.value)
+
+
+def test_a_socks_proxy_without_its_package_is_one_sentence(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "socksio", None)
+    monkeypatch.setenv("ALL_PROXY", "socks5://localhost:1080")
+    with pytest.raises(ConfigError, match="pip install socksio"):
+        EndpointModel("m", base_url="http://localhost:1/v1")
+
+
 # --- it is odd -------------------------------------------------------------------------------------------------------
 
 ODD = [
@@ -220,6 +275,7 @@ ODD = [
     [{"message": {"content": None}}],
     [{"message": {"content": 7}}],
     [{"message": {"refusal": "no"}}],
+    [{"message": {"content": [{"text": [{"text": "deeper"}]}]}}],
 ]
 
 

@@ -148,6 +148,15 @@ def test_an_unknown_file_is_one_sentence(served: Hub, tmp_path: Path):
         hub.fetch("maker/other/model.gguf", tmp_path)
 
 
+@pytest.mark.parametrize("endpoint", ["hub.invalid", "http://hub:port"])
+def test_an_address_of_a_hub_that_is_none_is_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, endpoint: str
+):
+    monkeypatch.setenv("HF_ENDPOINT", endpoint)
+    with pytest.raises(ModelError, match="cannot be fetched"):
+        hub.fetch(NAME, tmp_path)
+
+
 def test_a_hub_out_of_reach_is_one_sentence(served: Hub, tmp_path: Path):
     served.server.shutdown()
     served.server.server_close()

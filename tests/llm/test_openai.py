@@ -68,10 +68,40 @@ def test_an_endpoint_that_refuses_n_is_asked_in_parallel(endpoint: Endpoint):
     assert texts(sample(endpoint.model(), 3)) == ["x"] * 3
 
 
+def test_an_endpoint_that_refuses_n_as_if_it_were_in_trouble_is_asked_in_parallel(endpoint: Endpoint):
+    refusal = failure(500, "Only one completion choice is allowed")  # llama.cpp
+    endpoint.script = lambda body: refusal if "n" in body else answer("x")
+    model = endpoint.model()
+    assert texts(sample(model, 3)) == ["x"] * 3
+    assert endpoint.waits == [1.0]
+    endpoint.script = lambda body: answer(*["y"] * body["n"])  # one that was in trouble is asked for several again
+    assert texts(sample(model, 3)) == ["y"] * 3
+
+
 def test_a_model_that_refuses_a_temperature_is_asked_without_one(endpoint: Endpoint):
     endpoint.script = [failure(400, "Unsupported value: 'temperature'"), answer("a", "b")]
     assert texts(sample(endpoint.model(), 2)) == ["a", "b"]
     assert "temperature" not in endpoint.bodies[1]
+
+
+@pytest.mark.parametrize(
+    ("status", "refusal"),
+    [
+        (400, "System role not supported"),  # Gemma by vLLM
+        (400, "Unsupported value: 'messages[0].role' does not support 'system' with this model."),  # o1-mini
+        (500, "Conversation roles must alternate user/assistant/user/assistant/..."),  # Mistral by llama.cpp
+    ],
+)
+def test_a_model_without_a_system_role_is_told_the_same_by_the_user(endpoint: Endpoint, status: int, refusal: str):
+    endpoint.script = lambda body: (
+        failure(status, refusal) if body["messages"][0]["role"] == "system" else answer(*["x"] * body.get("n", 1))
+    )
+    model = endpoint.model()
+    assert texts(sample(model, 2)) == ["x", "x"]
+    assert endpoint.bodies[-1]["messages"] == [{"role": "user", "content": f"{'s' * 40}\n\n{'u' * 40}"}]
+    assert endpoint.waits == [] and endpoint.bodies[-1]["n"] == 2
+    sample(model, 1)
+    assert len(endpoint.bodies) == 3
 
 
 def test_requests_that_were_under_way_with_a_temperature_are_all_asked_again_without(endpoint: Endpoint):
@@ -135,10 +165,13 @@ def test_empty_and_truncated_replies_are_asked_for_again_and_their_cost_is_kept(
     assert sum(reply.usage.prompt_tokens for reply in replies) == 300
 
 
-def test_a_slot_is_given_what_there_is_after_three_rounds(endpoint: Endpoint):
-    endpoint.script = lambda body: answer("cut", finish="length")
-    assert texts(sample(endpoint.model(), 1)) == ["cut"]
+def test_a_slot_is_given_what_there_is_after_three_rounds(endpoint: Endpoint, caplog: pytest.LogCaptureFixture):
+    endpoint.script = lambda body: answer(*["cut"] * body.get("n", 1), finish="length")
+    model = endpoint.model()
+    assert texts(sample(model, 2)) == ["cut", "cut"]
     assert len(endpoint.bodies) == 3
+    sample(model, 1)
+    assert sum("cuts replies off" in record.message for record in caplog.records) == 1
 
 
 def test_replies_that_were_paid_for_are_handed_over_before_an_error(endpoint: Endpoint):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time
+from typing import Any
 
 import pytest
 
@@ -117,9 +119,41 @@ def test_prose_is_no_program() -> None:
     assert [finding.rule for finding in gate.check("x = f(1)\ny", CARTPOLE)] == ["no-function"]  # type: ignore[union-attr]
 
 
-def test_an_example_of_use_below_the_function_is_ignored() -> None:
+@pytest.mark.parametrize(
+    "example",
+    [
+        "import torch\nreward, _ = f(torch.rand(3, 2))\nprint(reward)\n",
+        "with torch.no_grad():\n    reward, _ = f(torch.rand(3, 2))\nassert reward.shape == (3,)\n",
+        "try:\n    f(1)\nexcept TypeError:\n    pass\n",
+    ],
+)
+def test_an_example_of_use_below_the_function_is_ignored(example: str) -> None:
+    source = f"def f(dof_pos):\n    return dof_pos[:, 0], {{}}\n{example}"
+    assert isinstance(gate.check(source, CARTPOLE), gate.Program)
+
+
+def test_a_constant_may_be_made_of_those_above_it() -> None:
     source = (
-        "def f(dof_pos):\n    return dof_pos[:, 0], {}\nimport torch\nreward, _ = f(torch.rand(3, 2))\nprint(reward)\n"
+        "import math\nFULL = 2.0 * math.pi\nHALF: float = -FULL / 2\nBOTH = [-FULL, HALF]\n"
+        "def f(dof_pos, width=HALF):\n    return dof_pos[:, 0] * BOTH[0] + width, {}\n"
+    )
+    program = gate.check(source, CARTPOLE)
+    assert isinstance(program, gate.Program)
+    names: dict[str, Any] = {}
+    exec(program.code(), names)
+    assert names["BOTH"] == [-2.0 * math.pi, -math.pi]
+    assert names["f"].__defaults__ == (-math.pi,)
+
+
+def test_constants_that_would_fill_the_memory_are_refused_at_once() -> None:
+    squares = "".join(f"X{i + 1} = X{i} * X{i}\n" for i in range(60))
+    assert "statement" in sentences(f"X0 = 10\n{squares}def f(dof_pos):\n    return dof_pos[:, 0], {{}}\n")[0]
+
+
+def test_a_decorator_may_be_imported_by_its_name() -> None:
+    source = (
+        "from torch import no_grad\nfrom torch.jit import script as jitted\n@jitted\ndef f(dof_pos):\n"
+        "    with no_grad():\n        return dof_pos[:, 0], {}\n"
     )
     assert isinstance(gate.check(source, CARTPOLE), gate.Program)
 

@@ -1,5 +1,6 @@
 import os
 import sqlite3
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,6 +31,22 @@ def test_runs_are_listed_latest_first_and_other_folders_are_not(tmp_path):
     os.utime(tmp_path / "a" / "run.sqlite", (1, 1))
     assert list(folder.runs(tmp_path)) == ["b", "a"]
     assert folder.runs(tmp_path / "absent") == {}
+
+
+def test_a_folder_that_may_not_be_entered_hides_no_run():
+    with tempfile.TemporaryDirectory() as name:  # that of pytest is closed to other users
+        Path(name).chmod(0o755)
+        for folder_name in ("mine", "closed"):
+            (Path(name) / folder_name).mkdir()
+        (Path(name) / "mine" / FILENAME).touch()
+        (Path(name) / "closed").chmod(0o000)
+        user = os.geteuid()
+        os.seteuid(user or 65534)
+        try:
+            assert list(folder.runs(Path(name))) == ["mine"]
+        finally:
+            os.seteuid(user)
+            (Path(name) / "closed").chmod(0o755)
 
 
 def test_runs_of_a_bench_are_listed_by_its_name_and_theirs(tmp_path):

@@ -3,8 +3,10 @@
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 
@@ -113,6 +115,18 @@ def test_a_form_that_does_not_fit_starts_nothing_and_says_why(tmp_path, form, pr
     answer = visitor(tmp_path).post("/start", data=form)
     assert answer.status_code == 400 and problem in answer.text
     assert not list(tmp_path.iterdir())
+
+
+def test_a_page_that_shows_thousands_of_candidates_is_followed(tmp_path):
+    with server.listen("127.0.0.1", 0) as listener:
+        serving = server.server(tmp_path, "a-token", server.names("127.0.0.1"))
+        thread = threading.Thread(target=serving.run, kwargs={"sockets": [listener]}, daemon=True)
+        thread.start()
+        with socket.create_connection(listener.getsockname(), timeout=60.0) as caller:
+            caller.sendall(b"GET /?shown=" + b"0123456789ab," * 20_000 + b" HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            assert caller.recv(100).startswith(b"HTTP/1.1 401 ")  # it was read: the token is missing
+        serving.should_exit = True
+        thread.join(60.0)
 
 
 def test_an_address_that_is_taken_is_said_in_a_sentence(tmp_path):

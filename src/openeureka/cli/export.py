@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -48,5 +49,7 @@ def _best(directory: Path) -> tuple[str, RewardGraph]:
     if not source and artifacts.read(directory, "best/policy.safetensors") is not None:
         raise ConfigError(f"The best reward of {directory} is the task's own; there is nothing to export.")
     if verdict is None or verdict.graph is None:
-        raise ConfigError(f"{directory} has found no reward yet; `eureka show {directory}` says how far it is.")
+        raise ConfigError(
+            f"{directory} has found no reward yet; `eureka show {shlex.quote(str(directory))}` says how far it is."
+        )
     return source, verdict.graph

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -25,6 +26,8 @@ _MADE_BY = {
     "robust": "which `eureka robust` leaves",
 }
 """Policies of a run beside that in `best/`, by what `policy=` calls them."""
+PATIENCE, SHORTEST = 60.0, 600.0
+"""[s] that a second of film may take, which a processor alone draws in ten or twenty; and any film."""
 HUMAN = "human"
 CAPTION = 40
 """Characters that half a picture has room for."""
@@ -70,7 +73,10 @@ def _film(env: str, policy: bytes | str, config: PlayConfig, directory: Path | N
     beside = _beside(directory, config.beside)
     captions = tuple(map(_caption, (config.policy or "best reward", config.beside))) if beside is not None else ()
     with working(f"Filming {config.seconds:g} s"):
-        video = render(env, policy, beside=beside, captions=captions, seconds=config.seconds, seed=config.seed)
+        timeout = max(SHORTEST, config.seconds * PATIENCE)
+        video = render(
+            env, policy, beside=beside, captions=captions, seconds=config.seconds, seed=config.seed, timeout=timeout
+        )
     artifacts.write(folder, name, video)
     print(f"Wrote {folder / name}")
 
@@ -83,7 +89,7 @@ def _of_run(directory: Path, wanted: str) -> tuple[bytes, str]:
     read_config(directory)  # refuses what is no run
     if wanted:
         raise ConfigError(f"{directory} holds no {wanted} policy, {_MADE_BY[wanted]}; leave policy={wanted} out.")
-    raise ConfigError(f"{directory} has no policy yet; `eureka show {directory}` says how far it is.")
+    raise ConfigError(f"{directory} has no policy yet; `eureka show {shlex.quote(str(directory))}` says how far it is.")
 
 
 def _beside(directory: Path | None, wanted: str) -> bytes | str | None:

@@ -52,7 +52,7 @@ class PlayConfig:
     env: str = ""
     """Empty means the task of the run directory."""
     policy: str = ""
-    """`polished`, `random`, `zero` or a policy.safetensors file; empty means that of the run's best reward."""
+    """`polished`, `robust`, `random`, `zero` or a policy.safetensors file; empty means that of the best reward."""
     beside: str = ""
     """`human` (the policy of the run's human reward), `random`, `zero` or a policy.safetensors file: a film of both."""
     out: str = ""

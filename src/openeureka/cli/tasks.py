@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import shlex
 import shutil
 import textwrap
@@ -140,7 +141,7 @@ def new(words: Sequence[str]) -> None:
         raise ConfigError(f"Name the robot, a MuJoCo XML file, or env=gym:ID; for example: {USAGE}")
     drafted = draft(
         path,
-        Path(config.model).expanduser(),
+        Path(os.path.expanduser(config.model)),
         config.intent,
         thing=config.object,
         goal=config.goal,

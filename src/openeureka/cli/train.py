@@ -194,7 +194,7 @@ def bench(words: Sequence[str]) -> int:
     path = only_path(paths, "eureka bench plan.yaml dir=outputs/ablations")
     plan, directory = cells.opened(path, parse(BenchConfig, settings).dir)
     told: list[cells.Bench] = []
-    host = _Host(" ".join(["eureka bench", str(path), *settings]))
+    host = _Host(shlex.join(["eureka", "bench", str(path), *settings]))
     cells.run(plan, directory, host, tell=told.append, say=lambda text: print(plain(text), flush=True))
     _tell_compared(told[-1])
     return next((error.exit_code for error in told[-1].failures.values()), 0)

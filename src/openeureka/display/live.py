@@ -29,7 +29,7 @@ from ..types import (
     Usage,
     lane_id,
 )
-from .progress import ProgressLine, by_node
+from .progress import ProgressLine, by_node, redraws
 
 _PHASES: dict[Phase, str] = {
     "sample": "asking the model",
@@ -313,4 +313,4 @@ class TerminalView:
 def view(config: RunConfig, usage: Usage, console: Console | None = None) -> PlainView | TerminalView:
     """The display that fits where the output goes; `usage` is what earlier processes of this run spent."""
     console = console or Console()
-    return (TerminalView if console.is_terminal else PlainView)(console, config, usage)
+    return (TerminalView if redraws(console) else PlainView)(console, config, usage)

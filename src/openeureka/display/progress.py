@@ -31,11 +31,16 @@ class _Clock:
         return Text(f"{self._text}, {duration(time.monotonic() - self._started)}")
 
 
+def redraws(console: Console) -> bool:
+    """Whether lines that stand there can be replaced; on a terminal that cannot, rich would show nothing of them."""
+    return console.is_terminal and not console.is_dumb_terminal
+
+
 @contextmanager
 def working(text: str, console: Console | None = None) -> Iterator[None]:
     """Say what is being done that shows no progress of its own: with a clock on a terminal, once elsewhere."""
     console = console or Console()
-    if console.is_terminal:
+    if redraws(console):
         with console.status(_Clock(text)):
             yield
     else:
@@ -48,7 +53,7 @@ class ProgressLine:
 
     def __init__(self, console: Console | None = None) -> None:
         self._console = console or Console()
-        self._status = self._console.status("Starting") if self._console.is_terminal else None
+        self._status = self._console.status("Starting") if redraws(self._console) else None
         self._since: tuple[float, int] | None = None
         """When the training that is shown was first heard of, and its epoch then."""
         self._epoch = 0

@@ -9,6 +9,7 @@ from __future__ import annotations
 import keyword
 import os
 import re
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -76,6 +77,7 @@ def draft(
         name=class_name(path),
         env=path.stem,
         path=path,
+        word=shlex.quote(f"env={path}"),
         robot=robot,
         place=_place(path, robot),
         urdf=urdf,

@@ -47,11 +47,10 @@ def read(body: bytes) -> Completion:
         Unreadable: when there is none.
     """
     data = _object(body)
-    choices = data.get("choices")
+    choices, error = data.get("choices"), data.get("error")
+    if error and not choices:  # some endpoints say so with status 200
+        raise Unreadable(str(_mapping(error).get("message", error)), broken=True)
     if not isinstance(choices, list):
-        error = data.get("error")
-        if error:  # some endpoints say so with status 200
-            raise Unreadable(str(_mapping(error).get("message", error)), broken=True)
         raise Unreadable("an answer without choices", broken=False)
     usage = _mapping(data.get("usage"))
     model = data.get("model")
@@ -83,9 +82,8 @@ def _choice(choice: object) -> Choice:
 
 def _text(content: object) -> str:
     """A string, or the text parts that some endpoints send instead."""
-    if isinstance(content, list):
-        return "".join(_text(_mapping(part).get("text")) for part in content)
-    return content if isinstance(content, str) else ""
+    parts = [_mapping(part).get("text") for part in content] if isinstance(content, list) else [content]
+    return "".join(part for part in parts if isinstance(part, str))
 
 
 def _mapping(value: object) -> Mapping[str, Any]:

@@ -83,7 +83,7 @@ def _download(repo: str, file: str, target: Path, sha256: str | None) -> None:
     except HfHubHTTPError as error:
         code, reason = error.response.status_code, error.response.reason_phrase
         raise ModelError(f"The hub refused {url} ({code} {reason}); check the name.") from None
-    except (OSError, httpx2.HTTPError, XetDownloadError) as error:
+    except (OSError, ImportError, httpx2.HTTPError, httpx2.InvalidURL, XetDownloadError) as error:
         if isinstance(error, OSError) and error.errno is not None:
             raise weights.disk_error(target, error) from error
         said = " ".join(str(error).split())[:200]

@@ -6,18 +6,18 @@ import logging
 import math
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
 from email.utils import parsedate_to_datetime
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 from urllib.parse import urlsplit
 
 import httpx2
 import openai
 
-from ..errors import ModelError
-from ..types import Prompt, Reply, Usage
+from ..errors import ConfigError, ModelError
+from ..types import Message, Prompt, Reply, Usage
 from . import completion
 from .client import share
 from .completion import Completion, Unreadable
@@ -37,10 +37,20 @@ MAX_BODY = 64 << 20
 
 _PASSING = {408, 409, 425, 429}
 """Client errors that are none: too slow, a conflict, too early, too often (RFC 9110, RFC 8470, RFC 6585)."""
+_MAY_REFUSE = {500, 501}
+"""llama.cpp says with 500 that it gives one answer a request, and what the template of a model does not know."""
 _SHORTEST_SECRET = 8
 """Characters of a key that is worth hiding; servers that need none are given words such as `none` or `ollama`."""
 _log = logging.getLogger(__name__)
 MAX_WAIT = 120.0  # [s]
+
+
+class _Manner(NamedTuple):
+    """What requests hold besides the model and the words, until it is refused."""
+
+    temperature: float | None
+    system: bool = True
+    """Whether the first message has a role of its own."""
 
 
 class EndpointModel:
@@ -57,6 +67,7 @@ class EndpointModel:
 
     Raises:
         ModelError: no key.
+        ConfigError: an address, a proxy or certificates that cannot be used.
     """
 
     style: Literal["free", "grammar"] = "free"
@@ -74,21 +85,13 @@ class EndpointModel:
             _log.warning("The price of %s is not known: its replies count as free. Add price=INPUT,OUTPUT.", name)
         self.name = name
         self._key = _key(base_url)
-        # Retries are ours: the package's own do not tell a quota that is spent from a busy moment. Redirects are the
-        # person's: the package would send prompts wherever the endpoint points to.
-        self._client = openai.OpenAI(
-            api_key=self._key,
-            base_url=base_url or None,
-            max_retries=0,
-            timeout=TIMEOUT,
-            http_client=openai.DefaultHttpxClient(follow_redirects=False),
-        )
+        self._client = _client(self._key, base_url)
         self._where = _without_secrets(str(self._client.base_url))
-        self._temperature: float | None = temperature
+        self._manner = _Manner(temperature)
         self._price = price
         self._wait = wait
         self._knows_n = True
-        self._reached = self._guesses = False
+        self._reached = self._guesses = self._cuts = False
 
     def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
         """Yield n replies. The seed is not sent: endpoints ignore or refuse it.
@@ -100,6 +103,7 @@ class EndpointModel:
         for last in (*[False] * (ROUNDS - 1), True):
             for reply, whole in self._round(prompt, missing):
                 if whole or last:  # in the end a slot is better spent on half a reply than the run on one slot
+                    self._warn_of_cuts(reply, whole)
                     yield replace(reply, usage=reply.usage + wasted)
                     missing, wasted = missing - 1, Usage()
                 else:
@@ -110,14 +114,19 @@ class EndpointModel:
     def close(self) -> None:
         """Holds no memory worth freeing."""
 
+    def _warn_of_cuts(self, reply: Reply, whole: bool) -> None:
+        if reply.text and not whole and not self._cuts:
+            self._cuts = True
+            _log.warning("%s cuts replies off: raise its limit on tokens, or the length of its context.", self._where)
+
     def _round(self, prompt: Prompt, count: int) -> Iterator[tuple[Reply, bool]]:
         """`count` replies, each with whether it is whole."""
         if count > 1 and self._knows_n:
             try:
                 choices = self._call(prompt, count)
+                self._knows_n = len(choices) == count
             except _BatchRefused:
                 choices = []
-            self._knows_n = len(choices) == count
             yield from choices
             count -= len(choices)
         if not count:
@@ -139,15 +148,15 @@ class EndpointModel:
         """One request, tried again while that makes sense."""
         for attempt in range(ATTEMPTS):
             last = attempt == ATTEMPTS - 1
-            began, temperature = time.monotonic(), self._temperature
+            began, manner = time.monotonic(), self._manner
             try:
-                answer = completion.read(self._post(prompt, n, temperature))
+                answer = completion.read(self._post(prompt, n, manner))
             except Unreadable as error:
                 if last or not error.broken:
                     raise self._unreadable(error) from None
                 self._wait(delay({}, attempt))
             except openai.APIError as error:
-                if not self._adapted(error, n, temperature):
+                if not self._adapted(error, n, manner, attempt):
                     if last or not self._passing(error, attempt):
                         raise self._explained(error) from None
                     self._wait(delay(_headers(error), attempt))
@@ -155,48 +164,56 @@ class EndpointModel:
                 return self._replies_of(prompt, answer, n, time.monotonic() - began)
         raise ModelError(f"{self._where} accepts no request for {self.name}; choose another model.")
 
-    def _post(self, prompt: Prompt, n: int, temperature: float | None) -> bytes:
+    def _post(self, prompt: Prompt, n: int, manner: _Manner) -> bytes:
         """The body of the answer. Raises openai.APIError, or Unreadable for one without end."""
         until = time.monotonic() + PATIENCE
         body = bytearray()
         create = self._client.chat.completions.with_streaming_response.create
-        with create(**self._arguments(prompt, n, temperature)) as response:
-            self._reached = True
-            try:
+        try:
+            with create(**self._arguments(prompt, n, manner)) as response:
+                self._reached = True
                 for chunk in response.iter_bytes():
                     body += chunk
                     if len(body) > MAX_BODY:
                         raise Unreadable(f"more than {MAX_BODY >> 20} MB", broken=False)
                     if time.monotonic() > until:
                         raise openai.APITimeoutError(request=response.http_request)
-            except httpx2.TimeoutException:
-                raise openai.APITimeoutError(request=response.http_request) from None
-            except httpx2.HTTPError:
-                raise openai.APIConnectionError(request=response.http_request) from None
+        except httpx2.HTTPError as error:  # while a body is read, that of an error too; before, the package tells it
+            self._reached = True
+            kind = openai.APITimeoutError if isinstance(error, httpx2.TimeoutException) else openai.APIConnectionError
+            raise kind(request=error.request) from None
         return bytes(body)
 
-    def _arguments(self, prompt: Prompt, n: int, temperature: float | None) -> dict[str, Any]:
+    def _arguments(self, prompt: Prompt, n: int, manner: _Manner) -> dict[str, Any]:
+        messages = prompt.messages if manner.system else _without_system(prompt.messages)
         arguments: dict[str, Any] = {
             "model": self.name,
-            "messages": [{"role": message.role, "content": message.content} for message in prompt.messages],
+            "messages": [{"role": message.role, "content": message.content} for message in messages],
         }
-        if temperature is not None:
-            arguments["temperature"] = temperature
+        if manner.temperature is not None:
+            arguments["temperature"] = manner.temperature
         return arguments if n == 1 else {**arguments, "n": n}
 
-    def _adapted(self, error: openai.APIError, n: int, temperature: float | None) -> bool:
-        """Whether the request, made with this temperature, will be another one next time.
+    def _adapted(self, error: openai.APIError, n: int, manner: _Manner, attempt: int) -> bool:
+        """Whether the request, made in this manner, will be another one next time.
 
         Raises:
             _BatchRefused: to have it split.
         """
-        if not isinstance(error, openai.BadRequestError | openai.UnprocessableEntityError):
+        refused = isinstance(error, openai.BadRequestError | openai.UnprocessableEntityError)
+        if not refused and not (isinstance(error, openai.InternalServerError) and error.status_code in _MAY_REFUSE):
             return False
-        if temperature is not None and "temperature" in error.message:
-            self._temperature = None  # reasoning models know only their own
+        said = error.message.lower()
+        if manner.temperature is not None and "temperature" in said:
+            self._manner = self._manner._replace(temperature=None)  # reasoning models know only their own
             return True
-        if n > 1:
-            raise _BatchRefused  # whatever else is wrong will show with n = 1
+        if manner.system and "role" in said and ("system" in said or "alternate" in said):
+            self._manner = self._manner._replace(system=False)  # templates of Gemma and Mistral have no such role
+            return True
+        if n > 1 and (refused or attempt):
+            # Whatever else is wrong will show with n = 1. What speaks of trouble, twice, may as well be in trouble.
+            self._knows_n = not refused
+            raise _BatchRefused
         return False
 
     def _passing(self, error: openai.APIError, attempt: int) -> bool:
@@ -293,9 +310,50 @@ def _key(base_url: str) -> str:
     return key or "none"
 
 
+def _client(key: str, base_url: str) -> openai.OpenAI:
+    """Retries are ours: the package's own do not tell a quota that is spent from a busy moment. Redirects are the
+    person's: the package would send prompts wherever the endpoint points to.
+    """
+    try:
+        http = openai.DefaultHttpxClient(follow_redirects=False)
+    except ImportError:
+        raise ConfigError(
+            "The environment names a SOCKS proxy, which needs another package: pip install socksio, or unset ALL_PROXY."
+        ) from None
+    except OSError as error:
+        raise ConfigError(
+            f"The certificates that SSL_CERT_FILE or SSL_CERT_DIR names cannot be read ({error.strerror or error}); "
+            "correct the path or unset it."
+        ) from None
+    except (ValueError, httpx2.InvalidURL):  # whose texts may hold a password
+        raise ConfigError(
+            "HTTP_PROXY, HTTPS_PROXY, ALL_PROXY or NO_PROXY holds what is no address; correct it or unset it."
+        ) from None
+    try:
+        client = openai.OpenAI(api_key=key, base_url=base_url or None, max_retries=0, timeout=TIMEOUT, http_client=http)
+        client.base_url.raw_host.decode().encode("idna")  # as sockets do, in the middle of a request
+    except (httpx2.InvalidURL, UnicodeError):
+        raise ConfigError(
+            "The address of the model's endpoint is none; write it like base_url=http://localhost:8000/v1."
+        ) from None
+    return client
+
+
+def _without_system(messages: Sequence[Message]) -> Sequence[Message]:
+    """The same words, the first of them said by the user."""
+    first, *rest = messages
+    if first.role != "system" or not rest:
+        return messages
+    asked, *later = rest
+    return (Message(asked.role, f"{first.content}\n\n{asked.content}"), *later)
+
+
 def _without_secrets(url: str) -> str:
     """The address without a user's name and password, and without the query, which may hold a key."""
-    parts = urlsplit(url)
+    try:
+        parts = urlsplit(url)
+    except ValueError:
+        return "what is no address"
     return parts._replace(netloc=parts.netloc.rpartition("@")[2], query="", fragment="").geturl()
 
 

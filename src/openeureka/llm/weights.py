@@ -68,14 +68,15 @@ def default() -> Path:
 
 def existing(path: Path, who: str = "model=local: names") -> Path:
     """The path itself. Raises ModelError when it is not a GGUF file."""
+    found = Path(os.path.expanduser(path))
     try:
-        with path.expanduser().open("rb") as file:
+        with found.open("rb") as file:
             magic = file.read(len(MAGIC))
     except OSError as error:
         raise ModelError(f"{who} {path}, which cannot be read ({error.strerror}); check the path.") from None
     if magic != MAGIC:
         raise ModelError(f"{who} {path}, which is not a GGUF file; llama.cpp needs one.")
-    return path.expanduser()
+    return found
 
 
 def assemble(weights: Weights, folder: Path) -> Path:

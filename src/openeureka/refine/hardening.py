@@ -7,6 +7,7 @@ Everything is kept in the run that found the reward. To go on is to run it again
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -121,7 +122,8 @@ def _best(store: Store) -> PolicyId:
     """The one that `polish=` left, or that in `best/`. Raises ConfigError before there is one."""
     found = store.lanes.best_policy() or store.best()
     if found is None:
-        raise ConfigError(f"{store.directory} holds no policy yet; `eureka resume {store.directory}` goes on with it.")
+        where = shlex.quote(str(store.directory))
+        raise ConfigError(f"{store.directory} holds no policy yet; `eureka resume {where}` goes on with it.")
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 from ..errors import RewardFileError, TaskError
@@ -59,7 +60,7 @@ def policy_files(directory: Path, folder: str, wanted: str, env: str) -> str:
         if wanted == "none" or artifacts.exists(directory, f"{folder}/{VIDEO}"):
             return ""
         if not env:
-            return _STRANGE.format(directory=directory)
+            return _STRANGE.format(directory=shlex.quote(str(directory)))
         other = filming.human(directory) if folder == "best" else None
         captions = ("the best reward", "the human reward") if other is not None else ()
         film = video.render(env, data, beside=other, captions=captions)
@@ -88,5 +89,5 @@ _STRANGE = (
 def _candidates(directory: Path, run: RunView, wanted: str, env: str) -> str:
     missing = filming.missing(directory) if wanted == "all" else {}
     if missing and not env:
-        return _STRANGE.format(directory=directory)
+        return _STRANGE.format(directory=shlex.quote(str(directory)))
     return filming.film(directory, env, missing.items())

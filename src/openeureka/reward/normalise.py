@@ -31,6 +31,11 @@ _ANNOTATION_NODES = (
     ast.Name, ast.Attribute, ast.Subscript, ast.Tuple, ast.List, ast.Constant, ast.BinOp, ast.BitOr, ast.Load,
 )  # fmt: skip
 
+_PATHS = frozenset({*surface.MODULES, *surface.PACKAGES, *DROPPED_DECORATORS})
+"""What may be imported by itself."""
+_EXAMPLES = (ast.Expr, ast.Assign, ast.Assert, ast.If, ast.For, ast.While, ast.With, ast.Try)
+"""What an example of use is made of."""
+
 _Function = TypeVar("_Function", ast.FunctionDef, ast.Lambda)
 
 
@@ -67,7 +72,7 @@ class Normaliser(ast.NodeTransformer):
         self.findings: list[Finding] = []
         self.names = dict(SHORT_NAMES)
         self.functions: dict[str, ast.FunctionDef] = {}
-        self.constants: set[str] = set()
+        self.constants: dict[str, ast.expr] = {}
 
     def build(self, tree: ast.Module) -> Draft | None:
         self.functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
@@ -102,8 +107,8 @@ class Normaliser(ast.NodeTransformer):
             plain = self.visit(node)
             if isinstance(plain, ast.Assign) and self._literal_assignment(plain):
                 return plain
-        if after and isinstance(node, ast.Expr | ast.Assign | ast.If | ast.For):
-            return None  # an example of use below the last function, which nothing runs
+        if after and isinstance(node, _EXAMPLES):
+            return None  # below the last function, where nothing runs it
         self._refuse(
             "statement",
             "only imports, functions and literal constants may stand outside a function",
@@ -118,11 +123,11 @@ class Normaliser(ast.NodeTransformer):
         node.value = self._folded(node.value)
         if not _is_literal(node.value):
             return False
-        self.constants.add(node.targets[0].id)
+        self.constants[node.targets[0].id] = node.value
         return True
 
     def _folded(self, node: ast.expr) -> ast.expr:
-        return Folder(self.names).visit(node)
+        return Folder(self.names, self.constants).visit(node)
 
     def _import(self, node: ast.Import | ast.ImportFrom) -> None:
         """Bind the names of an import, and refuse the paths that are not offered."""
@@ -140,7 +145,7 @@ class Normaliser(ast.NodeTransformer):
                 target = f"{surface.HELPERS_PATH}.{name}"
             elif path.split(".")[0] in IGNORED_PACKAGES or parent in surface.HELPER_MODULES:
                 continue
-            elif path not in (*surface.MODULES, *surface.PACKAGES) and name not in surface.MODULES.get(parent, ()):
+            elif path not in _PATHS and name not in surface.MODULES.get(parent, ()):
                 fix = "torch, math, typing and `np.pi` are there; helpers such as `quat_mul` need no import"
                 self._refuse("import", f"`{path}` cannot be imported", node, fix)
                 continue
@@ -168,7 +173,7 @@ class Normaliser(ast.NodeTransformer):
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
         for decorator in node.decorator_list:
             plain = decorator.func if isinstance(decorator, ast.Call) and not decorator.args else decorator
-            if dotted(plain) not in DROPPED_DECORATORS:
+            if not self._drops(plain):
                 self._refuse("decorator", "this decorator is not allowed", decorator, "remove it")
         node.decorator_list = []
         if node.returns is not None:
@@ -196,6 +201,9 @@ class Normaliser(ast.NodeTransformer):
                 self._refuse("signature", "a default must be a literal number", node, "write the number itself")
         self.generic_visit(node)
         return node
+
+    def _drops(self, decorator: ast.AST) -> bool:
+        return (self._path(decorator) or dotted(decorator)) in DROPPED_DECORATORS
 
     def _path(self, node: ast.AST) -> str | None:
         """The dotted path of a name, through the imports."""
@@ -225,7 +233,7 @@ class Normaliser(ast.NodeTransformer):
     def visit_With(self, node: ast.With) -> ast.stmt | list[ast.stmt]:
         for item in node.items:
             call = item.context_expr
-            if not (isinstance(call, ast.Call) and not call.args and dotted(call.func) in DROPPED_DECORATORS):
+            if not (isinstance(call, ast.Call) and not call.args and self._drops(call.func)):
                 return node
         body: list[ast.stmt] = []
         for statement in node.body:

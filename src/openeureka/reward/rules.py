@@ -9,10 +9,9 @@ from collections.abc import Iterable
 from ..types import Finding, StateSpec
 from . import surface
 from .normalise import Draft
-from .syntax import Scope, bound, dotted, identifiers, rebound, shown, twin
+from .syntax import MAX_INT, Scope, bound, dotted, identifiers, rebound, shown, twin
 
 MAX_RANGE = 1_000
-MAX_INT = 2**63
 MAX_GUESSED = 40
 """Letters of a name that a guess is offered for."""
 MAX_GUESSES = 20

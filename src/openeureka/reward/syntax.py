@@ -10,6 +10,7 @@ from typing import Any
 
 from . import surface
 
+MAX_INT = 2**63
 Scope = ast.FunctionDef | ast.Lambda | ast.ListComp | ast.DictComp | ast.GeneratorExp
 SCOPES = (ast.FunctionDef, ast.Lambda, ast.ListComp, ast.DictComp, ast.GeneratorExp)
 
@@ -124,10 +125,11 @@ class Folder(ast.NodeTransformer):
 
     Args:
         names: name to dotted path, for everything imported.
+        constants: literals by name, for everything assigned so far.
     """
 
-    def __init__(self, names: Mapping[str, str]) -> None:
-        self.names = names
+    def __init__(self, names: Mapping[str, str], constants: Mapping[str, ast.expr]) -> None:
+        self.names, self.constants = names, constants
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
         self.generic_visit(node)
@@ -137,7 +139,8 @@ class Folder(ast.NodeTransformer):
         return _result(node, compute, left, right)
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
-        return self._constant(node)
+        known = _number(self.constants[node.id]) if node.id in self.constants else None
+        return self._constant(node) if known is None else ast.copy_location(ast.Constant(known), node)
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.expr:
         return self._constant(node)
@@ -172,5 +175,7 @@ def _result(node: ast.expr, compute: Callable[..., Number], *numbers: Any) -> as
     try:
         value = compute(*numbers)
     except (ArithmeticError, ValueError, TypeError):
+        return node
+    if isinstance(value, int) and abs(value) > MAX_INT:  # squared line by line it would fill the memory
         return node
     return ast.copy_location(ast.Constant(value), node)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import replace
@@ -121,9 +122,8 @@ def search(config: RunConfig, directory: Path, host: Host, model: LanguageModel 
             with host.working("Writing the report" if config.video == "none" else "Filming, and writing the report"):
                 return build(directory, config.video, config.env)
         except KeyboardInterrupt:
-            raise Interrupted(
-                f"Stopped; the search is done. Write its report with: eureka report {directory}"
-            ) from None
+            command = shlex.join(["eureka", "report", str(directory)])
+            raise Interrupted(f"Stopped; the search is done. Write its report with: {command}") from None
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import sys
 from collections.abc import Collection, Mapping
 from contextlib import suppress
@@ -62,7 +63,7 @@ def claims(config: object) -> dict[str, str]:
 
 
 def _whole(path: str) -> str:
-    return str(Path(path).expanduser().resolve()) if path else ""
+    return str(Path(os.path.expanduser(path)).resolve()) if path else ""
 
 
 def remember(config: object) -> None:
@@ -118,7 +119,9 @@ def _ask(asked: Mapping[str, str], directory: Path) -> None:
     except EOFError:
         answer = ""
     if answer.strip().lower() not in ("y", "yes"):
-        raise ConfigError(f"Nothing was done; `eureka show {directory}` reads the run without using any of it.")
+        raise ConfigError(
+            f"Nothing was done; `eureka show {shlex.quote(str(directory))}` reads the run without using any of it."
+        )
 
 
 def _line(key: str, value: str) -> str:

@@ -97,9 +97,7 @@ def _actuate(spec: mujoco.MjSpec, robot: ElementTree.Element) -> None:
         # A joint that mimics another is held to it by an equality, which MuJoCo's own reader adds.
         if joint.get("type") not in ("revolute", "continuous", "prismatic") or joint.find("mimic") is not None:
             continue
-        low, high, effort, speed = (
-            float(limit.get(key, 0.0)) if limit is not None else 0.0 for key in ("lower", "upper", "effort", "velocity")
-        )
+        low, high, effort, speed = (_number(limit, key, name) for key in ("lower", "upper", "effort", "velocity"))
         if effort <= 0.0:
             continue
         actuator = spec.add_actuator(name=name, target=name, ctrllimited=1, **to_joint)
@@ -111,6 +109,15 @@ def _actuate(spec: mujoco.MjSpec, robot: ElementTree.Element) -> None:
             actuator.gear[0], actuator.ctrlrange = effort, [-1.0, 1.0]
         if speed > 0.0:
             spec.joint(name).damping[0] = max(spec.joint(name).damping[0], effort / speed)
+
+
+def _number(limit: ElementTree.Element | None, key: str, joint: str) -> float:
+    """What a limit says; 0 where it says nothing. Raises TaskError for what is no number."""
+    said = limit.get(key, "0") if limit is not None else "0"
+    try:
+        return float(said)
+    except ValueError:
+        raise TaskError(f"The limit {key}={said!r:.40} of joint {joint} is no number; correct it.") from None
 
 
 def _set_afloat(spec: mujoco.MjSpec) -> None:

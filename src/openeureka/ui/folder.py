@@ -59,7 +59,7 @@ def _below(root: Path, depth: int) -> Iterator[Path]:
     except OSError:  # it is none, is gone by now, or belongs to somebody else
         return
     for path in found:
-        if is_run(path) or (path / LOG).is_file():
+        if os.path.isfile(path / FILENAME) or os.path.isfile(path / LOG):  # not where nobody may look
             yield path
         elif depth > 1 and not path.is_symlink():
             yield from _below(path, depth - 1)

@@ -12,6 +12,9 @@ import uvicorn
 from ..errors import ConfigError
 from . import app, guard
 
+LONGEST_ADDRESS = 1 << 20
+"""Bytes of a request's head: an open page says which parts it shows, 13 bytes for each candidate of a run."""
+
 
 def serve(root: Path, host: str, port: int) -> None:
     """Print the address, with its token, and serve. Raises ConfigError when the address cannot be had."""
@@ -34,7 +37,14 @@ def server(root: Path, token: str, hosts: Sequence[str]) -> uvicorn.Server:
 
     page = app.build(root, token, hosts, ending)
     found = uvicorn.Server(
-        uvicorn.Config(page, log_level="warning", ws="none", lifespan="off", timeout_graceful_shutdown=2)
+        uvicorn.Config(
+            page,
+            log_level="warning",
+            ws="none",
+            lifespan="off",
+            timeout_graceful_shutdown=2,
+            h11_max_incomplete_event_size=LONGEST_ADDRESS,
+        )
     )
     return found
 
