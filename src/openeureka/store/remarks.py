@@ -7,8 +7,8 @@ import re
 from ..codec import DecodeError
 from ..errors import FeedbackError, nearest
 from ..types import Place, Remark, RemarkKind
-from .codec import decode_remark, encode_remark
 from .db import Database, changed_row
+from .rows import decode_remark, encode_remark
 
 _MARK = re.compile(r"(favou?rite|veto|vote)=(.*)")
 _MARKS = ("favourite", "favorite", "veto", "vote")

@@ -39,10 +39,10 @@ from ..types import (
 )
 from ..version import __version__
 from . import artifacts, summary
-from .codec import decode_messages, decode_usage, decode_verdict, encode_messages
 from .db import AGAIN, FILENAME, LOCK, LOG, STOP, Database, changed_row, explained
 from .lane_log import LaneLog
 from .remarks import RemarkLog
+from .rows import decode_messages, decode_usage, decode_verdict, encode_messages
 from .slots import ScreenLog, TalkLog
 
 T = TypeVar("T")

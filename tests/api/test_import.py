@@ -10,7 +10,7 @@ import pytest
 
 import openeureka
 from openeureka.config import RobustConfig, RunConfig, TrainConfig
-from openeureka.runs.door import RobustSettings, SearchSettings, TrainSettings
+from openeureka.runs.api import RobustSettings, SearchSettings, TrainSettings
 
 LIGHT = """
 import sys, time
