@@ -1,4 +1,4 @@
-"""openeureka: a language model designs reinforcement-learning rewards, a population of policies judges them.
+"""A language model designs reinforcement-learning rewards, a population of policies judges them.
 
 What a Python program calls stands here, and is imported when it is first used.
 """

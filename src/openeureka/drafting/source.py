@@ -1,4 +1,4 @@
-"""Python that is made for a person to edit: its templates, and how a state table is laid out in it."""
+"""Templates of the Python files that are drafted, and how a state table is written."""
 
 from __future__ import annotations
 

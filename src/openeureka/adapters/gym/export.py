@@ -1,4 +1,4 @@
-"""What is handed out as Python: an environment as a task file to edit, and a reward as a wrapper of Gymnasium's."""
+"""An environment as a task file to edit, and a reward as a wrapper of Gymnasium's: what is handed out as Python."""
 
 from __future__ import annotations
 
