@@ -1,4 +1,4 @@
-"""openeureka: a language model designs reinforcement-learning rewards, a population of policies judges them.
+"""A language model designs reinforcement-learning rewards, a population of policies judges them.
 
 What a Python program calls stands here, and is imported when it is first used.
 """
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
         TaskError,
         WorkerError,
     )
-    from .runs.door import check, open_run, robust, search, searching, train, tune
+    from .runs.api import check, open_run, robust, search, searching, train, tune
     from .runs.program import Asked, Began, Checked, Event, Played, Replied, Started
     from .runs.run import LaneView, Run, TrainedPolicy
     from .score import Outcome
@@ -88,7 +88,7 @@ _MODULES = {
         "TaskError",
         "WorkerError",
     ),
-    "runs.door": ("check", "open_run", "robust", "search", "searching", "train", "tune"),
+    "runs.api": ("check", "open_run", "robust", "search", "searching", "train", "tune"),
     "runs.program": ("Asked", "Began", "Checked", "Event", "Played", "Replied", "Started"),
     "runs.run": ("LaneView", "Run", "TrainedPolicy"),
     "score": ("Outcome",),

@@ -56,9 +56,10 @@ def run(
         model.close()  # an embedded model must not run while training does: they fight for the same cores
 
         observer.phase(index, "train")
-        others = beside(config) if index == 0 else ()
-        own = [config.seed]
-        results = lanes.train([*deal(programs(samples), own, "candidate"), *deal(others, own, "baseline")])
+        wanted = deal(programs(samples), [config.seed], "candidate")
+        if index == 0:
+            wanted += deal(beside(config), [config.seed], "baseline")
+        results = lanes.train(wanted)
         if strategy.judge == "played":
             observer.phase(index, "play")
         scores = lanes.play([*history.lanes, *results], strategy)
@@ -66,18 +67,19 @@ def run(
         entries: list[Scored] = []
         for sample in samples:
             lane = lane_id(sample.verdict.candidate, config.seed)
-            feedback = reflect(sample, results.get(lane), model.style, scores.get(lane), config.limited)
-            entries.append(Scored(sample=sample, result=results.get(lane), played=scores.get(lane), feedback=feedback))
+            result, played = results.get(lane), scores.get(lane)
+            feedback = reflect(sample, result, model.style, played, config.limited)
+            entries.append(Scored(sample=sample, result=result, played=played, feedback=feedback))
         history = strategy.tell(history.replayed(scores), entries)
         best = Ranking(history).best
         if best is not None:
-            keep(store, lanes, strategy, best)
+            keep(lanes, strategy, best)
         store.save_generation(history.generations[-1])
         observer.generation(history.generations[-1])
 
     history = hearing.hear(history)  # where votes decide, the last generation needs some too
     if not tuning.begun(store):
-        conclude(config, store, lanes, strategy, history, observer)
+        conclude(lanes, strategy, history)
     winner = race.crowned(history, store.crown())
     tuned = tuning.tune_winner(lanes, checker, winner, strategy.peaks) if config.tune else None
     if config.polish and (tuned is not None or store.crown() is not None):
@@ -88,40 +90,45 @@ def run(
     return outcome
 
 
-def conclude(
-    config: RunConfig, store: Store, lanes: Lanes, strategy: SearchStrategy, history: History, observer: Observer
-) -> None:
+def conclude(lanes: Lanes, strategy: SearchStrategy, history: History) -> None:
     """Confirm the best reward with fresh seeds, then score it beside the human and the sparse one on held-out episodes.
     Where there is one, the store holds its crown, and `best/` its policy.
 
     The search's own scores are the best of many tries; only fresh seeds and fresh episodes say what a reward is worth.
     """
+    config, store, observer = lanes.config, lanes.store, lanes.observer
     observer.phase(config.generations, "final")
     confirmed = store.crown()
     best = race.crowned(history, confirmed) if confirmed is not None else race.crown(history, lanes, strategy)
     if best is None:
-        nearest = Ranking(history).nearest or Ranking(history).best
-        if nearest is not None and nearest.result is not None:  # nobody wins, and that is told in numbers
-            observer.phase(config.generations, "evaluate")
-            lanes.evaluate(lanes.standing([nearest.result.lane], strategy))
+        score_nearest(lanes, strategy, history)
         return
     observer.phase(config.generations, "evaluate")
-    arms = lanes.final(race.contenders(history))
-    scores = lanes.evaluate(lanes.standing([lane for own in arms.values() for lane in own], strategy))
+    finals = lanes.final(race.contenders(history))
+    scores = lanes.evaluate(lanes.standing([lane for arm in finals.values() for lane in arm], strategy))
     results = store.lanes.results()
-    own = {lane: results[lane] for lane in arms[best.sample.verdict.candidate] if lane in scores}
+    own = {lane: results[lane] for lane in finals[best.sample.verdict.candidate] if lane in scores}
     winner = max(own, key=lambda lane: worth(scores[lane], config.limited), default=None)
-    keep(store, lanes, strategy, best, winner)
+    keep(lanes, strategy, best, winner)
     if winner is not None:
         lanes.try_out(hacking.trials(own, winner, lanes.standing(own, strategy)))
     if confirmed is None:
         store.save_crown(best.sample.place)
 
 
-def keep(store: Store, lanes: Lanes, strategy: SearchStrategy, best: Scored, lane: str | None = None) -> None:
-    """Leave the best reward in `best/`, with the policy of its lane in the search, or of another."""
+def score_nearest(lanes: Lanes, strategy: SearchStrategy, history: History) -> None:
+    """Where nobody wins, tell that in numbers too: those of the candidate that came nearest, held out."""
+    ranking = Ranking(history)
+    nearest = ranking.nearest or ranking.best
+    if nearest is not None and nearest.result is not None:
+        lanes.observer.phase(lanes.config.generations, "evaluate")
+        lanes.evaluate(lanes.standing([nearest.result.lane], strategy))
+
+
+def keep(lanes: Lanes, strategy: SearchStrategy, best: Scored, lane: str | None = None) -> None:
+    """Leave the best reward in `best/`, with the policy of a lane; None for its lane in the search."""
     lane = lane or lane_id(best.sample.verdict.candidate, lanes.config.seed)
-    store.save_best(best.sample.candidate, PolicyId(lane, lanes.standing([lane], strategy)[lane]))
+    lanes.store.save_best(best.sample.candidate, PolicyId(lane, lanes.standing([lane], strategy)[lane]))
 
 
 def summarise(config: RunConfig, store: Store, history: History) -> Outcome:

@@ -10,7 +10,7 @@ import pytest
 
 from openeureka.codec import DecodeError, decode, encode, shaped
 from openeureka.reward import graph
-from openeureka.store.codec import decode_result, decode_verdict, encode_result
+from openeureka.store.rows import decode_result, decode_verdict, encode_result
 from openeureka.types import (
     Checkpoint,
     Evaluation,

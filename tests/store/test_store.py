@@ -11,7 +11,7 @@ from openeureka.codec import encode
 from openeureka.config import RunConfig
 from openeureka.errors import StoreError
 from openeureka.store import Store, read_config, read_replies
-from openeureka.store.codec import encode_result
+from openeureka.store.rows import encode_result
 from openeureka.testing.scripted import program
 from openeureka.types import (
     Candidate,

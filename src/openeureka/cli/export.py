@@ -1,4 +1,4 @@
-"""`eureka export`: the best reward of a run, for the suite that its environment comes from."""
+"""`eureka export`: the best reward of a run, for the suite of its environment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`eureka play`."""
+"""`eureka play`: a policy in a window, in a browser, or as a video."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def resume(words: Sequence[str]) -> None:
     expect_same(directory, stored, config)
     trust.agree(config, directory, typed=_keys(settings), trusted=trusted, way=f"add trust={directory}", asks=True)
     if config.model == NO_MODEL and config.tune:
-        go_on(config, directory, None)
+        fit(config, directory, None)
     elif config.model == NO_MODEL:
         _say_what_failed(compare(config, directory, None))
     else:
@@ -137,9 +137,22 @@ def tune(words: Sequence[str], *, as_json: bool = False) -> None:
     with redirect_stdout(sys.stderr) if as_json else nullcontext():
         reward = to_tune(typed)
         directory = output_directory(typed.dir, typed.env, "tune_")
-        run = go_on(typed.run(), directory, reward)
+        run = fit(typed.run(), directory, reward)
     if as_json:
         print(json.dumps({"directory": str(directory), **facts(run)}, indent=2))
+
+
+def fit(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] | None) -> RunView:
+    """Fit what is missing, write the report and print what was found.
+
+    Args:
+        reward: None for that of the run.
+    """
+    problems = compose.tune(config, directory, reward, Terminal())
+    run = RunView.read(directory)
+    print("\n".join(["", *tuned(run)]))
+    _close(run, directory, problems)
+    return run
 
 
 def robust(words: Sequence[str]) -> None:
@@ -159,19 +172,6 @@ def robust(words: Sequence[str]) -> None:
     for problem in problems:
         print(plain(problem))
     print(f"\nThe policy and its ranges are in {directory / 'robust'}; begin with report.html")
-
-
-def go_on(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] | None) -> RunView:
-    """Do what is missing, write the report and print what was found.
-
-    Args:
-        reward: None for that of the run.
-    """
-    problems = compose.tune(config, directory, reward, Terminal())
-    run = RunView.read(directory)
-    print("\n".join(["", *tuned(run)]))
-    _close(run, directory, problems)
-    return run
 
 
 class _Host(Terminal):

@@ -1,5 +1,5 @@
-"""What a person sees of a run who looks at its directory, or at the page, and not at its terminal: lines on how it
-went, and what it is doing now, in a small file that is replaced every few seconds.
+"""What a run leaves for those who look at its directory or page, and not at its terminal: lines on how it went, and
+what it is doing now, in a small file that is replaced every few seconds.
 
 A store holds what is finished. Curves of lanes that still train, and the time left, interest nobody once the run is
 over; the file goes with it.

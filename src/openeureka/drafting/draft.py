@@ -12,16 +12,15 @@ import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 
-import jinja2
 import mujoco
 
 from ..errors import TaskError
 from ..tasks.anatomy import SWAY, columns, home, named, scalar_joints
 from ..tasks.urdf import read_urdf
 from .aim import Aim, find_aim
+from .source import declared, template
 from .survey import Survey, Variable
 
 CONTROL_DT = 0.02
@@ -73,7 +72,7 @@ def draft(
     substeps = max(1, round(CONTROL_DT / timestep))
     limits = zip(model.actuator_ctrlrange.tolist(), model.actuator_ctrllimited, strict=True)
     goal_size = 3 if aim.goal or aim.point else 0
-    text = _template().render(
+    text = template("task.py.jinja").render(
         name=class_name(path),
         env=path.stem,
         path=path,
@@ -138,15 +137,9 @@ def _ignore(_: str) -> None:
 
 
 def _declared(variable: Variable) -> str:
-    """Its line, or lines, of the state table."""
     kind = "f" if "{" in variable.meaning else ""
-    words = [f'name="{variable.name}"', f'meaning={kind}"{variable.meaning}"']
-    words[1:1] = [f"shape=({variable.size},)"] if variable.size else []
-    words += [f'use="{variable.use}"'] if variable.use != "raw" else []
-    line = f"StateVar({', '.join(words)}),"
-    if len(line) <= 108:
-        return line
-    return "\n".join(("StateVar(", *(f"                {word}," for word in words), "            ),"))
+    shape = (variable.size,) if variable.size else ()
+    return declared(variable.name, f'{kind}"{variable.meaning}"', shape, variable.use)
 
 
 def _observed(variable: Variable) -> str:
@@ -181,11 +174,3 @@ def _place(path: Path, robot: Path) -> str:
     if robot.is_relative_to(folder):
         return f'Path(__file__).parent / "{os.path.relpath(robot, folder)}"'
     return f'Path("{robot}")'
-
-
-def _template() -> jinja2.Template:
-    text = (files("openeureka") / "templates" / "task.py.jinja").read_text(encoding="utf-8")
-    environment = jinja2.Environment(
-        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
-    )
-    return environment.from_string(text)

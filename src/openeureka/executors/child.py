@@ -53,11 +53,17 @@ def main() -> None:
 
 def _evaluate(channel: Channel, request: Frame, options: Mapping[str, Any]) -> None:
     header = request.header
-    dynamics = shaped(dict[str, Dynamics], header["dynamics"])
-    playing = {"seed": header["seed"], "episodes": header["episodes"], "dynamics": dynamics}
-    playing |= {"record": header.get("record", ())}
-    playing |= {"after_step": _signs_of_life(channel)}
-    for score in evaluate(header["env"], request.blobs, **options, **playing):
+    scores = evaluate(
+        header["env"],
+        request.blobs,
+        seed=header["seed"],
+        episodes=header["episodes"],
+        dynamics=shaped(dict[str, Dynamics], header["dynamics"]),
+        record=header["record"],
+        after_step=_signs_of_life(channel),
+        **options,
+    )
+    for score in scores:
         frame = pack_score(score)
         channel.send(frame.header, frame.blobs)
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import torch
 
-from ..codec import plain
 from ..sim import check_device
 from ..tasks import registry
 from ..types import Dynamics, Episodes, Evaluation, LaneSpec, RewardGraph, TrainBudget
@@ -121,9 +120,10 @@ class LocalExecutor:
             TaskError: when the task's own code fails.
             WorkerError: when it dies again.
         """
-        question = {"env": env, "seed": seed, "episodes": episodes, "dynamics": plain(dynamics or {})}
-        question |= {"record": list(record)}
-        return retry.evaluate(self._transport, Slot(self._devices[0], self._threads), question, policies)
+        slot = Slot(self._devices[0], self._threads)
+        return retry.evaluate(
+            self._transport, slot, env, policies, seed=seed, episodes=episodes, dynamics=dynamics or {}, record=record
+        )
 
     def rewards(
         self, env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]

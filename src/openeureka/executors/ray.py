@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..codec import plain
 from ..errors import ConfigError, TaskError, WorkerError
 from ..tasks import registry
 from ..types import Dynamics, Episodes, Evaluation, LaneSpec, RewardGraph, TrainBudget
@@ -107,9 +106,10 @@ class RayExecutor:
         It waits for one core of a node, and then takes what the others there leave: waiting for a whole node may take
         for ever where several searches share a cluster, and it is brief.
         """
-        question = {"env": env, "seed": seed, "episodes": episodes, "dynamics": plain(dynamics or {})}
-        question |= {"record": list(record)}
-        return retry.evaluate(self._transport, self._slot(self._threads), question, policies)
+        slot = self._slot(self._threads)
+        return retry.evaluate(
+            self._transport, slot, env, policies, seed=seed, episodes=episodes, dynamics=dynamics or {}, record=record
+        )
 
     def rewards(
         self, env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..codec import plain
 from ..errors import WorkerError
 from ..training.wire import SNAPSHOT, pack_lanes, pack_question, unpack, unpack_score
 from ..types import (
+    Dynamics,
     Episodes,
     Evaluation,
     LaneSpec,
@@ -151,7 +153,15 @@ class Population:
 
 
 def evaluate(
-    transport: Transport[AnyCall], slot: Slot, question: Mapping[str, object], policies: Mapping[str, bytes]
+    transport: Transport[AnyCall],
+    slot: Slot,
+    env: str,
+    policies: Mapping[str, bytes],
+    *,
+    seed: int,
+    episodes: int,
+    dynamics: Mapping[str, Dynamics],
+    record: Collection[str],
 ) -> Iterator[Evaluation]:
     """Score of each policy; a worker that dies is replaced once, by one that scores what is left, and one whose machine
     left more often.
@@ -160,9 +170,11 @@ def evaluate(
         TaskError: when the task's own code fails.
         WorkerError: when it dies again.
     """
+    header = {"do": "evaluate", "env": env, "seed": seed, "episodes": episodes}
+    header |= {"dynamics": plain(dynamics), "record": list(record)}
     left, deaths, losses = dict(policies), 0, 0
     while left and deaths < 2:
-        with closing(transport.call(Frame({"do": "evaluate", **question}, left), slot)) as call:
+        with closing(transport.call(Frame(header, left), slot)) as call:
             try:
                 while not (frame := call.receive()).header.get("done"):
                     if "score" in frame.header:

@@ -47,7 +47,7 @@ class Live(Stage):
             angle: from the camera's sight [rad]: 0 is away from it, a quarter turn to its left.
         """
         model, data = self._simulation.sim.snapshot(0)
-        roots = [body for body in range(1, model.nbody) if _root(model, body)]
+        roots = [body for body in range(1, model.nbody) if _is_root(model, body)]
         body = max(roots, key=lambda body: model.body_subtreemass[body])
         towards = np.radians(self.camera.azimuth) + angle
         impulse = model.body_subtreemass[body] * speed * np.array([np.cos(towards), np.sin(towards), 0.0])
@@ -105,7 +105,7 @@ class Live(Stage):
         return (self.model.mat_rgba[material] if plain else own).tolist()
 
 
-def _root(model: mujoco.MjModel, body: int) -> bool:
+def _is_root(model: mujoco.MjModel, body: int) -> bool:
     """Whether it moves, and what it hangs on does not."""
     return bool(model.body_weldid[body]) and not model.body_weldid[model.body_parentid[body]]
 

@@ -32,7 +32,7 @@ SHADOWS = 2048
 or with four samples a pixel, a picture takes twice as long."""
 _PLAIN = np.array([0.5, 0.5, 0.5, 1.0], np.float32)
 _FLOOR = "openeureka floor"
-_TEXTURE, _MESH, _PLANE = (mujoco.mjtTexture, int(mujoco.mjtGeom.mjGEOM_MESH), mujoco.mjtGeom.mjGEOM_PLANE)
+_TEXTURE, _PLANE = mujoco.mjtTexture, mujoco.mjtGeom.mjGEOM_PLANE
 
 
 def decorated(task: type[Task], ghosts: Collection[str]) -> mujoco.MjModel:

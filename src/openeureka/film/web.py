@@ -26,7 +26,7 @@ class LoopbackViewer(web_viewer.WebViewer):
         return self._http_sock.getsockname()[0]
 
 
-class Play(step_control.StepControl):
+class Buttons(step_control.StepControl):
     """The buttons of the page run, slow down and pause the policy instead of bare physics."""
 
     def __init__(self, stage: Stage) -> None:
@@ -64,7 +64,7 @@ def page(stage: Stage, port: int) -> None:
         viewer_protocol.run_viewer_loop(viewer)
 
     try:
-        with launch_thread.launch_thread(serve, sim_plugins=[Play(stage)]) as handle:
+        with launch_thread.launch_thread(serve, sim_plugins=[Buttons(stage)]) as handle:
             while handle.is_running():
                 handle.sync(stage.model, stage.data)
     except RuntimeError as error:

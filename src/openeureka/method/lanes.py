@@ -46,7 +46,6 @@ SHARE = 0.1
 
 BASELINES: tuple[tuple[str, RewardProgram], ...] = (("human", "human"), ("sparse", "sparse"))
 
-
 Wanted = tuple[Lane, RewardProgram]
 """A lane, and what it trains under."""
 Sharing = Mapping[str, Sequence[LaneSpec]]
@@ -98,11 +97,9 @@ def final_lanes(
     fresh |= {name: [config.seed, *wanted] for name, _ in beside(config)}
     return {
         name: [
-            lane
-            for seed in seeds
-            if (lane := lane_id(name, seed)) in results and (seed != config.seed or lane in scores)
+            lane for seed in own if (lane := lane_id(name, seed)) in results and (seed != config.seed or lane in scores)
         ]
-        for name, seeds in fresh.items()
+        for name, own in fresh.items()
     }
 
 
@@ -202,18 +199,17 @@ class Lanes:
 
     def _budget(self, steps: int) -> TrainBudget:
         """What each lane trains with, as long as nothing cuts it."""
-        observe: Observe = "measurable" if self.config.observe == "measurable" else "all"
         return TrainBudget(
             env_steps=steps or self.config.steps,
             worlds=self.config.worlds,
             bonus=cast("Bonus", self.config.bonus),
             randomise=drawn(self.config),
-            observe=observe,
+            observe=cast("Observe", self.config.observe),
         )
 
     def _spec(self, lane: Lane, program: RewardProgram) -> LaneSpec:
-        drawn = self.store.ranges()[lane.ranges] if lane.ranges else None
-        spec = LaneSpec(id=lane.id, program=program, seed=lane.seed, randomise=drawn)
+        ranges = self.store.ranges()[lane.ranges] if lane.ranges else None
+        spec = LaneSpec(id=lane.id, program=program, seed=lane.seed, randomise=ranges)
         if lane.start is None:
             return spec
         log, policy = self.store.lanes, lane.start.policy
@@ -290,9 +286,8 @@ class Lanes:
         seed = self.config.seed + CHOOSING + look
         scores: list[Evaluation] = []
         play = self.trainer.evaluate
-        if (
-            self.config.screen > 1 and not look
-        ):  # else nothing is said of it: a trainer of somebody's own may not record
+        if self.config.screen > 1 and not look:
+            # Else nothing is said of it: a trainer of somebody's own may not record.
             play = partial(play, record=self._evidence(places))
         for score in play(self.config.env, playing, seed=seed, episodes=episodes):
             lane, peak = places[score.lane]

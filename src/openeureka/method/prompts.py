@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from typing import Literal
@@ -61,8 +62,7 @@ def repair(prompt: Prompt, reply: str, verdict: Verdict) -> Prompt:
     """The prompt, the refused reply, and why it was refused."""
     findings = "\n".join(f"- {finding.sentence()}" for finding in verdict.findings[:MAX_REASONS])
     request = _template("repair").format(findings=clean(findings or f"- {verdict.code}", MAX_FEEDBACK))
-    turn = (Message("assistant", clean(reply, MAX_PROGRAM)), Message("user", request))
-    return Prompt(messages=(*prompt.messages, *turn), grammar=prompt.grammar, prefill=prompt.prefill)
+    return _asked_again(prompt, reply, request)
 
 
 def ranges(
@@ -101,8 +101,12 @@ def ranges(
 def ranges_again(prompt: Prompt, reply: str, reason: str) -> Prompt:
     """The prompt, ranges that were refused, and why."""
     request = f"These ranges cannot be used: {clean(reason, MAX_BRIEF_FEEDBACK)}\n\nAnswer with the whole table."
+    return _asked_again(prompt, reply, request)
+
+
+def _asked_again(prompt: Prompt, reply: str, request: str) -> Prompt:
     turn = (Message("assistant", clean(reply, MAX_PROGRAM)), Message("user", request))
-    return Prompt(messages=(*prompt.messages, *turn), grammar=prompt.grammar, prefill=prompt.prefill)
+    return replace(prompt, messages=(*prompt.messages, *turn))
 
 
 def _table(ends: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> str:

@@ -1,4 +1,4 @@
-"""The crown is confirmed: the leading rewards train again with fresh seeds, more of them only while it is undecided.
+"""Confirms the crown by training the leading rewards again, with fresh seeds: more only while it is undecided.
 
 One training says little of a reward: another seed may rank it anew.
 """

@@ -1,4 +1,4 @@
-"""Reward reflection: what a training tells about its reward, as text for the model that wrote it. Pure functions.
+"""What a training tells about its reward, as text for the model that wrote it: reward reflection. Pure functions.
 
 The form is that of Eureka (arXiv 2310.12931, section 3.3): about ten points of every component's curve with its
 extremes, the task's score and the length of the episodes. How to use them is said once, at the end of the prompt.

@@ -143,13 +143,7 @@ def under_way(
 
 def best_by_candidate(runs: Mapping[str, RunView]) -> Chart | None:
     """The best score so far of several searches, by the candidates that each had drawn."""
-    curves = {
-        name: tuple(
-            value if math.isfinite(value) else None
-            for value in accumulate((rank(c.score) for c in run.candidates), max)
-        )
-        for name, run in runs.items()
-    }
+    curves = {name: _best_so_far([candidate.score for candidate in run.candidates]) for name, run in runs.items()}
     longest = max(map(len, curves.values()), default=0)
     lines = _lines({name: (*curve, *[None] * (longest - len(curve))) for name, curve in curves.items()}, kind="steps")
     return _chart("Best F so far", "candidates drawn", range(1, longest + 1), lines, note=_undrawn(len(curves), "runs"))

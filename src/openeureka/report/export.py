@@ -1,4 +1,4 @@
-"""Files for other programs: a policy as ONNX, for those without PyTorch; learning curves for TensorBoard."""
+"""A policy as ONNX, for those without PyTorch, and learning curves for TensorBoard: files for other programs."""
 
 from __future__ import annotations
 

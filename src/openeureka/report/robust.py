@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..refine.hardened import LONGER, PLAIN, UNIFORM, Robust, RobustArm
+from ..refine.hardened import LONGER, PLAIN, UNIFORM, Robust
 from ..score import gain, pooled
 from .tables import Table
 from .text import number, scored
@@ -25,7 +25,7 @@ def verdict(found: Robust) -> str:
         others.insert(-1, f"{number(uniform.hard)} with uniform ranges")
     more = gain(*(pooled([*arm.worlds.values()], shared=True) for arm in (ours, control)))
     between = f"F {number(ours.hard)} against {', '.join(others)}"
-    nominal = f"In its own world: {_nominal(ours)} against {_nominal(plain)} before."
+    nominal = f"In its own world: {scored(ours.nominal)} against {scored(plain.nominal)} before."
     broken = f" But it breaks a limit of the run: {ours.breach}." if ours.breach else ""
     if more is None or more.low is None:
         return f"Not decided in hard worlds: {between}. {nominal}{broken}"
@@ -79,7 +79,3 @@ def carried(found: Robust) -> Table:
 
 def _span(low: float | None, high: float | None) -> str:
     return f"{low:g} to {high:g}" if low is not None and high is not None else "-"
-
-
-def _nominal(arm: RobustArm) -> str:
-    return scored(arm.nominal)

@@ -19,7 +19,7 @@ from . import surface
 from .probe import TRACE_SIZES, Traced, outputs
 from .states import Recorded, is_world, only, take, world_count
 from .trace import Refused
-from .validate import MAX_SIZE_PER_WORLD, MAX_TOTAL_PER_WORLD, inputs, leaves, references, validate
+from .validate import MAX_SIZE_PER_WORLD, MAX_TOTAL_PER_WORLD, inputs, leaves, needed, references, validate
 
 MAX_REWARD = 1e6
 MAX_CALL_SECONDS = 0.5
@@ -45,11 +45,11 @@ def examine(traced: Traced, spec: StateSpec, recorded: Recorded, worlds: int = 0
     """
     try:
         validate(traced.graph)
-        needed = _examine_inputs(traced.graph, spec)
+        paying = _examine_inputs(traced.graph, spec)
         recorded = only(recorded, spec, inputs(traced.graph))
         _examine_memory(traced, spec, recorded, worlds)
         _examine_values(traced, spec, recorded, worlds)
-        _examine_reductions(traced, spec, recorded, needed)
+        _examine_reductions(traced, spec, recorded, paying)
     except Refused as refusal:
         return (refusal.finding,)
     except Exception as error:  # a forged graph may call an operation in any wrong way
@@ -70,15 +70,12 @@ def _examine_inputs(graph: RewardGraph, spec: StateSpec) -> set[int]:
     unknown = [name for name in inputs(graph) if name not in spec]
     if unknown:
         raise Refused("unknown-input", f"`{unknown[0]:.60}` is not a state variable of this task")
-    needed = {graph.reward}
-    for index in reversed(range(len(graph.nodes))):
-        if index in needed:
-            needed.update(references(graph.nodes[index]))
+    paying = needed(graph, graph.reward)
     if not any(
-        graph.nodes[index].op == "input" and is_world(str(graph.nodes[index].args[0]), spec) for index in needed
+        graph.nodes[index].op == "input" and is_world(str(graph.nodes[index].args[0]), spec) for index in paying
     ):
         raise Refused("constant-reward", "the reward does not depend on the state", "use the state variables")
-    return needed
+    return paying
 
 
 def _examine_memory(traced: Traced, spec: StateSpec, recorded: Recorded, worlds: int) -> None:
@@ -159,7 +156,7 @@ def _examine_values(traced: Traced, spec: StateSpec, recorded: Recorded, worlds:
     _examine_independence(traced, spec, recorded, done, worlds)
 
 
-def _examine_reductions(traced: Traced, spec: StateSpec, recorded: Recorded, needed: Set[int]) -> None:
+def _examine_reductions(traced: Traced, spec: StateSpec, recorded: Recorded, paying: Set[int]) -> None:
     """What makes one number of all worlds may not pay any, though it was the same in all that were recorded: whether
     one of them presses too hard, say. What picks a world is judged by values: what is picked may be the same in all.
     """
@@ -170,7 +167,7 @@ def _examine_reductions(traced: Traced, spec: StateSpec, recorded: Recorded, nee
 
     small, large = map(shaped, TRACE_SIZES)
     grows = [_size(a) != _size(b) for a, b in zip(small, large, strict=True)]
-    for index in sorted(needed):
+    for index in sorted(paying):
         node = traced.graph.nodes[index]
         among = any(grows[source] for source in references(node))
         if among and not grows[index] and node.op.partition(".")[0] not in _PICKS:

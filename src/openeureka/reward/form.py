@@ -1,4 +1,4 @@
-"""What a reward is, whatever the order in which it adds: two programs of one form are one reward."""
+"""The form of a reward, which is the same in whatever order it adds: two programs of one form are one reward."""
 
 from __future__ import annotations
 

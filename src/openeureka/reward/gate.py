@@ -1,7 +1,7 @@
-"""The first filter: reads a reward program as text and says, with line and fix, what is not allowed.
+"""Reads a reward program as text and says, with line and fix, what is not allowed.
 
-It never runs anything. It exists for good messages and to keep ordinary mistakes cheap; the boundary that holds against
-a program that means harm is the kernel's (`sandbox.confine`).
+It is the first filter, and never runs anything. It exists for good messages and to keep ordinary mistakes cheap; the
+boundary that holds against a program that means harm is the kernel's (`sandbox.confine`).
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from ..codec import DecodeError, decode
 from ..types import Arg, Node, Part, RewardGraph, StateSpec
 from . import surface
 from .states import is_world
-from .validate import TORCH_NAMES, GraphError, inputs, operation, references, refuse_truncation, validate
+from .validate import TORCH_NAMES, GraphError, inputs, needed, operation, references, refuse_truncation, validate
 
 MADE_FROM_NOTHING = surface.words("""
     arange.default arange.start arange.start_step eye.default eye.m full.default linspace.default ones.default
@@ -42,15 +42,11 @@ def from_json(text: str | bytes) -> RewardGraph:
 
 def simplify(graph: RewardGraph) -> tuple[RewardGraph, tuple[int, ...]]:
     """Drop what no output needs and compute equal things once; also the old index of each remaining node."""
-    needed = {graph.reward, *(index for _, index in graph.components)}
-    for index in reversed(range(len(graph.nodes))):
-        if index in needed:
-            needed.update(references(graph.nodes[index]))
     place: dict[int, int] = {}
     seen: dict[str, int] = {}
     nodes: list[Node] = []
     origin: list[int] = []
-    for index in sorted(needed):
+    for index in sorted(needed(graph, graph.reward, *(index for _, index in graph.components))):
         old = graph.nodes[index]
         args = tuple(_moved(arg, place) for arg in old.args)
         node = Node(old.op, args, {key: _moved(arg, place) for key, arg in old.kwargs.items()})

@@ -1,4 +1,4 @@
-"""The contract of a reward program: runs it on recorded states, in the confined child, and traces it to a graph."""
+"""Runs a reward program on recorded states, in the confined child, and traces it to a graph."""
 
 from __future__ import annotations
 

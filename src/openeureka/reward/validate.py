@@ -85,6 +85,15 @@ def references(node: Node) -> tuple[int, ...]:
     return tuple(leaf["ref"] for leaf in leaves(node) if isinstance(leaf, Mapping) and "ref" in leaf)
 
 
+def needed(graph: RewardGraph, *outputs: int) -> set[int]:
+    """The nodes that these depend on, and they themselves."""
+    found = set(outputs)
+    for index in reversed(range(len(graph.nodes))):
+        if index in found:
+            found.update(references(graph.nodes[index]))
+    return found
+
+
 def validate(graph: RewardGraph) -> None:
     """Raises GraphError unless every operation is allowed and called properly, and every reference points backwards."""
     if not 0 < len(graph.nodes) <= MAX_NODES:

@@ -1,4 +1,4 @@
-"""Files that settings of a run name: what they said when it began, it holds to."""
+"""Keeps the files that settings of a run name, and refuses to go on when they say something else."""
 
 from __future__ import annotations
 

@@ -261,7 +261,7 @@ class Run:
             on_event: as in `search`.
             settings: those that do not change what is searched may be given anew, such as `max_cost`.
         """
-        from .door import resume
+        from .api import resume
 
         return resume(self, model=model, trusted=trust, on_event=on_event, settings=settings)
 

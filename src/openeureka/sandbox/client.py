@@ -1,4 +1,4 @@
-"""Checks candidates: the program in one confined child, its graph in another; answers are read here as data."""
+"""Checks candidates, the program in one confined child and its graph in another: answers are read here as data."""
 
 from __future__ import annotations
 

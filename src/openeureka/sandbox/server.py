@@ -1,4 +1,4 @@
-"""The fork server: imports torch once, then runs each candidate in a confined child, and judges its graph in another.
+"""Runs each candidate in a confined child, and judges its graph in another: a fork server, which imports torch once.
 
 The first child runs the program and traces it. What it answers is whatever the program made of that process, so the
 second child, which runs nothing but the graph, reads it and judges it. Either may die: that is a verdict.

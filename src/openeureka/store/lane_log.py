@@ -14,7 +14,8 @@ from ..errors import StoreError, WorkerError
 from ..types import Episodes, Evaluation, Lane, Peak, PolicyId, Standing, TrainingResult
 from ..worker import framed, unframed
 from . import artifacts
-from .codec import (
+from .db import Database
+from .rows import (
     decode_digest,
     decode_evaluation,
     decode_lane,
@@ -26,7 +27,6 @@ from .codec import (
     finite,
     policy_name,
 )
-from .db import Database
 
 
 class LaneLog:

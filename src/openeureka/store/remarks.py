@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import re
 
-from ..codec import DecodeError
 from ..errors import FeedbackError, nearest
 from ..types import Place, Remark, RemarkKind
-from .codec import decode_remark, encode_remark
-from .db import Database, changed_row
+from .db import Database
+from .rows import decode_remark, encode_remark
 
 _MARK = re.compile(r"(favou?rite|veto|vote)=(.*)")
 _MARKS = ("favourite", "favorite", "veto", "vote")
@@ -50,12 +49,8 @@ class RemarkLog:
 
     def _between(self, after: int, last: int | None = None) -> tuple[Remark, ...]:
         rows = self._database.rows("remarks", order=("id",))
-        try:
-            return tuple(
-                decode_remark(dict(row)) for row in rows if row["id"] > after and (last is None or row["id"] <= last)
-            )
-        except DecodeError as error:
-            raise changed_row(self._database.directory, error) from None
+        wanted = [dict(row) for row in rows if row["id"] > after and (last is None or row["id"] <= last)]
+        return tuple(self._database.decoded(decode_remark, row) for row in wanted)
 
 
 # --- words and marks -------------------------------------------------------------------------------------------------

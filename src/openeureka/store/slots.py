@@ -8,8 +8,8 @@ from collections.abc import Iterable
 
 from ..types import GIVEN, Message, Place, Prompt, Reply, Screened, Usage
 from . import artifacts
-from .codec import decode_messages, decode_reply, decode_screened, encode_messages, encode_reply, encode_screened
 from .db import Database
+from .rows import decode_messages, decode_reply, decode_screened, encode_messages, encode_reply, encode_screened
 
 
 class TalkLog:

@@ -40,10 +40,10 @@ from ..types import (
 )
 from ..version import __version__
 from . import artifacts, summary
-from .codec import decode_messages, decode_usage, decode_verdict, encode_messages
 from .db import AGAIN, FILENAME, LOCK, LOG, STOP, Database, changed_row, explained
 from .lane_log import LaneLog
 from .remarks import RemarkLog
+from .rows import decode_messages, decode_usage, decode_verdict, encode_messages
 from .slots import ScreenLog, TalkLog
 
 T = TypeVar("T")
@@ -192,6 +192,8 @@ class Store:
         plays = row is not None and row["ranks"] == "played" and self.config.search != "eureka"
         return "played" if plays else "training"
 
+    # --- replies and rewards -----------------------------------------------------------------------------------------
+
     def save_attempt(
         self, generation: int, attempt: int, slot: int, candidate: CandidateId | None, repair: Sequence[Message]
     ) -> None:
@@ -210,19 +212,6 @@ class Store:
             )
             for row in self._database.rows("attempts")
         }
-
-    def save_ranges(self, ranges: Mapping[str, Ranges]) -> None:
-        """Keep what lanes draw their worlds from, by name, as far as the run does not know the name."""
-        known = self.ranges()
-        fresh = {name: own for name, own in ranges.items() if name not in known}
-        self._database.put("ranges", *({"name": name, "ranges": encode(own)} for name, own in fresh.items()))
-
-    def ranges(self) -> dict[str, Ranges]:
-        """What `save_ranges` kept, in its order."""
-        rows = self._database.rows("ranges")
-        return {row["name"]: self._database.decoded(decode, Ranges, row["ranges"]) for row in rows}
-
-    # --- verdicts ----------------------------------------------------------------------------------------------------
 
     def save_verdict(self, candidate: Candidate, verdict: Verdict, reply: Reply) -> None:
         """`reply` is the first one that held this program."""
@@ -363,6 +352,19 @@ class Store:
         """Keep that nothing is left of the search but reports; once more is nothing."""
         if self._database.row("ended") is None:
             self._database.put("ended", {"id": 1})
+
+    # --- robust ------------------------------------------------------------------------------------------------------
+
+    def save_ranges(self, ranges: Mapping[str, Ranges]) -> None:
+        """Keep what lanes draw their worlds from, by name, as far as the run does not know the name."""
+        known = self.ranges()
+        fresh = {name: own for name, own in ranges.items() if name not in known}
+        self._database.put("ranges", *({"name": name, "ranges": encode(own)} for name, own in fresh.items()))
+
+    def ranges(self) -> dict[str, Ranges]:
+        """What `save_ranges` kept, in its order."""
+        rows = self._database.rows("ranges")
+        return {row["name"]: self._database.decoded(decode, Ranges, row["ranges"]) for row in rows}
 
     def save_robust(self, ranges: str, policy: PolicyId) -> None:
         """Fill `robust/` with a policy and, as YAML, the ranges that made it."""

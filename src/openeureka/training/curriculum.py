@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Protocol
 
+from ..store.lane_log import StageFiles
 from ..tasks.task import Stage
 from ..types import (
     Dynamics,
@@ -21,14 +21,6 @@ from ..types import (
 )
 
 
-class Keeper(Protocol):
-    """Remembers finished stages, so that a resumed run does not repeat them; like `store.StageFiles`."""
-
-    def read(self, stage: int, lane: str) -> TrainingResult | None: ...
-
-    def save(self, stage: int, result: TrainingResult) -> None: ...
-
-
 class CurriculumTrainer:
     """A `types.Trainer` that takes every lane through all stages, all lanes of a stage at once.
 
@@ -40,11 +32,11 @@ class CurriculumTrainer:
     Args:
         trainer: trains each stage.
         stages: as `tasks.curriculum.find` gives them.
-        keeper: where finished stages are looked up and left, by number from 1.
+        finished: where finished stages are looked up and left, by number from 1.
     """
 
-    def __init__(self, trainer: Trainer, stages: Sequence[Stage], keeper: Keeper) -> None:
-        self._trainer, self._stages, self._keeper = trainer, stages, keeper
+    def __init__(self, trainer: Trainer, stages: Sequence[Stage], finished: StageFiles) -> None:
+        self._trainer, self._stages, self._finished = trainer, stages, finished
 
     def train(
         self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget
@@ -83,13 +75,13 @@ class CurriculumTrainer:
     def _remembered(
         self, number: int, stage: Stage, lanes: Sequence[LaneSpec], budget: TrainBudget
     ) -> Iterator[TrainingProgress | TrainingResult]:
-        """What the keeper holds of a stage, then the rest as it is trained."""
-        known = {lane.id: self._keeper.read(number, lane.id) for lane in lanes}
+        """What is left of a finished stage, then the rest as it is trained."""
+        known = {lane.id: self._finished.read(number, lane.id) for lane in lanes}
         yield from (result for result in known.values() if result is not None)
         missing = [lane for lane in lanes if known[lane.id] is None]
         for event in self._trainer.train(stage.env, missing, budget) if missing else ():
             if isinstance(event, TrainingResult) and event.state is not TrainingState.FAILED:
-                self._keeper.save(number, event)
+                self._finished.save(number, event)
             yield event
 
     def evaluate(

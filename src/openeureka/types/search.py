@@ -1,4 +1,4 @@
-"""A search: its slots and generations, what a person says of them, and how far it is."""
+"""Slots and generations of a search, what a person says of them, and how far it is."""
 
 from __future__ import annotations
 

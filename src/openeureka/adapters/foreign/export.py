@@ -5,10 +5,11 @@ from __future__ import annotations
 import inspect
 from pprint import pformat
 
+from ...drafting.source import template
 from ...errors import TaskError
 from ...reward.graph import spelled
 from ...types import RewardGraph, StateSpec
-from ..gym.export import read, template
+from ..gym.export import read
 from . import scene
 
 _TITLES = {"mjlab": "mjlab", "isaaclab": "Isaac Lab"}

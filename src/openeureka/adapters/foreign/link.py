@@ -1,4 +1,4 @@
-"""This side of `server.py`: an environment in another Python, with the methods of Gymnasium's vector environments."""
+"""An environment in another Python, with the methods of Gymnasium's vector environments: this side of `server.py`."""
 
 from __future__ import annotations
 

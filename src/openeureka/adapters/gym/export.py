@@ -1,35 +1,23 @@
-"""What is handed out as Python: an environment as a task file to edit, and a reward as a wrapper of Gymnasium's."""
+"""An environment as a task file to edit, and a reward as a wrapper of Gymnasium's: what is handed out as Python."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from importlib.resources import files
 from pprint import pformat
 from typing import TYPE_CHECKING, Any
 
-import jinja2
 from gymnasium import spaces
 
+from ...drafting.source import declared, template
 from ...errors import TaskError
 from ...reward.graph import spelled
 from ...reward.validate import inputs
-from ...types import RewardGraph, StateSpec, StateVar
+from ...types import RewardGraph, StateSpec
 from .documents import WHOLE
 from .spaces import Part
 
 if TYPE_CHECKING:
     from .task import PaidTask
-
-_WIDTH = 120
-
-
-def template(name: str) -> jinja2.Template:
-    """A file of `templates/` that makes Python."""
-    text = (files("openeureka") / "templates" / name).read_text(encoding="utf-8")
-    made = jinja2.Environment(
-        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
-    )
-    return made.from_string(text)
 
 
 def draft(task: type[PaidTask], name: str, own: str, intent: str = "") -> str:
@@ -47,24 +35,16 @@ def draft(task: type[PaidTask], name: str, own: str, intent: str = "") -> str:
         own=own,
         description=(intent or task.description).replace("\\", "/").replace('"', "'"),
         places=[(variable, _written(place)) for variable, place in task.places.items()],
-        variables=[_declared(variable) for variable in task.spec.variables],
+        variables=[
+            declared(variable.name, _quoted(variable.meaning), variable.shape, variable.use)
+            for variable in task.spec.variables
+        ],
         example=next((variable for variable, _ in task.places.items()), "obs_buf"),
     )
 
 
 def _written(place: slice | str) -> str:
     return f'"{place}"' if isinstance(place, str) else f"slice({place.start}, {place.stop})"
-
-
-def _declared(variable: StateVar) -> str:
-    """Its line, or lines, of the state table."""
-    words = [f'name="{variable.name}"', f"meaning={_quoted(variable.meaning)}"]
-    words[1:1] = [f"shape={variable.shape}"] if variable.shape else []
-    words += [f'use="{variable.use}"'] if variable.use != "raw" else []
-    line = f"StateVar({', '.join(words)}),"
-    if len(line) + 12 <= _WIDTH:
-        return line
-    return "\n".join(("StateVar(", *(f"                {word}," for word in words), "            ),"))
 
 
 def _quoted(text: str) -> str:
