@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import re
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -33,6 +34,11 @@ _PLACES = {"beside", "dir", "out", "policy", "reward"}
 
 _hints = cache(get_type_hints)
 """Evaluating the annotations of a config takes longer than reading one."""
+
+
+def command_line(*words: object) -> str:
+    """What a person types for `eureka` with these words: a directory with a space is in quotes."""
+    return shlex.join(["eureka", *map(str, words)])
 
 
 def absolute(key: str, value: str, folder: Path = Path()) -> str:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import ConfigError
-from ..parsing import parse
+from ..parsing import command_line, parse
 from ..runs import trust
 from ..store import Store, artifacts, read_config
 from ..tasks import registry
@@ -50,6 +49,6 @@ def _best(directory: Path) -> tuple[str, RewardGraph]:
         raise ConfigError(f"The best reward of {directory} is the task's own; there is nothing to export.")
     if verdict is None or verdict.graph is None:
         raise ConfigError(
-            f"{directory} has found no reward yet; `eureka show {shlex.quote(str(directory))}` says how far it is."
+            f"{directory} has found no reward yet; `{command_line('show', directory)}` says how far it is."
         )
     return source, verdict.graph

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from ..errors import ConfigError, RewardFileError
 from ..film import viewer
 from ..film.stage import Stage, draws_itself
 from ..film.video import render
-from ..parsing import parse
+from ..parsing import command_line, parse
 from ..report import filming
 from ..runs import trust
 from ..store import artifacts, is_run, read_config
@@ -89,7 +88,7 @@ def _of_run(directory: Path, wanted: str) -> tuple[bytes, str]:
     read_config(directory)  # refuses what is no run
     if wanted:
         raise ConfigError(f"{directory} holds no {wanted} policy, {_MADE_BY[wanted]}; leave policy={wanted} out.")
-    raise ConfigError(f"{directory} has no policy yet; `eureka show {shlex.quote(str(directory))}` says how far it is.")
+    raise ConfigError(f"{directory} has no policy yet; `{command_line('show', directory)}` says how far it is.")
 
 
 def _beside(directory: Path | None, wanted: str) -> bytes | str | None:

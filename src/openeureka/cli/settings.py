@@ -5,13 +5,13 @@ from __future__ import annotations
 import ast
 import dataclasses
 import inspect
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..config import VIDEOS
 from ..errors import ConfigError
+from ..parsing import command_line
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,4 +183,4 @@ def _attribute_docs(kind: type) -> dict[str, str]:
 
 def again(directory: Path) -> str:
     """The command that goes on with a run."""
-    return shlex.join(["eureka", "resume", str(directory)])
+    return command_line("resume", directory)

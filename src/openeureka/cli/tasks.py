@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import shlex
 import shutil
 import textwrap
 from collections.abc import Sequence
@@ -17,7 +16,7 @@ from ..config import RunConfig
 from ..drafting.draft import Draft, class_name, draft
 from ..errors import ConfigError
 from ..method import baselines, prompts
-from ..parsing import parse
+from ..parsing import command_line, parse
 from ..report.text import columns, number
 from ..reward.extract import in_file
 from ..runs.rewards import MEANINGS, explain, judge
@@ -155,7 +154,7 @@ def new(words: Sequence[str]) -> None:
         _say_what_breaks(bad, at_rest=_try(path, 0.0)[1] > 0)
     print("Read it, and say what you want of the robot. Then")
     for command in ("play", "train", "run")[: 1 if drafted.aim.missing else None]:
-        print(f"  eureka {command} {shlex.quote(f'env={path}')}{' policy=random' if command == 'play' else ''}")
+        print(f"  {command_line(command, f'env={path}')}{' policy=random' if command == 'play' else ''}")
 
 
 def _adapt(path: Path, env: str, intent: str) -> None:
@@ -167,7 +166,7 @@ def _adapt(path: Path, env: str, intent: str) -> None:
     print(f"F is the {task.score_unit}; +fitness=EXPRESSION behind the name of the environment says otherwise.")
     print("Rename, reword, hide or add what rewards may read. Then")
     for command in ("context", "train", "run"):
-        print(f"  eureka {command} {shlex.quote(f'env={path}')}")
+        print(f"  {command_line(command, f'env={path}')}")
 
 
 def _try(path: Path, size: float) -> tuple[Task, int]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import select
-import shlex
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -14,6 +13,7 @@ from ..config import NO_MODEL, RunConfig, short_name
 from ..display.live import PlainView, TerminalView, view
 from ..display.progress import working
 from ..errors import FeedbackError
+from ..parsing import command_line
 from ..report.filming import Filming
 from ..report.text import columns, duration, number
 from ..report.view import VIDEO
@@ -67,11 +67,10 @@ class TerminalDesk:
         print("\n".join(self._invitation(generation)), flush=True)
 
     def _invitation(self, generation: Generation) -> Iterator[str]:
-        where = shlex.quote(str(self._directory))
         yield f"\nGeneration {generation.index} is trained. Watch its policies:"
         yield columns([("candidate", "F", "video"), *self._videos(generation)])
         yield "Say what you see, in words for the model or by favourite=, veto= and vote=A:B, from any shell:"
-        yield f'  eureka feedback {where} "too jerky" favourite=g{generation.index}s0 go'
+        yield f'  {command_line("feedback", self._directory)} "too jerky" favourite=g{generation.index}s0 go'
         if self._listening:
             yield "or here, a line at a time; an empty line goes on."
         if self._config.feedback_timeout:

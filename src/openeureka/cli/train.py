@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext, redirect_stdout
@@ -13,7 +12,7 @@ from ..benchmark import bench as cells
 from ..config import NO_MODEL, RobustConfig, RunConfig, TrainConfig, TuneConfig
 from ..errors import WorkerError
 from ..method.given import Given
-from ..parsing import changed, parse
+from ..parsing import changed, command_line, parse
 from ..report import tables
 from ..report.text import columns
 from ..report.verdict import verdict
@@ -58,7 +57,7 @@ def resume(words: Sequence[str]) -> None:
         best = directory / "best" / "reward.py"
         if Run(directory).finished and best.is_file():
             print(f"{directory} is finished; this is what it found. To improve that, begin the next search with it:")
-            print(plain(f"  eureka run {shlex.join([f'env={config.env}', f'init={best}'])}"))
+            print(plain(f"  {command_line('run', f'env={config.env}', f'init={best}')}"))
         _tell(directory, compose.search(config, directory, Terminal()))
 
 
@@ -164,7 +163,7 @@ def robust(words: Sequence[str]) -> None:
     wanted = parse(RobustConfig, settings)
     config = wanted.changed(compose.stored(directory), typed)
     trust.agree(config, directory, typed=typed, trusted=trusted, way=f"add trust={directory}", asks=True)
-    again = shlex.join(["eureka", "robust", str(directory), *settings])
+    again = command_line("robust", directory, *settings)
     problems = compose.robust(wanted, config, directory, Terminal(), again=again)
     found = RunView.read(directory).robust
     if found is not None:
@@ -194,7 +193,7 @@ def bench(words: Sequence[str]) -> int:
     path = only_path(paths, "eureka bench plan.yaml dir=outputs/ablations")
     plan, directory = cells.opened(path, parse(BenchConfig, settings).dir)
     told: list[cells.Bench] = []
-    host = _Host(shlex.join(["eureka", "bench", str(path), *settings]))
+    host = _Host(command_line("bench", path, *settings))
     cells.run(plan, directory, host, tell=told.append, say=lambda text: print(plain(text), flush=True))
     _tell_compared(told[-1])
     return next((error.exit_code for error in told[-1].failures.values()), 0)

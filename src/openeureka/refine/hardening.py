@@ -7,7 +7,6 @@ Everything is kept in the run that found the reward. To go on is to run it again
 from __future__ import annotations
 
 import re
-import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -18,6 +17,7 @@ from ..llm.client import LanguageModel
 from ..method import prompts
 from ..method.lanes import BASELINES, Lanes, Wanted, drawn
 from ..method.sampling import request_seed, rest_of
+from ..parsing import command_line
 from ..score import worth
 from ..store import Store
 from ..types import NOMINAL, Dynamics, Hardening, Lane, Peak, PolicyId, Prompt, Ranges, RewardProgram, Start, Trial
@@ -122,8 +122,8 @@ def _best(store: Store) -> PolicyId:
     """The one that `polish=` left, or that in `best/`. Raises ConfigError before there is one."""
     found = store.lanes.best_policy() or store.best()
     if found is None:
-        where = shlex.quote(str(store.directory))
-        raise ConfigError(f"{store.directory} holds no policy yet; `eureka resume {where}` goes on with it.")
+        command = command_line("resume", store.directory)
+        raise ConfigError(f"{store.directory} holds no policy yet; `{command}` goes on with it.")
     return found
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 
 from ..errors import RewardFileError, TaskError
 from ..film import video
+from ..parsing import command_line
 from ..store import artifacts
 from ..tasks import registry
 from ..training.policy import Policy
@@ -60,7 +60,7 @@ def policy_files(directory: Path, folder: str, wanted: str, env: str) -> str:
         if wanted == "none" or artifacts.exists(directory, f"{folder}/{VIDEO}"):
             return ""
         if not env:
-            return _STRANGE.format(directory=shlex.quote(str(directory)))
+            return _STRANGE.format(command=command_line("report", directory))
         other = filming.human(directory) if folder == "best" else None
         captions = ("the best reward", "the human reward") if other is not None else ()
         film = video.render(env, data, beside=other, captions=captions)
@@ -82,12 +82,12 @@ def _programs(policy: Policy, env: str) -> dict[str, bytes]:
 
 _STRANGE = (
     "No video: the run's task is no installed one, and what a run names is not imported unasked; add env=FILE.py to "
-    "`eureka report {directory}`."
+    "`{command}`."
 )
 
 
 def _candidates(directory: Path, run: RunView, wanted: str, env: str) -> str:
     missing = filming.missing(directory) if wanted == "all" else {}
     if missing and not env:
-        return _STRANGE.format(directory=shlex.quote(str(directory)))
+        return _STRANGE.format(command=command_line("report", directory))
     return filming.film(directory, env, missing.items())

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping
 
 from ..config import TrainConfig
 from ..errors import TaskError
 from ..method.lanes import beside, polish_seeds
 from ..method.prompts import scale
+from ..parsing import command_line
 from ..refine.polishing import Polished
 from ..refine.tuned import ORIGINAL, Tuned
 from ..score import Arm, Difference, Estimate, difference, mean, rank
@@ -150,17 +150,16 @@ def why(run: RunView) -> str:
 
 def nexts(run: RunView, directory: str = "DIR") -> list[tuple[str, str]]:
     """What to type next: the command, and what it does."""
-    where = shlex.quote(directory)
     unfinished = run.tunes and verdict(run).startswith("Not decided yet")
     if none_found(run):
-        return [(f"eureka show {where}", "what was said of each reply")]
+        return [(command_line("show", directory), "what was said of each reply")]
     if unfinished or (run.searched and run.outcome is None):
-        return [(f"eureka resume {where}", "go on where it was")]
+        return [(command_line("resume", directory), "go on where it was")]
     found, command = run.polished, deciding(run, directory)
     told = [
         (command, "about enough to decide it"),
-        (f"eureka play {where}", "watch the best reward's policy"),
-        (f"eureka play {where} policy=polished", "watch the best policy"),
+        (command_line("play", directory), "watch the best reward's policy"),
+        (command_line("play", directory, "policy=polished"), "watch the best policy"),
     ]
     return told[0 if command else 1 : 3 if found is not None and found.better else 2]
 
@@ -183,7 +182,7 @@ def deciding(run: RunView, directory: str = "DIR") -> str:
         "seed": polish_seeds(config).stop,
         "seeds": max(3, found.seeds or 0) if found is not None else 3,
     }
-    return f"eureka train {' '.join(shlex.quote(f'{key}={value}') for key, value in settings.items())}"
+    return command_line("train", *(f"{key}={value}" for key, value in settings.items()))
 
 
 def _left_open(run: RunView, directory: str) -> tuple[Difference | None, tuple[str, str]] | None:

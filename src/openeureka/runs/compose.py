@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import replace
@@ -23,6 +22,7 @@ from ..method.given import Given
 from ..method.lanes import Lanes
 from ..method.person import Desk
 from ..observer import Observer, Observers
+from ..parsing import command_line
 from ..refine import tuning
 from ..refine.hardened import GRID
 from ..refine.hardening import Robot, harden, planned
@@ -122,7 +122,7 @@ def search(config: RunConfig, directory: Path, host: Host, model: LanguageModel 
             with host.working("Writing the report" if config.video == "none" else "Filming, and writing the report"):
                 return build(directory, config.video, config.env)
         except KeyboardInterrupt:
-            command = shlex.join(["eureka", "report", str(directory)])
+            command = command_line("report", directory)
             raise Interrupted(f"Stopped; the search is done. Write its report with: {command}") from None
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import shlex
 import sys
 from collections.abc import Collection, Mapping
 from contextlib import suppress
@@ -20,7 +19,7 @@ import platformdirs
 from ..config import NO_MODEL
 from ..errors import ConfigError
 from ..executors import EXECUTORS
-from ..parsing import absolute
+from ..parsing import absolute, command_line
 from ..strategies import SEARCHES
 from ..tasks import registry
 from ..text import plain, visible
@@ -119,9 +118,8 @@ def _ask(asked: Mapping[str, str], directory: Path) -> None:
     except EOFError:
         answer = ""
     if answer.strip().lower() not in ("y", "yes"):
-        raise ConfigError(
-            f"Nothing was done; `eureka show {shlex.quote(str(directory))}` reads the run without using any of it."
-        )
+        command = command_line("show", directory)
+        raise ConfigError(f"Nothing was done; `{command}` reads the run without using any of it.")
 
 
 def _line(key: str, value: str) -> str:
