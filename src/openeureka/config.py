@@ -179,6 +179,8 @@ class RunConfig:
         found: dict[str, float] = {}
         for word in self.limits.replace(",", " ").split():
             name, _, most = word.partition("=")
+            if name in found:
+                raise ConfigError(f"`limits` limits `{name:.80}` twice; leave one of them out.")
             try:
                 found[name] = float(most)
             except ValueError:

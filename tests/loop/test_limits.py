@@ -125,6 +125,11 @@ def test_what_is_no_limit_is_refused(limits: str) -> None:
         RunConfig(limits=limits)
 
 
+def test_a_cost_that_is_limited_twice_is_refused() -> None:
+    with pytest.raises(ConfigError, match="limits `torque` twice"):
+        RunConfig(limits="torque=40,falls=0,torque=50")
+
+
 def test_limits_need_a_search_that_plays() -> None:
     with pytest.raises(ConfigError, match="search=best"):
         RunConfig(limits="torque=40", search="eureka")
