@@ -288,7 +288,7 @@ def test_chance_proposes_ranges_that_can_be_used(searched: Path) -> None:
     run = make(searched, RandomModel(), Toughening(), sample=4)
     assert run.robust is not None and run.robust.ours in {"r0", "r1", "r2", "r3"}
     with Store.view(searched) as store:
-        kept = store.ranges()
+        kept = store.lanes.ranges()
         assert len({str(own) for own in kept.values()}) >= 4
         assert all(own.low.mass <= 1.0 <= own.high.mass and own.low.delay == 0.0 for own in kept.values())
 

@@ -208,7 +208,7 @@ class Lanes:
         )
 
     def _spec(self, lane: Lane, program: RewardProgram) -> LaneSpec:
-        ranges = self.store.ranges()[lane.ranges] if lane.ranges else None
+        ranges = self.store.lanes.ranges()[lane.ranges] if lane.ranges else None
         spec = LaneSpec(id=lane.id, program=program, seed=lane.seed, randomise=ranges)
         if lane.start is None:
             return spec

@@ -103,7 +103,7 @@ class Robust:
 
 def read(store: Store, results: Mapping[str, TrainingResult]) -> Robust | None:
     """What the store of a run says of it; None where it was not begun."""
-    scores, own = store.lanes.trials(), store.ranges()
+    scores, own = store.lanes.trials(), store.lanes.ranges()
     records = {lane.ranges: lane.id for lane in store.lanes.all().values() if lane.role == "robust"}
     known = hardening(store)
     began = known.policy.lane if known is not None else ""

@@ -68,10 +68,10 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     model.close()  # an embedded model must not run while training does: they fight for the same cores
     # As it was trained; from scratch that would be the best policy again.
     as_it_was = {LONGER: drawn(config) or Ranges(NOMINAL, NOMINAL)} if not training.anew else {}
-    store.save_ranges({**as_it_was, UNIFORM: robot.uniform, **proposed})
+    store.lanes.save_ranges({**as_it_was, UNIFORM: robot.uniform, **proposed})
     reward, start = store.lanes.all()[began.lane].reward, Start(began, 0.0) if not training.anew else None
     graph = program(store, reward)
-    names = store.ranges()
+    names = store.lanes.ranges()
     wanted: list[Wanted] = [(Lane(reward, config.seed, "robust", start, ranges=name), graph) for name in names]
     lanes.observer.phase(config.generations, "train")
     lanes.train(wanted, steps=training.steps)
@@ -84,7 +84,7 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     hard = hard_worlds(robot.quantities)
     lanes.try_out([trial for own in judged for trial in trials(own, hard)], episodes=HARD_EPISODES)
     lanes.try_out(sweep(arms[ours], robot.quantities), choosing=True, episodes=SWEEP_EPISODES)
-    store.save_robust(written(store.ranges()[ours]), arms[ours])
+    store.save_robust(written(store.lanes.ranges()[ours]), arms[ours])
 
 
 def planned(store: Store, start: str, steps: int) -> Hardening:

@@ -9,9 +9,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from ..codec import DecodeError, defined, shaped
+from ..codec import DecodeError, decode, defined, encode, shaped
 from ..errors import StoreError, WorkerError
-from ..types import Episodes, Evaluation, Lane, Peak, PolicyId, Standing, TrainingResult
+from ..types import Episodes, Evaluation, Lane, Peak, PolicyId, Ranges, Standing, TrainingResult
 from ..worker import framed, unframed
 from . import artifacts
 from .db import Database
@@ -49,6 +49,17 @@ class LaneLog:
         """Every lane of the run by its id, trained or not, in the order in which they began."""
         rows = [dict(row) for row in self._database.rows("lanes")]
         return {row["lane"]: self._database.decoded(decode_lane, row) for row in rows}
+
+    def save_ranges(self, ranges: Mapping[str, Ranges]) -> None:
+        """Keep what lanes draw their worlds from, by name, as far as the run does not know the name."""
+        known = self.ranges()
+        fresh = {name: own for name, own in ranges.items() if name not in known}
+        self._database.put("ranges", *({"name": name, "ranges": encode(own)} for name, own in fresh.items()))
+
+    def ranges(self) -> dict[str, Ranges]:
+        """What `save_ranges` kept, in its order."""
+        rows = self._database.rows("ranges")
+        return {row["name"]: self._database.decoded(decode, Ranges, row["ranges"]) for row in rows}
 
     def save_results(self, results: Iterable[TrainingResult]) -> None:
         """Keep what lanes found that trained as one: all or none of them."""

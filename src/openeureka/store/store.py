@@ -30,7 +30,6 @@ from ..types import (
     Message,
     Place,
     PolicyId,
-    Ranges,
     Ranks,
     Reply,
     Sample,
@@ -354,17 +353,6 @@ class Store:
             self._database.put("ended", {"id": 1})
 
     # --- robust ------------------------------------------------------------------------------------------------------
-
-    def save_ranges(self, ranges: Mapping[str, Ranges]) -> None:
-        """Keep what lanes draw their worlds from, by name, as far as the run does not know the name."""
-        known = self.ranges()
-        fresh = {name: own for name, own in ranges.items() if name not in known}
-        self._database.put("ranges", *({"name": name, "ranges": encode(own)} for name, own in fresh.items()))
-
-    def ranges(self) -> dict[str, Ranges]:
-        """What `save_ranges` kept, in its order."""
-        rows = self._database.rows("ranges")
-        return {row["name"]: self._database.decoded(decode, Ranges, row["ranges"]) for row in rows}
 
     def save_robust(self, ranges: str, policy: PolicyId) -> None:
         """Fill `robust/` with a policy and, as YAML, the ranges that made it."""
