@@ -60,6 +60,12 @@ def test_help_imports_nothing_slow():
         (("run", "model="), "`model` is empty"),
         (("run", "model=local:hub:owner/file.gguf"), "`owner/file.gguf` does not name a file of a model hub; write"),
         (("run", "model=random", "price=1,2"), "model=random costs nothing: leave price= out."),
+        (("run", "model=random", "feedback_timeout=60"), "`feedback_timeout` says how long to wait for a person: add"),
+        (
+            ("run", "model=random", "iteration=1", "feedback=human"),
+            "feedback=human is heard between generations: there",
+        ),
+        (("run", "model=random", "iteration=1", "screen=3"), "`screen` judges by an earlier generation: there is one;"),
         (("run", "model=random", "address=auto"), "`address=` names a Ray cluster: add executor=ray"),
         (("ui", "absent"), "There is no folder absent"),
     ],

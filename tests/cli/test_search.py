@@ -15,6 +15,7 @@ from openeureka.config import RunConfig
 from openeureka.display import outside
 from openeureka.errors import ModelError
 from openeureka.film import video
+from openeureka.llm import open_model
 from openeureka.report.view import RunView
 from openeureka.runs import compose, stopping
 from openeureka.sandbox import client, confine
@@ -108,6 +109,30 @@ def test_a_replay_broken_off_goes_on_where_it_stopped(parts, tmp_path, capsys):
     assert run("resume", f"{tmp_path}/second") == 0
     texts = [[reply.text for reply in read_replies(tmp_path / name)] for name in ("first", "second")]
     assert texts[0] == texts[1]
+
+
+def test_a_run_that_has_all_its_replies_goes_on_without_a_key(parts, tmp_path, capsys):
+    trainings = iter([Late(), ToyTrainer()])
+    parts.setattr("openeureka.executors.local.LocalExecutor", lambda **_: next(trainings))
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 130
+    parts.setattr(compose, "open_model", open_model)
+    parts.delenv("OPENAI_API_KEY", raising=False)
+    assert run("resume", f"{tmp_path}/run") == 0
+    assert RunView.read(tmp_path / "run").config.model == "scripted"
+
+
+class Late(ToyTrainer):
+    """Ctrl-C in the training that follows those of two generations."""
+
+    def __init__(self):
+        super().__init__()
+        self.calls = 0
+
+    def train(self, env, lanes, budget):
+        if self.calls == 2:
+            raise KeyboardInterrupt
+        self.calls += 1
+        yield from super().train(env, lanes, budget)
 
 
 class Interruption(ToyTrainer):

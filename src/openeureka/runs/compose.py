@@ -29,7 +29,7 @@ from ..refine.hardening import Robot, harden, planned
 from ..report.build import build
 from ..report.filming import Filming
 from ..sandbox.client import Sandbox
-from ..store import StageFiles, Store, is_run, read_config, read_replies
+from ..store import StageFiles, Store, is_run, look, read_config, read_replies
 from ..store.directory import swept
 from ..tasks import costs, curriculum, ranges
 from ..tasks.context import context, informed
@@ -84,6 +84,13 @@ def admitted(config: RunConfig, typed: Collection[str]) -> RunConfig:
         raise ConfigError(f"model={config.model} is at no endpoint: name the one at base_url= with model=NAME.")
     if nowhere and config.price:
         raise ConfigError(f"model={config.model} costs nothing: leave price= out.")
+    if config.feedback_timeout and config.feedback == "none":
+        raise ConfigError("`feedback_timeout` says how long to wait for a person: add feedback=human, or leave it out.")
+    once = config.iteration == 1 and not config.init
+    if once and config.feedback == "human" and config.judge == "fitness":
+        raise ConfigError("feedback=human is heard between generations: there is one; use iteration=2 or more.")
+    if once and config.screen > 1:
+        raise ConfigError("`screen` judges by an earlier generation: there is one; use iteration=2 or more.")
     expect(config)
     if config.feedback == "human" and "video" not in typed:
         config = replace(config, video="all")  # who is to judge needs to see
@@ -138,7 +145,7 @@ def _parts(
     if config.init and not begun:
         sampling.given(config)
     trainer = trainer_of(config, directory)
-    model = model or open_model(config, held=len(read_replies(directory)) if begun else 0)
+    model = model or _model(config, directory)
     config = strategies.sized(config, model.style)
     begins = strategies.make(config)  # refuses what is none; which one it will be, the store says
     host.begins(config, directory)
@@ -164,6 +171,18 @@ def _parts(
                 yield config, store, model, checker, trainer, known, strategy, observers, desk
     finally:
         model.close()
+
+
+def _model(config: RunConfig, directory: Path) -> LanguageModel:
+    """The model that the settings name. A run that has all its generations gets its own replies: it asks for no more,
+    and the key or the weights may be gone.
+    """
+    if not is_run(directory):
+        return open_model(config, held=0)
+    before, glance = look(directory)
+    if 0 < before.generations <= glance.generations:
+        config = replace(config, model=f"replay:{directory}")
+    return open_model(config, held=len(read_replies(directory)))
 
 
 @contextmanager
