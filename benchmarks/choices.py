@@ -20,7 +20,7 @@ import rungs
 from records import Record, read
 
 from openeureka.method.schedule import RUNGS, Rung
-from openeureka.report.text import number
+from openeureka.report.numbers import number
 from openeureka.score import mean, rank
 from openeureka.types import lane_id
 

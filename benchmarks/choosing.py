@@ -26,7 +26,7 @@ from scipy.stats import spearmanr
 from openeureka.config import RunConfig
 from openeureka.method.lanes import deal
 from openeureka.method.race import CONTENDERS
-from openeureka.report.text import number
+from openeureka.report.numbers import number
 from openeureka.reward import extract
 from openeureka.runs.compose import comparing
 from openeureka.sandbox.client import Sandbox

@@ -27,7 +27,7 @@ from scipy.stats import t
 
 import openeureka
 from openeureka.benchmark.plan import load
-from openeureka.report.text import number, spread
+from openeureka.report.numbers import number, spread
 from openeureka.reward import extract
 from openeureka.score import mean
 from openeureka.types import Candidate

@@ -19,7 +19,7 @@ from typing import Any
 
 from records import read, today, write
 
-from openeureka.report.text import number
+from openeureka.report.numbers import number
 from openeureka.score import difference, mean
 
 ROOT = Path(__file__).parents[1]

@@ -23,7 +23,7 @@ from records import interval, machine, read, write
 from openeureka.benchmark.plan import load
 from openeureka.config import short_name
 from openeureka.method import race
-from openeureka.report.text import spread
+from openeureka.report.numbers import spread
 from openeureka.strategies import Ranking
 from openeureka.types import History, Scored
 

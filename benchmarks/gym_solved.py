@@ -19,7 +19,7 @@ from ledger import OUTPUTS, learn
 from records import Record, machine, read, record, write
 
 from openeureka.config import TrainConfig
-from openeureka.report.text import number, spread
+from openeureka.report.numbers import number, spread
 from openeureka.tasks import registry
 
 STEPS = {

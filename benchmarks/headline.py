@@ -35,7 +35,7 @@ from openeureka.benchmark import bench
 from openeureka.benchmark.plan import Cell, Plan, load
 from openeureka.config import short_name
 from openeureka.llm.registry import archived
-from openeureka.report.text import number, spread
+from openeureka.report.numbers import number, spread
 from openeureka.report.view import RunView
 from openeureka.score import clipped, mean, rank
 from openeureka.store.db import FILENAME

@@ -21,7 +21,7 @@ from typing import Any
 
 from records import read, today, write
 
-from openeureka.report.text import number, spread
+from openeureka.report.numbers import number, spread
 from openeureka.report.verdict import verdict
 from openeureka.report.view import RunView
 from openeureka.score import Arm

@@ -20,7 +20,7 @@ from ledger import OUTPUTS
 from records import Record, interval, machine, read, write
 
 import openeureka
-from openeureka.report.text import spread
+from openeureka.report.numbers import spread
 from openeureka.score import difference, mean
 from openeureka.tasks.registry import get
 

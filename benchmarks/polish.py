@@ -27,7 +27,7 @@ from openeureka.config import NO_MODEL, RunConfig
 from openeureka.errors import EurekaError
 from openeureka.method.lanes import Lanes, deal
 from openeureka.refine.polishing import PARTS
-from openeureka.report.text import number
+from openeureka.report.numbers import number
 from openeureka.runs.compose import comparing
 from openeureka.score import mean, played, rank
 from openeureka.strategies import Best

@@ -22,7 +22,7 @@ from typing import Any
 from scipy.stats import spearmanr
 
 import openeureka
-from openeureka.report.text import number
+from openeureka.report.numbers import number
 from openeureka.score import mean
 
 RESULTS = Path(__file__).parent / "results" / "predictors.json"

@@ -21,7 +21,7 @@ from ledger import OUTPUTS, learn
 from records import PEAKS, Record, machine, read, record, write
 
 from openeureka.config import TrainConfig
-from openeureka.report.text import number, spread
+from openeureka.report.numbers import number, spread
 from openeureka.score import mean, rank
 from openeureka.tasks.registry import get
 from openeureka.types import PROGRESS, TrainingResult

@@ -21,7 +21,7 @@ from typing import Any
 import rungs
 from records import read, today, write
 
-from openeureka.report.text import number
+from openeureka.report.numbers import number
 from openeureka.score import mean
 from openeureka.types import RewardProgram
 

@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from openeureka.report.text import number
+from openeureka.report.numbers import number
 from openeureka.types import Evaluation, Peak, TrainingResult
 
 PEAKS: tuple[Peak, ...] = ("fitness", "reward")

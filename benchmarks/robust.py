@@ -26,7 +26,7 @@ import openeureka
 from openeureka.cli.train import robust
 from openeureka.config import BEST, SCRATCH, STARTS
 from openeureka.refine.hardened import LONGER, PLAIN, UNIFORM, Carried, RobustArm
-from openeureka.report.text import spread
+from openeureka.report.numbers import spread
 from openeureka.report.view import RunView
 from openeureka.score import mean
 

@@ -31,7 +31,7 @@ from records import read, today, write
 from scipy.stats import spearmanr
 
 from openeureka.errors import EurekaError
-from openeureka.report.text import number
+from openeureka.report.numbers import number
 from openeureka.reward import extract
 from openeureka.sandbox.client import Sandbox
 from openeureka.score import mean, rank

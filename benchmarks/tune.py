@@ -26,7 +26,7 @@ from records import conditions, interval, read, write
 import openeureka
 from openeureka.benchmark.plan import load
 from openeureka.refine.tuned import ORIGINAL
-from openeureka.report.text import spread
+from openeureka.report.numbers import spread
 from openeureka.reward.weights import weighed, weights
 from openeureka.score import mean
 from openeureka.tasks import human

@@ -19,7 +19,7 @@ import python_page
 from typer.testing import CliRunner
 
 from openeureka.cli.main import app
-from openeureka.report.text import sparkline, spread
+from openeureka.report.numbers import sparkline, spread
 from openeureka.tasks import registry
 
 ROOT = Path(__file__).parents[1]

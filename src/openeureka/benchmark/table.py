@@ -8,8 +8,8 @@ from typing import TypeVar
 
 from ..config import short_name
 from ..report import charts
+from ..report.numbers import dollars, duration, number
 from ..report.tables import Table
-from ..report.text import dollars, duration, number
 from ..score import Estimate, clipped, estimate, human_normalised, mean
 from .figures import Result
 from .plan import Plan

@@ -15,7 +15,7 @@ from ..film import video
 from ..film.video import VideoUnavailable
 from ..llm import weights
 from ..parsing import parse
-from ..report.text import columns
+from ..report.numbers import columns
 from ..sandbox import confine
 from ..worker import usable_cores
 from .settings import DoctorConfig

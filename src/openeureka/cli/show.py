@@ -17,7 +17,7 @@ from ..refine.tuned import Tuned
 from ..report import costs, fitted, robust, tables
 from ..report.build import build
 from ..report.candidates import CandidateView, GenerationView
-from ..report.text import columns, dollars, number, scored, spread
+from ..report.numbers import columns, dollars, number, scored, spread
 from ..report.verdict import deciding, meaning, none_found, of_polishing, of_tuning, verdict
 from ..report.view import RunView
 from ..runs import trust

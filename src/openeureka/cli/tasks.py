@@ -17,7 +17,7 @@ from ..drafting.draft import Draft, class_name, draft
 from ..errors import ConfigError
 from ..method import baselines, prompts
 from ..parsing import command_line, parse
-from ..report.text import columns, number
+from ..report.numbers import columns, number
 from ..reward.extract import in_file
 from ..runs.rewards import MEANINGS, explain, judge
 from ..score import mean

@@ -15,7 +15,7 @@ from ..display.progress import working
 from ..errors import FeedbackError
 from ..parsing import command_line
 from ..report.filming import Filming
-from ..report.text import columns, duration, number
+from ..report.numbers import columns, duration, number
 from ..report.view import VIDEO
 from ..store import artifacts, say
 from ..store.remarks import typed

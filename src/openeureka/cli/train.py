@@ -14,7 +14,7 @@ from ..errors import WorkerError
 from ..method.given import Given
 from ..parsing import changed, command_line, parse
 from ..report import tables
-from ..report.text import columns
+from ..report.numbers import columns
 from ..report.verdict import verdict
 from ..report.view import RunView
 from ..runs import compose, trust

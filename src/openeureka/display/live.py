@@ -15,7 +15,7 @@ from ..config import RunConfig, short_name
 from ..method.lanes import BASELINES
 from ..observer import Phase
 from ..refine.tuned import rounds
-from ..report.text import duration, number, scored, sparkline
+from ..report.numbers import duration, number, scored, sparkline
 from ..score import Outcome
 from ..text import one_line
 from ..types import (

@@ -10,7 +10,7 @@ from types import TracebackType
 from rich.console import Console
 from rich.text import Text
 
-from ..report.text import duration, number
+from ..report.numbers import duration, number
 from ..text import one_line
 from ..types import TrainingProgress
 

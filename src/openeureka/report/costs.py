@@ -6,8 +6,8 @@ from ..config import NO_MODEL
 from ..method.lanes import BASELINES
 from ..score import breach
 from ..types import COSTS, Evaluation, lane_id
+from .numbers import number, scored
 from .tables import Table
-from .text import number, scored
 from .view import RunView
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ..refine.tuned import ORIGINAL, Correlation, Effect, Tuned
+from .numbers import number, spread
 from .tables import Table
-from .text import number, spread
 
 
 def arms(found: Tuned) -> Table:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from ..score import mean
 from ..text import one_line
 from ..types import TrainingResult, of_components
-from .text import number
+from .numbers import number
 
 STILL = 1e-3
 """A component whose mean changes by less than this share of its largest size never moved."""

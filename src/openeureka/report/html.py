@@ -33,7 +33,7 @@ from ..text import plain
 from ..types import Sample
 from . import charts, costs, fitted, hints, robust, tables, verdict
 from .candidates import CandidateState, CandidateView
-from .text import dollars, duration, number, scored
+from .numbers import dollars, duration, number, scored
 from .view import RunView
 
 MAX_EMBEDDED = 8 << 20

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from ..refine.hardened import LONGER, PLAIN, UNIFORM, Robust
 from ..score import gain, pooled
+from .numbers import number, scored
 from .tables import Table
-from .text import number, scored
 from .verdict import decided
 
 

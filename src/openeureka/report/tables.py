@@ -16,7 +16,7 @@ from ..refine.tuned import ORIGINAL, Tuned
 from ..score import Arm, Baselines, Outcome, human_normalised, mean
 from ..types import Evaluation, Generation, History, Remark, RemarkKind, VerdictCode
 from .candidates import CandidateView
-from .text import dollars, duration, number, scored, spread
+from .numbers import dollars, duration, number, scored, spread
 from .view import RunView
 
 MOST_ARMS = 4

@@ -16,7 +16,7 @@ from ..tasks import registry
 from ..tasks.context import context
 from ..types import of_components
 from .costs import nobody
-from .text import number, scored
+from .numbers import number, scored
 from .view import RunView
 
 WORTH_REPEATING = ("curriculum", "randomise", "observe", "steps", "worlds", "bonus", "device", "executor", "address")

@@ -11,7 +11,7 @@ from ..display import outside
 from ..parsing import as_dict
 from ..report import filming, html, tables
 from ..report.candidates import CandidateView, PromptView
-from ..report.text import duration
+from ..report.numbers import duration
 from ..report.view import RunView
 from ..score import Outcome, human_normalised, mean, rank
 from ..store import Store, is_held, is_run
