@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import json
+import os
 import re
 
 import pytest
@@ -35,6 +36,13 @@ def test_the_list_names_each_run_with_state_task_model_and_best(tmp_path):
     assert "/runs/first/" in page.links()
     for cell in ("first", "finished", "toy", "local", "1 of 1", "1", "0.0200"):  # two replies of a cent
         assert re.search(rf">{cell}</(td|a|span)>", page.source), cell
+
+
+def test_a_name_that_is_no_text_is_listed_as_far_as_it_is_one(tmp_path):
+    search_in(tmp_path / os.fsdecode(b"\xe9t\xe9"), [reply(1), reply(2)])  # "été" of an old disk
+    client = visitor(tmp_path)
+    link = next(link for link in shown(client, "/").links() if link.startswith("/runs/"))
+    assert "g0s1 trained F 1" in shown(client, link).flat
 
 
 def test_a_run_can_be_stopped_while_it_is_at_work_and_continued_when_it_was_stopped(tmp_path):

@@ -13,6 +13,7 @@ from ..errors import StoreError
 from ..runs.run import finished
 from ..store import artifacts, is_held, is_run, look
 from ..store.db import FILENAME, LOG, NOW
+from ..text import safe_text
 from ..types import Glance
 from .follow import Fingerprint
 
@@ -49,7 +50,7 @@ def runs(root: Path) -> dict[str, Path]:
     if is_run(root):
         return {root.resolve().name: root}
     found = sorted(_below(root, DEPTH), key=_changed, reverse=True)
-    return {":".join(path.relative_to(root).parts): path for path in found}
+    return {safe_text(":".join(path.relative_to(root).parts)): path for path in found}
 
 
 def _below(root: Path, depth: int) -> Iterator[Path]:
