@@ -55,7 +55,6 @@ TITLES = (
     *("task", "steps", "generated, F held out", "human", "sparse"),
     *("generated less human, 95 % interval", "the generated one is", "score", "clipped", "correlation"),
 )
-ENDINGS = ("better", "level", "worse", "one seed", "both at zero")
 NOT_REPEATED = ("minutes", "date", "device", "processor", "versions", "confirmed")
 """What a repeated search has otherwise, or not at all."""
 Record = dict[str, Any]
@@ -224,11 +223,12 @@ def summary(measured: Mapping[str, Record]) -> str:
     ends = Counter(map(ending, measured.values()))
     decisive = [decided(row) for row in measured.values() if ending(row) != "both at zero"]
     above = sum(rank(mean(row["generated"])) >= rank(mean(row["human"])) for row in decisive)
-    of_those = f"on {above} of the {len(decisive)} that are not both at zero"
-    counted = ", ".join(f"{name} {ends[name]}" for name in ENDINGS if ends[name]) or "nothing yet"
+    unknown = f", not known (one seed) on {ends['one seed']}" if ends["one seed"] else ""
     return (
-        f"{len(measured)} of {len(load(PLAN).tasks)} tasks are measured. The generated reward against the human one: "
-        f"{counted}.\nIts mean is at or above the human one {of_those}."
+        f"{len(measured)} of {len(load(PLAN).tasks)} tasks are measured. The generated reward is better than the human "
+        f"one on {ends['better']}, level on {ends['level']}, worse on {ends['worse']}{unknown}.\n"
+        f"On {ends['both at zero']} both score zero. On {above} of the other {len(decisive)} the generated one's mean "
+        "is at or above the human one's."
     )
 
 

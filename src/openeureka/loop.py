@@ -47,7 +47,7 @@ def run(
     history = store.history()
     for generation in history.generations:
         observer.generation(generation)
-    history = history.replayed(lanes.play(history.lanes, strategy))  # nothing, unless it was stopped while they played
+    history = history.replayed(lanes.play(history.lanes, strategy))  # only if it was stopped while they played
 
     for index in range(len(history.generations), config.generations):
         history = hearing.hear(history)

@@ -50,8 +50,8 @@ def test_a_row_ends_as_its_interval_says(headline: ModuleType):
 def test_a_tie_of_zeros_is_no_draw(headline: ModuleType):
     zeros = row([0.0, 0.0], [0.0, 0.0], [0.0, 0.0, 0.0])
     measured = {"ant": row([3.0, 4.0], [1.0, 2.0], [2.0, 0.5, 3.5]), "shadow_hand_kettle": zeros}
-    assert "better 1, both at zero 1" in headline.summary(measured)
-    assert "at or above the human one on 1 of the 1 that are not both at zero" in headline.summary(measured)
+    assert "better than the human one on 1, level on 0, worse on 0.\nOn 1 both score" in headline.summary(measured)
+    assert "On 1 of the other 1 the generated one's mean is at or above" in headline.summary(measured)
     assert [line[0] for line in headline.rows(measured)] == ["ant", "shadow_hand_kettle"]
 
 
@@ -59,8 +59,8 @@ def test_seeds_that_chose_nothing_decide_a_row_and_stand_below_it(headline: Modu
     again = {"seeds": [7, 8], "generated": [1.0, 3.0], "human": [2.0, 6.0], "difference": [-2.0, -3.0, -1.0]}
     own = {**row([3.0, 4.0], [1.0, 2.0], [2.0, -0.5, 4.5]), "confirmed": again}
     first, second = headline.rows({"ant": own})
-    assert headline.ending(own) == "worse" and "worse 1" in headline.summary({"ant": own})
-    assert "on 0 of the 1" in headline.summary({"ant": own})
+    assert headline.ending(own) == "worse" and "worse on 1" in headline.summary({"ant": own})
+    assert "On 0 of the other 1" in headline.summary({"ant": own})
     assert first[0] == "ant" and "level" in first and "3.5" in first[2]
     assert second[0] == "2 other seeds" and "worse" in second and "-2 (-3 to -1)" in second
     assert headline.gains({"ant": own}) == [("ant", -0.5, -0.75, -0.25)]

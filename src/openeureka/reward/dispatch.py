@@ -22,7 +22,7 @@ class Mode(TorchDispatchMode):
 
 
 class _NoCompiler(ModuleType):
-    """Of `torch._dynamo` what torch's shape rules use: the word that it is to keep out."""
+    """Stands in for `torch._dynamo`, of which torch's shape rules use the decorator `disable` alone."""
 
     @staticmethod
     def disable(function: Callable[..., Any], *_: object, **__: object) -> Callable[..., Any]:

@@ -1,4 +1,4 @@
-"""The form of a reward, which is the same in whatever order it adds: two programs of one form are one reward."""
+"""The form of a reward, the same in whatever order it adds: a race takes two programs of one form for one reward."""
 
 from __future__ import annotations
 

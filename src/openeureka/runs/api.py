@@ -134,7 +134,7 @@ def searching(
 
         for event in openeureka.searching("ant", model="random"):
             if isinstance(event, openeureka.Generation):
-                print(event.index, event.best.score)
+                print(event.index, event.best and event.best.score)
 
     Leaving the loop stops the search, and nothing is lost: it takes about a second while lanes train, and up to a reply
     while the model writes. So does Ctrl-C.

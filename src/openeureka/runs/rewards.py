@@ -19,8 +19,6 @@ from ..tasks.registry import get
 from ..text import one_line, plain
 from ..types import Candidate, Verdict, VerdictCode
 
-BUILT_IN = ("human", "sparse")
-
 
 def read(program: str | Path) -> Candidate:
     """The program in a file, or in a text: several lines, or a `def`. Either may be a model's whole answer.
@@ -57,7 +55,7 @@ def named(config: TrainConfig, rewards: Sequence[str | Path] | None = None) -> G
             same = len({str(word) for word, own in zip(words, names, strict=True) if own == name}) == 1
             way = "name it once, and train it with more seeds: seeds=2" if same else "give the files different names"
             raise ConfigError(f"`reward` names `{name}` twice; {way}.")
-    programs = {name: read(word) for name, word in zip(names, words, strict=True) if word not in BUILT_IN}
+    programs = {name: read(word) for name, word in zip(names, words, strict=True) if word not in extract.OWN}
     verdicts = judge(config.env, list(programs.values()), worlds=config.worlds, unsafe=config.unsafe_no_sandbox)
     judged = {name: (programs[name], verdict) for name, verdict in zip(programs, verdicts, strict=True)}
     for name, word in zip(names, words, strict=True):
@@ -112,17 +110,17 @@ def _only(config: TuneConfig, word: str | Path) -> Candidate:
 
 def _name(reward: str | Path, number: int) -> str:
     """A file's stem, as far as it can name a folder."""
-    if reward in BUILT_IN:
+    if reward in extract.OWN:
         return str(reward)
     if is_text(reward):
         return f"reward_{number}"
     stem = _nameable(Path(reward).stem)
-    return f"{stem}_file" if stem in BUILT_IN else stem
+    return f"{stem}_file" if stem in extract.OWN else stem
 
 
 def _in_folder(reward: str | Path, name: str) -> str:
     """A file by its folder and its stem."""
-    if reward in BUILT_IN or is_text(reward):
+    if reward in extract.OWN or is_text(reward):
         return name
     return _nameable(f"{Path(reward).absolute().parent.name}_{Path(reward).stem}")
 

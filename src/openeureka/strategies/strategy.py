@@ -136,7 +136,9 @@ def sized(config: RunConfig, style: Literal["free", "grammar"]) -> RunConfig:
 
 
 def prompt_plan(samples: int, turns: Sequence[Scored], history: History, ranking: Ranking) -> PromptPlan:
-    """A prompt that ends with the parent, why its generation failed or what a person thinks of it."""
+    """A prompt for so many rewards: the turns that the model is shown as its own earlier answers, the parent last; why
+    a generation failed, where nothing in it trained; what a person said.
+    """
     return PromptPlan(
         count=samples, turns=tuple(turns), failures=_failures(history), opinion=_opinion(turns[-1:], history, ranking)
     )

@@ -39,10 +39,16 @@ class PolicyId(NamedTuple):
     peak: Peak
 
 
-Role = Literal["candidate", "baseline", "final", "given", "tuned", "polish", "robust"]
-"""Why a lane is trained: for a slot of a generation; to compare those with; with a fresh seed at the end; because
-somebody gave the reward and wants no search; to fit the numbers of one; to carry a policy on; or in worlds that differ,
-to be robust in others."""
+Role = Literal[
+    "candidate",  # a slot of a generation
+    "baseline",  # the human or the sparse reward beside the first generation
+    "final",  # a fresh seed, at the end of a search
+    "given",  # somebody gave the reward, and wants no search
+    "tuned",  # fits the numbers of a reward
+    "polish",  # carries the best policy on
+    "robust",  # carries it on in worlds that differ
+]
+"""Why a lane is trained."""
 
 
 @dataclass(frozen=True, slots=True)
