@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from math import comb
 from pathlib import Path
 from typing import Any, get_args
@@ -175,11 +176,20 @@ def _ranking(env: str, lanes: Mapping[str, Record]) -> tuple[str, ...]:
     by_played = dict(zip(names, played, strict=True))
     again = [fresh[name] for name in known]
     cells += [_correlation([by[name] for name in known], again) for by in (by_training, by_played)]
-    first = [fresh[max(known, key=by.__getitem__)] for by in (by_training, by_played)]
-    racing = [fresh[name] for name in sorted(known, key=by_played.__getitem__)[-CONTENDERS:]]
+    first = [_best_of([(by[name], fresh[name]) for name in known], 1) for by in (by_training, by_played)]
+    racing = _best_of([(by_played[name], fresh[name]) for name in known], CONTENDERS)
     seeds = len(_seeds(lanes, known[0]))
-    scores = [*first, max(racing, key=rank), max(again, key=rank), fresh["human"]]
+    scores = [*first, racing, max(again, key=rank), fresh["human"]]
     return (env, str(len(names)), *cells, str(seeds), *map(number, scores))
+
+
+def _best_of(scored: Sequence[tuple[float | None, float | None]], count: int) -> float | None:
+    """The highest fresh F of so many that lead by another score. Where too many are level, mean over all ways to take
+    some of them: nothing tells them apart."""
+    last = sorted((rank(by) for by, _ in scored), reverse=True)[:count][-1]
+    above = [fresh for by, fresh in scored if rank(by) > last]
+    level = [fresh for by, fresh in scored if rank(by) == last]
+    return mean([max((*above, *some), key=rank) for some in combinations(level, count - len(above))])
 
 
 def _searched(lanes: Mapping[str, Record]) -> dict[str, Record]:
@@ -229,16 +239,20 @@ def fewer(measured: Record) -> list[tuple[str, ...]]:
 
 
 def _fewer(env: str, lanes: Mapping[str, Record]) -> tuple[str, ...]:
-    """The reward that plays best with the search's seed is chosen, and judged by held-out F with fresh ones."""
-    own = _searched(lanes)
-    ordered = sorted(own, key=lambda name: -_score(own[name], standing(own[name])))
-    fresh = [score for name in ordered if (score := _fresh(lanes, name)) is not None]
+    """The reward that plays best with the search's seed is chosen, and judged by held-out F with fresh ones: of several
+    that play alike, by the mean."""
+    played = {name: _score(one, standing(one)) for name, one in _searched(lanes).items()}
+    again = {name: score for name in played if (score := _fresh(lanes, name)) is not None}
+    fresh = [
+        mean([again[other] for other in again if played[other] == played[name]]) or 0.0
+        for name in sorted(again, key=lambda name: -played[name])
+    ]
     found = [
         sum(comb(len(fresh) - 1 - place, size - 1) * value for place, value in enumerate(fresh))
         / comb(len(fresh), size)
         for size in (one for one in SIZES if one <= len(fresh))
     ]
-    return (env, *map(number, found), number(max(fresh)), number(_fresh(lanes, "human")))
+    return (env, *map(number, found), number(max(again.values())), number(_fresh(lanes, "human")))
 
 
 def checkpoints(measured: Record) -> list[tuple[str, ...]]:

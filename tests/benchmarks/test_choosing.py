@@ -12,7 +12,8 @@ import choosing
 
 def lane(played: float, held_out: float) -> dict[str, Any]:
     one = {"fitness": played, "episodes": 64}
-    return {"training": played, "played": {"reward": [one]}, "held_out": {"reward": {"fitness": held_out}}}
+    judged = {peak: {"fitness": held_out} for peak in ("reward", "fitness")}
+    return {"training": played, "played": {"reward": [one]}, "held_out": judged}
 
 
 @pytest.fixture
@@ -29,6 +30,18 @@ def test_f_of_the_one_chosen_from_so_many_is_that_of_all_draws(measured: dict[st
     # Of the six pairs three hold a, two more b, one is c with d.
     assert (task, one, two, four) == ("ant", "17.5", "21.67", "10")
     assert (best, human) == ("40", "15")
+
+
+def test_of_rewards_that_play_alike_each_may_be_the_one(measured: dict[str, Any]) -> None:
+    measured["ant"]["lanes"]["b-s0"] = lane(4.0, 4.0)
+    ((_, one, two, four, _, _),) = choosing.fewer(measured)
+    # a and b count as 25; of the six pairs five hold one of them, and the last is c with d.
+    assert (one, two, four) == ("17.5", "24.17", "25")
+    ((*_, first, racing, _, _),) = choosing.ranking(measured)
+    assert (first, racing) == ("25", "40")
+    measured["ant"]["lanes"]["b-s0"] = measured["ant"]["lanes"]["d-s0"] = lane(2.0, 2.0)
+    ((*_, racing, _, _),) = choosing.ranking(measured)
+    assert racing == "33.33"  # of a, which leads, with two of b, c and d: 40, 40, 20
 
 
 def test_a_task_without_fresh_seeds_has_no_row(measured: dict[str, Any]) -> None:
