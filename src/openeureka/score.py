@@ -164,6 +164,8 @@ class Difference:
 
 CONFIDENCE = 0.95
 MOST_SEEDS = 100
+CLOSE = 1e-9
+"""A spread below this share of the difference is rounding."""
 
 
 def difference(
@@ -173,6 +175,9 @@ def difference(
 
     With two or three seeds each a spread of its own is worth little: that of all rewards `among` is pooled, as if they
     were equally noisy. All play the same start states, so what those share is no part of it.
+
+    Where no seed of a reward differs from another, as where F is 0 or 1, nothing tells the spread. Then the interval
+    begins at zero until there are seeds enough for Fisher's exact test.
 
     Args:
         claims: how many such intervals are to hold together (Bonferroni), as where the best of several is compared.
@@ -184,8 +189,20 @@ def difference(
     spread = math.sqrt(math.fsum(squares) / freedom)
     value = math.fsum(own) / len(own) - math.fsum(other) / len(other)
     half = _quantile(freedom, claims) * spread * math.sqrt(1 / len(own) + 1 / len(other))
-    enough = (n for n in range(2, MOST_SEEDS + 1) if _quantile(2 * n - 2) * spread * (2 / n) ** 0.5 < abs(value))
+    alike = spread <= CLOSE * abs(value)
+    if alike and claims * _exact(len(own), len(other)) > 1 - CONFIDENCE:
+        half = abs(value)
+    enough = (
+        n
+        for n in range(2, MOST_SEEDS + 1)
+        if _quantile(2 * n - 2) * spread * (2 / n) ** 0.5 < abs(value) and (not alike or _exact(n, n) <= 1 - CONFIDENCE)
+    )
     return Difference(value=value, low=value - half, high=value + half, seeds=next(enough, None))
+
+
+def _exact(own: int, other: int) -> float:
+    """How likely chance alone deals two values so that one reward has only the one, and the other only the other."""
+    return (1 + (own == other)) / math.comb(own + other, own)
 
 
 EARLY = 0.1
@@ -221,8 +238,11 @@ class Estimate:
 
     @property
     def sure(self) -> bool:
-        """Whether the interval leaves no doubt on which side of zero it is."""
-        return self.low is not None and self.high is not None and (self.low > 0 or self.high < 0)
+        """Whether the interval leaves no doubt on which side of zero it is. Values without a spread do as soon as so
+        many of one sign are no chance."""
+        if self.low is None or self.high is None or self.low <= 0 <= self.high:
+            return False
+        return self.low < self.high or 2.0 ** (1 - self.count) <= 1 - CONFIDENCE
 
 
 def estimate(values: Sequence[float | None], *, claims: int = 1) -> Estimate | None:

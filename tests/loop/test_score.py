@@ -98,6 +98,24 @@ def test_the_best_of_several_needs_a_wider_interval() -> None:
     assert (both.high - both.value) / (one.high - one.value) == pytest.approx(4.177 / 3.182, abs=1e-3)
 
 
+def test_seeds_that_do_not_differ_decide_as_soon_as_so_many_are_no_chance() -> None:
+    def apart(own: int, other: int, claims: float = 1) -> score.Difference:
+        arms = [1.0] * own, [0.0] * other
+        found = score.difference(*arms, arms, claims=claims)
+        assert found is not None and found.value == 1.0 and found.low >= 0.0
+        return found
+
+    # Fisher's exact test: 2 / C(6, 3) = 0.1, 1 / C(7, 3) = 0.029, 2 / C(8, 4) = 0.029.
+    assert [apart(2, 2).sure, apart(3, 3).sure, apart(3, 4).sure, apart(4, 4).sure] == [False, False, True, True]
+    assert not apart(4, 4, claims=2).sure
+    assert apart(2, 2).seeds == 4
+    assert (apart(3, 3).low, apart(3, 3).high) == (0.0, 2.0)
+    assert score.difference([0.1] * 3, [0.3] * 3, [[0.1] * 3, [0.3] * 3]).low < -0.3  # type: ignore[union-attr]
+    # Paired: 2 / 2^5 = 0.0625, 2 / 2^6 = 0.031.
+    five, six = (score.estimate([0.2] * count) for count in (5, 6))
+    assert five is not None and six is not None and (five.sure, six.sure) == (False, True)
+
+
 def test_one_seed_of_each_has_no_interval() -> None:
     assert score.difference([1.0], [2.0], [[1.0], [2.0]]) is None
     assert score.difference([], [2.0, 3.0], [[2.0, 3.0]]) is None
