@@ -9,6 +9,9 @@ import torch
 
 pytest.importorskip("gymnasium", reason="needs Gymnasium: pip install 'openeureka[gym]'")
 
+from gymnasium import spaces
+
+from openeureka.adapters.gym.spaces import Actions
 from openeureka.errors import TaskError
 from openeureka.tasks import registry
 from openeureka.tasks.context import context
@@ -94,13 +97,19 @@ def test_choices_reach_the_environment_and_rewards_see_ones():
 def test_the_environments_own_reward_is_no_variable():
     spec = registry.get("gym:Openeureka/Clock-v0").spec
     assert {"luck", "first", "second", "step", "phase"} <= set(spec.names)
-    assert "reward_part" not in spec and "words" not in spec
+    assert not {"reward_part", "words", "outcome"} & set(spec.names)  # `outcome` is what F gains in a step
 
 
 def test_continuous_actions_fill_the_range_of_the_box():
     task = registry.get("gym:Pendulum-v1")
     taken = task.found.actions.taken(torch.tensor([[-1.0], [0.0], [0.5]]))
     assert taken.tolist() == [[-2.0], [0.0], [1.0]] and taken.dtype == np.float32  # torques of 2 N m at most
+
+
+def test_a_box_with_one_bound_leaves_a_policy_that_begins_at_0_room():
+    box = spaces.Box(np.float32([5, -np.inf, -1]), np.float32([np.inf, -5, np.inf]))
+    actions = Actions(box, 3)
+    assert actions.taken(torch.tensor([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])).tolist() == [[6, -6, 0], [7, -5, 1]]
 
 
 @pytest.mark.parametrize("env", ["gym:CartPole-v1", pytest.param("gym:LunarLander-v3", marks=box2d())])

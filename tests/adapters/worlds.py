@@ -28,7 +28,13 @@ class Clock(gymnasium.Env):
         self.step_count += 1
         if self.step_count == self.fault:
             raise ValueError("the battery is empty")
-        info = {"luck": self.luck, "first": int(action[0]), "second": int(action[1]), "reward_part": 5.0}
+        info = {
+            "luck": self.luck,
+            "first": int(action[0]),
+            "second": int(action[1]),
+            "reward_part": 5.0,
+            "outcome": 2.0,
+        }
         done = self.step_count >= self.end
         return self._seen(), 10.0 * self.step_count, done, not done and self.step_count >= self.cut, info
 

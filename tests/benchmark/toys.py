@@ -57,7 +57,7 @@ def play(monkeypatch: pytest.MonkeyPatch, meters: Path) -> None:
     def model(config: RunConfig, held: int) -> ScriptedModel:
         if config.model == "keyless":
             raise ModelError("The endpoint refused the key; check OPENAI_API_KEY.")
-        script = SCRIPTS[config.model]
+        script = SCRIPTS.get(config.model, [])  # a run with all its replies replays itself, and asks for none
         return MeteredModel(script, said=held, name=f"{config.model}-{config.seed}", meter=meters / "asked")
 
     def trainer(*, snapshots: Path, **_: object) -> ToyTrainer:

@@ -16,7 +16,7 @@ from openeureka.errors import ConfigError
 from openeureka.method.hacking import Kind
 from openeureka.observer import NullObserver
 from openeureka.report import costs, html, tables
-from openeureka.report.verdict import of_tuning, verdict
+from openeureka.report.verdict import nexts, of_tuning, verdict
 from openeureka.report.view import RunView
 from openeureka.runs.run import Run
 from openeureka.score import Outcome, played
@@ -98,6 +98,8 @@ def test_a_reward_that_breaks_a_limit_with_fresh_seeds_does_not_win(tmp_path: Pa
     run = RunView.read(search_in(tmp_path / "run", script, trainer=trainer, observer=Ear(), limits="torque=75"))
     assert told == [Outcome(best=None)]
     assert run.crown is None and "trained again with fresh seeds" in verdict(run)
+    assert [command for command, _ in nexts(run)] == ["eureka show DIR"]
+    assert not verdict(replace(run, ended=False)).startswith("No reward won")  # a winner may be judged just now
     assert Run(tmp_path / "run").finished
 
 

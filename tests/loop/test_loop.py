@@ -159,6 +159,7 @@ def test_a_repetition_is_kept_where_nothing_else_comes(begin) -> None:
     one.go()
     first, second = one.history().generations[0].entries
     assert (first.fitness, second.fitness) == (7, 7)
+    assert (first.sample.attempts, second.sample.attempts) == (1, 3)
     assert one.model.said == 3  # its refill, and no repair turn, as nothing is wrong with it
 
 

@@ -261,7 +261,12 @@ def test_a_policy_that_breaks_a_limit_is_not_handed_over(tmp_path: Path) -> None
     assert found.after is not None and found.after.fitness is not None and found.before is not None
     assert found.after.fitness > (found.before.fitness or 0.0)  # more, and a torque of 100 and more
     assert not found.better and not (tmp_path / "polished").exists()
-    assert "breaks a limit, torque" in of_polishing(found)
+    assert "breaks a limit, torque" in of_polishing(found) and not found.breach_before
+    view = RunView.read(tmp_path)
+    stricter = replace(view, config=replace(view.config, limits="torque=65")).polished
+    assert stricter is not None and stricter.breach_before == "torque 70.2 N m, above 65"
+    wins = replace(stricter, breach="", best=PolicyId("other-s0", "last"))  # a lane of lower torque
+    assert of_polishing(wins).startswith("The policy carried on wins: the one it began from breaks a limit, torque 70")
 
 
 @pytest.mark.parametrize("calls", range(1, 30))

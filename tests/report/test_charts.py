@@ -54,6 +54,14 @@ def test_progress_shows_candidates_in_order_the_best_so_far_and_the_baselines():
         "sparse reward": (20.0,) * 6,
     }
     assert chart.names == ("g0s0", "g0s1", "g0s2", "g1s0", "g1s1", "g2s0")
+    whole = run(HISTORY, BASELINES)
+    first, *rest = whole.generations
+    rejected = (first.candidates[0], dataclasses.replace(first.candidates[1], vetoed=True), *first.candidates[2:])
+    chart = charts.progress(
+        dataclasses.replace(whole, generations=(dataclasses.replace(first, candidates=rejected), *rest))
+    )
+    assert chart is not None
+    assert chart.lines[1].values == (10.0, 10.0, 10.0, 20.0, 20.0, 50.0)
     assert chart.bounds == (0, 3, 5)
 
 

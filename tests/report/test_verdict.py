@@ -1,6 +1,6 @@
 """The sentence that opens every account of a search."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +11,8 @@ from openeureka.report.tables import scale
 from openeureka.report.verdict import meaning, nexts, verdict
 from openeureka.report.view import RunView
 from openeureka.score import Arm, Outcome
-from openeureka.types import Candidate, Evaluation, Generation, History
+from openeureka.testing.scripted import ToyTrainer, reply
+from openeureka.types import Candidate, Evaluation, Generation, History, Place, Remark, RemarkKind
 
 from .scripted import search_in
 from .search import BASELINES, BEST, HISTORY, finished, refused, result, run
@@ -87,6 +88,33 @@ def test_what_to_type_next_names_the_seeds_that_would_decide(
     assert nexts(ended(generated, human), "the run")[-1][0] == "eureka play 'the run'"
 
 
+def test_where_the_human_reward_was_measured_with_one_seed_training_it_along_decides() -> None:
+    view = ended([41.0, 42.0], [40.0])
+    known = replace(view, config=replace(view.config, env="humanoid", baselines="known"))
+    assert verdict(known).endswith("The human one was measured with one seed; baselines=train trains it as often.")
+    assert verdict(ended([71.0, None, None], [40.0, 41.0])).endswith("One seed says nothing of the next.")
+
+
+def test_a_search_that_stops_before_its_final_trainings_are_judged_has_not_lost(tmp_path: Path) -> None:
+    class Stops(ToyTrainer):
+        def evaluate(self, *_: object, **__: object) -> Iterator[Evaluation]:
+            raise KeyboardInterrupt
+            yield
+
+    with pytest.raises(KeyboardInterrupt):
+        search_in(tmp_path, [reply(7), reply(8)], trainer=Stops(), search="eureka")
+    view = RunView.read(tmp_path)
+    assert verdict(view).startswith("Not decided yet")
+    assert [command for command, _ in nexts(view)] == ["eureka resume DIR"]
+
+
+def test_a_person_who_rejects_all_that_trained_is_the_reason_that_nothing_was_found(tmp_path: Path) -> None:
+    view = RunView.read(search_in(tmp_path, [reply(7), reply(8)]))
+    vetoes = [Remark(kind=RemarkKind.VETO, candidate=Place(0, slot)) for slot in (0, 1)]
+    rejected = replace(view, history=view.history.heard(vetoes), crown=None)
+    assert verdict(rejected) == "No reward was found: every one that has a score was rejected."
+
+
 def test_before_the_end_nothing_is_claimed() -> None:
     assert verdict(run(HISTORY, BASELINES)) == "Not decided yet: the final trainings are not done."
     assert verdict(run(History((Generation(0, (refused(0, 0, "x"),)),)))) == "No reward has been trained yet."
@@ -116,4 +144,4 @@ def test_a_search_that_found_nothing_says_why_and_where_to_read_more(tmp_path: P
     said = verdict(view)
     assert said.startswith("No reward was found: of 4 slots none left a policy with a score. The newest: g1s0: ")
     assert "the reply holds no Python function" in said and said in summary(view)
-    assert nexts(view) == [("eureka show DIR", "what was said of each reply")]
+    assert nexts(view) == [("eureka show DIR", "what became of each reply")]

@@ -249,6 +249,16 @@ def test_components_are_told_apart_early_and_late_in_episodes():
     again = Curves(lanes=1, worlds=2, components=curves.components)
     again.load_state_dict(curves.state_dict())
     assert again.early_and_late(0)["component_late/a"] == (6.0,)
+
+    class OnGPU:
+        """What a state that is loaded onto a device holds there."""
+
+        def cpu(self):
+            return curves.state_dict()["parts"]
+
+    elsewhere = Curves(lanes=1, worlds=2, components=curves.components)
+    elsewhere.load_state_dict({**curves.state_dict(), "parts": OnGPU()})
+    assert elsewhere.early_and_late(0)["component_late/a"] == (6.0,)
     older = curves.state_dict()
     del older["parts"]
     Curves(lanes=1, worlds=2, components=curves.components).load_state_dict(older)

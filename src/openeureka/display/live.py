@@ -82,7 +82,7 @@ class Tally:
         best = generation.best
         return (
             f"Generation {generation.index}: best F {number(best.score if best else None)}, "
-            f"{len(generation.scores)} of {len(generation.entries)} trained"
+            f"{generation.trained} of {len(generation.entries)} trained"
         )
 
     def remaining(self) -> float | None:

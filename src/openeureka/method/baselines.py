@@ -46,17 +46,26 @@ def chosen(config: RunConfig) -> Baselines | None:
     """
     if config.baselines != "known":
         return None
+    found = measured(config)
+    if found is None or not (found.human.training and found.sparse.training):
+        what = f"{config.env}{_apart(config)}"
+        raise ConfigError(f"The baselines of {what} were not measured beforehand; use baselines=train.")
+    return found
+
+
+def measured(config: RunConfig) -> Baselines | None:
+    """What is known beforehand of a task as a run trains it; None where it was measured otherwise or not at all."""
+    return known(config.env, _held_out(config)) if not _apart(config) else None
+
+
+def _apart(config: RunConfig) -> str:
+    """What a run trains with that no baseline was measured with; empty where there is nothing."""
     unlike = (
         ("a curriculum", bool(config.curriculum)),
         ("randomise=", config.randomise != NO_RANGES),
         ("observe=measurable", config.observe != "all"),
     )
-    apart = next((f" with {name}" for name, differs in unlike if differs), "")
-    found = known(config.env, _held_out(config)) if not apart else None
-    if found is None or not (found.human.training and found.sparse.training):
-        what = f"{config.env}{apart}"
-        raise ConfigError(f"The baselines of {what} were not measured beforehand; use baselines=train.")
-    return found
+    return next((f" with {name}" for name, differs in unlike if differs), "")
 
 
 def _held_out(config: RunConfig) -> Peak:

@@ -23,6 +23,7 @@ from ..types import (
     Observe,
     Peak,
     Ranges,
+    RewardGraph,
     RewardProgram,
     Role,
     Sample,
@@ -57,10 +58,16 @@ def deal(rewards: Iterable[tuple[str, RewardProgram]], seeds: Iterable[int], rol
     return [(Lane(name, seed, role), program) for name, program in rewards for seed in seeds]
 
 
-def programs(samples: Iterable[Sample]) -> list[tuple[CandidateId, RewardProgram]]:
+def programs(samples: Iterable[Sample]) -> list[tuple[CandidateId, RewardGraph]]:
     """The accepted programs; equal ones once."""
     graphs = {sample.verdict.candidate: sample.verdict.graph for sample in samples}
     return [(candidate, graph) for candidate, graph in graphs.items() if graph is not None]
+
+
+def _alike(due: Sequence[LaneSpec]) -> list[list[LaneSpec]]:
+    """Lanes that go on, and those that begin anew as what they were at a rung is lost: no population trains both."""
+    groups = [[spec for spec in due if (spec.paused is None) == anew] for anew in (False, True)]
+    return [group for group in groups if group]
 
 
 def beside(config: RunConfig) -> tuple[tuple[str, RewardProgram], ...]:
@@ -151,8 +158,9 @@ class Lanes:
         for number, rung in enumerate((*RUNGS[self.config.schedule], WHOLE), start=1):
             due, failed = ladder.due(number, rung, going), list[TrainingResult]()
             budget = dataclasses.replace(whole, until=rung.share)
-            for event in self.trainer.train(self.config.env, due, budget) if due else ():
-                self._hear(event, number, sharing, failed)
+            for group in _alike(due):
+                for event in self.trainer.train(self.config.env, group, budget):
+                    self._hear(event, number, sharing, failed)
             # Beside generated rewards alone the trainer has tried the human one.
             all_generated = not any(isinstance(spec.program, str) for spec in due)
             if failed and len(failed) == len(due) and not all_generated and not self._trained(lanes):
@@ -178,7 +186,7 @@ class Lanes:
         alike: dict[str, list[LaneSpec]] = {}
         for lane, program in lanes.items():
             if lane.id in known:
-                self.store.lanes.forget(lane.id)  # killed just before it could
+                self.store.lanes.forget(lane.id)  # a run killed after the result may have left its snapshot
             else:
                 spec = self._spec(lane, program)
                 alike.setdefault(f"{lane.seed} {lane.start} {spec.randomise} {program}", []).append(spec)
@@ -287,7 +295,7 @@ class Lanes:
         scores: list[Evaluation] = []
         play = self.trainer.evaluate
         if self.config.screen > 1 and not look:
-            # Else nothing is said of it: a trainer of somebody's own may not record.
+            # Without `screen=` a trainer of somebody's own need not know the word.
             play = partial(play, record=self._evidence(places))
         for score in play(self.config.env, playing, seed=seed, episodes=episodes):
             lane, peak = places[score.lane]

@@ -75,6 +75,7 @@ def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | 
         if not names:
             return None
         names = running(scores, names)
+        # The winner was picked among all, and a race that goes on may err again: both make the bar higher.
         if len(names) == 1 and sure(scores, names[0], "human", len(arms) / share(config, len(seeds))):
             break
     return arms[names[0]]

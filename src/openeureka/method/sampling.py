@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Protocol
@@ -118,6 +118,8 @@ class Sampler:
                 sample = self._check(generation, attempt, slot, shown.get(slot, ()))
                 if slot not in filled or sample.verdict.accepted or not filled[slot].verdict.accepted:
                     filled[slot] = sample
+                else:  # a repeated program is better than none
+                    filled[slot] = replace(filled[slot], attempts=sample.attempts)
         return [filled[slot] for slot in slots]
 
     def _draw(self, prompt: Prompt, generation: int, attempt: int, slots: Sequence[int]) -> None:

@@ -175,8 +175,7 @@ def decide(
     answers = Counter(prompt for _, prompt in asked.values())
     if all(answers[prompt] <= room for prompt, room in enumerate(rooms)):
         return {}  # there is nobody to choose among
-    known = programs([*trained.values(), *(sample for sample, _ in asked.values())])
-    graphs = {name: graph for name, graph in known if not isinstance(graph, str)}
+    graphs = dict(programs([*trained.values(), *(sample for sample, _ in asked.values())]))
     paid = lanes.trainer.rewards(lanes.config.env, graphs, witnesses)
     fresh = {name: rate(sample.place, prompt, paid.get(name), witnesses) for name, (sample, prompt) in asked.items()}
     before = [rate(sample.place, -1, paid.get(name), witnesses) for name, sample in trained.items()]

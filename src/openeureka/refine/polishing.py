@@ -115,6 +115,8 @@ class Polished:
     """The one of both with the higher F, held out, of those that keep the limits; None before they are judged."""
     breach: str = ""
     """The limits that the chosen lane's policy breaks, held out; empty where none."""
+    breach_before: str = ""
+    """Those that the policy which it began from breaks."""
 
     @property
     def better(self) -> bool:
@@ -160,5 +162,6 @@ def read(
         chosen=chosen,
         after=evaluations[chosen.lane.id] if chosen is not None else None,
         breach=breach(evaluations[chosen.lane.id], limits) if chosen is not None else "",
+        breach_before=breach(evaluations.get(began.lane), limits),
         best=best,
     )

@@ -88,7 +88,7 @@ def progress(run: RunView) -> Chart | None:
     levels = {name: run.baseline_score(name) for name in run.baselines}
     lines = [
         Line(name="candidate", values=_rounded(scores), color=0, kind="dots"),
-        Line(name="best so far", values=_rounded(_best_so_far(scores)), color=0, kind="steps"),
+        Line(name="best so far", values=_rounded(_best_so_far(run)), color=0, kind="steps"),
         *(
             Line(name=f"{name} reward", values=_rounded([value] * len(shown)), color=color, kind="dashed")
             for color, (name, value) in enumerate(levels.items(), start=1)
@@ -143,13 +143,17 @@ def under_way(
 
 def best_by_candidate(runs: Mapping[str, RunView]) -> Chart | None:
     """The best score so far of several searches, by the candidates that each had drawn."""
-    curves = {name: _best_so_far([candidate.score for candidate in run.candidates]) for name, run in runs.items()}
+    curves = {name: _best_so_far(run) for name, run in runs.items()}
     longest = max(map(len, curves.values()), default=0)
     lines = _lines({name: (*curve, *[None] * (longest - len(curve))) for name, curve in curves.items()}, kind="steps")
     return _chart("Best F so far", "candidates drawn", range(1, longest + 1), lines, note=_undrawn(len(curves), "runs"))
 
 
-def _best_so_far(scores: Sequence[float | None]) -> tuple[float | None, ...]:
+def _best_so_far(run: RunView) -> tuple[float | None, ...]:
+    """The highest score of candidates that may win, after each."""
+    limits = run.config.limited
+    lost = (own.vetoed or (own.played is not None and own.played.broken(limits)) for own in run.candidates)
+    scores = [None if out else own.score for out, own in zip(lost, run.candidates, strict=True)]
     return tuple(value if math.isfinite(value) else None for value in accumulate(map(rank, scores), max))
 
 

@@ -41,7 +41,7 @@ def facts(score: Evaluation | None) -> list[tuple[str, str]]:
 def nobody(run: RunView) -> str:
     """Why no reward won, where limits are the reason; empty where one did or the search is not done."""
     limits = run.config.limited
-    if not limits or run.crown is not None or not run.evaluations:
+    if not limits or run.crown is not None or not run.ended:
         return ""
     nearest = run.ranking.nearest
     if nearest is not None:

@@ -142,7 +142,7 @@ def given(run: RunView) -> Table:
             (
                 name,
                 spread(arm.training),
-                spread(arm.scores),
+                spread(arm.held_out),
                 spread(lengths),
                 spread([result.correlation for result in results]),
                 f"{sum(result.env_steps for result in results):,}",
@@ -193,7 +193,7 @@ def _scale(run: RunView) -> tuple[tuple[float | None, float | None], str]:
     arms = run.given
     if "human" in arms and "sparse" in arms:
         return (mean(arms["human"].scores), mean(arms["sparse"].scores)), text
-    known = baselines.known(run.config.env)
+    known = baselines.measured(run.config)
     if known is None:
         return (None, None), f"{text} It needs both: add human and sparse to reward=."
     return (mean(known.human.held_out), mean(known.sparse.held_out)), f"{text} {known.sentence()}"
@@ -343,12 +343,12 @@ class GenerationStats:
     replies: int
     """Replies spent, repairs and refills included."""
     trained: int
-    """Slots whose training came to its end, or was cut, with a score."""
+    """Slots whose training came to its end, or was cut."""
     env_steps: int
     """Of the trainings of its slots; see `History.spent`."""
     best: float | None
     mean: float | None
-    """Over the trained slots."""
+    """Over the slots with a score."""
 
 
 def by_generation(history: History) -> tuple[GenerationStats, ...]:
@@ -360,21 +360,20 @@ def by_generation(history: History) -> tuple[GenerationStats, ...]:
 
 
 def _of(generation: Generation, env_steps: int) -> GenerationStats:
-    scores = generation.scores
     return GenerationStats(
         index=generation.index,
         slots=len(generation.entries),
         verdicts=Counter(entry.sample.verdict.code for entry in generation.entries),
         replies=sum(entry.sample.attempts for entry in generation.entries),
-        trained=len(scores),
+        trained=generation.trained,
         env_steps=env_steps,
         best=generation.best.score if generation.best else None,
-        mean=mean(scores),
+        mean=mean(generation.scores),
     )
 
 
 def trained_share(history: History) -> float | None:
-    """Slots whose training finished, over all slots. None before the first generation."""
+    """Slots that trained, over all slots. None before the first generation."""
     stats = by_generation(history)
     slots = sum(generation.slots for generation in stats)
     return sum(generation.trained for generation in stats) / slots if slots else None

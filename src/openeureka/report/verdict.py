@@ -48,7 +48,7 @@ def of_tuning(found: Tuned | None) -> str:
         return f"The tuned numbers win: the policies of those before break a limit, {found.breach_before}; {between}."
     difference = found.difference
     if difference is None:
-        return f"Not decided: {between}. One seed says nothing of the next; seeds=3 would say more."
+        return f"Not decided: {between}. {_one_seed(before, after)}"
     told = decided(difference, "The tuned numbers are {} than those before", between)
     return told if difference.sure else f"{told} {_needed(difference, len(after.scores))}"
 
@@ -62,6 +62,8 @@ def of_polishing(found: Polished) -> str:
     if found.breach and not found.better:
         return f"The policy stays as it was: the one that was carried on breaks a limit, {found.breach}."
     between = f"F {scored(found.after)} against {scored(found.before)} of the policy it began from, held out"
+    if found.better and found.breach_before:
+        return f"The policy carried on wins: the one it began from breaks a limit, {found.breach_before}; {between}."
     gain = found.gain
     if gain is None or gain.low is None:
         return f"Not decided: {between}."
@@ -114,8 +116,10 @@ def _of_search(run: RunView) -> str:
         return f"No difference: both rewards reach F {number(human.scores[0])} with every seed, held out."
     between = f"F {_arm(generated)} against {_arm(human)}, held out"
     found = outcome.difference
+    if found is None and run.known is not None and len(human.scores) < 2:
+        return f"Not decided: {between}. The human one was measured with one seed; baselines=train trains it as often."
     if found is None:
-        return f"Not decided: {between}. One seed says nothing of the next; seeds=3 would say more."
+        return f"Not decided: {between}. {_one_seed(generated, human)}"
     told = decided(found, "The generated reward is {} than the human one", between)
     return told if found.sure else f"{told} {_needed(found, len(generated.scores))}"
 
@@ -126,6 +130,8 @@ def none_found(run: RunView) -> str:
     done = run.history.generations
     if not run.searched or run.best is not None or len(done) < run.config.generations or nobody(run):
         return ""
+    if any(entry.score is not None for entry in run.ranking.vetoed):
+        return "No reward was found: every one that has a score was rejected."
     entries = [entry for generation in reversed(done) for entry in generation.entries]
     findings = ((entry.sample.place, finding) for entry in entries for finding in entry.sample.verdict.findings)
     told = next((f" The newest: {place}: {finding.sentence()}." for place, finding in findings), "")
@@ -151,8 +157,8 @@ def why(run: RunView) -> str:
 def nexts(run: RunView, directory: str = "DIR") -> list[tuple[str, str]]:
     """What to type next: the command, and what it does."""
     unfinished = run.tunes and verdict(run).startswith("Not decided yet")
-    if none_found(run):
-        return [(command_line("show", directory), "what was said of each reply")]
+    if none_found(run) or nobody(run):
+        return [(command_line("show", directory), "what became of each reply")]
     if unfinished or (run.searched and run.outcome is None):
         return [(command_line("resume", directory), "go on where it was")]
     found, command = run.polished, deciding(run, directory)
@@ -221,6 +227,12 @@ def _arm(arm: Arm) -> str:
     count, lost = len(arm.scores), len(arm.held_out) - len(arm.scores)
     without = f", {lost} more without a score" if lost else ""
     return f"{number(mean(arm.scores) or 0.0)} ({count} seed{'s' if count > 1 else ''}{without})"
+
+
+def _one_seed(*arms: Arm) -> str:
+    """What to do where a reward has the score of one seed alone."""
+    lost = any(len(arm.held_out) > len(arm.scores) for arm in arms)
+    return "One seed says nothing of the next" + ("." if lost else "; seeds=3 would say more.")
 
 
 def decided(found: Difference | Estimate, claim: str, between: str, unless: str = "Not decided") -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from .. import score, strategies
@@ -67,6 +67,8 @@ class RunView:
     """How a policy was made that works in hard worlds; None where none was."""
     unheard: tuple[Remark, ...] = ()
     """What a person said that no prompt has taken up yet."""
+    ended: bool = False
+    """Whether nothing is left of a search but reports."""
     texts: Mapping[str, Candidate] = field(default_factory=dict)
     """Given rewards and weightings by name; not those that come with the task."""
 
@@ -109,6 +111,7 @@ class RunView:
                 best_policy=store.lanes.best_policy(),
                 robust=hardened.read(store, results),
                 unheard=store.remarks.unheard(),
+                ended=store.glance().ended,
                 texts=store.texts(),
                 videos=videos,
             )
@@ -128,7 +131,9 @@ class RunView:
         """What the fitting of a reward's numbers has found so far; None where there is none."""
         if not self.config.tune:
             return None
-        return tuned.read(self.config, self.texts, self.results, self.played, self.evaluations)
+        found = tuned.read(self.config, self.texts, self.results, self.played, self.evaluations)
+        # A search has trained the text as it came with fresh seeds before the first round of other numbers.
+        return replace(found, alone=False) if found is not None and self.searched and not self.ended else found
 
     @property
     def polished(self) -> Polished | None:
@@ -215,11 +220,13 @@ class RunView:
 
     @property
     def _unraced(self) -> bool:
-        """Whether it was finished by a version that kept no crown."""
+        """Whether all final trainings are judged, and no crown is kept: by versions that kept none, or where none of
+        them left a policy."""
         best = self.ranking.best
         names = [best.sample.verdict.candidate if best is not None else "", *(name for name, _ in beside(self.config))]
         lanes = [lane_id(name, seed) for name in names for seed in final_seeds(self.config)]
-        return self.ranks == "training" and all(lane in self.results for lane in lanes)
+        judged = self.ended or any(lane in self.evaluations for lane in lanes)
+        return self.ranks == "training" and judged and all(lane in self.results for lane in lanes)
 
     @property
     def tried(self) -> tuple[Tried, ...]:

@@ -147,7 +147,7 @@ def _parts(
     trainer = trainer_of(config, directory)
     model = model or _model(config, directory)
     config = strategies.sized(config, model.style)
-    begins = strategies.make(config)  # refuses what is none; which one it will be, the store says
+    begins = strategies.make(config)  # refuses what is none; a run of before may rank otherwise, so it is made again
     host.begins(config, directory)
     with host.working("Trying the task out"):
         states = record_states(config.env)

@@ -143,7 +143,7 @@ class Curves:
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         self.curves, self.moments = saved["curves"], saved["moments"]
         self._scores.extend(saved["scores"])
-        self._parts = saved.get("parts", self._parts)  # an older version saved none
+        self._parts = saved.get("parts", self._parts).cpu()  # an older version saved none; others load onto the GPU
 
     def correlation(self, lane: int) -> float | None:
         """Of own and human reward over every transition so far."""

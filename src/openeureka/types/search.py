@@ -126,6 +126,11 @@ class Generation:
     """As in `History`."""
 
     @property
+    def trained(self) -> int:
+        """The number of entries that trained."""
+        return sum(entry.trained for entry in self.entries)
+
+    @property
     def scores(self) -> list[float]:
         """Of the entries whose training came to its end, or was cut, with a score."""
         return [entry.score for entry in self.entries if entry.trained and entry.score is not None]
@@ -174,7 +179,7 @@ class History:
     def spent(self) -> Iterator[tuple[Scored, int]]:
         """The slots with a result in order, and the environment steps that each added.
 
-        None where it shares a training: with an equal program of the search, or an equal graph of its generation.
+        0 where it shares a training: with an equal program of the search, or an equal graph of its generation.
         """
         lanes = set[str]()
         for generation in self.generations:

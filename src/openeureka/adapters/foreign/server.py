@@ -88,8 +88,10 @@ class Vector:
         env, inner = self.env, _inner(self.env)
         told = getattr(env, "document", None)
         document = told if told is not None else inspect.getdoc(type(inner)) or ""
-        actions = _actions(getattr(env, "single_action_space", None) or getattr(env, "action_space", None), env)
-        self.shape = tuple(actions.pop("shape"))
+        space = getattr(env, "single_action_space", None) or getattr(env, "action_space", None)
+        actions = _actions(space, env)
+        self.shape, kind = tuple(actions.pop("shape")), getattr(space, "dtype", None)
+        self.kind = kind if isinstance(kind, np.dtype) else None
         spec = getattr(env, "spec", None) or getattr(inner, "spec", None)
         steps = (getattr(spec, "max_episode_steps", None), *(getattr(env, name, None) for name in _STEPS))
         rate = (getattr(env, "metadata", None) or {}).get("render_fps")
@@ -110,7 +112,7 @@ class Vector:
         return self._parts(observation), none, none, none, self._state(info)
 
     def step(self, actions: np.ndarray) -> tuple[Any, ...]:
-        actions = actions.reshape((self.worlds, *self.shape)).copy()
+        actions = actions.reshape((self.worlds, *self.shape)).astype(self.kind or actions.dtype)
         if "torch" in sys.modules and getattr(self.env, "device", None) is not None:
             actions = sys.modules["torch"].as_tensor(actions, device=self.env.device)
         observation, reward, terminated, truncated, info = self.env.step(actions)

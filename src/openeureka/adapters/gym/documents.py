@@ -12,8 +12,10 @@ from ...types.tasks import StateUse
 
 WHOLE = ("obs_buf", "previous_obs_buf", "actions")
 """Variables that every environment has."""
-TAKEN = frozenset((*WHOLE, *keyword.kwlist, "torch", "math", "np", "typing", "Dict", "Tuple"))
-"""What means something else in a reward."""
+TAKEN = frozenset(
+    (*WHOLE, "outcome", "num_envs", "device", *keyword.kwlist, "torch", "math", "np", "typing", "Dict", "Tuple")
+)
+"""What means something else in a reward. `outcome` is what F gains in a step."""
 
 _TOLD = ("description", "action space", "observation space", "starting state")
 _BETRAYS = re.compile(r"reward|score|success|fitness|recipe|return|solved|penal", re.IGNORECASE)

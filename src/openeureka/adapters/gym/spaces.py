@@ -101,14 +101,15 @@ class Actions:
     def taken(self, actions: Tensor) -> np.ndarray:
         """(N, size) actions as the environment takes them, with a leading axis N.
 
-        A side of a Box that has no bound takes actions as they are.
+        A number of a Box without bounds is the action itself. Where 0 is beyond its only bound, an action of 0 is one
+        away from that: a policy begins near 0, and would be stuck at the bound.
         """
         space = self.space
         if isinstance(space, spaces.Box):
             low, high = space.low.reshape(-1), space.high.reshape(-1)
             bounded = np.isfinite(low) & np.isfinite(high)
             with np.errstate(invalid="ignore"):  # of sides without a bound, which are not taken
-                middle = np.where(bounded, (low + high) / 2, 0.0)
+                middle = np.where(bounded, (low + high) / 2, np.clip(0.0, low + 1.0, high - 1.0))
                 half = np.where(bounded, (high - low) / 2, 1.0)
             scaled = np.clip(middle + half * actions.double().numpy(), low, high)
             return scaled.astype(space.dtype).reshape(-1, *space.shape)
