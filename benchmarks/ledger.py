@@ -43,7 +43,7 @@ def learn(config: TrainConfig, peaks: Sequence[Peak], more: Iterable[Wanted] | N
     """
     directory = Path(config.dir)
     try:
-        with comparing(config.run(), directory, Script()) as lanes:
+        with comparing(config.run_config(), directory, Script()) as lanes:
             given.keep(lanes.store, named(config))
             given.train(lanes, more)
             scores, results = _held_out(lanes, peaks), lanes.store.lanes.results()

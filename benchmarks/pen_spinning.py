@@ -66,7 +66,7 @@ def first(config: TrainConfig, lanes: Sequence[str]) -> Record:
     kept = StageFiles(Path(config.dir))
     results = {lane: result for lane in lanes if (result := kept.read(1, lane)) is not None}
     policies = {lane: result.last for lane, result in results.items() if result.last is not None}
-    trainer = trainer_of(config.run(), Path(config.dir))
+    trainer = trainer_of(config.run_config(), Path(config.dir))
     return arm(results, {score.lane: score for score in trainer.evaluate(ENV, policies, seed=config.seed + HELD_OUT)})
 
 

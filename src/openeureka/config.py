@@ -47,7 +47,7 @@ class RunConfig:
     env: str = "cartpole"
     """A name of `eureka envs`, `FILE.py`, `pkg.mod:Class`, `gym:ID`, or `dmc:`, `mjlab:` and others with `python=`."""
     model: str = "local"
-    """`local`, `local:PATH.gguf`, `random`, `replay:RUN` or `FILE.json`, or the name of a model at an endpoint."""
+    """`local`, `local:PATH.gguf`, `random`, `replay:RUN`, `replay:FILE.json`, or the name of a model at an endpoint."""
     base_url: str = ""
     """OpenAI-compatible endpoint; empty means the one the openai package uses."""
     sample: int = 0
@@ -77,7 +77,7 @@ class RunConfig:
     curriculum: str = ""
     """Stages to train each candidate through: one of the task's own, or a YAML file; empty means the task alone."""
     randomise: str = NO_RANGES
-    """How worlds of training differ: `none`, `mild`, `wide`, or a YAML file of ranges."""
+    """Domain randomisation, how worlds of training differ: `none`, `mild`, `wide`, or a YAML file of ranges."""
     observe: str = "all"
     """What policies see: `all` of the observation, or what is `measurable` on a robot."""
     tune: int = 0
@@ -87,7 +87,7 @@ class RunConfig:
     polish_steps: int = 0
     """Environment steps of each of those; 0 means an eighth of the training that made the policy."""
     seed: int = 0
-    """Of start states, noise and samples."""
+    """Seed of start states, noise and samples."""
     seeds: int = 3
     """Fresh seeds that the leading rewards train with at the end, at most; fewer where two already decide."""
     steps: int = 0
@@ -95,9 +95,9 @@ class RunConfig:
     worlds: int = 0
     """Worlds per candidate; 0 means the task's own."""
     screen: int = 1
-    """Ask for so many times the rewards that train, drop what pays against F, and train those that differ most."""
+    """Ask for this many times the rewards that train, and train those that differ most; 1 trains every one."""
     schedule: str = "full"
-    """How long candidates train: all of them in `full`, or by `halving` those alone that lead at each rung."""
+    """`full`: every candidate trains to its end. `halving`: the weaker half stops at an eighth, a quarter and half."""
     bonus: str = "none"
     """What generated rewards get: `none`; `original`, 250 on success in hand tasks; `progress`, pay for rare stages."""
     device: str = "cpu"
@@ -166,7 +166,7 @@ class RunConfig:
                 )
         if self.curriculum and self.schedule != "full":
             raise ConfigError(f"`schedule={self.schedule}` goes with no `curriculum=`; leave one of them out.")
-        if self.limited and (self.search == "eureka" or self.model == NO_MODEL):
+        if self.cost_limits and (self.search == "eureka" or self.model == NO_MODEL):
             raise ConfigError("`limits` needs a search that lets policies play; use it with search=best.")
         if self.screen > 1 and (self.search == "eureka" or self.model == NO_MODEL):
             raise ConfigError("`screen` judges by policies that were played; use it with search=best and a model.")
@@ -174,7 +174,7 @@ class RunConfig:
             raise ConfigError("`judge=votes` needs someone who votes; add feedback=human.")
 
     @property
-    def limited(self) -> dict[str, float]:
+    def cost_limits(self) -> dict[str, float]:
         """`limits` by the name of a cost."""
         found: dict[str, float] = {}
         for word in self.limits.replace(",", " ").split():
@@ -212,7 +212,7 @@ class TrainConfig:
     curriculum: str = ""
     """Stages to train each reward through: one of the task's own, or a YAML file; empty means the task alone."""
     randomise: str = NO_RANGES
-    """How worlds of training differ: `none`, `mild`, `wide`, or a YAML file of ranges."""
+    """Domain randomisation, how worlds of training differ: `none`, `mild`, `wide`, or a YAML file of ranges."""
     observe: str = "all"
     """What policies see: `all` of the observation, or what is `measurable` on a robot."""
     seeds: int = 1
@@ -241,9 +241,9 @@ class TrainConfig:
     """Run reward files in an unconfined child process where the kernel cannot confine it."""
 
     def __post_init__(self) -> None:
-        self.run()  # whose settings have the same bounds
+        self.run_config()  # whose settings have the same bounds
 
-    def run(self) -> RunConfig:
+    def run_config(self) -> RunConfig:
         """The settings of the run: one that searches for nothing."""
         known = {field.name for field in dataclasses.fields(RunConfig)}
         shared = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name in known}
@@ -271,8 +271,8 @@ class TuneConfig(TrainConfig):
                 raise ConfigError(f"`{key}` must be from {FEWEST_TUNED} to {_MANY}, not {getattr(self, key)}.")
         TrainConfig.__post_init__(self)  # `super()` does not know a class with slots
 
-    def run(self) -> RunConfig:
-        return dataclasses.replace(TrainConfig.run(self), tune=self.trials)
+    def run_config(self) -> RunConfig:
+        return dataclasses.replace(TrainConfig.run_config(self), tune=self.trials)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -310,7 +310,7 @@ class RobustConfig:
         if self.start not in STARTS:
             raise ConfigError(f"`start` must be {' or '.join(STARTS)}, not `{self.start}`.")
 
-    def changed(self, run: RunConfig, typed: Collection[str] = ()) -> RunConfig:
+    def applied_to(self, run: RunConfig, typed: Collection[str] = ()) -> RunConfig:
         """The run's settings with those that are given here, but for `start` and `steps`: both say how policies of the
         run go on, not how its own were made.
 

@@ -68,7 +68,7 @@ def run(
         for sample in samples:
             lane = lane_id(sample.verdict.candidate, config.seed)
             result, played = results.get(lane), scores.get(lane)
-            feedback = reflect(sample, result, model.style, played, config.limited)
+            feedback = reflect(sample, result, model.style, played, config.cost_limits)
             entries.append(Scored(sample=sample, result=result, played=played, feedback=feedback))
         history = strategy.tell(history.replayed(scores), entries)
         best = Ranking(history).best
@@ -108,7 +108,7 @@ def conclude(lanes: Lanes, strategy: SearchStrategy, history: History) -> None:
     scores = lanes.evaluate(lanes.standing([lane for arm in finals.values() for lane in arm], strategy))
     results = store.lanes.results()
     own = {lane: results[lane] for lane in finals[best.sample.verdict.candidate] if lane in scores}
-    winner = max(own, key=lambda lane: worth(scores[lane], config.limited), default=None)
+    winner = max(own, key=lambda lane: worth(scores[lane], config.cost_limits), default=None)
     keep(lanes, strategy, best, winner)
     if winner is not None:
         lanes.try_out(hacking.trials(own, winner, lanes.standing(own, strategy)))

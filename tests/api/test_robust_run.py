@@ -80,9 +80,9 @@ def test_the_runs_limit_of_cost_holds_unless_another_is_given(tmp_path):
     with pytest.raises(EurekaError, match="max_cost"):  # the search's two replies took all of it
         openeureka.robust(run, model=model, sample=1, price="1,1")
     assert openeureka.robust(run, model=model, sample=1, price="1,1", max_cost=0).robust is not None
-    assert parse(RobustConfig, ["max_cost=0"]).changed(RunConfig(max_cost=5), ["max_cost"]).max_cost == 0
-    assert RobustConfig(max_cost=2).changed(RunConfig(max_cost=5), ["max_cost"]).max_cost == 2
-    assert RobustConfig().changed(RunConfig(max_cost=5, steps=7)).max_cost == 5
+    assert parse(RobustConfig, ["max_cost=0"]).applied_to(RunConfig(max_cost=5), ["max_cost"]).max_cost == 0
+    assert RobustConfig(max_cost=2).applied_to(RunConfig(max_cost=5), ["max_cost"]).max_cost == 2
+    assert RobustConfig().applied_to(RunConfig(max_cost=5, steps=7)).max_cost == 5
 
 
 def test_what_was_begun_with_other_steps_does_not_go_on_with_these(searched, trainer, monkeypatch):

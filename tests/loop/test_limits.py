@@ -135,7 +135,7 @@ def test_a_cost_that_is_limited_twice_is_refused() -> None:
 def test_limits_need_a_search_that_plays() -> None:
     with pytest.raises(ConfigError, match="search=best"):
         RunConfig(limits="torque=40", search="eureka")
-    assert RunConfig(limits="torque=40, falls=0.1").limited == {"torque": 40.0, "falls": 0.1}
+    assert RunConfig(limits="torque=40, falls=0.1").cost_limits == {"torque": 40.0, "falls": 0.1}
     own = "openeureka.strategies.strategy:eureka"
     for key, value in (("limits", "torque=40"), ("screen", 2)):
         with pytest.raises(ConfigError, match=f"ranks by training, and `{key}=` needs policies that play"):

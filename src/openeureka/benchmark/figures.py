@@ -75,7 +75,7 @@ def read(cell: Cell, directory: Path) -> Result | None:
         curve=_rises(
             (steps, slot.played.fitness)
             for steps, (slot, _) in zip(spent, slots, strict=True)
-            if slot.played is not None and not slot.breaks(run.config.limited)
+            if slot.played is not None and not slot.breaks(run.config.cost_limits)
         ),
     )
 

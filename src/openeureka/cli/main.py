@@ -175,7 +175,7 @@ def tune(words: Settings = None, as_json: Json = False) -> None:
 
 @app.command(epilog=describe(RobustConfig))
 def robust(words: Words = None) -> None:
-    """Have a model propose how worlds of training differ, and train the best policy on in such worlds.
+    """Fine-tune the best policy under domain randomisation, with ranges that a model proposes.
 
     Example: eureka robust outputs/2026-01-31_12-00-00_anymal sample=8
     """

@@ -92,7 +92,7 @@ def train(words: Sequence[str], *, as_json: bool = False) -> None:
     with redirect_stdout(sys.stderr) if as_json else nullcontext():
         rewards = named(typed)
         directory = output_directory(typed.dir, typed.env, "train_")
-        run = compare(typed.run(), directory, rewards)
+        run = compare(typed.run_config(), directory, rewards)
     if as_json:
         print(json.dumps({"directory": str(directory), **facts(run)}, indent=2))
     _say_what_failed(run)
@@ -136,7 +136,7 @@ def tune(words: Sequence[str], *, as_json: bool = False) -> None:
     with redirect_stdout(sys.stderr) if as_json else nullcontext():
         reward = to_tune(typed)
         directory = output_directory(typed.dir, typed.env, "tune_")
-        run = fit(typed.run(), directory, reward)
+        run = fit(typed.run_config(), directory, reward)
     if as_json:
         print(json.dumps({"directory": str(directory), **facts(run)}, indent=2))
 
@@ -161,7 +161,7 @@ def robust(words: Sequence[str]) -> None:
     settings, trusted = trusting(settings, directory)
     typed = _keys(settings)
     wanted = parse(RobustConfig, settings)
-    config = wanted.changed(compose.stored(directory), typed)
+    config = wanted.applied_to(compose.stored(directory), typed)
     trust.agree(config, directory, typed=typed, trusted=trusted, way=f"add trust={directory}", asks=True)
     again = command_line("robust", directory, *settings)
     problems = compose.robust(wanted, config, directory, Terminal(), again=again)

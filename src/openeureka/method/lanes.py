@@ -153,7 +153,7 @@ class Lanes:
         sharing = self._shared(lanes)
         going = {lane: group[0] for lane, group in sharing.items()}
         rivals = frozenset(lane.id for lane in lanes if lane.role == "candidate")
-        ladder = Ladder(self.store.lanes, rivals, self.config.limited, self._of_the_moment)
+        ladder = Ladder(self.store.lanes, rivals, self.config.cost_limits, self._of_the_moment)
         whole = self._budget(steps)
         for number, rung in enumerate((*RUNGS[self.config.schedule], WHOLE), start=1):
             due, failed = ladder.due(number, rung, going), list[TrainingResult]()
@@ -254,7 +254,7 @@ class Lanes:
         self._look(0, ids, strategy.peaks)
         records, beside = self.store.lanes.all(), dict(BASELINES)
         rivals = [lane for lane in ids if records[lane].role == "given" or records[lane].reward not in beside]
-        lawful = {lane: s for lane, s in self.first_looks(rivals).items() if not s.broken(self.config.limited)}
+        lawful = {lane: s for lane, s in self.first_looks(rivals).items() if not s.broken(self.config.cost_limits)}
         self._look(1, level(lawful), strategy.peaks)
         scores = self._scores(ids)
         self.observer.played(scores)
@@ -270,7 +270,7 @@ class Lanes:
         return self._scores(self.store.lanes.plays())
 
     def _scores(self, ids: Iterable[str], looks: int | None = None) -> dict[str, Evaluation]:
-        plays, limits = self.store.lanes.plays(), self.config.limited
+        plays, limits = self.store.lanes.plays(), self.config.cost_limits
         return {
             lane: played({peak: own[:looks] for peak, own in plays[lane].items()}, limits)
             for lane in ids
@@ -313,7 +313,7 @@ class Lanes:
     def standing(self, ids: Iterable[str], strategy: SearchStrategy) -> dict[str, Peak]:
         """Which of its policies stands for each lane: that which plays best, or the first where none was played."""
         plays = self.store.lanes.plays()
-        limits = self.config.limited
+        limits = self.config.cost_limits
         return {lane: standing(plays.get(lane), strategy.peaks[0], limits) for lane in ids}
 
     def evaluate(self, ids: Mapping[str, Peak]) -> dict[str, Evaluation]:

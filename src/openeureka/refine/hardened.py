@@ -109,7 +109,7 @@ def read(store: Store, results: Mapping[str, TrainingResult]) -> Robust | None:
     began = known.policy.lane if known is not None else ""
     if "sweep" not in scores.get(began, {}):
         return None
-    tried, limits = {name: scores.get(records.get(name, ""), {}) for name in own}, store.config.limited
+    tried, limits = {name: scores.get(records.get(name, ""), {}) for name in own}, store.config.cost_limits
     arms = [_arm(PLAIN, None, scores[began], limits), *(_arm(name, own[name], tried[name], limits) for name in own)]
     swept = [name for name in own if "sweep" in tried[name]]
     ours = max(swept, key=lambda name: worth(chosen(tried[name], limits), limits), default="")

@@ -244,13 +244,13 @@ def _peak(lanes: Lanes, lane: Lane, quantities: Sequence[str]) -> Peak:
     own = [PolicyId(lane.id, peak) for peak in PEAKS]
     choosing = [trial for policy in own for trial in trials(policy, hard, f"choose {policy.peak} ")]
     lanes.try_out(choosing, choosing=True, episodes=CHOOSING_EPISODES)
-    found = chosen(lanes.store.lanes.trials().get(lane.id, {}), lanes.config.limited)
+    found = chosen(lanes.store.lanes.trials().get(lane.id, {}), lanes.config.cost_limits)
     return (found.peak if found is not None else None) or PEAKS[0]
 
 
 def _worth(lanes: Lanes, lane: str) -> tuple[bool, float]:
     """To rank lanes by, on start states for choosing."""
-    limits = lanes.config.limited
+    limits = lanes.config.cost_limits
     return worth(chosen(lanes.store.lanes.trials().get(lane, {}), limits), limits)
 
 

@@ -43,9 +43,9 @@ def polish(lanes: Lanes) -> None:
         observer.phase(config.generations, "play")
         played = lanes.play(results, Best(samples=0))
         observer.phase(config.generations, "evaluate")
-        leader = _leader(played, config.limited)
+        leader = _leader(played, config.cost_limits)
         scores = lanes.evaluate({policy.lane: policy.peak for policy in (began, leader) if policy is not None})
-    better = max((began.lane, *results), key=lambda lane: worth(scores.get(lane), config.limited))
+    better = max((began.lane, *results), key=lambda lane: worth(scores.get(lane), config.cost_limits))
     best = PolicyId(better, scores[better].peak or began.peak) if better != began.lane else began
     if best != began:
         log.expose("polished", best)

@@ -150,7 +150,7 @@ def read(
     ]
     trained = [trial for trial in trials if lane_id(trial.candidate.id, config.seed) in results]
     lanes = final_lanes(config, texts, results)
-    limits = config.limited
+    limits = config.cost_limits
     after = winner(
         {name: [played.get(lane) for lane in own] for name, own in lanes.items() if name != ORIGINAL}, limits
     )

@@ -182,7 +182,7 @@ def _scores(
     lanes: Lanes, candidates: Sequence[Candidate], origin: Candidate
 ) -> tuple[list[tuple[float, ...]], list[float | None]]:
     """The numbers of weightings, and what each scored: None for one whose policy breaks a limit."""
-    ids, limits = [lane_id(candidate.id, lanes.config.seed) for candidate in candidates], lanes.config.limited
+    ids, limits = [lane_id(candidate.id, lanes.config.seed) for candidate in candidates], lanes.config.cost_limits
     kept = {lane: score.fitness for lane, score in lanes.first_looks(ids).items() if not score.broken(limits)}
     numbers = [values(candidate.source, origin.source) for candidate in candidates]
     assert all(own is not None for own in numbers)  # all come from `weighed`
@@ -202,7 +202,7 @@ def _race(lanes: Lanes, last: int, judge: Best) -> PolicyId | None:
         lanes.train(deal(_graphs(store, [arms[name] for name in (ORIGINAL, *racing)]), more, "final"))
         own = tuned.final_lanes(config, arms, store.lanes.results(), seeds)
         looks, scores = race.play_finals(lanes, own, judge)
-        racing = [name for name in racing if name in looks and lawful(looks[name], config.limited)]
+        racing = [name for name in racing if name in looks and lawful(looks[name], config.cost_limits)]
         racing = race.running(scores, racing)
         strict = claims / race.share(config, len(seeds))
         if len(racing) < 2 and (not racing or race.sure(scores, racing[0], ORIGINAL, strict)):
@@ -219,7 +219,7 @@ def _raced(store: Store, texts: tuned.Texts) -> list[str]:
 
 def _leading(lanes: Lanes, texts: tuned.Texts) -> list[str]:
     """Names of the best weightings by played F, those first that keep the limits; without the text as it came."""
-    scores, limits = lanes.scores(), lanes.config.limited
+    scores, limits = lanes.scores(), lanes.config.cost_limits
     others = {name: candidate for name, candidate in tuned.distinct(texts).items() if name != ORIGINAL}
     ids = {name: lane_id(candidate.id, lanes.config.seed) for name, candidate in others.items()}
     known = {name: scores[lane] for name, lane in ids.items() if lane in scores}
@@ -240,7 +240,7 @@ def _conclude(lanes: Lanes, texts: tuned.Texts, judge: Best) -> PolicyId | None:
     found = tuned.read(config, texts, results, lanes.scores(), scores)
     if found is None or not own[found.better]:
         return None
-    lane = max(own[found.better], key=lambda lane: worth(scores.get(lane), config.limited))
+    lane = max(own[found.better], key=lambda lane: worth(scores.get(lane), config.cost_limits))
     kept = scores[lane].peak if lane in scores else None
     policy = PolicyId(lane, kept or standing[lane])
     store.save_best(texts[found.better], policy)

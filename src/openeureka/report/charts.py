@@ -151,7 +151,7 @@ def best_by_candidate(runs: Mapping[str, RunView]) -> Chart | None:
 
 def _best_so_far(run: RunView) -> tuple[float | None, ...]:
     """The highest score of candidates that may win, after each."""
-    limits = run.config.limited
+    limits = run.config.cost_limits
     lost = (own.vetoed or (own.played is not None and own.played.broken(limits)) for own in run.candidates)
     scores = [None if out else own.score for out, own in zip(lost, run.candidates, strict=True)]
     return tuple(value if math.isfinite(value) else None for value in accumulate(map(rank, scores), max))

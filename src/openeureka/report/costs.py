@@ -14,7 +14,7 @@ from .view import RunView
 def table(run: RunView) -> Table:
     """A row for each policy that was played, candidates before baselines; no rows where nothing is measured."""
     scores = _scores(run)
-    limits = run.config.limited
+    limits = run.config.cost_limits
     names = [name for name in COSTS if any(name in score.costs for score in scores.values())]
     rows = [
         (
@@ -40,7 +40,7 @@ def facts(score: Evaluation | None) -> list[tuple[str, str]]:
 
 def nobody(run: RunView) -> str:
     """Why no reward won, where limits are the reason; empty where one did or the search is not done."""
-    limits = run.config.limited
+    limits = run.config.cost_limits
     if not limits or run.crown is not None or not run.ended:
         return ""
     nearest = run.ranking.nearest

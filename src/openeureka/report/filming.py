@@ -43,7 +43,7 @@ def policies(store: Store, lanes: Iterable[str]) -> dict[str, bytes]:
     """By lane id, the policies that count, where there is one."""
     plays = store.lanes.plays()
     found = {
-        lane: store.lanes.policy(lane, standing(plays.get(lane), "fitness", store.config.limited)) for lane in lanes
+        lane: store.lanes.policy(lane, standing(plays.get(lane), "fitness", store.config.cost_limits)) for lane in lanes
     }
     return {lane: policy for lane, policy in found.items() if policy is not None}
 

@@ -227,7 +227,7 @@ def exploits(run: RunView) -> Table:
     rows = [
         (kind, "SUSPECTED" if kind in found else "not seen", found.get(kind, ""))
         for kind in Kind
-        if kind is not Kind.LIMITS or run.config.limited
+        if kind is not Kind.LIMITS or run.config.cost_limits
     ]
     before = ", before numbers were fitted" if run.fitted is not None else ""
     note = f"Signs of reward hacking in the final trainings{before}; a sign is no proof."

@@ -82,7 +82,7 @@ class RunView:
             results = store.lanes.results(earlier.results if earlier is not None else {})
             config, history = store.config, store.history(results)
             videos = _videos(directory, results)
-            played = {lane: score.played(plays, config.limited) for lane, plays in store.lanes.plays().items()}
+            played = {lane: score.played(plays, config.cost_limits) for lane, plays in store.lanes.plays().items()}
             reader = Reader(
                 config=config,
                 history=history,
@@ -138,7 +138,7 @@ class RunView:
     @property
     def polished(self) -> Polished | None:
         """What came of carrying the best policy on; None where none is."""
-        best, limits = self.best_policy, self.config.limited
+        best, limits = self.best_policy, self.config.cost_limits
         return polishing.read(self.lanes, self.results, self.played, self.evaluations, best, limits)
 
     @property
@@ -242,7 +242,7 @@ class RunView:
     @property
     def signs(self) -> tuple[Sign, ...]:
         """What suggests that the best reward is exploited rather than fulfilled."""
-        return hacking.signs(self.tried, self.config.limited)
+        return hacking.signs(self.tried, self.config.cost_limits)
 
 
 def _videos(directory: Path, results: Mapping[str, TrainingResult]) -> dict[str, str]:

@@ -182,7 +182,7 @@ def train(
     trust.remember(config)
     programs = rewards.named(config, listed)
     directory = output_directory(config.dir, config.env, "train_")
-    return done(directory, on_event, lambda host: compose.train(config.run(), directory, programs, host))
+    return done(directory, on_event, lambda host: compose.train(config.run_config(), directory, programs, host))
 
 
 def _listed(reward: str | Path | Sequence[str | Path]) -> list[str | Path]:
@@ -226,7 +226,7 @@ def tune(
     trust.remember(config)
     program = rewards.to_tune(config, reward)
     directory = output_directory(config.dir, config.env, "tune_")
-    return done(directory, on_event, lambda host: compose.tune(config.run(), directory, program, host))
+    return done(directory, on_event, lambda host: compose.tune(config.run_config(), directory, program, host))
 
 
 def robust(
@@ -262,7 +262,7 @@ def robust(
     own, name = _named(model)
     typed = taken(RobustConfig, {"model": name, **settings})
     wanted = RobustConfig(**typed)
-    config = wanted.changed(compose.stored(directory), typed)
+    config = wanted.applied_to(compose.stored(directory), typed)
     given = [key for key, value in typed.items() if value]
     trust.agree(config, directory, typed=given, trusted=trusted, way="call robust(..., trusted=True)")
     words = [repr(str(directory)), *(f"{key}={value!r}" for key, value in typed.items() if key != "model")]

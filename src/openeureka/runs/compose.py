@@ -140,7 +140,7 @@ def _parts(
     """What a search is made of, as long as it is at work."""
     known = context(config.env)
     baselines.chosen(config)
-    costs.check(config.env, config.limited)
+    costs.check(config.env, config.cost_limits)
     begun = is_run(directory)
     if config.init and not begun:
         sampling.given(config)

@@ -259,7 +259,7 @@ class Store:
     def history(self, results: Mapping[str, TrainingResult] | None = None) -> History:
         """Every finished generation; `results` are those of the run, where the caller has them."""
         results = self.lanes.results() if results is None else results
-        limits = self.config.limited
+        limits = self.config.cost_limits
         plays = self.lanes.plays() if self.ranks == "played" else {}  # a tuning plays lanes of any search
         scores = {lane: played(own, limits) for lane, own in plays.items()}
         generations: dict[int, list[Scored]] = {}
@@ -295,7 +295,7 @@ class Store:
         row = self._database.glance()
         return Glance(
             generations=row["generations"],
-            fitness=self._lawful() if self.config.limited else row["fitness"],
+            fitness=self._lawful() if self.config.cost_limits else row["fitness"],
             evaluations=row["evaluations"],
             ended=bool(row["ended"]),
             trainings=row["trainings"],
@@ -309,7 +309,7 @@ class Store:
         """The best F of a policy that keeps the limits."""
         finished = {row["lane"] for row in self._database.rows("entries")}
         finished |= {lane.id for lane in self.lanes.all().values() if lane.role in ("given", "tuned")}
-        limits = self.config.limited
+        limits = self.config.cost_limits
         scores = [played(own, limits) for lane, own in self.lanes.plays().items() if lane in finished]
         return max((s.fitness for s in scores if s.fitness is not None and not s.broken(limits)), default=None)
 

@@ -109,8 +109,8 @@ def make(config: RunConfig, ranks: Ranks = "played") -> SearchStrategy:
     if config.search == "best" and ranks == "training":
         return Best(config.sample, judge="training", peaks=("reward",))
     found: SearchStrategy = SEARCHES.make(config.search, config)
-    if found.judge == "training" and (config.limited or config.screen > 1):
-        key = "limits" if config.limited else "screen"
+    if found.judge == "training" and (config.cost_limits or config.screen > 1):
+        key = "limits" if config.cost_limits else "screen"
         raise ConfigError(
             f"`search={config.search}` ranks by training, and `{key}=` needs policies that play; leave one of them out."
         )

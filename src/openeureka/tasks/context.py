@@ -90,7 +90,7 @@ def _unseen(task: type[Task], config: RunConfig) -> list[str]:
 
 
 def _limits(config: RunConfig) -> list[str]:
-    most = [f"{name} {most:g} {COSTS[name].unit} ({COSTS[name].meaning})" for name, most in config.limited.items()]
+    most = [f"{name} {most:g} {COSTS[name].unit} ({COSTS[name].meaning})" for name, most in config.cost_limits.items()]
     return [f"A policy may cost at most, or its reward cannot win: {'; '.join(most)}."] if most else []
 
 
