@@ -12,7 +12,7 @@ def found(everything: list[float], sensed: list[float]) -> dict[str, object]:
 
 
 def test_a_row_has_the_difference_its_interval_and_its_share():
-    ((task, steps, before, after, interval, share),) = measurable.rows({"ant": found([4.0, 4.0, 4.0], [3.0, 3.0, 3.0])})
+    ((task, steps, before, after, interval, share),) = measurable.rows({"ant": found([4.0] * 4, [3.0] * 4)})
     assert (task, steps, before, after) == ("ant", "1,000", "4 ± 0", "3 ± 0")
     assert (interval, share) == ("-1 (-1 to -1)", "-25%")
 

@@ -56,12 +56,18 @@ KNOWN = Baselines(
     ],
 )
 def test_scores_are_normalised_by_human_and_sparse(toy, tmp_path, capsys, monkeypatch, rewards, known, score, note):
-    monkeypatch.setattr(baselines, "known", lambda env: known)
+    monkeypatch.setattr(baselines, "known", lambda env, peak: known)
     train([f"reward={rewards}", f"dir={tmp_path}/out"])
     text = capsys.readouterr().out
     (row,) = [line for line in text.splitlines() if line.startswith("human ")]
     assert row.split()[-1] == score
     assert note in text
+
+
+def test_baselines_of_other_worlds_are_no_scale(toy, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(baselines, "known", lambda env, peak: KNOWN)
+    train(["reward=human", "randomise=mild", f"dir={tmp_path}/out"])
+    assert "It needs both: add human and sparse to reward=." in capsys.readouterr().out
 
 
 def test_it_leaves_a_run(toy, tmp_path):
