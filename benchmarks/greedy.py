@@ -24,6 +24,7 @@ from openeureka.benchmark.plan import load
 from openeureka.config import short_name
 from openeureka.method import race
 from openeureka.report.numbers import spread
+from openeureka.report.view import RunView
 from openeureka.strategies import Ranking
 from openeureka.types import History, Scored
 
@@ -46,13 +47,19 @@ def greedy(history: History) -> Scored | None:
     return Ranking(replace(history, generations=tuple(unplayed))).best
 
 
+def choices(run: RunView) -> tuple[Scored, Scored]:
+    """What both rules crown; one entry twice where that is the same reward."""
+    own, other = race.crowned(run.history, run.crown), greedy(run.history)
+    assert own is not None and other is not None
+    return own, own if other.sample.verdict.graph == own.sample.verdict.graph else other
+
+
 def measure(env: str) -> Record:
     """Both choices of a row, and where they differ what they are worth."""
     run = headline.archive(env)
-    own, other = race.crowned(run.history, run.crown), greedy(run.history)
-    assert own is not None and other is not None
+    own, other = choices(run)
     found: Record = {"best": str(own.sample.place), "eureka": str(other.sample.place)}
-    if own.sample.verdict.graph == other.sample.verdict.graph:
+    if own is other:
         return found
     known = read(headline.RESULTS)[env].get("confirmed", {})
     again = len(known.get("seeds", ())) == SEEDS
@@ -81,15 +88,20 @@ def decisive() -> list[str]:
     return [env for env, row in read(headline.RESULTS).items() if headline.ending(row) != "both at zero"]
 
 
-def summary(measured: Mapping[str, Record]) -> str:
-    """All tasks in a few sentences."""
+def waiting(measured: Mapping[str, Record]) -> int:
+    """Tasks on which the rules differ, and which were not trained again yet."""
+    left = (choices(headline.archive(env)) for env in decisive() if env not in measured)
+    return sum(own is not other for own, other in left)
+
+
+def summary(measured: Mapping[str, Record], left: int) -> str:
+    """All tasks in two sentences, and how many of them wait."""
     apart = [row["difference"] for row in measured.values() if "difference" in row]
     better, worse = sum(low > 0 for _, low, _ in apart), sum(high < 0 for _, _, high in apart)
     same = len(measured) - len(apart)
     return (
-        f"{len(measured)} of {len(decisive())} tasks are compared. On {same} both crown the same reward. On the other "
-        f"{len(apart)}, that of `search=best` is better on {better}, worse on {worse} and level on "
-        f"{len(apart) - better - worse}."
+        f"On {same} of {len(decisive())} tasks both crown the same reward. Where they differ, that of `search=best` is "
+        f"better on {better}, worse on {worse} and level on {len(apart) - better - worse}; {left} wait for their seeds."
     )
 
 
@@ -100,4 +112,4 @@ if __name__ == "__main__":
         if env not in read(RESULTS):
             write(RESULTS, read(RESULTS) | {env: measure(env)})
             print(env, read(RESULTS)[env], flush=True)
-    print(summary(read(RESULTS)))
+    print(summary(read(RESULTS), waiting(read(RESULTS))))
