@@ -111,7 +111,7 @@ class RunView:
                 best_policy=store.lanes.best_policy(),
                 robust=hardened.read(store, results),
                 unheard=store.remarks.unheard(),
-                ended=store.glance().ended,
+                ended=store.ended,
                 texts=store.texts(),
                 videos=videos,
             )

@@ -347,9 +347,14 @@ class Store:
 
         return max(self.lanes.exposed("best"), key=fits, default=None)
 
+    @property
+    def ended(self) -> bool:
+        """Whether nothing is left of the search but reports."""
+        return self._database.row("ended") is not None
+
     def end(self) -> None:
         """Keep that nothing is left of the search but reports; once more is nothing."""
-        if self._database.row("ended") is None:
+        if not self.ended:
             self._database.put("ended", {"id": 1})
 
     # --- robust ------------------------------------------------------------------------------------------------------
