@@ -2,6 +2,7 @@
 
     python benchmarks/greedy.py                       # every row of the table that has none yet
     python benchmarks/greedy.py --env anymal          # one
+    python benchmarks/greedy.py --choices             # what both crown, without training
 
 `search=eureka` crowns the reward with the highest F in training, of one training each. `search=best` lets policies
 play, and races the leading rewards with fresh seeds. Both see the rewards and trainings of a row of `headline.py`.
@@ -54,13 +55,21 @@ def choices(run: RunView) -> tuple[Scored, Scored]:
     return own, own if other.sample.verdict.graph == own.sample.verdict.graph else other
 
 
+def named(env: str) -> Record:
+    """Both choices of a row by their places."""
+    own, other = choices(headline.archive(env))
+    return {"best": str(own.sample.place), "eureka": str(other.sample.place)}
+
+
+def waits(row: Record) -> bool:
+    """Whether the choices differ, and did not train again yet."""
+    return row["best"] != row["eureka"] and "difference" not in row
+
+
 def measure(env: str) -> Record:
-    """Both choices of a row, and where they differ what they are worth."""
+    """What both choices of a row are worth, where they differ."""
     run = headline.archive(env)
     own, other = choices(run)
-    found: Record = {"best": str(own.sample.place), "eureka": str(other.sample.place)}
-    if own is other:
-        return found
     known = read(headline.RESULTS)[env].get("confirmed", {})
     again = len(known.get("seeds", ())) == SEEDS
     candidates = (entry.sample.candidate for entry in ((other,) if again else (own, other)))
@@ -68,7 +77,7 @@ def measure(env: str) -> Record:
     seeds, scores = fresh.trained(run.config, sources, OUTPUTS / env, SEEDS)
     first, second = (known["generated"], *scores) if again else scores
     apart = fresh.between(second, first)
-    return {**found, "seeds": seeds, "own": first, "other": second, "difference": apart, **machine("cpu")}
+    return {"seeds": seeds, "own": first, "other": second, "difference": apart, **machine("cpu")}
 
 
 def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
@@ -88,17 +97,12 @@ def decisive() -> list[str]:
     return [env for env, row in read(headline.RESULTS).items() if headline.ending(row) != "both at zero"]
 
 
-def waiting(measured: Mapping[str, Record]) -> int:
-    """Tasks on which the rules differ, and which were not trained again yet."""
-    left = (choices(headline.archive(env)) for env in decisive() if env not in measured)
-    return sum(own is not other for own, other in left)
-
-
-def summary(measured: Mapping[str, Record], left: int) -> str:
+def summary(measured: Mapping[str, Record]) -> str:
     """All tasks in two sentences, and how many of them wait."""
     apart = [row["difference"] for row in measured.values() if "difference" in row]
     better, worse = sum(low > 0 for _, low, _ in apart), sum(high < 0 for _, _, high in apart)
-    same = len(measured) - len(apart)
+    left = sum(map(waits, measured.values()))
+    same = len(measured) - len(apart) - left
     return (
         f"On {same} of {len(decisive())} tasks both crown the same reward. Where they differ, that of `search=best` is "
         f"better on {better}, worse on {worse} and level on {len(apart) - better - worse}; {left} wait for their seeds."
@@ -108,8 +112,14 @@ def summary(measured: Mapping[str, Record], left: int) -> str:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--env", nargs="+", choices=sorted(read(headline.RESULTS)))
-    for env in parser.parse_args().env or decisive():
-        if env not in read(RESULTS):
-            write(RESULTS, read(RESULTS) | {env: measure(env)})
-            print(env, read(RESULTS)[env], flush=True)
-    print(summary(read(RESULTS), waiting(read(RESULTS))))
+    parser.add_argument("--choices", action="store_true", help="only what both crown, which takes no training")
+    options = parser.parse_args()
+    tasks = options.env or decisive()
+    known = read(RESULTS)
+    write(RESULTS, known | {env: named(env) for env in tasks if env not in known})
+    for env in [] if options.choices else tasks:
+        if waits(read(RESULTS)[env]):
+            row = read(RESULTS)[env] | measure(env)
+            write(RESULTS, read(RESULTS) | {env: row})
+            print(env, row, flush=True)
+    print(summary(read(RESULTS)))

@@ -211,7 +211,7 @@ def greedy() -> str:
     study = _benchmark("greedy")
     measured = study.read(study.RESULTS)
     rows = study.rows(measured)
-    return f"{study.summary(measured, study.waiting(measured))}\n" + (f"\n{_table(study.TITLES, rows)}" if rows else "")
+    return f"{study.summary(measured)}\n" + (f"\n{_table(study.TITLES, rows)}" if rows else "")
 
 
 def claims() -> str:

@@ -132,14 +132,13 @@ def test_eureka_s_rule_looks_at_training_alone(headline: ModuleType):
     assert greedy.greedy(run.history) == replace(first, played=None) and first.sample.place != run.crown
     same = {"best": "g0s1", "eureka": "g0s1"}
     other = same | {"own": [2.0, 3.0], "other": [0.0, 1.0], "difference": [2.0, 0.5, 3.5]}
-    told = greedy.summary({"ant": same, "anymal": other}, 2)
+    waits = {"best": "g0s1", "eureka": "g0s2"}
+    told = greedy.summary({"ant": same, "anymal": other, "humanoid": waits, "quadcopter": waits})
     assert told.startswith("On 1 of ") and told.endswith(
         "better on 1, worse on 0 and level on 0; 2 wait for their seeds."
     )
-    every = {env: same for env in greedy.decisive()}
-    assert greedy.waiting(every) == 0
-    del every["shadow_hand_switch"], every["shadow_hand_swing_cup"]
-    assert greedy.waiting(every) == 1  # on Switch the first of eight equals leads by both rules
+    assert not greedy.waits(greedy.named("shadow_hand_switch"))  # the first of eight equals leads by both rules
+    assert greedy.waits(greedy.named("shadow_hand_swing_cup"))
     assert [row[0] for row in greedy.rows({"ant": same, "anymal": other})] == ["anymal"]
 
 
