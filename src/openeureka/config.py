@@ -172,6 +172,8 @@ class RunConfig:
             raise ConfigError("`screen` judges by policies that were played; use it with search=best and a model.")
         if self.judge == "votes" and self.feedback != "human":
             raise ConfigError("`judge=votes` needs someone who votes; add feedback=human.")
+        if self.judge == "votes" and self.schedule != "full":
+            raise ConfigError(f"`schedule={self.schedule}` cuts by F what nobody has voted on; use schedule=full.")
 
     @property
     def cost_limits(self) -> dict[str, float]:

@@ -67,6 +67,10 @@ REST = "{tasks: [cartpole], seeds: [0], arms: {a: {}}, "
         ("{tasks: [cartpole], seeds: [true], arms: {a: {}}}", "`seeds` is a list of whole numbers"),
         ("{tasks: [cartpole], seeds: [-1], arms: {a: {}}}", "`seeds` are zero or more."),
         ("{tasks: [cartpole], seeds: [1, 1], arms: {a: {}}}", "names the seed 1 twice."),
+        (
+            "{tasks: [cartpole], seeds: [0, 3], arms: {a: {}}}",
+            "The seeds 0 and 3 are too near: a search with 0 takes those up to 3",
+        ),
         ("{tasks: [a.py, b/a.py], seeds: [1], arms: {a: {}}}", "names the task a twice."),
         ("{tasks: [cartpole], seeds: [0], arms: [a]}", "`arms` is a mapping of names to settings"),
         ("{tasks: [cartpole], seeds: [0], arms: {off: {}}}", "`arms` is a mapping of names to settings"),
@@ -100,7 +104,7 @@ PLAN = {"tasks": ["cartpole"], "seeds": [0], "settings": {"model": "random"}, "a
 
 def test_another_plan_may_add_and_may_say_otherwise_how_it_runs(tmp_path):
     kept = plan(PLAN).as_json().encode()
-    more = {**PLAN, "tasks": ["ant", "cartpole"], "seeds": [1, 0], "arms": {"c": {}, **PLAN["arms"]}}
+    more = {**PLAN, "tasks": ["ant", "cartpole"], "seeds": [10, 0], "arms": {"c": {}, **PLAN["arms"]}}
     expect_more(kept, plan({**more, "settings": {"model": "random", "max_cost": 5, "threads": 1}}), tmp_path)
 
 

@@ -278,7 +278,7 @@ def test_a_finished_run_says_so_when_it_is_resumed_and_how_to_improve_what_it_fo
     assert run("resume", f"{tmp_path}/run") == 0
     first, second, *_ = capsys.readouterr().out.splitlines()
     assert first.startswith(f"{tmp_path}/run is finished; this is what it found.")
-    assert second == f"  eureka run env=cartpole init={tmp_path}/run/best/reward.py"
+    assert second == f"  eureka run env=cartpole init={tmp_path}/run/best/reward.py seed=2"
 
 
 def test_a_run_is_refused_other_settings_before_anything_is_said_of_it(parts, tmp_path, capsys):

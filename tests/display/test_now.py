@@ -61,6 +61,16 @@ def test_a_long_training_keeps_few_values_over_its_whole_length(recorder, tmp_pa
     assert max(gaps) <= 4 * min(gaps)
 
 
+def test_lanes_of_the_next_round_take_the_place_of_those_before(recorder, tmp_path):
+    recorder.phase(2, "final")
+    for epoch in range(100):
+        recorder.progress(told(epoch, first=1.0))
+    recorder.progress(told(0, second=2.0))
+    found = outside.read(tmp_path)
+    assert found is not None
+    assert (found.places, set(found.curves)) == ((0,), {"second"})
+
+
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"doing": 1}', '{"doing": "x", "generation": -1}'])
 def test_what_is_no_such_file_says_nothing(tmp_path, text):
     (tmp_path / NOW).write_text(text)

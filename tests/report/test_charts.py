@@ -65,6 +65,13 @@ def test_progress_shows_candidates_in_order_the_best_so_far_and_the_baselines():
     assert chart.bounds == (0, 3, 5)
 
 
+def test_runs_of_different_tasks_are_not_drawn_on_one_scale():
+    other = dataclasses.replace(finished(), config=dataclasses.replace(finished().config, env="ant"))
+    drawn = charts.best_by_candidate({"a": finished(), "b": finished(), "c": other})
+    assert [[line.name for line in chart.lines] for chart in drawn] == [["a", "b"], ["c"]]
+    assert drawn[1].title == "ant: best F so far"
+
+
 def test_nothing_defined_is_no_chart():
     assert components((None, None)) is None
     assert charts.learning(view(trained(0, 0, None)), {}) is None

@@ -15,8 +15,13 @@ def trained(correlation: float = 0.5, **curves: list[float | None]) -> TrainingR
 
 
 def test_a_component_that_never_moved_is_named():
-    found = hints(trained(component__still=[0.5] * 100, component__moves=[n / 100 for n in EPOCHS]))
-    assert found == ("`still` never moved: it teaches nothing.",)
+    found = hints(trained(component__still=[0.0] * 100))
+    assert found == ("still was always 0: it teaches nothing.",)
+
+
+def test_a_component_that_pays_every_step_alike_is_not_said_to_teach_nothing():
+    found = hints(trained(component__alive=[0.5] * 100))
+    assert found == ("alive stayed at 0.5: all it can teach is how long to last.",)
 
 
 def test_f_that_falls_while_the_own_reward_rises_is_told():
@@ -43,7 +48,7 @@ def test_one_component_that_outweighs_the_others_is_named_with_its_share():
     found = trained(component__big=[95.0 + n % 3 for n in EPOCHS], component__small=[-4.0 - n % 3 for n in EPOCHS])
     # The last tenth, epochs 90 to 99: means 95.9 and -4.9.
     assert round(shares(found)["big"], 4) == round(95.9 / 100.8, 4)
-    assert hints(found) == ("`big` makes up 95% of what the components pay: the others hardly count.",)
+    assert hints(found) == ("big makes up 95% of what the components pay: the others hardly count.",)
 
 
 def test_components_that_do_not_add_up_to_the_reward_have_no_shares():

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from openeureka.cli.show import summary
-from openeureka.report.tables import scale
+from openeureka.report.tables import on_scale, scale
 from openeureka.report.verdict import meaning, nexts, verdict
 from openeureka.report.view import RunView
 from openeureka.score import Arm, Outcome
@@ -131,6 +131,13 @@ def test_a_score_of_0_beside_a_perfect_f_is_explained() -> None:
     assert scale(Outcome(best=None, human=Arm(held_out=(3.0,)), sparse=Arm(held_out=(1.0,)))).endswith("the human one.")
     zeros = Arm(held_out=(0.0, 0.0))
     assert scale(Outcome(best=None, human=zeros, sparse=zeros)).endswith("Here both are equal, and there is no score.")
+
+
+def test_no_score_stands_alone_where_its_zero_is_as_good_as_its_one():
+    method, one, three = Arm(held_out=(3.0,)), Arm(held_out=(1.0,)), Arm(held_out=(3.0,))
+    assert on_scale(Outcome(best=None, method=method, human=three, sparse=one)) == 1.0
+    assert on_scale(Outcome(best=None, method=method, human=one, sparse=three)) is None
+    assert on_scale(None) is None
 
 
 def test_f_is_explained_for_tasks_that_are_installed() -> None:

@@ -225,10 +225,16 @@ def test_words_are_stored_and_shown_and_refused_ones_explained(tmp_path):
     page = shown(client, "/runs/run/")
     assert "too jerky" in page.text and "favourite: g0s0" in page.text and "g0s1 is better than g0s0" in page.text
     assert_inert(page)
-    refused = client.post("/runs/run/remarks", data={"veto": "g7s7"})
+    pair = "candidates?show=g0s0&show=g0s1"
+    assert f'name="back" value="{pair.replace("&", "&amp;")}"' in shown(client, f"/runs/run/{pair}").source
+    for back, place in ((pair, f"/runs/run/{pair}"), ("//elsewhere.org", "/runs/run/")):
+        again = client.post("/runs/run/remarks", data={"favourite": "g0s0", "back": back})
+        assert again.headers["location"] == place
+    refused = client.post("/runs/run/remarks", data={"veto": "g7s7", "words": "too fast"})
     assert refused.status_code == 400 and "g7s7 is no trained candidate" in refused.text
+    assert ">too fast</textarea>" in refused.text
     with Store.view(tmp_path / "run") as store:
-        assert [remark.kind for remark in store.remarks.unheard()] == ["words", "favourite", "vote"]
+        assert [remark.kind for remark in store.remarks.unheard()][:3] == ["words", "favourite", "vote"]
 
 
 def test_buttons_to_judge_stand_only_where_a_run_listens(tmp_path):

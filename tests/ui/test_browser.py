@@ -123,6 +123,8 @@ def test_two_candidates_are_compared_and_the_better_one_gets_the_vote(page: Page
         expect(page.locator("section.candidate")).to_have_count(2)
         page.get_by_role("button", name="Better than g0s1").click()
         expect(page.get_by_text("g0s0 is better than g0s1")).to_be_visible()
+        expect(page.locator("section.candidate")).to_have_count(2)  # for the next vote
+        page.goto("/runs/run/")
         page.get_by_role("button", name="Say, and go on").click()
         expect(page.get_by_text("Generation 1")).to_be_visible()
 
@@ -268,12 +270,12 @@ def test_curves_are_smoothed_and_the_pointer_still_tells_what_was_measured(page:
     plot.hover(position={"x": box["width"] - 5, "y": 5})
     told, before = chart.locator(".tip").inner_text(), chart.locator("canvas").evaluate(drawn)
     assert "this reward: 7" in told
-    page.get_by_label("Smooth curves").fill("0.9")
+    page.get_by_label("Smooth").fill("0.9")
     plot.hover(position={"x": box["width"] - 6, "y": 5})
     expect(chart.locator(".tip")).to_have_text(told)
     assert chart.locator("canvas").evaluate(drawn) != before
     page.reload()
-    expect(page.get_by_label("Smooth curves")).to_have_value("0.9")
+    expect(page.get_by_label("Smooth")).to_have_value("0.9")
 
 
 def test_candidates_are_sorted_filtered_and_found_by_their_family(page: Page, searched: Path):
@@ -378,6 +380,14 @@ def test_the_report_works_by_itself_from_its_file(page: Page, searched: Path):
     expect(page.locator(".chart", has_text="F when played").locator("canvas")).to_be_visible()
     page.get_by_role("button", name="F played").click()
     expect(page.locator("#candidates tbody tr:first-child td:first-child")).to_contain_text("g1s0")
+    code = page.locator("#g0s0").get_by_text("Reward code")
+    expect(code).to_be_hidden()  # of the best alone all is shown
+    expect(page.locator("#g1s0").get_by_text("Reward code")).to_be_visible()
+    page.locator("#candidates").get_by_role("link", name="g0s0").first.click()
+    expect(code).to_be_visible()
+    widths = "() => [...document.querySelectorAll('.panel')].map((panel) => panel.clientWidth)"
+    page.emulate_media(media="print")
+    assert min(page.evaluate(widths)) > 600  # each as wide as the paper
 
 
 def test_a_run_is_started_from_the_form(page: Page, monkeypatch: pytest.MonkeyPatch):

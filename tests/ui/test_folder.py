@@ -49,6 +49,20 @@ def test_a_folder_that_may_not_be_entered_hides_no_run():
             (Path(name) / "closed").chmod(0o755)
 
 
+def test_a_link_to_nowhere_in_one_run_hides_no_other(tmp_path):
+    own, odd = search_in(tmp_path / "own", [reply(1), reply(2)]), search_in(tmp_path / "odd", [reply(1), reply(2)])
+    (odd / LOG).unlink(missing_ok=True)
+    (odd / LOG).symlink_to(LOG)  # in a circle
+    assert folder.runs(tmp_path).keys() == {"own", "odd"}
+    assert folder.fingerprint(own) and folder.fingerprint(odd)
+
+
+def test_two_runs_never_share_a_name(tmp_path):
+    for place in ("a/b", "a:b"):
+        search_in(tmp_path / place, [reply(1), reply(2)])
+    assert folder.runs(tmp_path).keys() == {"a:b", "a::b"}
+
+
 def test_runs_of_a_bench_are_listed_by_its_name_and_theirs(tmp_path):
     own = search_in(tmp_path / "bench" / "cell", [reply(1), reply(2)])
     search_in(own / "lanes" / "hidden", [reply(1), reply(2)])  # a run holds no others

@@ -117,6 +117,15 @@ def test_a_form_that_does_not_fit_starts_nothing_and_says_why(tmp_path, form, pr
     assert not list(tmp_path.iterdir())
 
 
+def test_what_was_typed_into_a_refused_form_stands_there_still(tmp_path):
+    typed = {"env": "ant", "model": "rnadom", "sample": "7", "steps": "5000", "video": "none"}
+    answer = visitor(tmp_path).post("/start", data=typed)
+    assert answer.status_code == 400
+    for written in ('name="env" list="envs" value="ant"', 'value="rnadom"', 'value="7"', 'value="5000"'):
+        assert written in answer.text
+    assert "<option selected>none" in answer.text
+
+
 def test_a_page_that_shows_thousands_of_candidates_is_followed(tmp_path):
     with server.listen("127.0.0.1", 0) as listener:
         serving = server.server(tmp_path, "a-token", server.names("127.0.0.1"))

@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import yaml
 
 from ..config import NO_MODEL, RunConfig, short_name
 from ..errors import ConfigError, nearest
+from ..method.lanes import polish_seeds
 from ..parsing import absolute, as_dict, parse, read_yaml, restored
 from ..store.store import FREE_TO_CHANGE
 
@@ -66,8 +68,13 @@ class Plan:
             raise ConfigError(
                 f"`per_task` names `{unknown[0]}`, which is no task of the plan.{nearest(unknown[0], self.tasks)}"
             )
-        for cell in self.cells():
-            self.config(cell)
+        reach = max(polish_seeds(self.config(cell)).stop - cell.seed for cell in self.cells())
+        for one, other in pairwise(sorted(self.seeds)):
+            if other - one < reach:
+                raise ConfigError(
+                    f"The seeds {one} and {other} are too near: a search with {one} takes those up to "
+                    f"{one + reach - 1}, and both would share trainings; take seeds {reach} or more apart."
+                )
 
     def cells(self) -> Iterator[Cell]:
         """In the order in which they run: one that is broken off has every arm of the first seeds."""

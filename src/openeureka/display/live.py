@@ -86,14 +86,12 @@ class Tally:
         )
 
     def remaining(self) -> float | None:
-        """[s] left for the generations, judged by those done; None before the first.
+        """[s] left for the generations, judged by those done; None before the first and after the last.
 
         Asking and training are judged apart: a model that takes its time does not make the training shorter.
         """
-        if not self.durations:
+        if not self.durations or self.index >= self.config.generations:
             return None
-        if self.index >= self.config.generations:
-            return 0.0
         self._clock()
         mean = {part: sum(d.get(part, 0.0) for d in self.durations) / len(self.durations) for part in ("ask", "train")}
         ahead = ("train",) if self._part == "train" else ("ask", "train")
@@ -184,8 +182,6 @@ SCORES = ("training", "F", "F played")
 WIDE = 110
 SPARK, NARROW_SPARK = 24, 8
 """Characters of a curve on a terminal that is so wide [characters], and on others."""
-MOST = 256
-"""Values kept of a curve; of a longer one every second goes."""
 
 
 class TerminalView:
@@ -200,7 +196,6 @@ class TerminalView:
         self._fitness: dict[str, float | None] = {}
         self._played: dict[str, Evaluation] = {}
         self._epochs, self._nodes = "", ""
-        self._done: list[str] = []
         self._curves: dict[str, list[float | None]] = {}
         """F of each lane as it trains."""
         self._spark = SPARK if console.width >= WIDE else NARROW_SPARK
@@ -243,10 +238,7 @@ class TerminalView:
     def progress(self, progress: TrainingProgress) -> None:
         self._fitness |= progress.fitness
         for lane, best in progress.fitness.items():
-            curve = self._curves.setdefault(lane, [])
-            curve.append(progress.latest.get(lane, {}).get("fitness", best))
-            if len(curve) > MOST:
-                del curve[1::2]
+            self._curves.setdefault(lane, []).append(progress.latest.get(lane, {}).get("fitness", best))
         self._epochs = f"epoch {progress.epoch} of {progress.epochs}, {progress.env_steps_per_second:,.0f} steps/s"
         self._nodes = by_node(progress)
 
@@ -257,12 +249,13 @@ class TerminalView:
         self._played |= scores
 
     def generation(self, generation: Generation) -> None:
-        self._done.append(self._tally.generation_done(generation))
+        """Its line stays above the table: a screen is too low for all of them in it."""
+        self._live.console.print(Text(self._tally.generation_done(generation)))
 
     def outcome(self, outcome: Outcome) -> None: ...
 
     def render(self) -> Group:
-        lines = [Text(line) for line in (*self._done, self._tally.headline(), self._epochs, self._nodes) if line]
+        lines = [Text(line) for line in (self._tally.headline(), self._epochs, self._nodes) if line]
         return Group(*lines, self._slots() if self._tally.index < self._tally.config.generations else self._lanes())
 
     def _slots(self) -> Table:

@@ -108,7 +108,7 @@ class Now:
     seconds: Finite
     """[s] since the process began."""
     left: Finite | None
-    """[s] of the search that are left; None before the first generation is done."""
+    """[s] of the search that are left; None before the first generation is done, and after the last."""
     writing: Count = 0
     """Slots that the model writes for."""
     usage: Usage = field(default_factory=Usage)
@@ -163,6 +163,8 @@ class Recorder(NullObserver):
         self._write()
 
     def progress(self, progress: TrainingProgress) -> None:
+        if self._progress is not None and progress.epoch < self._progress.epoch:
+            self._clear()  # other lanes have begun, as in each round of the final trainings
         self._progress = progress
         if not self._places or progress.epoch - self._places[-1] >= self._apart:
             self._add(progress)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import subprocess
 import tempfile
 from collections.abc import Iterable
+from contextlib import suppress
 from io import BytesIO
 from itertools import chain
 from pathlib import Path
@@ -30,13 +31,18 @@ def encode(pictures: Iterable[np.ndarray], rate: int) -> bytes:
     height, width, _ = first.shape
     raw = f"-f rawvideo -pix_fmt rgb24 -video_size {width}x{height} -framerate {rate} -i -".split()
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "film.mp4"
-        with subprocess.Popen([*_ffmpeg(), *raw, *_FORMAT, *_EFFORT, str(path)], stdin=subprocess.PIPE) as process:
+        path, said = Path(folder) / "film.mp4", Path(folder) / "said"
+        command = [*_ffmpeg(), *raw, *_FORMAT, *_EFFORT, str(path)]
+        with (
+            said.open("wb") as stderr,
+            suppress(BrokenPipeError),  # it has died, and said why
+            subprocess.Popen(command, stdin=subprocess.PIPE, stderr=stderr) as process,
+        ):
             assert process.stdin is not None
             for picture in chain([first], pictures):
                 process.stdin.write(np.ascontiguousarray(picture).data)
         if process.returncode:
-            raise subprocess.CalledProcessError(process.returncode, "ffmpeg")
+            raise RuntimeError(f"ffmpeg ended with {process.returncode}: {said.read_text(errors='replace').strip()}")
         return path.read_bytes()
 
 

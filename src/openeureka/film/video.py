@@ -10,8 +10,9 @@ from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 
 INSTALL = "install a software renderer (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri, or libosmesa6)"
 
-START = 60.0
-"""[s] that the child may take to find out whether it can render."""
+START, BACKGROUND_START = 60.0, 600.0
+"""[s] that the child may take to find out whether it can render: some seconds of a core, of which one in the background
+gets what trainings leave."""
 
 
 class VideoUnavailable(EurekaError):
@@ -62,18 +63,20 @@ def _first_that_works(
     request: dict[str, object], blobs: dict[str, bytes], timeout: float, background: bool = False
 ) -> dict[str, bytes]:
     reasons = []
-    able = False
+    able = late = False
+    patience = BACKGROUND_START if background else START
     manners = {"OMP_NUM_THREADS": "1", "LP_NUM_THREADS": "1"} if background else {}  # LP: Mesa's software renderer
     for backend in _backends():
         environment = {**os.environ, **manners, "MUJOCO_GL": backend}
         with Worker("openeureka.film.render", env=environment, nice=19 if background else None) as worker:
             try:
                 worker.send(request, blobs)
-                answer = worker.receive(START)
+                answer = worker.receive(patience)
                 able = True
                 if request["agents"]:
                     answer = _video(worker, timeout)
             except (WorkerDied, WorkerTimeout) as error:
+                late |= isinstance(error, WorkerTimeout)
                 reasons.append(f"{backend}: {worker.ending() or _last_line(worker.stderr_tail()) or error}")
                 continue
         if "refused" in answer.header:
@@ -81,6 +84,10 @@ def _first_that_works(
         return {**answer.blobs, "backend": backend.encode()}
     if able:
         raise VideoUnavailable(f"The video broke off ({'; '.join(reasons)}); try fewer seconds=, or again.")
+    if late:
+        raise NoRenderer(
+            f"No video: rendering did not begin within {patience:g} s. Try again when the machine is less busy."
+        )
     raise NoRenderer(f"No video: this machine has no OpenGL to render with; {INSTALL}. ({'; '.join(reasons)})")
 
 

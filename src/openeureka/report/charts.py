@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import accumulate
 from typing import Literal
 
+from ..config import short_name
 from ..refine.hardened import Robust
 from ..refine.tuned import ORIGINAL
 from ..score import rank
@@ -141,12 +142,17 @@ def under_way(
     return _chart(title, "epoch", places, _lines(curves), note=_undrawn(len(curves), "lines"))
 
 
-def best_by_candidate(runs: Mapping[str, RunView]) -> Chart | None:
-    """The best score so far of several searches, by the candidates that each had drawn."""
-    curves = {name: _best_so_far(run) for name, run in runs.items()}
-    longest = max(map(len, curves.values()), default=0)
-    lines = _lines({name: (*curve, *[None] * (longest - len(curve))) for name, curve in curves.items()}, kind="steps")
-    return _chart("Best F so far", "candidates drawn", range(1, longest + 1), lines, note=_undrawn(len(curves), "runs"))
+def best_by_candidate(runs: Mapping[str, RunView]) -> list[Chart]:
+    """The best score so far of several searches, by the candidates that each had drawn: a chart for each task, as every
+    F has a scale of its own."""
+    charts = []
+    for env in dict.fromkeys(run.config.env for run in runs.values()):
+        curves = {name: _best_so_far(run) for name, run in runs.items() if run.config.env == env}
+        most = max(map(len, curves.values()), default=0)
+        lines = _lines({name: (*curve, *[None] * (most - len(curve))) for name, curve in curves.items()}, kind="steps")
+        title, note = f"{short_name(env)}: best F so far", _undrawn(len(curves), "runs")
+        charts.append(_chart(title, "candidates drawn", range(1, most + 1), lines, note=note))
+    return [chart for chart in charts if chart is not None]
 
 
 def _best_so_far(run: RunView) -> tuple[float | None, ...]:

@@ -86,11 +86,18 @@ def _of_components(result: TrainingResult) -> Iterator[str]:
     for name, curve in of_components(result.curves).items():
         defined = [value for value in curve if value is not None]
         if len(defined) >= LEAST and max(defined) - min(defined) <= STILL * max(map(abs, defined)):
-            yield f"`{one_line(name, 60)}` never moved: it teaches nothing."
+            yield _still(one_line(name, 60), defined[-1])
     found = shares(result)
     for name, share in found.items():
         if len(found) > 1 and share >= DOMINANT:
-            yield f"`{name}` makes up {share:.0%} of what the components pay: the others hardly count."
+            yield f"{name} makes up {share:.0%} of what the components pay: the others hardly count."
+
+
+def _still(name: str, value: float) -> str:
+    """What is paid at every step alike makes a longer episode worth more, or less."""
+    if not value:
+        return f"{name} was always 0: it teaches nothing."
+    return f"{name} stayed at {number(value)}: all it can teach is how long to last."
 
 
 def _end(curve: Curve) -> Curve:

@@ -185,8 +185,10 @@ def _inert(value: object) -> object:
 
 
 def cut(text: str, limit: int) -> str:
-    """At most `limit` characters of a text, and how many more there are."""
+    """At most `limit` characters of a text, and how many more there are; of a name three dots say it."""
     more = len(text) - limit
+    if more > 0 and limit <= LIMITS["NAME"]:
+        return f"{text[:limit]}…"
     return text if more <= 0 else f"{text[:limit]} […] ({more:,} more characters are in the files of the run)"
 
 

@@ -14,7 +14,7 @@ from ..parsing import as_dict
 from ..refine.polishing import Polished, Try
 from ..refine.tuned import ORIGINAL, Tuned
 from ..score import Arm, Baselines, Outcome, human_normalised, mean
-from ..types import Evaluation, Generation, History, Remark, RemarkKind, VerdictCode
+from ..types import Evaluation, Generation, Glance, History, Remark, RemarkKind, VerdictCode
 from .candidates import CandidateView
 from .numbers import dollars, duration, number, scored, spread
 from .view import RunView
@@ -71,15 +71,16 @@ def tiles(run: RunView) -> list[Tile]:
     ]
     found = [*drawn, *found] if run.outcome is None else [*_final(run.outcome), *drawn]
     tokens = run.usage.prompt_tokens + run.usage.completion_tokens
-    return [*found, trainings, Tile("cost", f"US$ {dollars(run.usage.cost_usd)}", f"{tokens:,} tokens")]
+    cost = [Tile("cost", f"US$ {dollars(run.usage.cost_usd)}", f"{tokens:,} tokens")] if tokens else []
+    return [*found, trainings, *cost]
 
 
 def _final(outcome: Outcome) -> list[Tile]:
     """What the verdict rests on. The best of the search's own scores flatters, and a score that is not decided too."""
     found = _arms({"generated reward": outcome.method, "human reward": outcome.human})
-    difference = outcome.difference
-    if difference is not None and difference.sure and outcome.normalised is not None:
-        found.append(Tile("score, held out", number(outcome.normalised, 3), "0: sparse, 1: human reward"))
+    difference, score = outcome.difference, on_scale(outcome)
+    if difference is not None and difference.sure and score is not None:
+        found.append(Tile("score, held out", number(score, 3), "0: sparse, 1: human reward"))
     return found
 
 
@@ -103,8 +104,10 @@ def _how(played: object) -> str:
 
 def search(run: RunView) -> Table:
     """The best of the search against the rewards that came with the task."""
-    best = run.ranking.best
-    trained = {"best generated reward": best.result if best else None}
+    highest, crowned = run.ranking.best, run.best
+    trained = {f"highest, {highest.sample.place}": highest.result} if highest is not None else {}
+    if highest is not None and crowned is not None and crowned.place != highest.sample.place:
+        trained[f"what won in the end, {crowned.place}"] = crowned.result
     trained |= {f"{name} reward": result for name, result in run.baselines.items()}
     note = "One training each. The best of many tries flatters: only the final scores compare rewards."
     if run.ranks == "training":
@@ -221,11 +224,24 @@ def scale(outcome: Outcome) -> str:
     return f"{words} Here the sparse reward is the better of the two: 0 is better than the human reward."
 
 
+def on_scale(outcome: Outcome | Glance | None) -> float | None:
+    """The human-normalised score where no room is to say how to read it: None where its 0 is no worse than its 1."""
+    if isinstance(outcome, Outcome):
+        ends = mean(outcome.method.held_out), mean(outcome.human.held_out), mean(outcome.sparse.held_out)
+    elif outcome is not None:
+        ends = outcome.held_out, outcome.human, outcome.sparse
+    else:
+        return None
+    _, human, sparse = ends
+    return human_normalised(*ends) if human is not None and sparse is not None and human > sparse else None
+
+
 def exploits(run: RunView) -> Table:
     """What was looked at to tell a fulfilled reward from an exploited one, and what was found."""
     found = {sign.kind: sign.sentence for sign in run.signs}
+    unseen = {Kind.FRAGILITY: "not seen" if worlds(run).rows else "not looked at"}
     rows = [
-        (kind, "SUSPECTED" if kind in found else "not seen", found.get(kind, ""))
+        (kind, "SUSPECTED" if kind in found else unseen.get(kind, "not seen"), found.get(kind, ""))
         for kind in Kind
         if kind is not Kind.LIMITS or run.config.cost_limits
     ]
@@ -274,16 +290,15 @@ def facts(candidate: CandidateView) -> Table:
     """One candidate in numbers."""
     usage, result = candidate.usage, candidate.result
     rows = [
-        ("name", str(candidate.place)),
         ("program", candidate.candidate.id if candidate.candidate else "none"),
-        ("parent", name(candidate.parent.generation, candidate.parent.slot) if candidate.parent else "none"),
-        ("state", candidate.state),
         ("F when played", _episodes(candidate.played)),
         ("F in training, maximum over epochs", number(candidate.fitness)),
         ("replies", str(len(candidate.attempts))),
-        ("tokens", f"{usage.prompt_tokens:,} read, {usage.completion_tokens:,} written"),
-        ("cost", f"US$ {dollars(usage.cost_usd)}"),
     ]
+    if usage.completion_tokens:
+        rows.append(("tokens", f"{usage.prompt_tokens:,} read, {usage.completion_tokens:,} written"))
+    if usage.cost_usd:
+        rows.append(("cost", f"US$ {dollars(usage.cost_usd)}"))
     if candidate.strength is not None:
         rows.append(("strength by votes", number(candidate.strength, 3)))
     if candidate.vetoed:

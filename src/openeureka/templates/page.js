@@ -48,23 +48,29 @@ const eureka = (() => {
   }
   const alike = (a, b) => JSON.stringify(a.lines.map((l) => [l.name, l.kind, l.color])) === JSON.stringify(b.lines.map((l) => [l.name, l.kind, l.color]));
 
+  /** One place has no line: a level is a point there. */
+  const alone = (plot) => plot.data[0].length < 2;
+
   function series(line, stroke) {
     const common = { label: line.name, stroke, width: 1.75 };
     switch (line.kind) {
       case "dots": return { ...common, paths: () => null, points: { show: true, size: 7, fill: stroke } };
-      case "dashed": return { ...common, dash: [6, 5], spanGaps: true, points: { show: false } };
-      case "steps": return { ...common, paths: uPlot.paths.stepped({ align: 1 }), spanGaps: true, points: { show: false } };
+      case "dashed": return { ...common, dash: [6, 5], spanGaps: true, points: { show: alone } };
+      case "steps": return { ...common, paths: uPlot.paths.stepped({ align: 1 }), spanGaps: true, points: { show: alone } };
       default: return { ...common, points: { size: 5, show: (plot, index, from, to) => to - from < 12 } };
     }
   }
 
+  /** Of so many places those that have room for a word, and null for the others. */
+  const spaced = (plot, places) => places.map((place, index) => (index % Math.ceil(places.length * 46 / plot.width) ? null : place));
+
   function axes(chart, ink, line) {
     const common = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1, size: 4 }, font: "11px system-ui, sans-serif" };
     const x = { ...common, size: 30, space: 60, values: (_, splits) => splits.map((split) => (split == null ? "" : short(split))) };
-    if (chart.bounds.length) {
-      x.splits = () => chart.bounds;
-      x.filter = (_, splits) => splits;
-      x.values = (_, splits) => splits.map((place) => (chart.names[place] ?? "").replace(/^g(\d+)s.*$/, "gen. $1"));
+    if (chart().bounds.length) {
+      x.splits = () => chart().bounds;
+      x.filter = spaced;
+      x.values = (_, splits) => splits.map((place) => (chart().names[place] ?? "").replace(/^g(\d+)s.*$/, "gen. $1"));
     }
     const y = { ...common, size: (_, values) => 16 + 6.5 * Math.max(3, ...(values ?? []).map((value) => value.length)), values: (_, splits) => splits.map(short) };
     return [x, y];
@@ -137,7 +143,7 @@ const eureka = (() => {
       scales: { x: { time: false, range: state.chart.names.length ? (_, low, high) => [low - .6, high + .6] : undefined }, y: { range: "shared" in figure.dataset && figure.closest("main.side") ? span : room } },
       legend: { show: false },
       cursor: { drag: { x: true, y: false }, points: { size: 7 } },
-      axes: axes(state.chart, ink, line),
+      axes: axes(() => state.chart, ink, line),
       series: [{}, ...state.chart.lines.map((one, index) => ({ ...series(one, colors[index]), show: !state.hidden.has(one.name) }))],
       plugins: [tip(() => state.chart)],
     };
@@ -157,7 +163,11 @@ const eureka = (() => {
     });
   }
 
-  const repaint = () => { for (const figure of drawn.keys()) if (figure.isConnected) draw(figure); else drawn.delete(figure); };
+  /** What has left the page keeps its canvas until it is let go. */
+  function forget() {
+    for (const [figure, { plot }] of drawn) if (!figure.isConnected) { plot.destroy(); drawn.delete(figure); }
+  }
+  function repaint() { forget(); drawn.forEach((_, figure) => draw(figure)); }
   wishes.addEventListener("change", repaint);
   matchMedia("print").addEventListener("change", repaint); // paper is light
 
@@ -238,7 +248,7 @@ const eureka = (() => {
 
   /** The rows that are shown, as a file. A text that a spreadsheet would take for a formula gets an apostrophe. */
   function save(table) {
-    const text = (cell) => cell.querySelector("a")?.textContent ?? cell.dataset.value ?? cell.textContent.replace(/\s+/g, " ").replace(/ [↕↑↓]$/, "").trim();
+    const text = (cell) => (cell.matches(".why") ? null : cell.querySelector("a")?.textContent ?? cell.dataset.value) ?? cell.textContent.replace(/\s+/g, " ").replace(/ [↕↑↓]$/, "").trim();
     const safe = (said) => (/^[=+\-@]/.test(said) && Number.isNaN(Number(said)) ? `'${said}` : said);
     const rows = [...table.rows].filter((row) => !row.hidden).map((row) =>
       [...row.cells].slice(table.querySelector("thead td") ? 1 : 0).map((cell) => `"${safe(text(cell)).replaceAll('"', '""')}"`).join(","));
@@ -255,10 +265,19 @@ const eureka = (() => {
   // --- whatever came into the page -----------------------------------------------------------------------------------
 
   function dress(part) {
+    forget();
     for (const figure of part.querySelectorAll(".chart")) if (!drawn.has(figure)) { seen.observe(figure); fits.observe(figure.querySelector(".plot")); }
     for (const table of part.querySelectorAll("table.all")) { sort(table); filter(table); }
   }
 
+  /** What an address names is shown whole. */
+  function unfold() {
+    const fold = document.getElementById(location.hash.slice(1))?.querySelector("details.all");
+    if (fold) fold.open = true;
+  }
+
+  addEventListener("hashchange", unfold);
+  unfold();
   addEventListener("beforeprint", () => document.querySelectorAll(".chart").forEach((figure) => { if (!drawn.has(figure) && figure.checkVisibility()) draw(figure); }));
   document.getElementById("theme")?.addEventListener("click", turn);
   knob?.addEventListener("input", () => { kept.set("smooth", knob.value); repaint(); });

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from http import HTTPStatus
 from pathlib import Path
+from types import MappingProxyType
 from urllib.parse import parse_qsl, quote, urlencode
 
 from starlette.applications import Starlette
@@ -111,10 +112,11 @@ class Pages:
         return self._answer(request, self._list)
 
     async def start(self, request: Request) -> Response:
+        form = await _form(request)
         try:
-            name = self._launcher.start(await _form(request))
+            name = self._launcher.start(form)
         except EurekaError as error:
-            return self._answer(request, self._list, str(error))
+            return self._answer(request, self._list, str(error), form)
         return RedirectResponse(_address(name), 303)
 
     async def overview(self, request: Request) -> Response:
@@ -133,7 +135,7 @@ class Pages:
 
     async def say(self, request: Request) -> Response:
         form = await _form(request)
-        return self._act(request, lambda directory: say(directory, *actions.read(form)))
+        return self._act(request, lambda directory: say(directory, *actions.read(form)), form)
 
     async def stop(self, request: Request) -> Response:
         return self._act(request, ask_to_stop)
@@ -141,14 +143,17 @@ class Pages:
     async def resume(self, request: Request) -> Response:
         return self._act(request, self._launcher.resume)
 
-    def _act(self, request: Request, act: Callable[[Path], None]) -> Response:
-        """Do something about a run, and show it again."""
+    def _act(
+        self, request: Request, act: Callable[[Path], None], form: Mapping[str, str] = MappingProxyType({})
+    ) -> Response:
+        """Do something about a run, and show it again, or the candidates that its form stood beside."""
         name, directory = self._named(request)
         try:
             act(directory)
         except EurekaError as error:
-            return self._answer(request, partial(self._overview, request), str(error))
-        return RedirectResponse(_address(name), 303)
+            return self._answer(request, partial(self._overview, request), str(error), form)
+        back = form.get("back", "")
+        return RedirectResponse(_address(name) + (back if back.startswith("candidates?") else ""), 303)
 
     async def film(self, request: Request) -> Response:
         """A video of a run; no other file, and none that is named in another way than the run names it."""
@@ -279,8 +284,19 @@ class Pages:
         shown = page.fingerprint, page.moment
         return self._versions.get(page.address, shown, lambda before: Version.make(parts, before))
 
-    def _answer(self, request: Request, look: Callable[[], Page], problem: str = "") -> Response:
-        """The page; to one that is open already, what changes of the parts that it shows, as it changes."""
+    def _answer(
+        self,
+        request: Request,
+        look: Callable[[], Page],
+        problem: str = "",
+        filled: Mapping[str, str] = MappingProxyType({}),
+    ) -> Response:
+        """The page; to one that is open already, what changes of the parts that it shows, as it changes.
+
+        Args:
+            problem: with what a person asked for.
+            filled: what they had written into the form, so that nothing is to be typed again.
+        """
         page = look()
         if "text/event-stream" in request.headers.get("accept", ""):
             shown = request.query_params.get("shown", "").split(",")
@@ -290,7 +306,9 @@ class Pages:
 
             following = events(lambda: self._version(look()), shown, gone)
             return StreamingResponse(following, media_type="text/event-stream")
-        text = pages.layout(page.template, self._version(page), address=page.address, problem=problem, **page.values)
+        text = pages.layout(
+            page.template, self._version(page), address=page.address, problem=problem, filled=filled, **page.values
+        )
         return HTMLResponse(text, 400 if problem else 200)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -46,11 +47,12 @@ _CHANGING = (FILENAME, f"{FILENAME}-wal", LOG)
 
 def runs(root: Path) -> dict[str, Path]:
     """Directory by name, the one that changed last first; a folder that is a run itself is the only one. Runs of
-    folders in it are called `folder:run`."""
+    folders in it are called `folder:run`; a colon of a name is doubled."""
     if is_run(root):
         return {root.resolve().name: root}
     found = sorted(_below(root, DEPTH), key=_changed, reverse=True)
-    return {safe_text(":".join(path.relative_to(root).parts)): path for path in found}
+    parts = {path: [part.replace(":", "::") for part in path.relative_to(root).parts] for path in found}
+    return {safe_text(":".join(names)): path for path, names in parts.items()}
 
 
 def _below(root: Path, depth: int) -> Iterator[Path]:
@@ -81,9 +83,9 @@ def fingerprint(directory: Path) -> Fingerprint:
 
     Files are replaced by renaming, which changes their folder.
     """
-    lanes = directory / "lanes"
     files = [directory / name for name in (*_CHANGING, "best", "polished")]
-    files += lanes.iterdir() if lanes.is_dir() else ()
+    with suppress(OSError):  # none, or nobody may look
+        files += (directory / "lanes").iterdir()
     return (is_held(directory), *sorted((path.name, *_stat(path)) for path in files))
 
 
@@ -93,10 +95,10 @@ def moment(directory: Path) -> Fingerprint:
 
 
 def _stat(path: Path) -> tuple[int, int]:
-    """Of a file that may just have gone."""
+    """Of a file that may just have gone, or be a link to nowhere: the folder may come from anybody."""
     try:
         found = os.stat(path)
-    except FileNotFoundError:
+    except OSError:
         return 0, 0
     return found.st_mtime_ns, found.st_size
 

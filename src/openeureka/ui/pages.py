@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlencode
 
 from ..config import FEEDBACKS, VIDEOS, RunConfig
 from ..display import outside
@@ -13,7 +14,7 @@ from ..report import filming, html, tables
 from ..report.candidates import CandidateView, PromptView
 from ..report.numbers import duration
 from ..report.view import RunView
-from ..score import Outcome, human_normalised, mean, rank
+from ..score import Outcome, mean, rank
 from ..store import Store, is_held, is_run
 from ..tasks import registry
 from ..types import lane_id, of_components
@@ -57,6 +58,7 @@ def overview(directory: Path, run: RunView) -> Parts:
     entry = folder.entry("", directory)
     parts = {
         "head": "",
+        "numbers": "",
         "now": "",
         "said": piece.said(*actions.ear(directory)),
         "result": piece.result(),
@@ -72,12 +74,13 @@ def overview(directory: Path, run: RunView) -> Parts:
 def now(directory: Path, run: RunView) -> Parts:
     """How a run stands, and what it is doing while it is at work."""
     piece, told = _pieces(run=run), outside.read(directory) if is_held(directory) else None
-    tiles = tables.tiles(run)
+    entry, tiles = folder.entry("", directory), tables.tiles(run)
     if told is not None:
-        left = duration(told.left) if told.left is not None else "-"
-        tiles.append(tables.Tile("time left", left, f"{duration(told.seconds)} at work"))
+        left = f"about {duration(told.left)} of search left" if told.left is not None else ""
+        tiles.append(tables.Tile("at work", duration(told.seconds), left))
     return {
-        "head": piece.head(folder.entry("", directory), html.intent(run.config.env), tiles),
+        "head": piece.head(entry, html.intent(run.config.env)),
+        "numbers": piece.numbers(entry, tiles),
         "now": piece.now(told, _places(run)) if told is not None else "",
     }
 
@@ -87,10 +90,11 @@ def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
     known = {html.anchor(candidate): candidate for candidate in run.candidates}
     shown = [known[name] for name in dict.fromkeys(names) if name in known]
     piece = _pieces(run=run)
-    listens = actions.ear(directory).listens
+    ear = actions.ear(directory)
     places = list(known)
+    back = "candidates?" + urlencode([("show", html.anchor(c)) for c in shown])
     trained_ones = [c for c in shown if c.result is not None] if _in_depth(run.config.env) else []
-    parts = {f"play-{html.anchor(c)}": piece.play(c) for c in trained_ones}
+    parts = {"said": piece.said(*ear)} | {f"play-{html.anchor(c)}": piece.play(c) for c in trained_ones}
     for c in shown:
         name = html.anchor(c)
         at = places.index(name)
@@ -98,7 +102,7 @@ def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
         children = [other for other in run.candidates if other.parent is not None and other.parent.place == c.place]
         others = [other for other in shown if other is not c]
         parts[f"live-{name}"] = ""
-        parts[name] = piece.whole(c, _prompt(run, c), others, listens, children, beside)
+        parts[name] = piece.whole(c, _prompt(run, c), others, ear.listens, children, beside, back)
     return parts
 
 
@@ -166,7 +170,7 @@ def _prompt(run: RunView, candidate: CandidateView) -> PromptView | None:
 def _pieces(run: RunView | None) -> Any:
     """The macros of the page, which see the run."""
     values = {"run": run, "best": run.best if run is not None else None}
-    helpers = {"called": _called, "parts_of": of_components, "held_out": _held_out, "normalised": human_normalised}
+    helpers = {"called": _called, "parts_of": of_components, "held_out": _held_out}
     return html.environment().get_template("ui/pieces.html").make_module(values | helpers)
 
 

@@ -10,10 +10,13 @@ const films = new IntersectionObserver((entries) => {
 });
 const awaitFilms = () => parts.querySelectorAll("video[preload=none]").forEach((film) => films.observe(film));
 
+/** What a fold is known by; how many replies there are may grow. */
+const called = (details) => details.querySelector("summary").textContent.replace(/^(Reply \d+) .*/s, "$1");
+
 /** What a person has unfolded, chosen or zoomed into in a part stays so when the part is renewed. */
 function keep(old, part) {
-  const unfolded = [...old.querySelectorAll("details")];
-  [...part.querySelectorAll("details")].forEach((details, index) => { details.open = unfolded[index]?.open ?? details.open; });
+  const unfolded = new Map([...old.querySelectorAll("details")].map((details) => [called(details), details.open]));
+  for (const details of part.querySelectorAll("details")) details.open = unfolded.get(called(details)) ?? details.open;
   const chosen = new Set([...old.querySelectorAll("input:checked")].map((box) => box.value));
   for (const box of part.querySelectorAll("input[type=checkbox]")) box.checked = chosen.has(box.value);
   const charts = [...old.querySelectorAll(".chart")].filter(eureka.isDrawn);
@@ -27,6 +30,14 @@ function keep(old, part) {
   }
 }
 
+/** Gives the focus to what stands in a renewed part where it was before. */
+function refocus(part) {
+  const active = part.contains(document.activeElement) ? document.activeElement : null;
+  const like = ({ tagName, name, value, textContent }) => [tagName, name, value, textContent].join("\n");
+  const sought = active && like(active);
+  return (fresh) => [...fresh.querySelectorAll(active?.tagName ?? ":not(*)")].find((one) => like(one) === sought)?.focus({ preventScroll: true });
+}
+
 function renew({ order, changed }) {
   const shown = new Map([...parts.children].map((part) => [part.dataset.part, part]));
   order.forEach(([name, mark], index) => {
@@ -35,12 +46,14 @@ function renew({ order, changed }) {
     if (parts.children[index] !== part) parts.insertBefore(part, parts.children[index] ?? null);
     if (part.dataset.mark === mark) return;
     const old = document.createElement("div");
+    const focused = refocus(part);
     const fresh = document.createElement("template");
     fresh.innerHTML = changed[mark];
     old.append(...part.childNodes);
     part.replaceChildren(fresh.content);
     Object.assign(part.dataset, { part: name, mark });
     keep(old, part);
+    focused(part);
     eureka.dress(part);
     part.querySelectorAll("[data-play]").forEach(eureka.play);
   });
