@@ -1,4 +1,5 @@
 import errno
+import os
 import sqlite3
 from pathlib import Path
 
@@ -168,3 +169,15 @@ def test_a_file_is_replaced_whole_or_not_at_all(tmp_path: Path, monkeypatch: pyt
         artifacts.write(path.parent, path.name, "new")
     assert path.read_text() == "old"
     assert [entry.name for entry in path.parent.iterdir()] == ["reward.py"]
+
+
+def test_a_new_folder_is_synced_in_the_one_that_holds_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    synced: list[str] = []
+    monkeypatch.setattr("os.fsync", lambda descriptor: synced.append(os.readlink(f"/proc/self/fd/{descriptor}")))
+    artifacts.write(tmp_path, "lanes/a-s0/last.safetensors", b"policy")
+    # Each new folder in the one above it, the file itself, its name.
+    assert synced[:2] == [str(tmp_path), f"{tmp_path}/lanes"]
+    assert synced[-1] == f"{tmp_path}/lanes/a-s0"
+    assert len(synced) == 4
+    artifacts.write(tmp_path, "lanes/a-s0/curves.json", "{}")
+    assert len(synced) == 6, "the folders are known"

@@ -144,6 +144,7 @@ def _folder_of(directory: Path, name: str, *, make: bool = False) -> Generator[t
             if make:
                 with suppress(FileExistsError):
                     os.mkdir(part, dir_fd=folder)
+                    os.fsync(folder)  # else a power cut may leave the row and take the folder of its file
             try:
                 inner = os.open(part, _FOLDER | os.O_NOFOLLOW, dir_fd=folder)
             except OSError as error:
