@@ -159,14 +159,12 @@ CASES = (
         HostileRun(f"link-{name.replace('/', '-')}", linked(name, "secret.txt"))
         for name in (
             "report.html",
-            ".report.html.tmp",
-            ".messages.json.tmp",
+            ".report.html.0123456789abcdef.tmp",
             "best/video.mp4",
             "best/policy.onnx",
-            "best/.reward.py.tmp",
+            "best/.reward.py.0123456789abcdef.tmp",
             "best/policy.safetensors",
             "lanes/human-s0/video.mp4",
-            "lanes/human-s0/.events.out.tfevents.0.tmp",
             "run.log",
             "run.stop",
         )

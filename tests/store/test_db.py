@@ -181,3 +181,34 @@ def test_a_new_folder_is_synced_in_the_one_that_holds_it(tmp_path: Path, monkeyp
     assert len(synced) == 4
     artifacts.write(tmp_path, "lanes/a-s0/curves.json", "{}")
     assert len(synced) == 6, "the folders are known"
+
+
+def test_two_writers_of_a_file_each_write_it_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[str] = []
+
+    def slow(descriptor: int) -> None:
+        monkeypatch.undo()  # the other writer begins and ends before the first one's rename
+        artifacts.write(tmp_path, "report.html", "the other's")
+        seen.append((tmp_path / "report.html").read_text())
+        seen.extend(artifacts.names(tmp_path.parent, tmp_path.name))
+
+    monkeypatch.setattr("os.fsync", slow)
+    artifacts.write(tmp_path, "report.html", "the first one's")
+    assert seen == ["the other's", "report.html"], "what is being written is no file of the folder yet"
+    assert (tmp_path / "report.html").read_text() == "the first one's"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_what_a_killed_writer_left_is_swept_and_one_at_work_keeps_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left = tmp_path / "best" / ".reward.py.0123456789abcdef.tmp"
+    left.parent.mkdir()
+    left.write_text("def compute_rew")
+    mine = tmp_path / "best" / ".mine.tmp"
+    mine.touch()
+    monkeypatch.setattr("os.fsync", lambda descriptor: artifacts.sweep(tmp_path))
+    artifacts.write(tmp_path, "report.html", "whole")
+    assert not left.exists()
+    assert mine.exists()
+    assert (tmp_path / "report.html").read_text() == "whole"

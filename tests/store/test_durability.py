@@ -133,8 +133,8 @@ def test_a_damaged_or_missing_policy_is_named_before_it_is_used(finished: Path):
             path.write_bytes(whole)
 
 
-def test_half_an_artefact_that_a_killed_writer_left_is_overwritten(finished: Path):
-    leftover = finished / "best" / ".reward.py.tmp"
+def test_half_an_artefact_that_a_killed_writer_left_is_deleted(finished: Path):
+    leftover = finished / "best" / ".reward.py.0123456789abcdef.tmp"
     leftover.write_text("def compute_rew")
     search_in(finished)
     assert not leftover.exists()

@@ -6,7 +6,10 @@ A run's directory may come from anybody: below it no link is followed, and nothi
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
+import re
+import secrets
 import stat
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
@@ -20,12 +23,14 @@ MAX_FILE = 1 << 30
 """Bytes of a file that are read; policies have some 10 MB."""
 
 _FOLDER = os.O_RDONLY | os.O_DIRECTORY
+_TEMPORARY = re.compile(r"\..+\.[0-9a-f]{16}\.tmp", re.DOTALL)
+"""What a file is called until it is whole."""
 
 
 def write(directory: Path, name: str, content: str | bytes) -> None:
     """Replace a file of the directory atomically and durably, making its folder when missing.
 
-    The caller holds the run's lock. The temporary name is always the same, so what a killed writer left is replaced.
+    Several processes may write it, such as two reports: the last one counts. `sweep` deletes what a killed one left.
 
     Args:
         name: path below the directory, such as `best/reward.py`.
@@ -35,12 +40,12 @@ def write(directory: Path, name: str, content: str | bytes) -> None:
     """
     data = content.encode(errors="replace") if isinstance(content, str) else content
     with explained(directory), _folder_of(directory, name, make=True) as (folder, last):
-        temporary = f".{last}.tmp"
-        with suppress(FileNotFoundError):
-            os.unlink(temporary, dir_fd=folder)
+        temporary = f".{last}.{secrets.token_hex(8)}.tmp"
         descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o666, dir_fd=folder)
         try:
             with os.fdopen(descriptor, "wb") as file:
+                with suppress(OSError):  # a file system without locks
+                    fcntl.flock(descriptor, fcntl.LOCK_SH)
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
@@ -50,6 +55,19 @@ def write(directory: Path, name: str, content: str | bytes) -> None:
                 os.unlink(temporary, dir_fd=folder)
             raise
         os.fsync(folder)  # the rename itself
+
+
+def sweep(directory: Path) -> None:
+    """Delete what killed writers left. One at work has its file locked, and keeps it."""
+    for folder, _, files in os.walk(directory):
+        for name in filter(_TEMPORARY.fullmatch, files):
+            path = str((Path(folder) / name).relative_to(directory))
+            with suppress(OSError, StoreError):
+                file = opened(directory, path)
+                if file is not None:
+                    with file:
+                        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                        remove(directory, path)
 
 
 def read(directory: Path, name: str) -> bytes | None:
@@ -104,10 +122,11 @@ def appended(directory: Path, name: str) -> BinaryIO:
 
 
 def names(directory: Path, name: str) -> list[str]:
-    """What a folder of the directory holds, in order; nothing where there is no such folder, or a link in its place."""
+    """What a folder of the directory holds, in order, without what is being written; nothing where there is no such
+    folder, or a link in its place."""
     try:
         with _folder_of(directory, f"{name}/-") as (folder, _):
-            return sorted(os.listdir(folder))
+            return sorted(found for found in os.listdir(folder) if not _TEMPORARY.fullmatch(found))
     except (StoreError, FileNotFoundError):
         return []
 

@@ -118,6 +118,7 @@ class Store:
             undo.callback(database.close)
             store = cls(directory, database, lock)
             store._settle(config, ranks)
+            artifacts.sweep(directory)
             undo.pop_all()
         return store
 
