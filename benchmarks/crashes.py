@@ -123,9 +123,9 @@ def around(countdown: Countdown) -> None:
 def within(countdown: Countdown) -> None:
     prepare, replace = Database._prepare, os.replace
 
-    def traced(self: Database, writable: bool) -> None:
+    def traced(self: Database, writable: bool, migrate: bool) -> None:
         self._connection.set_trace_callback(lambda sql: sql.startswith("SELECT") or countdown())
-        prepare(self, writable)
+        prepare(self, writable, migrate)
 
     def counted(*names: str, **folders: int) -> None:
         countdown()

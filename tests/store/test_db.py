@@ -80,6 +80,27 @@ def test_a_migration_that_fails_leaves_the_old_schema(
     assert schema(tmp_path) == (len(MIGRATIONS), set(TABLES))
 
 
+def test_two_that_migrate_one_file_do_not_collide(
+    tmp_path: Path, database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    database.close()
+    monkeypatch.setattr(db, "MIGRATIONS", [*MIGRATIONS, "CREATE TABLE extra (id INTEGER);"])
+    prepared = Database._schema
+    seen: list[int] = []
+
+    def late(self: Database) -> int:
+        seen.append(prepared(self))
+        if len(seen) == 2:  # the number is read, and the transaction not begun
+            monkeypatch.setattr(Database, "_schema", prepared)
+            Database(tmp_path, writable=True).close()
+        return seen[-1]
+
+    monkeypatch.setattr(Database, "_schema", late)
+    Database(tmp_path, writable=True).close()
+    assert seen == [len(MIGRATIONS)] * 2
+    assert schema(tmp_path) == (len(MIGRATIONS) + 1, {*TABLES, "extra"})
+
+
 def test_a_file_of_a_newer_version_is_refused(tmp_path: Path, database: Database) -> None:
     database.close()
     with sqlite3.connect(tmp_path / db.FILENAME) as connection:

@@ -15,6 +15,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -24,9 +25,10 @@ from openeureka.config import RunConfig
 from openeureka.errors import StoreError
 from openeureka.loop import run
 from openeureka.parsing import as_dict
-from openeureka.store import Store, db, read_config
+from openeureka.store import Store, db, read_config, say
 from openeureka.store.db import Database
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
+from openeureka.types import Remark, RemarkKind
 
 CONFIG = RunConfig(env="toy", sample=2, iteration=2, seeds=1)
 SCRIPT = [reply(1), reply(2), reply(4), reply(3)]
@@ -256,6 +258,22 @@ def test_a_run_of_an_older_version_can_be_read_and_stays_as_it_is(tmp_path: Path
         assert store.lanes.trials() == {} == store.lanes.plays()
         assert store.ranks == "training"
     assert (tmp_path / db.FILENAME).read_bytes() == before
+
+
+def test_a_word_to_a_run_of_an_older_version_leaves_its_process_the_tables_it_knows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    newest, asked = len(db.MIGRATIONS), replace(CONFIG, feedback="human")
+    with monkeypatch.context() as older:
+        older.setattr(db, "MIGRATIONS", db.MIGRATIONS[:-1])
+        with Store.open(tmp_path, asked) as running:
+            older.undo()
+            say(tmp_path, Remark(kind=RemarkKind.WORDS, text="calmer"))
+            older.setattr(db, "MIGRATIONS", db.MIGRATIONS[:-1])
+            assert [remark.text for remark in running.remarks.unheard()] == ["calmer"]
+            assert running._database._schema() == newest - 1
+    with Store.open(tmp_path, asked) as store:
+        assert store._database._schema() == newest
 
 
 # --- the clock -------------------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ import os
 import re
 import sqlite3
 import stat
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from functools import cache, lru_cache
 from pathlib import Path
@@ -142,6 +142,16 @@ def _objects(connection: sqlite3.Connection) -> set[tuple[str, str]]:
     return {(str(name), _on_one_line(str(sql))) for name, sql in found}
 
 
+def _statements(script: str) -> Iterator[str]:
+    """Those of a script, one by one: `executescript` would end the transaction that it is called in."""
+    statement = ""
+    for line in script.splitlines(keepends=True):
+        statement += line
+        if sqlite3.complete_statement(statement):
+            yield statement
+            statement = ""
+
+
 @lru_cache(256)
 def _on_one_line(sql: str) -> str:
     """Cached, as nearly every file has the same tables."""
@@ -157,28 +167,33 @@ def changed_row(directory: Path, why: object) -> StoreError:
 class Database:
     """Rows in, rows out. Values are plain; NaN becomes NULL, as SQLite has it.
 
+    Args:
+        migrate: whether a file of an older version is brought up to date; only who holds the run's lock may.
+
     Raises:
         StoreError: see `explained`; also for a schema newer than this program.
     """
 
-    def __init__(self, directory: Path, *, writable: bool) -> None:
+    def __init__(self, directory: Path, *, writable: bool, migrate: bool = True) -> None:
         self.directory = directory
         with explained(directory):
             self._connection = _connect(directory, writable)
             self._connection.row_factory = sqlite3.Row
             self._connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_VALUE)
             try:
-                self._prepare(writable)
+                self._prepare(writable, migrate)
             except BaseException:
                 self._connection.close()
                 raise
 
-    def _prepare(self, writable: bool) -> None:
+    def _prepare(self, writable: bool, migrate: bool) -> None:
         self._connection.execute("PRAGMA trusted_schema = OFF")
-        schema: int = self._connection.execute("PRAGMA user_version").fetchone()[0]
+        self._connection.execute("BEGIN")  # number and tables of one moment: another process may be migrating
+        schema, objects = self._schema(), _objects(self._connection)
+        self._connection.execute("COMMIT")
         if schema > len(MIGRATIONS):
             raise StoreError(f"{self.directory} was written by a newer openeureka; install that version to open it.")
-        if schema < 0 or _objects(self._connection) != _layout(tuple(MIGRATIONS[:schema]))[0]:
+        if schema < 0 or objects != _layout(tuple(MIGRATIONS[:schema]))[0]:
             raise StoreError(
                 f"{self.directory / FILENAME} has other tables than openeureka makes, so nothing in it is used; "
                 "restore it from a copy or choose another dir=."
@@ -188,7 +203,7 @@ class Database:
                 raise StoreError(f"{self.directory} holds a run that never began; {AGAIN}")
             if schema < len(MIGRATIONS):
                 self._to_memory()
-                self._migrate(schema)
+                self._migrate()
             self._connection.execute("PRAGMA query_only = ON")
             return
         if self._connection.execute("PRAGMA quick_check(1)").fetchone()[0] != "ok":
@@ -197,7 +212,8 @@ class Database:
         # FULL syncs at every commit: a few hundred a run, and a reply that was paid for survives a power cut.
         self._connection.execute("PRAGMA synchronous = FULL")
         self._connection.execute("PRAGMA foreign_keys = ON")
-        self._migrate(schema)
+        if migrate:
+            self._migrate()
 
     def _to_memory(self) -> None:
         """Go on with a copy: an older file is for those to read who may not change it."""
@@ -206,12 +222,20 @@ class Database:
             self._connection.row_factory = sqlite3.Row
             file.backup(self._connection)
 
-    def _migrate(self, schema: int) -> None:
-        for number, script in enumerate(MIGRATIONS[schema:], start=schema + 1):
+    def _schema(self) -> int:
+        return self._connection.execute("PRAGMA user_version").fetchone()[0]
+
+    def _migrate(self) -> None:
+        before = self._schema()
+        for number, script in enumerate(MIGRATIONS[before:], start=before + 1):
+            self._connection.execute("BEGIN IMMEDIATE")
             try:
-                self._connection.executescript(f"BEGIN IMMEDIATE; {script} PRAGMA user_version = {number};")
-                if fill := FILLS.get(number):
-                    fill(self._connection)
+                if self._schema() < number:  # else another process was faster
+                    for statement in _statements(script):
+                        self._connection.execute(statement)
+                    self._connection.execute(f"PRAGMA user_version = {number}")
+                    if fill := FILLS.get(number):
+                        fill(self._connection)
                 self._connection.execute("COMMIT")
             except BaseException:
                 if self._connection.in_transaction:

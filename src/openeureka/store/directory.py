@@ -123,7 +123,7 @@ def say(directory: Path | str, *remarks: Remark) -> None:
         FeedbackError: when the run does not wait for a person, is over, or has no such trained candidate.
         StoreError: when there is no run.
     """
-    with Store.view(directory) as store:  # an old run must not be migrated while its own process has it
+    with Store.view(directory) as store:
         check(store, remarks)
     with Store.visit(directory) as store:
         store.remarks.say(*remarks)

@@ -132,8 +132,11 @@ class Store:
 
     @classmethod
     def visit(cls, directory: Path | str) -> Store:
-        """Say something to a run that another process has: the one thing that may be written without its lock."""
-        return cls(Path(directory), Database(Path(directory), writable=True), None)
+        """Say something to a run that another process has: the one thing that may be written without its lock.
+
+        Only `remarks` may be used: a run of an older version keeps its tables, as its own process knows no others.
+        """
+        return cls(Path(directory), Database(Path(directory), writable=True, migrate=False), None)
 
     def close(self) -> None:
         if self._lock is None:
