@@ -179,7 +179,7 @@ class Actors:
         ).remote(self._module)
         data = framed(request.header, request.blobs)
         serve = actor.serve.options(num_returns="streaming", max_task_retries=0)
-        return ActorCall(self._ray, actor, serve.remote(data, *slot), self._silence, guarded=self._guarded)
+        return ActorCall(self, self._ray, actor, serve.remote(data, *slot), self._silence, guarded=self._guarded)
 
     def wait(self, calls: Sequence[ActorCall], timeout: float | None = None) -> Sequence[ActorCall]:
         end = math.inf if timeout is None else time.monotonic() + timeout
@@ -200,8 +200,8 @@ class Actors:
 class ActorCall:
     """A `Call` that an actor serves, as soon as there is room for it."""
 
-    def __init__(self, ray: Any, actor: Any, stream: Any, silence: float, *, guarded: bool) -> None:
-        self._ray, self._actor, self.stream = ray, actor, stream
+    def __init__(self, transport: Actors, ray: Any, actor: Any, stream: Any, silence: float, *, guarded: bool) -> None:
+        self._transport, self._ray, self._actor, self.stream = transport, ray, actor, stream
         self._silence, self._guarded = silence, guarded
         self._heard = math.inf  # an actor may wait for a place as long as it takes
         self._node: Mapping[str, Any] = {}
@@ -212,9 +212,10 @@ class ActorCall:
         return self._heard + self._silence - time.monotonic()
 
     def receive(self) -> Frame:
+        self._transport.wait([self])  # `next` would wait for ever
+        if not self._ray.wait([self.stream], timeout=0)[0]:  # what is there is read, also where this process slept
+            raise WorkerError("Training stopped: The worker process did not answer in time.")
         try:
-            if self.patience <= 0:
-                raise WorkerError("Training stopped: The worker process did not answer in time.")
             frame = unframed(self._ray.get(next(self.stream), timeout=self._silence))
         except (self._ray.exceptions.RayError, StopIteration, WorkerDied) as error:
             raise self._ending(error) from None
