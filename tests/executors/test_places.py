@@ -1,5 +1,6 @@
 """What the Ray executor waits for, and how long, on a cluster that is only a list of cores: no process, no actor."""
 
+import logging
 import time
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
@@ -7,21 +8,22 @@ from typing import Any
 
 import pytest
 
-from openeureka.errors import WorkerError
+from openeureka.errors import ConfigError, WorkerError
 from openeureka.executors import ray, ray_node
 from openeureka.executors.ray import RayExecutor
-from openeureka.types import Node, RewardGraph
-from openeureka.worker import Frame, framed
+from openeureka.training.wire import pack, unpack_lanes
+from openeureka.types import LaneSpec, Node, RewardGraph, TrainBudget, TrainingResult, TrainingState
+from openeureka.worker import Frame, framed, unframed
 
 GRAPH = RewardGraph(nodes=(Node("input", ("pole_angle",)),), reward=0, components=(("angle", 0),))
 
 
 class Gone(Exception):
-    """What Ray raises for an actor that is gone."""
+    """What Ray raises for an actor that is gone; here the first node is, too."""
 
 
 class Stream:
-    """What an actor says, as soon as a node has its cores."""
+    """What an actor says, as soon as a node has its cores and no other actor is at work."""
 
     def __init__(self, cluster: "Cluster", cores: int, said: Sequence[Frame | Gone]) -> None:
         node = {"id": "n", "host": "alpha", "token": True, "versions": ray_node.versions()}
@@ -29,11 +31,15 @@ class Stream:
 
     @property
     def ready(self) -> bool:
-        return bool(self._left) and max(self._cluster.cores, default=0) >= self._cores
+        if self._left and self._cluster.at_work is None and max(self._cluster.cores) >= self._cores:
+            self._cluster.at_work = self
+        return self._cluster.at_work is self and bool(self._left)
 
     def __next__(self) -> bytes | Gone:
         assert self.ready, "this would wait for ever"
         frame = self._left.pop(0)
+        if not self._left:
+            self._cluster.at_work = None
         return frame if isinstance(frame, Gone) else framed(frame.header, frame.blobs)
 
 
@@ -42,14 +48,19 @@ class Cluster:
 
     exceptions = SimpleNamespace(RayError=Gone, RayTaskError=ZeroDivisionError)
 
-    def __init__(self, cores: Sequence[int], script: Callable[[int], Sequence[Frame | Gone]]) -> None:
+    def __init__(self, *cores: int, script: Callable[[int, Frame], Sequence[Frame | Gone]]) -> None:
         self.cores, self.script = list(cores), script
+        self.at_work: Stream | None = None
         self.asked: list[int] = []
         """Cores of each actor."""
+        self.joining: list[int] = []
+        """Cores of the nodes that join, one with every look from the third on."""
         self.looks = 0
 
     def nodes(self) -> list[dict[str, Any]]:
         self.looks += 1
+        if self.looks > 2 and self.joining:
+            self.cores.append(self.joining.pop(0))
         return [{"Alive": True, "NodeID": str(i), "Resources": {"CPU": n}} for i, n in enumerate(self.cores)]
 
     def get_runtime_context(self) -> Any:
@@ -58,8 +69,12 @@ class Cluster:
     def remote(self, kind: type) -> Any:
         def options(num_cpus: int, **others: object) -> Any:
             self.asked.append(num_cpus)
-            stream = Stream(self, num_cpus, self.script(len(self.asked)))
-            serve = SimpleNamespace(options=lambda **others: SimpleNamespace(remote=lambda *request: stream))
+            number = len(self.asked)
+
+            def called(request: bytes, device: str, threads: int) -> Stream:
+                return Stream(self, num_cpus, self.script(number, unframed(request)))
+
+            serve = SimpleNamespace(options=lambda **others: SimpleNamespace(remote=called))
             return SimpleNamespace(remote=lambda module: SimpleNamespace(serve=serve))
 
         return SimpleNamespace(options=options)
@@ -71,6 +86,8 @@ class Cluster:
 
     def get(self, said: bytes | Gone, timeout: float) -> bytes:
         if isinstance(said, Gone):
+            self.cores = self.cores[1:]
+            self.looks = 0
             raise said
         return said
 
@@ -84,9 +101,58 @@ def executor(cluster: Cluster, monkeypatch: pytest.MonkeyPatch, **options: Any) 
 
 
 def test_a_worker_that_hangs_in_an_evaluation_is_given_up(monkeypatch: pytest.MonkeyPatch):
-    cluster = Cluster([1], lambda call: [])
+    cluster = Cluster(1, script=lambda number, request: [])
     trainer = executor(cluster, monkeypatch, silence=0.1)
     with pytest.raises(WorkerError, match="did not answer in time"):
         list(trainer.evaluate("cartpole", {"a": b""}, seed=0))
     assert trainer.rewards("cartpole", {"a": GRAPH}, []) == {}
     assert cluster.asked == [1] * 4  # each was tried once more
+
+
+def results(number: int, request: Frame) -> list[Frame | Gone]:
+    """What a worker says whose lanes all train."""
+    lanes = [lane.id for lane in unpack_lanes(request)[1]]
+    ended = {"state": TrainingState.FINISHED, "fitness": 1.0, "curves": {}, "env_steps": 1, "seconds": 0.0}
+    return [*(pack(TrainingResult(lane=lane, **ended)) for lane in lanes), Frame({"done": True})]
+
+
+def after_a_loss(number: int, request: Frame) -> list[Frame | Gone]:
+    return [Gone()] if number == 1 else results(number, request)
+
+
+def trained(trainer: RayExecutor, lanes: str) -> list[str]:
+    specs = [LaneSpec(id=name, program="human") for name in lanes]
+    return [m.lane for m in trainer.train("cartpole", specs, TrainBudget(worlds=1)) if isinstance(m, TrainingResult)]
+
+
+def test_a_search_waits_for_a_node_and_says_so(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture):
+    cluster = Cluster(0, script=results)  # a head that only searches
+    cluster.joining = [8]
+    trainer = executor(cluster, monkeypatch, threads=8)
+    assert trained(trainer, "a") == ["a"]
+    cluster.cores, cluster.joining, cluster.looks = [0, 4], [8], 0  # the node left while the model wrote
+    assert trained(trainer, "b") == ["b"]
+    assert cluster.asked == [8, 8]
+    assert [record.levelno for record in caplog.records if "waiting for one" in record.message] == [logging.WARNING] * 2
+
+
+def test_what_no_node_of_a_cluster_has_is_refused(monkeypatch: pytest.MonkeyPatch):
+    with pytest.raises(ConfigError, match="has room for device=cuda\\."):
+        trained(executor(Cluster(4, script=results), monkeypatch, device="cuda"), "a")
+    with pytest.raises(ConfigError, match="has room for device=cpu threads=8\\."):
+        trained(executor(Cluster(4, script=results), monkeypatch, threads=8), "a")
+
+
+def test_where_a_large_node_left_its_lanes_go_on_with_the_cores_of_another(monkeypatch: pytest.MonkeyPatch):
+    cluster = Cluster(16, 4, script=after_a_loss)
+    assert sorted(trained(executor(cluster, monkeypatch), "ab")) == ["a", "b"]
+    assert cluster.asked == [8, 8, 4, 4]  # the second had waited for a place when the node left
+
+
+def test_cores_that_a_person_asked_for_are_waited_for(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+):
+    cluster = Cluster(8, 4, script=after_a_loss)
+    cluster.joining = [8]
+    assert trained(executor(cluster, monkeypatch, threads=8), "a") == ["a"]
+    assert cluster.asked == [8, 8] and "waiting for one" in caplog.text

@@ -7,6 +7,7 @@ store. Frames travel as bytes.
 from __future__ import annotations
 
 import ipaddress
+import logging
 import math
 import os
 import time
@@ -36,6 +37,7 @@ POLL = 1.0
 OBJECT_STORE = 200 << 20
 """[bytes] of a cluster of this machine alone; frames stay there until they are read."""
 
+_log = logging.getLogger(__name__)
 _SETTINGS = {
     "RAY_USAGE_STATS_ENABLED": "0",
     "RAY_DEDUP_LOGS_SKIP_REGEX": ".*",  # what the cluster logs is in its files, and not amid a table
@@ -48,7 +50,8 @@ class RayExecutor:
 
     Args:
         device: `cpu` or `cuda`: a population takes cores, or one whole GPU.
-        threads: cores of each population; 0 for as many as all populations find at once.
+        threads: cores of each population; 0 for as many as all populations find at once, and fewer where no node is
+            left that has so many.
         snapshots: see `local.LocalExecutor`.
         address: `auto` for the cluster that this machine is part of, `HOST:PORT`, or `local` for one of its own.
         module: what a worker runs; tests replace it.
@@ -72,24 +75,34 @@ class RayExecutor:
             raise ConfigError(f"On a cluster device= is {' or '.join(MAX_WORLDS)}, not `{device}`.")
         self._device, self._threads, self._snapshots, self._address = device, threads, snapshots, address
         self._ray = connect(address)
-        self._transport = Actors(self._ray, module, silence)
+        self._transport = Actors(self._ray, module, silence, exact=threads > 0)
+        self._had_room = False
 
     def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Generator[Message]:
-        """Train every lane, as `local.LocalExecutor.train` does.
+        """Train every lane, as `local.LocalExecutor.train` does, as soon as a node has room.
 
         Raises:
-            ConfigError: when no node has what `device=` asks for, or one runs other versions.
+            ConfigError: when no node has had what `device=` and `threads=` ask for, or one runs other versions.
             TaskError, WorkerError: as there.
         """
         worlds = budget.worlds or registry.get(env).recipe.worlds
-        places = [Place.of(node) for node in self._ray.nodes() if node["Alive"]]
-        count, threads = shares(places, len(lanes), worlds, self._device, self._threads)
-        if not count:
-            raise ConfigError(f"No node of the cluster at address={self._address} has room for device={self._device}.")
+        count, threads = self._shares(len(lanes), worlds)
         dealt = scheduler.deal(lanes, snapshots.groups(self._snapshots, env), count)
         populations = [Population(env, share, budget, self._snapshots) for share in dealt]
         # All are submitted at once: Ray knows best when there is room for the next.
         return scheduler.train(self._transport, populations, [self._slot(threads)] * len(populations))
+
+    def _shares(self, lanes: int, worlds: int) -> tuple[int, int]:
+        """See `shares`. A cluster that had room, or has neither cores nor GPUs yet, is waited for."""
+        while not (found := shares(places := living(self._ray), lanes, worlds, self._device, self._threads))[0]:
+            if not self._had_room and any(place.cores or place.gpus for place in places):
+                asked = f"device={self._device}" + (f" threads={self._threads}" if self._threads else "")
+                raise ConfigError(f"No node of the cluster at address={self._address} has room for {asked}.")
+            self._transport.tell(waiting=True)
+            time.sleep(POLL)
+        self._transport.tell(waiting=False)
+        self._had_room = True
+        return found
 
     def evaluate(
         self,
@@ -130,10 +143,18 @@ class Place:
     memory: float = math.inf
     """[bytes]"""
 
+    def within(self, other: Place) -> bool:
+        """Whether the other has as many cores and GPUs."""
+        return self.cores <= other.cores and self.gpus <= other.gpus
+
     @staticmethod
     def of(node: Mapping[str, Any]) -> Place:
         has = node["Resources"]
         return Place(int(has.get("CPU", 0)), int(has.get("GPU", 0)), has.get("memory", math.inf))
+
+
+def living(ray: Any) -> list[Place]:
+    return [Place.of(node) for node in ray.nodes() if node["Alive"]]
 
 
 def shares(places: Sequence[Place], lanes: int, worlds: int, device: str, threads: int) -> tuple[int, int]:
@@ -161,31 +182,42 @@ def shares(places: Sequence[Place], lanes: int, worlds: int, device: str, thread
 
 
 class Actors:
-    """A `Transport` that has each call served by an actor of its own."""
+    """A `Transport` that has each call served by an actor of its own.
 
-    def __init__(self, ray: Any, module: str, silence: float) -> None:
-        self._ray, self._module, self._silence = ray, module, silence
+    Args:
+        exact: a call waits for as many cores as its slot has, also while no node has them.
+    """
+
+    def __init__(self, ray: Any, module: str, silence: float, *, exact: bool) -> None:
+        self._ray, self._module, self._silence, self._exact = ray, module, silence, exact
+        self._looked, self._told = -math.inf, False
         self._actor: Any = ray.remote(ray_node.Share)
         self._guarded = _guarded(ray)
 
     def call(self, request: Frame, slot: Slot) -> ActorCall:
         gpus = int(slot.device.startswith("cuda"))
+        if not gpus and not self._exact:  # the nodes that had so many may be gone
+            most = max((place.cores for place in living(self._ray)), default=0)
+            slot = slot._replace(threads=min(slot.threads, most or slot.threads))
+        needs = Place(1 if gpus else max(1, slot.threads), gpus)
         actor = self._actor.options(
-            num_cpus=1 if gpus else max(1, slot.threads),
-            num_gpus=gpus,
+            num_cpus=needs.cores,
+            num_gpus=needs.gpus,
             max_restarts=0,
             max_concurrency=2,  # `stop` is heard while `serve` is under way
             scheduling_strategy="SPREAD",
         ).remote(self._module)
         data = framed(request.header, request.blobs)
         serve = actor.serve.options(num_returns="streaming", max_task_retries=0)
-        return ActorCall(self, self._ray, actor, serve.remote(data, *slot), self._silence, guarded=self._guarded)
+        stream = serve.remote(data, *slot)
+        return ActorCall(self, self._ray, actor, stream, needs, self._silence, guarded=self._guarded)
 
     def wait(self, calls: Sequence[ActorCall], timeout: float | None = None) -> Sequence[ActorCall]:
         end = math.inf if timeout is None else time.monotonic() + timeout
         by_stream = {call.stream: call for call in calls}
         streams = list(by_stream)
         while calls:
+            self._look(calls)
             left = min([end - time.monotonic(), *(call.patience for call in calls)])
             ready, _ = self._ray.wait(streams, num_returns=1, timeout=max(0.0, min(left, POLL)))
             if ready:
@@ -196,24 +228,51 @@ class Actors:
                 return found
         return []
 
+    def _look(self, calls: Sequence[ActorCall]) -> None:
+        """Now and then: what waits for more cores than any node has is lost, and so asked for again with fewer."""
+        waiting = [call for call in calls if call.waiting]
+        if not waiting or time.monotonic() - self._looked < POLL:
+            return
+        self._looked, places = time.monotonic(), living(self._ray)
+        vain = [call for call in waiting if not any(call.needs.within(place) for place in places)]
+        for call in vain:
+            call.lost = not self._exact and not call.needs.gpus and any(place.cores for place in places)
+        self.tell(waiting=len(vain) == len(calls) and not any(call.lost for call in vain))
+
+    def tell(self, *, waiting: bool) -> None:
+        """Say once that all waits for a node; nobody else does."""
+        if waiting and not self._told:
+            _log.warning("No node of the cluster has room: waiting for one that has. Ctrl-C stops it, nothing is lost.")
+        self._told = waiting
+
 
 class ActorCall:
     """A `Call` that an actor serves, as soon as there is room for it."""
 
-    def __init__(self, transport: Actors, ray: Any, actor: Any, stream: Any, silence: float, *, guarded: bool) -> None:
-        self._transport, self._ray, self._actor, self.stream = transport, ray, actor, stream
+    def __init__(
+        self, transport: Actors, ray: Any, actor: Any, stream: Any, needs: Place, silence: float, *, guarded: bool
+    ) -> None:
+        self._transport, self._ray, self._actor = transport, ray, actor
+        self.stream, self.needs, self.lost = stream, needs, False
         self._silence, self._guarded = silence, guarded
         self._heard = math.inf  # an actor may wait for a place as long as it takes
         self._node: Mapping[str, Any] = {}
 
     @property
+    def waiting(self) -> bool:
+        """Whether it has no place yet."""
+        return self._heard == math.inf
+
+    @property
     def patience(self) -> float:
         """[s] that the actor may still be silent."""
-        return self._heard + self._silence - time.monotonic()
+        return 0.0 if self.lost else self._heard + self._silence - time.monotonic()
 
     def receive(self) -> Frame:
         self._transport.wait([self])  # `next` would wait for ever
         if not self._ray.wait([self.stream], timeout=0)[0]:  # what is there is read, also where this process slept
+            if self.lost:
+                raise WorkerLost("Training stopped: no node is left that has the cores it waited for.")
             raise WorkerError("Training stopped: The worker process did not answer in time.")
         try:
             frame = unframed(self._ray.get(next(self.stream), timeout=self._silence))
