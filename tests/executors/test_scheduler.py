@@ -2,13 +2,15 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from openeureka.errors import TaskError, WorkerError
+from openeureka.executors import retry
 from openeureka.executors.retry import LOSSES, Population
 from openeureka.executors.scheduler import deal, train
-from openeureka.executors.transport import Slot, WorkerLost
+from openeureka.executors.transport import Slot, WorkerLost, farewell
 from openeureka.training.wire import SNAPSHOT, pack, unpack_lanes
 from openeureka.types import (
     LaneSpec,
@@ -221,6 +223,54 @@ def test_who_stops_listening_is_left_the_state_of_every_population(tmp_path: Pat
     stream.close()
     assert sorted(file.read_bytes() for file in (tmp_path / "snapshots").glob("*.pt")) == [b"0", b"1"]
     assert [names for _, names in transport.asked] == [["a"], ["b"]] and all(call.closed for call in transport.calls)
+
+
+def test_results_that_were_under_way_at_ctrl_c_are_told(tmp_path: Path):
+    class Interrupted(Scripted):
+        def call(self, request: Frame, slot: Slot) -> ScriptedCall:
+            call = super().call(request, slot)
+            call.stop = lambda: None  # its training is over
+            return call
+
+        def wait(self, calls: Sequence[ScriptedCall], timeout: float | None = None) -> list[ScriptedCall]:
+            if timeout is None:
+                raise KeyboardInterrupt
+            return super().wait(calls, timeout)
+
+    found: list[TrainingResult | TrainingProgress] = []
+    transport = Interrupted(lambda names: iter([Frame({}, {SNAPSHOT: b"state"}), result("a"), DONE]))
+    with pytest.raises(KeyboardInterrupt):
+        for message in train(transport, populations("a", folder=tmp_path / "snapshots"), [Slot("0", 1)]):
+            found.append(message)
+    assert [message.lane for message in found if isinstance(message, TrainingResult)] == ["a"]
+    assert transport.calls[0].closed and list(tmp_path.iterdir()) == []
+
+
+def test_a_worker_may_end_its_epoch_before_it_leaves_its_state(monkeypatch: pytest.MonkeyPatch):
+    (population,) = populations("a")
+    population.request("cpu")
+    call = ScriptedCall("cpu", (progress("a") for _ in range(4)))
+    allowed = [population.farewell]
+    for now in (100.0, 101.0, 121.0, 221.0):  # epochs of 1, 20 and 100 seconds
+        monkeypatch.setattr(retry, "time", SimpleNamespace(monotonic=lambda now=now: now))
+        population.hear(call)
+        allowed.append(population.farewell)
+    assert allowed == [10.0, 10.0, 10.0, 40.0, 100.0]
+
+
+def test_who_is_silent_for_longer_than_its_time_is_left_behind():
+    class Polled(Scripted):
+        def wait(self, calls: Sequence[ScriptedCall], timeout: float | None = None) -> list[ScriptedCall]:
+            if calls == self.calls[1:] and not said:  # the first is not waited for any longer
+                said.append(ScriptedCall.stop(calls[0]))
+            return [call for call in calls if call.coming is not None]
+
+    said: list[None] = []
+    transport = Polled(lambda names: iter([]))
+    for population in populations("a", "b"):
+        transport.call(population.request("cpu"), Slot(population.lanes[0].id, 1)).stop = lambda: None
+    first, second = transport.calls
+    assert [call.device for call, _ in farewell(transport, {first: 0.05, second: 60.0})] == ["b", "b"]
 
 
 def test_lanes_that_are_tried_one_by_one_go_on_from_the_state_of_all(tmp_path: Path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ from ..types import (
 )
 from ..worker import Frame
 from .snapshots import Snapshot, forget
-from .transport import AnyCall, Call, Slot, Transport, WorkerLost
+from .transport import FAREWELL, LONGEST_FAREWELL, AnyCall, Call, Slot, Transport, WorkerLost
 
 SNAPSHOT_SECONDS = 300.0
 """[s] between two snapshots of a training; one takes a fraction of a second."""
@@ -65,6 +66,8 @@ class Population:
         self._attempt = next(self._plan, None)
         self._snapshot = Snapshot(None, {})
         self._losses = 0
+        self._reported, self._apart = 0.0, 0.0
+        """[s] When the worker reported last, 0 where it has not, and how long after the report before."""
 
     def _attempts(self) -> Iterator[Attempt]:
         """What to try next, by what is left at that moment."""
@@ -88,9 +91,15 @@ class Population:
         """Whether what is under way may leave a snapshot."""
         return self._snapshots is not None and self._attempt is not None and not self._attempt.control
 
+    @property
+    def farewell(self) -> float:
+        """[s] that the worker may take for a last snapshot: the rest of an epoch, or a slower one."""
+        return min(max(FAREWELL, 2 * self._apart), LONGEST_FAREWELL)
+
     def request(self, device: str) -> Frame:
         """What to ask a worker on this device for, now."""
         assert self._attempt is not None
+        self._reported, self._apart = 0.0, 0.0
         packed = pack_lanes(self._env, self._attempt.lanes, self._attempt.budget)
         folder = self._snapshots if self.resumable else None
         about = {**packed.header, "device": device.partition(":")[0]}
@@ -123,18 +132,28 @@ class Population:
             self._snapshot.remove()
             self._end(self._attempt, "Training stopped: The worker process ended without a result.")
             return None, True
-        self.keep(frame)
-        if not frame.header or self._attempt.control:
-            return None, False
-        message = unpack(frame)
-        if isinstance(message, TrainingResult) and self._left.pop(message.lane, None) is None:
-            return None, False  # the machine before told it as well, before it left
-        return message, False
+        return self.told(frame), False
 
     def keep(self, frame: Frame) -> None:
         """Keep the state that a frame brings, if any."""
         if SNAPSHOT in frame.blobs:
             self._snapshot.write(frame.blobs[SNAPSHOT])
+
+    def told(self, frame: Frame) -> Message | None:
+        """What a frame says, if it concerns anybody; what it said before is stored by now."""
+        assert self._attempt is not None
+        self.keep(frame)
+        if frame.header.get("done") and not self._left:
+            self._snapshot.remove()
+        if not frame.header or frame.header.get("done") or self._attempt.control:
+            return None
+        message = unpack(frame)
+        if isinstance(message, TrainingProgress):
+            now = time.monotonic()
+            self._apart, self._reported = now - (self._reported or now), now
+        elif self._left.pop(message.lane, None) is None:
+            return None  # the machine before told it as well, before it left
+        return message
 
     def _end(self, attempt: Attempt, reason: str) -> None:
         """Go on with the next attempt; lanes that none of them trains have the reason of their last."""

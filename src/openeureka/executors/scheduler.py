@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ..types import LaneSpec, NodeShare, TrainingProgress
+from ..types import LaneSpec, NodeShare, TrainingProgress, TrainingResult
+from ..worker import Frame
 from .retry import Message, Population
 from .transport import AnyCall, Slot, Transport, farewell
 
@@ -28,7 +29,8 @@ def train(
     """Train every population, as many side by side as there are slots; messages as they come.
 
     A slot that is free takes the next population in turn. Where training is stopped, by Ctrl-C, by an error or as
-    nobody wants more, what is under way leaves its state.
+    nobody wants more, what is under way leaves its state. Where somebody still listens, results that come until then
+    are told before the error.
 
     Raises:
         TaskError, WorkerError: see `Population.hear`.
@@ -55,19 +57,27 @@ def train(
                         tally.close(population)
                     else:
                         waiting.appendleft(population)  # its lanes without a result go before anybody else's
-    finally:
-        _stop(transport, running)
-
-
-def _stop(transport: Transport[AnyCall], running: Mapping[AnyCall, tuple[Population, Slot]]) -> None:
-    """End every worker; trainings that may go on later leave their state first."""
-    try:
-        resumable = [call for call, (population, _) in running.items() if population.resumable]
-        for call, frame in farewell(transport, resumable):
-            running[call][0].keep(frame)
+    except GeneratorExit:  # nobody listens
+        for population, frame in _stopped(transport, running):
+            population.keep(frame)
+        raise
+    except BaseException:
+        for population, frame in _stopped(transport, running):
+            if isinstance(message := population.told(frame), TrainingResult):
+                yield message
+        raise
     finally:
         for call in running:
             call.close()
+
+
+def _stopped(
+    transport: Transport[AnyCall], running: Mapping[AnyCall, tuple[Population, Slot]]
+) -> Iterator[tuple[Population, Frame]]:
+    """What trainings that may go on later still say: their state, and results of those that end meanwhile."""
+    resumable = {call: population.farewell for call, (population, _) in running.items() if population.resumable}
+    for call, frame in farewell(transport, resumable):
+        yield running[call][0], frame
 
 
 @dataclass

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from multiprocessing import connection
 from typing import NamedTuple, Protocol, TypeVar
@@ -17,8 +17,9 @@ from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 
 SILENCE = 600.0
 """[s] without a sign of life after which a worker counts as hung; it reports every second and compiles for seconds."""
-FAREWELL = 10.0
-"""[s] that all workers together may take for a last snapshot when a training is stopped; they look every second."""
+FAREWELL, LONGEST_FAREWELL = 10.0, 100.0
+"""[s] that a worker may take for a last snapshot when a training is stopped: it looks once an epoch, or a second. Where
+epochs are long it may take up to the second; Slurm, as the guide to clusters sets it, kills after two minutes."""
 
 
 class Slot(NamedTuple):
@@ -139,18 +140,22 @@ class ProcessCall:
         self.worker.close()
 
 
-def farewell(transport: Transport[AnyCall], calls: Iterable[AnyCall]) -> Iterator[tuple[AnyCall, Frame]]:
-    """Stop the calls, all at once; what each still says, unless that takes too long."""
-    left, end = list(calls), time.monotonic() + FAREWELL
+def farewell(transport: Transport[AnyCall], calls: Mapping[AnyCall, float]) -> Iterator[tuple[AnyCall, Frame]]:
+    """Stop the calls, all at once; what each still says, unless that takes longer than its time [s]."""
+    began = time.monotonic()
+    left = {call: began + seconds for call, seconds in calls.items()}
     for call in left:
         call.stop()
-    while left and (ready := transport.wait(left, max(0.0, end - time.monotonic()))):
+    while left:
+        ready = transport.wait(list(left), max(0.0, min(left.values()) - time.monotonic()))
         for call in ready:
             try:
                 frame = call.receive()
             except EurekaError:
-                left.remove(call)
+                del left[call]
                 continue
             if frame.header.get("done"):
-                left.remove(call)
+                del left[call]
             yield call, frame
+        if not ready:
+            left = {call: end for call, end in left.items() if end > time.monotonic()}

@@ -36,7 +36,10 @@ def stopped(again: str) -> str:
 def _interrupt(number: int, frame: FrameType | None) -> None:
     # What is printed right now may be in the middle of a line, and must not be entered twice.
     with suppress(RuntimeError):
-        print("Stopping: what is trained is being kept, for up to ten seconds. Ctrl-C again does not wait.", flush=True)
+        print(
+            "Stopping: what is trained is being kept, for up to ten seconds or an epoch. Ctrl-C again does not wait.",
+            flush=True,
+        )
     signal.default_int_handler(number, frame)
 
 
