@@ -225,6 +225,22 @@ def test_who_stops_listening_is_left_the_state_of_every_population(tmp_path: Pat
     assert [names for _, names in transport.asked] == [["a"], ["b"]] and all(call.closed for call in transport.calls)
 
 
+def test_a_state_from_which_a_worker_went_on_is_kept_when_it_dies_before_the_next(tmp_path: Path):
+    (population,) = populations("ab", folder=tmp_path / "snapshots")
+
+    def begun(*frames: Frame | Exception) -> bytes | None:
+        state = population.request("cpu").blobs.get(SNAPSHOT)
+        call = ScriptedCall("cpu", iter(frames))
+        while not population.hear(call)[1]:
+            pass
+        return state
+
+    assert begun(Frame({}, {SNAPSHOT: b"of hours"}), WorkerError("It was killed.")) is None
+    assert begun(progress("ab"), WorkerError("It was killed.")) == b"of hours"
+    assert begun(result("a"), DONE) == begun(WorkerError("It cannot read that.")) == b"of hours"
+    assert [lost.lane for lost in population.failed()] == ["b"] and list(tmp_path.iterdir()) == []
+
+
 def test_results_that_were_under_way_at_ctrl_c_are_told(tmp_path: Path):
     class Interrupted(Scripted):
         def call(self, request: Frame, slot: Slot) -> ScriptedCall:

@@ -150,6 +150,7 @@ class Population:
         message = unpack(frame)
         if isinstance(message, TrainingProgress):
             now = time.monotonic()
+            self._snapshot.trust()
             self._apart, self._reported = now - (self._reported or now), now
         elif self._left.pop(message.lane, None) is None:
             return None  # the machine before told it as well, before it left

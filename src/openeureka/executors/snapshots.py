@@ -92,12 +92,12 @@ class Snapshot:
     """
 
     def __init__(self, folder: Path | None, request: Mapping[str, Any], *, others: bool = False) -> None:
-        self._folder, self._about, self._renewed, self._others = folder, _About.of(request), False, others
+        self._folder, self._about, self._trusted, self._others = folder, _About.of(request), False, others
         self._name = _digest((self._about.rest, self._about.lanes, self._about.digests))
 
     def read(self) -> bytes | None:
         """The state to begin with; None to begin anew."""
-        self._renewed = False
+        self._trusted = False
         serving = {name: len(about.lanes) for name, about in _left(self._folder).items() if about.serves(self._about)}
         if self._folder is None or not serving:
             return None
@@ -111,11 +111,15 @@ class Snapshot:
         if self._folder is not None:
             artifacts.write(self._folder.parent, _file(self._folder, self._name, ABOUT), encode(self._about))
             artifacts.write(self._folder.parent, _file(self._folder, self._name, ".pt"), state)
-            self._renewed = True
+        self.trust()
+
+    def trust(self) -> None:
+        """A worker went on from the state: whatever ends it now, it can be read."""
+        self._trusted = True
 
     def distrust(self) -> None:
         """Forget a state from which a worker came no further than its death."""
-        if not self._renewed:
+        if not self._trusted:
             self.remove()
 
     def remove(self) -> None:
