@@ -96,6 +96,14 @@ class Sandbox:
             message = f"{what} ran for more than {SECONDS:g} s on a few hundred states"
             finding = Finding(rule="timeout", message=message, fix="use tensor operations instead of Python loops")
             return VerdictCode.TIMEOUT, (finding,), None
+        if outcome == "waited":
+            message = f"the machine was too busy to judge it: {what} had less than {SECONDS:g} s of a processor"
+            finding = Finding(
+                rule="timeout",
+                message=f"{message} in {SECONDS * server.TRIES[-1]:g} s",
+                fix="have it judged again when less runs beside it",
+            )
+            return VerdictCode.TIMEOUT, (finding,), None
         answer = _parse(frame.blobs.get("answer", b""))
         if outcome not in ("answer", "refused"):
             return VerdictCode.CRASHED, (_crash(frame.header.get("signal"), what),), None
@@ -141,7 +149,7 @@ class Sandbox:
             worker = self._worker or self._start()
             try:
                 worker.send({"source": source, "seconds": SECONDS})
-                return worker.receive(2 * SECONDS * server.PATIENCE * server.TRIES + _GRACE_SECONDS)
+                return worker.receive(2 * SECONDS * sum(server.TRIES) + _GRACE_SECONDS)
             except WorkerTimeout:
                 self.close()
                 return None

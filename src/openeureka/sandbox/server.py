@@ -39,8 +39,8 @@ LENGTH = struct.Struct("<I")
 MAX_FINDINGS = 20
 PATIENCE = 4
 """Seconds on the clock for each of processor time that a child may use: a machine with other work is not its fault."""
-TRIES = 2
-"""Of a child that waits without computing."""
+TRIES = (PATIENCE, 4 * PATIENCE)
+"""Patience with a child, and with its successor where the clock ended it and not its own work."""
 MAX_ANSWER = 4 << 20
 _HUGE, _MADV_HUGEPAGE, _MADV_COLLAPSE = 2 << 20, 14, 25
 _WARM_UP = """
@@ -67,7 +67,7 @@ class _Bench:
 @dataclass(frozen=True, slots=True)
 class _Outcome:
     kind: str
-    """`answer`, `timeout`, `waited` (a timeout that used next to no processor time), `crashed` or `oversized`."""
+    """`answer`, `timeout`, `waited` (ended by the clock, its processor time left over), `crashed` or `oversized`."""
     answer: bytes = b""
     died_of: int = 0
     """Signal that ended the child, 0 for none. For the message only: how a process ends is never a verdict."""
@@ -138,19 +138,19 @@ class _Allowance:
     Where the kernel tells nobody how long a process has run, every second on the clock counts as one.
     """
 
-    def __init__(self, pid: int, seconds: float) -> None:
-        self._pid, self._seconds, self._started = pid, seconds, time.monotonic()
+    def __init__(self, pid: int, seconds: float, patience: int) -> None:
+        self._pid, self._seconds, self._patience, self._started = pid, seconds, patience, time.monotonic()
 
     def left(self) -> float:
         """Seconds left, 0 or less when it is used up."""
         passed = time.monotonic() - self._started
         used = self._used()
-        return self._seconds - (passed if used is None else max(used, passed / PATIENCE))
+        return self._seconds - (passed if used is None else max(used, passed / self._patience))
 
     def waited(self) -> bool:
-        """Whether the child did next to nothing: then the time that has passed says nothing of its program."""
+        """Whether processor time is left: then the time that has passed says nothing of its program."""
         used = self._used()
-        return used is not None and used < self._seconds / 2
+        return used is not None and used < self._seconds
 
     def _used(self) -> float | None:
         """Processor time in seconds, if the kernel tells."""
@@ -181,19 +181,41 @@ class _Child:
         except (ProcessLookupError, PermissionError):
             pass
 
-    def finish(self, seconds: float, request: bytes = b"") -> _Outcome:
+    def finish(self, seconds: float, request: bytes = b"", patience: int = PATIENCE) -> _Outcome:
         """Hand over its input and wait for its answer; the process is gone when this returns."""
-        kind, answer = "crashed", b""
-        try:
-            _write(self._request, request)
-            os.close(self._request)
-            self._request = -1
-            kind, answer = _read_answer(self._answer, _Allowance(self._pid, seconds))
-        except BrokenPipeError:
-            pass
+        kind, answer = self._exchange(request, _Allowance(self._pid, seconds, patience))
         if kind == "crashed":
             time.sleep(0.01)  # the pipe closes a moment before the process is gone: let it tell its signal
         return _Outcome(kind, answer, self.end())
+
+    def _exchange(self, request: bytes, allowance: _Allowance) -> tuple[str, bytes]:
+        """What became of it, as in `_Outcome`, and the bytes of an answer."""
+        os.set_blocking(self._request, False)  # a child that does not read would hold up a write for ever
+        unsent, received = memoryview(request), bytearray()
+        while True:
+            if self._request >= 0 and not unsent:
+                os.close(self._request)
+                self._request = -1
+            if (left := allowance.left()) <= 0:
+                return "waited" if allowance.waited() else "timeout", b""
+            readable, writable, _ = select.select([self._answer], [self._request] if unsent else [], [], left)
+            if writable:
+                try:
+                    unsent = unsent[os.write(self._request, unsent) :]
+                except BrokenPipeError:
+                    return "crashed", b""
+            if not readable:
+                continue
+            chunk = os.read(self._answer, 1 << 16)
+            if not chunk:
+                return "crashed", b""
+            received += chunk
+            if len(received) >= LENGTH.size:
+                (size,) = LENGTH.unpack_from(received)
+                if size > MAX_ANSWER:
+                    return "oversized", b""
+                if len(received) >= LENGTH.size + size:
+                    return "answer", bytes(received[LENGTH.size : LENGTH.size + size])
 
     def end(self) -> int:
         """End it and everything in its group; the signal that ended it, 0 for none."""
@@ -246,26 +268,6 @@ def _write(pipe: int, data: bytes) -> None:
         left = left[os.write(pipe, left) :]
 
 
-def _read_answer(pipe: int, allowance: _Allowance) -> tuple[str, bytes]:
-    """What became of a child, as in `_Outcome`, and the bytes of an answer."""
-    received = bytearray()
-    while True:
-        if (left := allowance.left()) <= 0:
-            return "waited" if allowance.waited() else "timeout", b""
-        if not select.select([pipe], [], [], left)[0]:
-            continue
-        chunk = os.read(pipe, 1 << 16)
-        if not chunk:
-            return "crashed", b""
-        received += chunk
-        if len(received) >= LENGTH.size:
-            (size,) = LENGTH.unpack_from(received)
-            if size > MAX_ANSWER:
-                return "oversized", b""
-            if len(received) >= LENGTH.size + size:
-                return "answer", bytes(received[LENGTH.size : LENGTH.size + size])
-
-
 def _kill(pid: int) -> int:
     """End a child and everything in its group; its wait status."""
     for send in (os.killpg, os.kill):
@@ -280,24 +282,22 @@ def _judge(program: gate.Program, bench: _Bench, seconds: float) -> tuple[str, _
     """What became of a program, and in which child: `program` or `graph`.
 
     About one child in a thousand waits for ever without computing, whatever it is given, and a busy machine may keep
-    one waiting as long. So a child that waited gets a successor, once.
+    one waiting as long. So a child that waited gets a successor, once, and that has more time.
     """
-    where, outcome = _judge_once(program, bench, seconds)
-    for _ in range(TRIES - 1):
-        if outcome.kind == "waited":
-            where, outcome = _judge_once(program, bench, seconds)
-    return where, replace(outcome, kind="timeout") if outcome.kind == "waited" else outcome
+    first, longer = TRIES
+    where, outcome = _judge_once(program, bench, seconds, first)
+    return _judge_once(program, bench, seconds, longer) if outcome.kind == "waited" else (where, outcome)
 
 
-def _judge_once(program: gate.Program, bench: _Bench, seconds: float) -> tuple[str, _Outcome]:
+def _judge_once(program: gate.Program, bench: _Bench, seconds: float, patience: int) -> tuple[str, _Outcome]:
     first = _Child(lambda: _probe(program, bench), confined=bench.confined)
     # Made now, so that on a second core it is confined by the time it is asked.
     second = _Child(lambda: _examine(_input(), bench), confined=bench.confined)
-    outcome = first.finish(seconds)
+    outcome = first.finish(seconds, patience=patience)
     if outcome.kind != "answer":
         second.end()
         return "program", outcome
-    return "graph", second.finish(seconds, outcome.answer)
+    return "graph", second.finish(seconds, outcome.answer, patience)
 
 
 def main() -> None:
