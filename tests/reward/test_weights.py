@@ -100,6 +100,12 @@ def test_a_named_number_is_an_option_where_a_written_one_would_be():
     assert found(text) == {"SCALE": 3.0, "reward 0.25": 0.25}
 
 
+def test_a_number_that_a_size_or_a_place_is_computed_from_is_none():
+    before = "ROWS = 3\nCUT = 2\nTURNS = 4\nLOW = 0.5\n"
+    lines = ("z = x.view(-1, ROWS * 2)[:, :CUT] * ROWS", "for i in range(TURNS * 2):", "    z[y < LOW] *= 1.5")
+    assert found(reward(*lines, "return z / CUT", before=before)) == {"LOW": 0.5, "reward 1.5": 1.5}
+
+
 def test_a_method_that_the_reward_calls_has_numbers_too():
     helper = "def shaping(self, x):\n    return 0.75 * x\n\n\n"
     assert found(f"{helper}def compute_reward(self):\n    return self.shaping(self.x) * 2.5\n") == {

@@ -29,7 +29,7 @@ _UNREAD = surface.words("""
 """)
 """Functions whose arguments are sizes, places and counts."""
 _UNTOUCHED = surface.words("""
-    clamp clamp_max clamp_min clip dist float_power full isclose norm nan_to_num pow quantile round vector_norm
+    clamp clamp_max clamp_min clip float_power full isclose norm nan_to_num pow quantile round vector_norm
 """)
 """Functions that take plain numbers as bounds, exponents and kinds; what is computed in their arguments counts."""
 _DIGITS = rb"\d(?:_?\d)*"
@@ -137,7 +137,7 @@ class _Finder:
                 yield from (part.id for part in map(_plain, parts) if isinstance(part, ast.Name))
 
     def _options(self) -> Iterator[str]:
-        """Names that stand for themselves as exponents, bounds, kinds, sizes or places."""
+        """Names that stand for themselves as exponents, bounds or kinds, or anywhere within sizes and places."""
         for function in self._functions:
             for node in ast.walk(function):
                 parts: list[ast.expr] = []
@@ -145,11 +145,14 @@ class _Finder:
                     case ast.BinOp(op=ast.Pow(), right=exponent):
                         parts = [exponent]
                     case ast.Subscript(slice=place):
-                        parts = [place]
+                        yield from _within(place)
                     case ast.Call():
                         name = _function(node)
-                        own = node.args if name in _UNTOUCHED or name in _UNREAD else []
-                        parts = [*own, *(keyword.value for keyword in node.keywords)]
+                        parts = [keyword.value for keyword in node.keywords]
+                        if name in _UNREAD:
+                            yield from (part for argument in (*node.args, *parts) for part in _within(argument))
+                        elif name in _UNTOUCHED:
+                            parts += node.args
                     case _:
                         pass
                 yield from (part.id for part in map(_plain, parts) if isinstance(part, ast.Name))
@@ -229,6 +232,17 @@ class _Finder:
             step=step,
             span=(start, end),
         )
+
+
+def _within(place: ast.expr) -> Iterator[str]:
+    """Names that a size or a place is computed from; those of a mask, as in `x[height < LOW]`, are thresholds."""
+    todo: list[ast.AST] = [place]
+    while todo:
+        node = todo.pop()
+        if isinstance(node, ast.Name):
+            yield node.id
+        elif not isinstance(node, ast.Compare):
+            todo += ast.iter_child_nodes(node)
 
 
 def _reached(tree: ast.Module) -> Iterator[ast.FunctionDef]:
