@@ -178,3 +178,68 @@ def test_a_method_may_name_its_state_as_well() -> None:
     states = {"actions": torch.ones(3, 8), "dof_pos": torch.full((3, 8), 2.0)}
     reward, _ = graph.compile(accepted(ANT, source).graph, ANT)(states)
     assert reward.tolist() == [3.0, 3.0, 3.0]
+
+
+SAME = {
+    "a device for a helper": (
+        "def zero(n, device):\n    return torch.zeros(n, device=device)\n\n"
+        "def f(dof_pos, num_envs, device):\n    return zero(num_envs, device=device) + dof_pos[:, 0], {}\n",
+        "dof_pos[:, 0]",
+    ),
+    "a device for a lambda": (
+        "def f(dof_pos, device):\n    twice = lambda x, device: 2.0 * x\n"
+        "    return twice(dof_pos[:, 0], device=device), {}\n",
+        "2.0 * dof_pos[:, 0]",
+    ),
+    "a device for a method": (
+        "def twice(self, x, device):\n    return 2.0 * x\n\n"
+        "def f(self):\n    return self.twice(self.dof_pos[:, 0], device=self.device), {}\n",
+        "2.0 * dof_pos[:, 0]",
+    ),
+    "a device and a type by name": (
+        "def f(dof_pos):\n    return 1.0 - (dof_pos[:, 0] < 0.0).to('cuda', dtype=torch.float32), {}\n",
+        "1.0 - (dof_pos[:, 0] < 0.0).float()",
+    ),
+    "a device and a type": (
+        "def f(dof_pos):\n    return 1.0 - (dof_pos[:, 0] < 0.0).to('cuda:0', torch.float32), {}\n",
+        "1.0 - (dof_pos[:, 0] < 0.0).float()",
+    ),
+    "a device and how to get there": (
+        "def f(dof_pos):\n    return dof_pos.to('cuda:0', non_blocking=True)[:, 0], {}\n",
+        "dof_pos[:, 0]",
+    ),
+    "a static method": (
+        "@staticmethod\ndef twice(x):\n    return 2.0 * x\n\n"
+        "def f(self):\n    return self.twice(self.dof_pos[:, 0]), {}\n",
+        "2.0 * dof_pos[:, 0]",
+    ),
+    "a power as a place": (
+        "K = 2 ** 1\n\ndef f(dof_pos, j=2**0):\n    return dof_pos[:, K + j], {}\n",
+        "dof_pos[:, 3]",
+    ),
+    "powers that are no whole numbers": (
+        "K = 2 ** -1 * 10 ** 30\n\ndef f(dof_pos):\n    return dof_pos[:, 0] + 1.0 / K, {}\n",
+        "dof_pos[:, 0] + 2e-30",
+    ),
+    "zeros of the dtype of an input": (
+        "def f(dof_pos):\n    return (dof_pos[:, :3] - dof_pos.new_zeros(3)).sum(dim=-1), {}\n",
+        "dof_pos[:, :3].sum(dim=-1)",
+    ),
+    "ones of the dtype of an input": (
+        "def f(dof_pos):\n    return dof_pos[:, 0] * dof_pos.new_ones(1), {}\n",
+        "dof_pos[:, 0]",
+    ),
+    "numbers of the dtype of an input": (
+        "def f(dof_pos):\n    return (dof_pos[:, :3] * dof_pos.new_full((3,), 0.5)).sum(dim=-1), {}\n",
+        "0.5 * dof_pos[:, :3].sum(dim=-1)",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_what_people_write_computes_what_they_mean(name: str) -> None:
+    source, meant = SAME[name]
+    states = recorded(ANT, 16)
+    plain = f"def f(dof_pos):\n    return {meant}, {{}}\n"
+    own, expected = (graph.compile(accepted(ANT, text).graph, ANT)(states)[0] for text in (source, plain))
+    torch.testing.assert_close(own, expected)

@@ -30,9 +30,11 @@ _MAY_SHRINK = surface.words("""
 """)
 _PICKS = frozenset(
     surface.words("""
-    diagonal gather index index_select narrow select slice split split_with_sizes squeeze take unbind
+    diagonal gather index index_select narrow new_full new_ones new_zeros select slice split split_with_sizes squeeze
+    take unbind
 """)
 )
+"""What picks worlds, or reads no more of them than their dtype."""
 _MANY_WORLDS = 4 * MAX_SIZE_PER_WORLD
 """So many that a value which grows with their square breaks the limit per world."""
 

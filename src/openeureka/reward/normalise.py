@@ -8,7 +8,7 @@ allowed is for `gate`.
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypeVar, cast
 
@@ -65,6 +65,15 @@ def _is_literal(node: ast.expr) -> bool:
     return True
 
 
+def _own_functions(tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
+        match node:
+            case ast.FunctionDef(name=name) | ast.Assign(targets=[ast.Name(id=name)], value=ast.Lambda()):
+                yield name
+            case _:
+                pass
+
+
 class Normaliser(ast.NodeTransformer):
     """Builds a `Draft`; `findings` says why where it cannot."""
 
@@ -73,9 +82,18 @@ class Normaliser(ast.NodeTransformer):
         self.names = dict(SHORT_NAMES)
         self.functions: dict[str, ast.FunctionDef] = {}
         self.constants: dict[str, ast.expr] = {}
+        self._own: set[str] = set()
+        """Names of functions that the program defines, at any depth."""
+        self._static: set[str] = set()
 
     def build(self, tree: ast.Module) -> Draft | None:
         self.functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
+        self._own = set(_own_functions(tree))
+        self._static = {
+            name
+            for name, function in self.functions.items()
+            if any(dotted(decorator) == "staticmethod" for decorator in function.decorator_list)
+        }
         if not self.functions:
             self._refuse("no-function", "the program defines no function", tree, "define `def compute_reward(...)`")
             return None
@@ -264,15 +282,26 @@ class Normaliser(ast.NodeTransformer):
             return node.args[1]
         if name in ("torch.jit.is_scripting", "torch.jit.is_tracing"):
             return ast.copy_location(ast.Constant(name == "torch.jit.is_scripting"), node)
+        function = node.func
+        match function:
+            case ast.Name(id=called):
+                own = called in self._own
+            case ast.Attribute(value=ast.Name(id="self") as owner, attr=called) if called in self.functions:
+                own = True
+                node.func = ast.copy_location(ast.Name(called, ast.Load()), function)
+                if called not in self._static:
+                    node.args.insert(0, owner)
+            case _:
+                own = False
+        if own:
+            return node
         # A graph runs on the device of its inputs, so a device that the author names has no meaning.
         node.keywords = [word for word in node.keywords if word.arg not in ("device", "requires_grad")]
-        function = node.func
         if isinstance(function, ast.Attribute):
-            moved = function.attr == "to" and len(node.args) == 1 and isinstance(node.args[0], ast.Constant)
-            if moved or function.attr == "cuda":
+            if function.attr == "to" and node.args and isinstance(node.args[0], ast.Constant):
+                del node.args[0]
+                if not node.args and not any(word.arg == "dtype" for word in node.keywords):
+                    return function.value
+            if function.attr == "cuda":
                 return function.value
-            owner = function.value
-            if isinstance(owner, ast.Name) and owner.id == "self" and function.attr in self.functions:
-                helper = ast.copy_location(ast.Name(function.attr, ast.Load()), function)
-                return ast.copy_location(ast.Call(helper, [owner, *node.args], node.keywords), node)
         return node

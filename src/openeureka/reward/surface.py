@@ -17,7 +17,7 @@ TORCH = DTYPES | words("""
     abs absolute acos acosh add addcdiv addcmul all amax amin any arange arccos arcsin arctan arctan2 argmax
     argmin as_tensor asin asinh atan atan2 atanh bmm broadcast_tensors broadcast_to cat ceil chunk clamp
     clamp_max clamp_min clip clone column_stack concat concatenate copysign cos cosh cosine_similarity cross
-    cumprod cumsum deg2rad detach device diff dist div divide dot einsum eq erf exp exp2 expm1 eye flatten flip
+    cumprod cumsum deg2rad detach device diff div divide dot einsum eq erf exp exp2 expm1 eye flatten flip
     FloatTensor floor floor_divide fmax fmin fmod frac full full_like gather ge greater greater_equal gt
     heaviside hstack hypot index_select inf is_tensor isclose isfinite isinf isnan le lerp less less_equal
     linspace log log10 log1p log2 logaddexp logical_and logical_not logical_or logical_xor logsumexp lt
@@ -60,10 +60,10 @@ NUMPY = words("""
 METHODS = words("""
     abs absolute acos add addcdiv addcmul all amax amin aminmax any append argmax argmin argsort asin atan
     atan2 bmm bool ceil chunk clamp clamp_max clamp_min clip clone contiguous copy copysign cos cosh cpu cross
-    cummax cummin cumprod cumsum deg2rad detach device diagonal diff dim dist div divide dot double dtype eps
+    cummax cummin cumprod cumsum deg2rad detach device diagonal diff dim div divide dot double dtype eps
     eq erf erfc exp exp2 expand expand_as expm1 extend flatten flip float float_power floor floor_divide fmax
     fmin fmod frac gather ge get greater greater_equal gt half heaviside hypot index_select indices inner int
-    is_floating_point isclose isfinite isinf isnan items keys kthvalue le lerp less less_equal log log10 log1p
+    is_floating_point isfinite isinf isnan items keys kthvalue le lerp less less_equal log log10 log1p
     log2 logaddexp logical_and logical_not logical_or logical_xor logit logsumexp long lt masked_fill matmul
     max maximum mean median mH min minimum mm moveaxis movedim mT mul multiply mv nan_to_num narrow ndim
     ndimension ne neg negative nelement new_full new_ones new_tensor new_zeros norm not_equal numel outer

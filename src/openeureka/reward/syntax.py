@@ -81,6 +81,13 @@ def _floor_quotient(a: Number, b: Number) -> Number:
     return a // b
 
 
+def _power(a: Number, b: Number) -> Number:
+    """In floats where it is large: a power of integers could fill the memory."""
+    if isinstance(a, int) and isinstance(b, int) and abs(a) <= 2**31 and 0 <= b <= 63 and abs(a**b) <= MAX_INT:
+        return a**b
+    return math.pow(a, b)
+
+
 _BINARY: Mapping[type[ast.operator], Callable[[Number, Number], Number]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -88,7 +95,7 @@ _BINARY: Mapping[type[ast.operator], Callable[[Number, Number], Number]] = {
     ast.Div: _quotient,
     ast.FloorDiv: _floor_quotient,
     ast.Mod: operator.mod,
-    ast.Pow: math.pow,  # in floats: a power of integers could fill the memory
+    ast.Pow: _power,
 }
 _NUMPY = {
     "arccos": math.acos, "arcsin": math.asin, "arctan": math.atan, "arctan2": math.atan2, "deg2rad": math.radians,
