@@ -297,3 +297,9 @@ def test_a_worker_that_dies_in_an_evaluation_is_started_again_once_for_what_is_l
     assert [next(scores).lane, next(scores).lane] == ["a", "b"]
     with pytest.raises(WorkerError, match="ended before it answered"):
         next(scores)
+
+
+def test_a_program_that_ends_its_worker_takes_no_other_with_it_where_programs_are_paid(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    trainer = LocalExecutor(module="paying_worker")
+    assert list(trainer.rewards("cartpole", dict.fromkeys(["a", "deadly", "b", "c"], GRAPH), [])) == ["a", "b", "c"]

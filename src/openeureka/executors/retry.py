@@ -221,18 +221,23 @@ def rewards(
     episodes: Sequence[Episodes],
 ) -> dict[str, Sequence[float]]:
     """What each program pays in each recorded state, from one worker, or a second one where that dies. What neither
-    came to is left out.
+    came to is left out. The second begins behind the program that may have ended the first.
 
     Raises:
         TaskError: when the task's own code fails.
     """
     paid: dict[str, Sequence[float]] = {}
+    names = list(programs)
     for _ in range(2):
-        if not (left := {name: program for name, program in programs.items() if name not in paid}):
+        if not (left := {name: programs[name] for name in names if name not in paid}):
             break
+        behind = 1
         with closing(transport.call(pack_question(env, left, episodes), slot)) as call, suppress(WorkerError):
             while not (frame := call.receive()).header.get("done"):
                 if "program" in frame.header:
-                    paid[frame.header["program"]] = frame.header["paid"]
+                    name = frame.header["program"]
+                    paid[name] = frame.header["paid"]
+                    behind = names.index(name) + 2
             break
+        names = names[behind:] + names[:behind]
     return paid

@@ -1,0 +1,14 @@
+"""A training worker that dies of the program `deadly`."""
+
+import os
+
+from openeureka.worker import Channel
+
+channel = Channel()
+request = channel.receive()
+assert request is not None
+for program in request.header["programs"]:
+    if program == "deadly":
+        os._exit(1)
+    channel.send({"program": program, "paid": []})
+channel.send({"done": True})
