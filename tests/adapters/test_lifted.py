@@ -144,6 +144,22 @@ def test_the_constructor_decides_and_the_other_prefix_leaves_it_as_it_is():
     assert registry.get("gym-asis:Hopper-v5").draws_itself
 
 
+class Paid(gymnasium.RewardWrapper):
+    def reward(self, reward):
+        return -1000.0
+
+
+gymnasium.register("Openeureka/Wrapped-v0", entry_point=lambda **given: Paid(gymnasium.make("Hopper-v5", **given)))
+gymnasium.register("Openeureka/Same-v0", entry_point=lambda **given: gymnasium.make("Hopper-v5", **given))
+
+
+def test_what_wraps_a_lifted_environment_pays_as_it_says():
+    simulation = registry.make("gym:Openeureka/Wrapped-v0", worlds=2)
+    simulation.reset()
+    assert simulation.task.human_reward(simulation.step(torch.ones(2, 3)).state).tolist() == [-1000.0] * 2
+    assert not registry.get("gym:Openeureka/Same-v0").draws_itself
+
+
 def test_what_f_rests_on_is_hidden_from_rewards():
     plain, wanted = (registry.get(f"gym:Hopper-v5{setting}") for setting in ("", "+fitness=x_velocity"))
     assert "x_velocity" in plain.spec and "x_velocity" not in wanted.spec

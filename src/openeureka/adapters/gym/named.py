@@ -14,6 +14,7 @@ import gymnasium
 import mujoco
 from gymnasium import Env, error
 from gymnasium.envs.registration import load_env_creator
+from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker, TimeLimit
 
 from ...errors import TaskError, nearest
 from ...tasks.faults import told, told_where
@@ -25,6 +26,8 @@ from .task import GymTask, PaidTask, attributes
 AS_IT_IS = "gym-asis"
 """The prefix under which an environment steps itself although it could be lifted."""
 _OWN = ("fitness",)
+_BARE = (TimeLimit, OrderEnforcing, PassiveEnvChecker)
+"""Wrappers of `gymnasium.make`, which change neither what is paid nor what is seen."""
 
 
 def imports(name: str, settings: Mapping[str, str]) -> bool:
@@ -83,8 +86,11 @@ def _task(env: str, name: str, keywords: str, fitness: str) -> type[PaidTask]:
 
 
 def _lifted(env: Env[Any, Any], found: Survey) -> dict[str, Any]:
-    """What a lifted task takes from the instance; nothing for an environment that is none of the families."""
-    inner: Any = env.unwrapped
+    """What a lifted task takes from the instance; nothing for an environment that is none of the families, or that
+    wraps one: its reward, actions or observation may be others."""
+    inner: Any = env
+    while type(inner) in _BARE:
+        inner = inner.env
     kind = type(inner)
     if kind.__name__ not in FAMILIES or not re.fullmatch(r"gymnasium\.envs\.mujoco\.\w+_v5", kind.__module__):
         return {}
