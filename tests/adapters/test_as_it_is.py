@@ -100,6 +100,20 @@ def test_the_environments_own_reward_is_no_variable():
     assert not {"reward_part", "words", "outcome"} & set(spec.names)  # `outcome` is what F gains in a step
 
 
+def test_numbers_of_info_are_those_of_their_world_and_none_is_cut_to_its_neighbours_type():
+    simulation = registry.make("gym:Openeureka/Teller-v0", worlds=8)
+    simulation.reset()
+    for _ in range(11):
+        state = simulation.step(actions(0, 0, 8)).state
+        whole = state["luck"] % 2 == 1
+        assert 0 < int(whole.sum()) < 8
+        assert torch.equal(state["half"], torch.where(whole, 1.0, 0.5))
+        assert torch.equal(state["lap"], torch.where(whole, 0.0, 7.0))
+    assert "touched" not in state  # as many numbers as something touches
+    with pytest.raises(TaskError, match=r"`late` of `info` has the shape \(2,\), and had \(1,\); let it keep one"):
+        simulation.step(actions(0, 0, 8))
+
+
 def test_continuous_actions_fill_the_range_of_the_box():
     task = registry.get("gym:Pendulum-v1")
     taken = task.found.actions.taken(torch.tensor([[-1.0], [0.0], [0.5]]))

@@ -56,13 +56,23 @@ class Void(Clock):
         return dict.fromkeys(self.observation_space, value)
 
 
+class Teller(Clock):
+    """Says in `info` numbers of several types, None, and more or fewer of them from step to step or from step 12 on."""
+
+    def step(self, action):
+        *moment, _ = super().step(action)
+        half, lap = (1, None) if self.luck % 2 else (0.5, 7)
+        touched, late = (np.zeros(number) for number in (self.step_count % 3, 1 + (self.step_count > 11)))
+        return *moment, {"half": half, "luck": self.luck, "lap": lap, "touched": touched, "late": late}
+
+
 class Eye(Clock):
     """Observes a picture."""
 
     observation_space = spaces.Box(0, 255, (64, 48, 3), np.uint8)
 
 
-for name, kind in {"Void-v0": Void, "Eye-v0": Eye}.items():
+for name, kind in {"Void-v0": Void, "Eye-v0": Eye, "Teller-v0": Teller}.items():
     gymnasium.register(f"Openeureka/{name}", entry_point=kind, max_episode_steps=20)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,7 +55,7 @@ def survey(env: Env[Any, Any], name: str) -> Survey:
         TaskError: for spaces that no policy here knows, and for observations that are not finite.
     """
     found, acting = parts(env.observation_space, name), actions(env.action_space, name)
-    observed, info = _play(env)
+    observed, infos = _play(env)
     if not all(np.isfinite(part.of(seen)).all() for seen in observed for part in found):
         raise TaskError(f"`{name}` observes a value that is not finite, within {_TRIED} random steps.")
     spec = env.spec
@@ -65,7 +65,7 @@ def survey(env: Env[Any, Any], name: str) -> Survey:
         actions=acting,
         steps=(spec.max_episode_steps if spec else None) or _own_limit(env) or LONGEST,
         dt=_dt(env),
-        infos=_shapes(info),
+        infos=_shapes(infos),
         sections=_structure(env),
         document=inspect.getdoc(type(env.unwrapped)) or "",
     )
@@ -94,28 +94,32 @@ def _dt(env: Env[Any, Any]) -> float:
     return 1.0 / rate if isinstance(rate, int | float) and rate > 0 else 1.0
 
 
-def _play(env: Env[Any, Any]) -> tuple[list[Any], dict[str, Any]]:
-    """What a few random steps show: observations, and the newest value of each name of `info`."""
+def _play(env: Env[Any, Any]) -> tuple[list[Any], list[dict[str, Any]]]:
+    """What a few random steps show: observations, and `info` of each, with that of the start of another episode."""
     env.action_space.seed(0)
     seen, info = env.reset(seed=0)
-    observed, found = [seen], dict(info)
+    observed, infos = [seen], [dict(info)]
     for _ in range(_TRIED):
         seen, _, terminated, truncated, info = env.step(env.action_space.sample())
         observed.append(seen)
-        found |= info
+        infos.append(dict(info))
         if terminated or truncated:
             env.reset(seed=0)
-    return observed, found
+    return observed, [*infos, env.reset(seed=1)[1]]
 
 
-def _shapes(info: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
-    """Of the numbers in `info`."""
-    shapes: dict[str, tuple[int, ...]] = {}
-    for name, value in info.items():
-        array = np.asarray(value) if isinstance(value, bool | int | float | np.generic | np.ndarray) else None
-        if array is not None and array.dtype.kind in "biuf" and array.ndim <= 1 and name.isidentifier():
-            shapes[name] = array.shape
-    return shapes
+def _shapes(infos: Iterable[Mapping[str, Any]]) -> dict[str, tuple[int, ...]]:
+    """Of what in `info` is numbers, always as many."""
+    shapes: dict[str, set[tuple[int, ...] | None]] = {}
+    for name, value in (pair for info in infos for pair in info.items()):
+        if value is not None and name.isidentifier():
+            shapes.setdefault(name, set()).add(_shape(value))
+    return {name: shape for name, (shape, *others) in shapes.items() if shape is not None and not others}
+
+
+def _shape(value: Any) -> tuple[int, ...] | None:
+    array = np.asarray(value) if isinstance(value, bool | int | float | np.generic | np.ndarray) else np.empty(0)
+    return array.shape if array.size and array.dtype.kind in "biuf" and array.ndim <= 1 else None
 
 
 def variables(found: Survey, hidden: frozenset[str] = frozenset()) -> tuple[tuple[StateVar, slice | str], ...]:

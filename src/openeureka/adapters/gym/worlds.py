@@ -16,6 +16,29 @@ from ...tasks.faults import told_where
 from .spaces import Actions, Part
 
 
+class Together(SyncVectorEnv):
+    """Worlds that are reset by a mask alone: who steps them also ends episodes earlier.
+
+    Of `info` it keeps the numbers in `infos`, with their shapes. Gymnasium's own keeps all, in the type that the first
+    world has: 0.9 beside a 1 is cut to 0.
+    """
+
+    def __init__(self, make: Callable[..., Any], num_worlds: int, infos: Mapping[str, tuple[int, ...]]) -> None:
+        super().__init__([make] * num_worlds, autoreset_mode=AutoresetMode.DISABLED)
+        self._infos = infos
+
+    def _add_info(self, vector_infos: dict[str, Any], env_info: dict[str, Any], env_num: int) -> dict[str, Any]:
+        for name, shape in self._infos.items():
+            kept = vector_infos.setdefault(name, np.zeros((self.num_envs, *shape), np.float32))
+            value = env_info.get(name)
+            if value is None:
+                continue
+            if (now := np.shape(value)) != shape:
+                raise ValueError(f"`{name}` of `info` has the shape {now}, and had {shape}; let it keep one")
+            kept[env_num] = value
+        return vector_infos
+
+
 class GymWorlds(Worlds):
     """Worlds that are reset when they are told to, each time with a seed of its own: an episode is then the same
     whatever ran before and beside it.
@@ -53,7 +76,7 @@ class GymWorlds(Worlds):
         self.num_worlds, self.device = num_worlds, torch.device("cpu")
         self.bad = torch.zeros(num_worlds, dtype=torch.bool)
         self._name, self._parts, self._actions = name, parts, actions
-        # Worlds that end are reset by who steps them, who also ends episodes earlier.
+        self.info = {name: torch.zeros(num_worlds, *shape) for name, shape in infos.items()}
         self._vector = self._ask(lambda: self._opened(make, num_worlds))
         self.seeds = torch.zeros(num_worlds, dtype=torch.int64)
         self.action = torch.zeros(num_worlds, actions.size)
@@ -63,11 +86,10 @@ class GymWorlds(Worlds):
         self.previous = self.observation.clone()
         self.reward = torch.zeros(num_worlds)
         self.terminated, self.truncated = self.bad.clone(), self.bad.clone()
-        self.info = {name: torch.zeros(num_worlds, *shape) for name, shape in infos.items()}
 
     def _opened(self, make: Callable[..., Any], num_worlds: int) -> Any:
-        """N worlds as Gymnasium's vector API has them, which are reset by a mask alone."""
-        return SyncVectorEnv([make] * num_worlds, autoreset_mode=AutoresetMode.DISABLED)
+        """N worlds as Gymnasium's vector API has them."""
+        return Together(make, num_worlds, {name: tuple(kept.shape[1:]) for name, kept in self.info.items()})
 
     def step(self, substeps: int) -> None:
         """One step under `action` (N, A)."""
