@@ -13,6 +13,7 @@ from gymnasium import spaces
 
 from openeureka.adapters.gym.spaces import Actions
 from openeureka.errors import TaskError
+from openeureka.method.prompts import facts
 from openeureka.tasks import registry
 from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
@@ -178,6 +179,11 @@ def test_names_come_from_the_documentation_and_no_word_of_what_counts():
     assert known.state.names[:4] == ("cart_position", "cart_velocity", "pole_angle", "pole_angular_velocity")
     assert known.description.startswith("to balance the pole")
     assert "Push cart to the left" in known.source and "reward" not in known.source.lower()
+
+
+def test_no_prompt_says_what_f_is_made_of():
+    known = context("gym:CartPole-v1+fitness=-abs(pole_angle)")
+    assert facts(known)[0] == "The task score: mean of a number over steps; higher is better."
 
 
 def test_a_strangers_package_is_imported_first():

@@ -186,7 +186,8 @@ def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
         StateVar(name="actions", shape=(found.actions.size,), meaning=action_meaning(found)),
     ]
     at_end = not fitness or named == {SUCCESS}
-    unit = f"mean of {fitness}" if fitness else "sum of the environment's reward over an episode"
+    # A prompt has it: the expression would betray F.
+    unit = "mean of a number over steps" if fitness else "sum of the environment's reward over an episode"
     return {
         "env": name,
         "description": documents.intent(found.document, found.env),
