@@ -94,6 +94,8 @@ def _changed(task: type[Task], settings: Mapping[str, str]) -> type[Task]:
     known = {name: value for name, value in known.items() if isinstance(value, bool | int | float | str)}
     values: dict[str, object] = {}
     for name, text in settings.items():
+        if name in getattr(task, "decided", ()):
+            raise TaskError(f"`{task.env}` decides `{name}`; set what its constructor takes, such as frame_skip=2.")
         if name not in known:
             raise TaskError(f"`{task.env}` has no `{name}` to set.{nearest(name, known)} It has {', '.join(known)}.")
         try:

@@ -33,6 +33,8 @@ class PaidTask(Task):
     suite = "gymnasium"
     time_out_early = 0
     memory = ("returned",)
+    decided: ClassVar[tuple[str, ...]] = ("control_dt", "substeps", "num_observations", "num_actions")
+    """Attributes that nobody can set: they follow from the environment."""
     found: ClassVar[Survey]
     places: ClassVar[Mapping[str, slice | str]]
     """Where each state variable is: columns of the observation, or a name of `info`."""
