@@ -204,3 +204,23 @@ def test_a_key_never_shows_in_an_error(endpoint: Endpoint, monkeypatch: pytest.M
     with pytest.raises(ModelError) as caught:
         sample(endpoint.model(), 1)
     assert "sk-secret" not in str(caught.value) and "***" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("usage", "completion_tokens"),
+    [
+        # Gemini and xAI leave thoughts out: 5150 in all less 100 asked are 5050.
+        ({"prompt_tokens": 100, "completion_tokens": 50, "total_tokens": 5150}, 5050),
+        ({"prompt_tokens": 100, "completion_tokens": 5050, "total_tokens": 5150}, 5050),
+        ({"prompt_tokens": 100, "completion_tokens": 50, "total_tokens": 0}, 50),
+        ({"completion_tokens": 50, "total_tokens": 5150}, 50),  # what was asked may be most of it
+    ],
+)
+def test_thoughts_that_only_the_total_counts_are_paid_for(
+    endpoint: Endpoint, usage: dict[str, int], completion_tokens: int
+):
+    status, payload, headers = answer("a")
+    endpoint.script = [(status, {**payload, "usage": usage}, headers)]
+    (reply,) = sample(endpoint.model(price=Price(0.0, 10.0)), 1)
+    assert reply.usage.completion_tokens == completion_tokens
+    assert reply.usage.cost_usd == pytest.approx(completion_tokens * 1e-5)

@@ -53,12 +53,14 @@ def read(body: bytes) -> Completion:
     if not isinstance(choices, list):
         raise Unreadable("an answer without choices", broken=False)
     usage = _mapping(data.get("usage"))
+    asked, answered, total = (_count(usage.get(f"{kind}_tokens")) for kind in ("prompt", "completion", "total"))
     model = data.get("model")
     return Completion(
         choices=tuple(map(_choice, choices)),
         model=model if isinstance(model, str) else "",
-        prompt_tokens=_count(usage.get("prompt_tokens")),
-        completion_tokens=_count(usage.get("completion_tokens")),
+        prompt_tokens=asked,
+        # Gemini and xAI count thoughts, which are paid for, in the total alone.
+        completion_tokens=max(answered, total - asked) if asked else answered,
     )
 
 
