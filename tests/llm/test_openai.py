@@ -224,3 +224,23 @@ def test_thoughts_that_only_the_total_counts_are_paid_for(
     (reply,) = sample(endpoint.model(price=Price(0.0, 10.0)), 1)
     assert reply.usage.completion_tokens == completion_tokens
     assert reply.usage.cost_usd == pytest.approx(completion_tokens * 1e-5)
+
+
+def test_requests_that_nobody_waits_for_are_not_tried_again_and_hold_no_exit_up(endpoint: Endpoint):
+    first = threading.Semaphore(1)
+
+    def script(body: dict[str, Any]) -> Answer:
+        if "n" in body:
+            return failure(400, "n must be 1")
+        return answer("x") if first.acquire(blocking=False) else failure(503, Retry_After="60")
+
+    endpoint.script = script
+    before = set(threading.enumerate())
+    replies = endpoint.model(wait=None).sample(PROMPT, n=9, seed=0)
+    next(replies)
+    asking = set(threading.enumerate()) - before
+    assert asking and all(thread.daemon for thread in asking)
+    replies.close()  # as Ctrl-C does
+    for thread in asking:
+        thread.join(10.0)
+        assert not thread.is_alive()

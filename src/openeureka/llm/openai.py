@@ -7,9 +7,10 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
 from email.utils import parsedate_to_datetime
+from queue import SimpleQueue
+from threading import Event, Semaphore, Thread
 from typing import Any, Literal, NamedTuple
 from urllib.parse import urlsplit
 
@@ -45,6 +46,10 @@ _log = logging.getLogger(__name__)
 MAX_WAIT = 120.0  # [s]
 
 
+_Answered = tuple[Reply, bool]
+"""A reply, and whether it is whole."""
+
+
 class _Manner(NamedTuple):
     """What requests hold besides the model and the words, until it is refused."""
 
@@ -63,7 +68,7 @@ class EndpointModel:
         name: of the model, as the endpoint knows it.
         base_url: of the endpoint; empty means the openai package's.
         price: None where it is not known; costs then count as zero.
-        wait: sleeps between tries; tests pass one that does not.
+        wait: sleeps between tries, where tests want none; else a sleep that ends when nobody waits for the answer.
 
     Raises:
         ModelError: no key.
@@ -79,7 +84,7 @@ class EndpointModel:
         base_url: str = "",
         temperature: float = 1.0,
         price: Price | None = None,
-        wait: Callable[[float], None] = time.sleep,
+        wait: Callable[[float], object] | None = None,
     ) -> None:
         if price is None:
             _log.warning("The price of %s is not known: its replies count as free. Add price=INPUT,OUTPUT.", name)
@@ -119,34 +124,54 @@ class EndpointModel:
             self._cuts = True
             _log.warning("%s cuts replies off: raise its limit on tokens, or the length of its context.", self._where)
 
-    def _round(self, prompt: Prompt, count: int) -> Iterator[tuple[Reply, bool]]:
-        """`count` replies, each with whether it is whole."""
+    def _round(self, prompt: Prompt, count: int) -> Iterator[_Answered]:
+        """`count` replies."""
         if count > 1 and self._knows_n:
             try:
-                choices = self._call(prompt, count)
+                choices = self._call(prompt, count, Event())
                 self._knows_n = len(choices) == count
             except _BatchRefused:
                 choices = []
             yield from choices
             count -= len(choices)
-        if not count:
-            return
-        pool = ThreadPoolExecutor(min(count, PARALLEL))
-        try:
-            failure: Exception | None = None
-            for future in as_completed([pool.submit(self._call, prompt, 1) for _ in range(count)]):
-                if (error := future.exception()) is None:
-                    yield from future.result()
-                elif isinstance(error, Exception):
-                    failure = error  # raised when all that were paid for are handed over
-            if failure is not None:
-                raise failure
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+        failure: BaseException | None = None
+        for answer in self._side_by_side(prompt, count):
+            if isinstance(answer, BaseException):
+                failure = answer  # raised when all that were paid for are handed over
+            else:
+                yield from answer
+        if failure is not None:
+            raise failure
 
-    def _call(self, prompt: Prompt, n: int) -> list[tuple[Reply, bool]]:
-        """One request, tried again while that makes sense."""
+    def _side_by_side(self, prompt: Prompt, count: int) -> Iterator[list[_Answered] | BaseException]:
+        """What comes of `count` requests, in any order. Whoever stops listening sends no more.
+
+        The threads are daemons, as an exit would wait for those of a pool: minutes, where one is asked or tried again.
+        """
+        answers: SimpleQueue[list[_Answered] | BaseException] = SimpleQueue()
+        waiting, gone = Semaphore(count), Event()
+
+        def work() -> None:
+            while not gone.is_set() and waiting.acquire(blocking=False):
+                try:
+                    answers.put(self._call(prompt, 1, gone))
+                except BaseException as error:
+                    answers.put(error)
+
+        for _ in range(min(count, PARALLEL)):
+            Thread(target=work, daemon=True).start()
+        try:
+            for _ in range(count):
+                yield answers.get()
+        finally:
+            gone.set()
+
+    def _call(self, prompt: Prompt, n: int, gone: Event) -> list[_Answered]:
+        """One request, tried again while that makes sense and nobody is `gone`."""
+        wait = self._wait or gone.wait
         for attempt in range(ATTEMPTS):
+            if gone.is_set():
+                return []
             last = attempt == ATTEMPTS - 1
             began, manner = time.monotonic(), self._manner
             try:
@@ -154,12 +179,12 @@ class EndpointModel:
             except Unreadable as error:
                 if last or not error.broken:
                     raise self._unreadable(error) from None
-                self._wait(delay({}, attempt))
+                wait(delay({}, attempt))
             except openai.APIError as error:
                 if not self._adapted(error, n, manner, attempt):
                     if last or not self._passing(error, attempt):
                         raise self._explained(error) from None
-                    self._wait(delay(_headers(error), attempt))
+                    wait(delay(_headers(error), attempt))
             else:
                 return self._replies_of(prompt, answer, n, time.monotonic() - began)
         raise ModelError(f"{self._where} accepts no request for {self.name}; choose another model.")
@@ -265,8 +290,8 @@ class EndpointModel:
         """The text without the key."""
         return text.replace(self._key, "***") if len(self._key) >= _SHORTEST_SECRET else text
 
-    def _replies_of(self, prompt: Prompt, answer: Completion, n: int, seconds: float) -> list[tuple[Reply, bool]]:
-        """The replies of an answer, each with whether it is whole; an answer without any is one empty reply."""
+    def _replies_of(self, prompt: Prompt, answer: Completion, n: int, seconds: float) -> list[_Answered]:
+        """The replies of an answer; an answer without any is one empty reply."""
         choices = answer.choices[:n] or (completion.Choice("", whole=False),)
         replies = []
         for index, choice in enumerate(choices):
