@@ -27,6 +27,8 @@ CALLER = "def compute_reward(x):\n    return helper(x), {}\n"
         f"```python\n{REWARD}```\nUse it so:\n```python\nloss = -compute_reward(x)[0].mean()\n```",
         f"```python\n{REWARD}```\nInstall:\n```bash\npip install torch\n```",
         f"\ufeff{REWARD}",
+        f"```python\n{REWARD}```\nA test:\n```python\ndef test_compute_reward():\n    assert compute_reward(1)\n```",
+        f"```python\n{REWARD}```\nTo watch it:\n```python\ndef plot_reward(c):\n    c.plot()\n```",
     ],
 )
 def test_the_program_is_found(reply: str):
@@ -41,6 +43,16 @@ def test_helpers_above_and_below_in_the_same_block_stay():
 def test_a_helper_in_a_block_of_its_own_comes_along():
     reply = f"A helper:\n```python\n{HELPER}```\nand the reward:\n```python\n{CALLER}```"
     assert extract.program(reply) == f"{HELPER}\n\n{CALLER}"
+
+
+def test_a_helper_that_is_called_a_reward_comes_along():
+    helper, caller = (text.replace("helper", "height_reward") for text in (HELPER, CALLER))
+    assert extract.program(f"```python\n{helper}```\n```python\n{caller}```") == f"{helper}\n\n{caller}"
+
+
+def test_a_draft_brings_no_helper():
+    draft = f"def compute_reward(y):\n    return y, {{}}\n\n{HELPER}"
+    assert extract.program(f"```python\n{draft}```\n```python\n{CALLER}```") == CALLER
 
 
 def test_a_function_that_is_not_called_does_not_come_along():

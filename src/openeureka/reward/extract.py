@@ -14,6 +14,7 @@ from pathlib import Path
 
 from ..errors import RewardFileError, nearest
 from ..types import Candidate
+from .normalise import ENTRY_NAMES
 
 MAX_REPLY = 1_000_000
 """Characters of a reply that are looked at."""
@@ -92,10 +93,6 @@ class _Block:
         nodes = ast.walk(self.tree) if self.tree is not None else ()
         return frozenset(node.id for node in nodes if isinstance(node, ast.Name))
 
-    @property
-    def rewards(self) -> bool:
-        return any("reward" in name for name in self.defined)
-
     @staticmethod
     def of(code: str) -> _Block:
         source = textwrap.dedent(code.expandtabs(4)).strip() + "\n"
@@ -115,17 +112,20 @@ def _statements(tree: ast.Module) -> Iterator[ast.AST]:
 
 
 def _choose(blocks: list[_Block]) -> _Block | None:
-    """The last reward that parses, else the last function that does, else the last that looks like one."""
+    """The last reward that parses, one of the asked name first, else the last function that does, else the last that
+    looks like one."""
     last_first = blocks[::-1]
-    rewards = (block for block in last_first if block.rewards)
+    asked = (block for block in last_first if not block.defined.isdisjoint(ENTRY_NAMES))
+    rewards = (block for block in last_first if any("reward" in name for name in block.defined))
     functions = (block for block in last_first if block.defined)
     alike = (block for block in last_first if _FUNCTION.search(block.source))
-    return next(chain(rewards, functions, alike), None)
+    return next(chain(asked, rewards, functions, alike), None)
 
 
 def _helpers(chosen: _Block, blocks: list[_Block]) -> list[_Block]:
-    """Other blocks with functions that the chosen one calls, directly or through each other, in their order."""
-    others = [block for block in blocks if block is not chosen and block.defined and not block.rewards]
+    """Other blocks with functions that the chosen one calls, directly or through each other, in their order. One that
+    defines what the chosen one does is a draft of it."""
+    others = [block for block in blocks if block.defined and block.defined.isdisjoint(chosen.defined)]
     if not others:
         return []
     found: list[_Block] = []
