@@ -23,6 +23,10 @@ CALLER = "def compute_reward(x):\n    return helper(x), {}\n"
         f"1. My answer:\n\n   ```python\n{'   ' + REWARD.replace(chr(10), chr(10) + '   ')}\n   ```\n",
         f"Here you are.\n{REWARD}\nThis rewards x, as you asked.",
         f"<think>```python\ndef compute_reward(y):\n    return y\n```</think>\n```python\n{REWARD}```",
+        f"<thinking>```python\ndef compute_reward(y):\n    return y\n```</thinking>\n{REWARD}",
+        f"Perhaps\n```python\ndef compute_reward(y):\n    return y\n```\nNo.\n</think>\n\n{REWARD}",
+        f"```python\n{REWARD}```\nThat is what I thought.</think>",  # no answer: better the draft than none
+        f"<think>So.</think>\n```python\n{REWARD}```\nThe mark </think> is no part of it.",
         f"First a draft:\n```python\ndef compute_reward(y):\n    return y\n```\nBetter:\n```python\n{REWARD}```",
         f"```python\n{REWARD}```\nUse it so:\n```python\nloss = -compute_reward(x)[0].mean()\n```",
         f"```python\n{REWARD}```\nInstall:\n```bash\npip install torch\n```",
@@ -60,7 +64,9 @@ def test_a_function_that_is_not_called_does_not_come_along():
     assert extract.program(reply) == REWARD
 
 
-@pytest.mark.parametrize("reply", ["", "I cannot help with that.", "```python\nx = 1\n```", "```\n```", "def"])
+@pytest.mark.parametrize(
+    "reply", ["", "I cannot help with that.", "```python\nx = 1\n```", "```\n```", "def", f"<think>{REWARD}</think>No."]
+)
 def test_a_reply_without_a_function_holds_no_program(reply: str):
     assert extract.program(reply) is None
 
@@ -80,6 +86,7 @@ def test_a_program_with_a_syntax_error_is_returned_for_the_gate_to_explain():
         f"```python\n{'(' * 50_000}\n```",
         "import a\n" + "1 +\n" * 200_000,
         "<think>" * 500_000,
+        "</think>" * 500_000,
         f"```{' ' * 900_000}`",
         f"```python\ndef {'reward' * 150_000}",
     ],

@@ -27,7 +27,8 @@ OWN = ("human", "sparse")
 
 # Possessive, all of them: a mark that gave characters back would be tried again at each.
 _FENCE = re.compile(r"^[ \t>]*+(?P<mark>`{3,}+|~{3,}+)(?P<info>[^`\n]*+)$")
-_THOUGHTS = re.compile(r"\A\s*<think>.*?</think>", re.DOTALL)
+_THOUGHTS = re.compile(r"\A\s*<(think|thinking|thought)>.*?</\1>", re.DOTALL)
+_ENDED_THOUGHTS = re.compile(r"\A.*</(?:think|thinking|thought)>", re.DOTALL)
 _FUNCTION = re.compile(r"^[ \t]*def[ \t]+(\w+)[ \t]*\(", re.MULTILINE)
 _CODE_BEGINS = re.compile(r"^(?:import |from \w[\w.]* import |@|def |class )", re.MULTILINE)
 
@@ -39,7 +40,7 @@ def program(reply: str) -> str | None:
     calls and that stand in other blocks come along. Without code blocks, the program is looked for between the prose. A
     program with a syntax error is returned too, so that its author learns of the line.
     """
-    text = _THOUGHTS.sub("", reply[:MAX_REPLY].replace("\r\n", "\n").removeprefix("\ufeff"))
+    text = _answer(reply[:MAX_REPLY].replace("\r\n", "\n").removeprefix("\ufeff"))
     blocks = [_Block.of(code) for code in _fenced(text)]
     chosen = _choose(blocks)
     if chosen is None:
@@ -47,6 +48,12 @@ def program(reply: str) -> str | None:
         return chosen.source if chosen is not None else None
     helpers = _helpers(chosen, blocks)
     return "\n\n".join([*(helper.source for helper in helpers), chosen.source])
+
+
+def _answer(text: str) -> str:
+    """What follows the thoughts of a reply. The mark that opens them may be missing, as some templates end with it."""
+    rest = _ENDED_THOUGHTS.sub("", text)
+    return rest if _FUNCTION.search(rest) else _THOUGHTS.sub("", text)
 
 
 def in_file(path: Path) -> tuple[Candidate, str]:
