@@ -136,10 +136,10 @@ class RunConfig:
         _check_bounds(self)
         if not self.model.strip():
             raise ConfigError("`model` is empty: say model=local, model=random or the name of a model at an endpoint.")
-        if "@" in self.base_url.partition("://")[2].partition("/")[0]:
+        if "@" in self.base_url.partition("://")[2].partition("/")[0] or "?" in self.base_url:
             raise ConfigError(
-                "`base_url` must not hold a user or a password, as settings are stored and shown; set the environment "
-                "variable OPENAI_API_KEY, or OPENAI_BASE_URL instead of base_url=."
+                "`base_url` must not hold a user, a password or a `?`, as settings are stored and shown; set the "
+                "environment variable OPENAI_API_KEY, or OPENAI_BASE_URL instead of base_url=."
             )
         if self.seeds < 1:
             raise ConfigError(f"`seeds` must be one or more, not {self.seeds}.")

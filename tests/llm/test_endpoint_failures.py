@@ -7,6 +7,7 @@ import sys
 import threading
 from http.server import BaseHTTPRequestHandler
 
+import httpx2
 import pytest
 
 from openeureka.config import RunConfig
@@ -195,9 +196,10 @@ def test_an_endpoint_that_is_slow_is_waited_for(endpoint: Endpoint):
     ("bad", "sentence"),
     [
         (failure(401), "refused the key"),
-        (failure(403), "refused the key"),
-        (failure(404), "no model `m`"),
-        (failure(402, "pay first"), "pay first"),
+        (failure(403, "Country not supported"), "refuses access (Error code: 403 - Country not supported); check what"),
+        (failure(404, "your data policy"), "no model `m` for you (Error code: 404 - your data policy); check model="),
+        (failure(402, "pay first"), "refuses the request (Error code: 402 - pay first); mend that"),
+        (failure(400, "9000 tokens are too many"), "(Error code: 400 - 9000 tokens are too many); mend that"),
         (raw(b"<html>welcome</html>"), "does not answer like an OpenAI-compatible endpoint"),
         (raw(b"[1, 2]"), "does not answer like an OpenAI-compatible endpoint"),
         (raw(b'"choices"'), "does not answer like an OpenAI-compatible endpoint"),
@@ -356,10 +358,31 @@ def test_a_password_in_the_address_from_the_environment_is_not_shown(
 
 
 def test_a_password_in_base_url_is_refused_without_showing_it():
-    with pytest.raises(ConfigError, match="must not hold a user or a password") as caught:
-        RunConfig(base_url="https://user:canary@host/v1")
-    assert "canary" not in str(caught.value)
-    RunConfig(base_url="https://host/v1?to=a@b")  # no password
+    for address in ("https://user:canary@host/v1", "https://host/v1?api_key=canary"):
+        with pytest.raises(ConfigError, match="must not hold a user, a password or a `\\?`") as caught:
+            RunConfig(base_url=address)
+        assert "canary" not in str(caught.value)
+    RunConfig(base_url="https://host/a@b/v1")  # no password
+
+
+def test_an_address_in_the_environment_may_need_no_key(endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.delenv("OPENAI_API_KEY")
+    monkeypatch.setenv("OPENAI_BASE_URL", endpoint.url)
+    endpoint.script = [answer("a")]
+    assert texts(sample(EndpointModel("m"), 1)) == ["a"]
+
+
+def test_a_connection_that_is_not_made_is_told_from_an_answer_that_does_not_come(
+    endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch
+):
+    def silent(*_: object, **__: object) -> None:
+        raise httpx2.ConnectTimeout("")
+
+    model = endpoint.model()
+    monkeypatch.setattr(httpx2.HTTPTransport, "handle_request", silent)
+    with pytest.raises(ModelError, match="cannot be reached; check base_url"):
+        sample(model, 1)
+    assert openai._client("none", endpoint.url).timeout == httpx2.Timeout(300.0, connect=20.0)
 
 
 def test_a_key_with_a_line_break_is_trimmed_and_one_that_no_header_takes_is_refused(

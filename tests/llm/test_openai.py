@@ -165,6 +165,12 @@ def test_empty_and_truncated_replies_are_asked_for_again_and_their_cost_is_kept(
     assert sum(reply.usage.prompt_tokens for reply in replies) == 300
 
 
+@pytest.mark.parametrize("reason", ["length", "MAX_TOKENS", "content_filter", "error"])
+def test_a_reply_that_was_not_ended_by_the_model_is_asked_for_again(endpoint: Endpoint, reason: str):
+    endpoint.script = [answer("cut", finish=reason), answer("a", finish="eos")]
+    assert texts(sample(endpoint.model(), 1)) == ["a"]
+
+
 def test_a_slot_is_given_what_there_is_after_three_rounds(endpoint: Endpoint, caplog: pytest.LogCaptureFixture):
     endpoint.script = lambda body: answer(*["cut"] * body.get("n", 1), finish="length")
     model = endpoint.model()

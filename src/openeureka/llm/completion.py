@@ -9,6 +9,8 @@ from typing import Any
 
 MAX_TOKENS = 1 << 40
 """Above this a count is nonsense, and would not fit into the store."""
+_CUT = {"length", "max_tokens", "model_length", "content_filter", "error"}
+"""Reasons to finish a text before its end. Others are taken for good: each endpoint has words of its own for that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +19,7 @@ class Choice:
 
     text: str
     whole: bool
-    """Not empty, and not cut off by a limit on tokens."""
+    """Not empty, and not cut off by a limit, a filter or an error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +81,7 @@ def _object(body: bytes) -> Mapping[str, Any]:
 def _choice(choice: object) -> Choice:
     fields = _mapping(choice)
     text = _text(_mapping(fields.get("message")).get("content"))
-    return Choice(text, bool(text) and fields.get("finish_reason") != "length")
+    return Choice(text, bool(text) and str(fields.get("finish_reason")).lower() not in _CUT)
 
 
 def _text(content: object) -> str:

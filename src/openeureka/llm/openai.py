@@ -31,6 +31,8 @@ ROUNDS = 3
 PARALLEL = 8
 TIMEOUT = 300.0
 """[s] for a sign of life."""
+CONNECT = 20.0
+"""[s] for a connection."""
 PATIENCE = 900.0
 """[s] for an answer in all: some endpoints send blanks for as long as a request is queued."""
 MAX_BODY = 64 << 20
@@ -40,6 +42,13 @@ _PASSING = {408, 409, 425, 429}
 """Client errors that are none: too slow, a conflict, too early, too often (RFC 9110, RFC 8470, RFC 6585)."""
 _MAY_REFUSE = {500, 501}
 """llama.cpp says with 500 that it gives one answer a request, and what the template of a model does not know."""
+_REFUSED = "{where} refuses the request ({said}); mend that, then go on."
+_REFUSALS = {
+    # What is said of a key may quote a part of it.
+    401: "{where} refused the key; set the environment variable OPENAI_API_KEY to a valid one.",
+    403: "{where} refuses access ({said}); check what the key in OPENAI_API_KEY may do there.",
+    404: "{where} has no model `{model}` for you ({said}); check model= and base_url (which often ends in /v1).",
+}
 _SHORTEST_SECRET = 8
 """Characters of a key that is worth hiding; servers that need none are given words such as `none` or `ollama`."""
 _log = logging.getLogger(__name__)
@@ -89,7 +98,7 @@ class EndpointModel:
         if price is None:
             _log.warning("The price of %s is not known: its replies count as free. Add price=INPUT,OUTPUT.", name)
         self.name = name
-        self._key = _key(base_url)
+        self._key = _key(base_url or os.environ.get("OPENAI_BASE_URL", ""))
         self._client = _client(self._key, base_url)
         self._where = _without_secrets(str(self._client.base_url))
         self._manner = _Manner(temperature)
@@ -253,7 +262,7 @@ class EndpointModel:
 
     def _explained(self, error: openai.APIError) -> ModelError:
         where = self._where
-        if isinstance(error, openai.APITimeoutError):
+        if isinstance(error, openai.APITimeoutError) and not isinstance(error.__cause__, httpx2.ConnectTimeout):
             return ModelError(
                 f"{where} did not answer: it may take {TIMEOUT:.0f} s for a sign of life, and {PATIENCE:.0f} s in all. "
                 "Try again later or with a smaller sample=."
@@ -262,18 +271,15 @@ class EndpointModel:
             if self._reached:
                 return ModelError(f"{where} breaks off its answers; try again.")
             return ModelError(f"{where} cannot be reached; check base_url and the network.")
-        if isinstance(error, openai.AuthenticationError | openai.PermissionDeniedError):
-            return ModelError(f"{where} refused the key; set the environment variable OPENAI_API_KEY to a valid one.")
-        if isinstance(error, openai.NotFoundError):
-            return ModelError(
-                f"{where} has no model `{self.name}`; check model= and base_url (which often ends in /v1)."
-            )
         if error.code == "insufficient_quota":
             return ModelError(f"The account at {where} has no credit left; add some, then go on.")
-        if isinstance(error, openai.APIStatusError) and error.response.is_redirect:
+        if not isinstance(error, openai.APIStatusError) or self._passing(error, 0):
+            return self._busy(error.message)
+        if error.response.is_redirect:
             target = _without_secrets(error.response.headers.get("location", "elsewhere"))
             return ModelError(f"{where} sends requests on to {target}; set base_url= to that address if you trust it.")
-        return self._busy(error.message)
+        sentence = _REFUSALS.get(error.status_code, _REFUSED)
+        return ModelError(sentence.format(where=where, model=self.name, said=self._hidden(error.message)[:300]))
 
     def _unreadable(self, error: Unreadable) -> ModelError:
         if error.broken:
@@ -354,8 +360,9 @@ def _client(key: str, base_url: str) -> openai.OpenAI:
         raise ConfigError(
             "HTTP_PROXY, HTTPS_PROXY, ALL_PROXY or NO_PROXY holds what is no address; correct it or unset it."
         ) from None
+    timeout = httpx2.Timeout(TIMEOUT, connect=CONNECT)
     try:
-        client = openai.OpenAI(api_key=key, base_url=base_url or None, max_retries=0, timeout=TIMEOUT, http_client=http)
+        client = openai.OpenAI(api_key=key, base_url=base_url or None, max_retries=0, timeout=timeout, http_client=http)
         client.base_url.raw_host.decode().encode("idna")  # as sockets do, in the middle of a request
     except (httpx2.InvalidURL, UnicodeError):
         raise ConfigError(
