@@ -11,7 +11,7 @@ pytest.importorskip("gymnasium", reason="needs Gymnasium: pip install 'openeurek
 
 from gymnasium import spaces
 
-from openeureka.adapters.gym.spaces import Actions
+from openeureka.adapters.gym.spaces import Actions, parts
 from openeureka.errors import TaskError
 from openeureka.method.prompts import facts
 from openeureka.tasks import registry
@@ -228,6 +228,21 @@ def test_pictures_and_what_is_no_number_are_refused_before_anything_trains():
         registry.get("gym:Openeureka/Eye-v0")
     with pytest.raises(TaskError, match="observes a value that is not finite, within 8 random steps"):
         registry.get("gym:Openeureka/Void-v0+cut=1")
+
+
+@pytest.mark.parametrize("shape", [(4, 84, 84), (3, 64, 48), (2, 64, 48, 3), (64, 48)])
+def test_pictures_in_any_order_of_axes_are_refused(shape: tuple[int, ...]):
+    with pytest.raises(TaskError, match="observes pictures"):
+        parts(spaces.Box(0, 255, shape, np.uint8), "x")
+    assert parts(spaces.Box(0, 255, (7, 7, 3), np.uint8), "x")[0].size == 147  # cells of a grid
+
+
+def test_a_whole_number_beyond_its_space_is_no_other_option():
+    simulation = registry.make("gym:Openeureka/Astray-v0+cut=12", worlds=2)
+    simulation.reset()
+    with pytest.raises(TaskError, match=r"Astray-v0.* failed: ValueError: it observes a number outside 0 to 2, "):
+        for _ in range(12):
+            simulation.step(actions(0, 0))
 
 
 def test_a_name_that_means_something_else_in_a_reward_is_changed():

@@ -66,13 +66,20 @@ class Teller(Clock):
         return *moment, {"half": half, "luck": self.luck, "lap": lap, "touched": touched, "late": late}
 
 
+class Astray(Clock):
+    """Observes a phase that its space does not have from step `cut` on."""
+
+    def _seen(self):
+        return super()._seen() | {"phase": np.int64(0 if self.step_count < self.cut else -1)}
+
+
 class Eye(Clock):
     """Observes a picture."""
 
     observation_space = spaces.Box(0, 255, (64, 48, 3), np.uint8)
 
 
-for name, kind in {"Void-v0": Void, "Eye-v0": Eye, "Teller-v0": Teller}.items():
+for name, kind in {"Void-v0": Void, "Eye-v0": Eye, "Teller-v0": Teller, "Astray-v0": Astray}.items():
     gymnasium.register(f"Openeureka/{name}", entry_point=kind, max_episode_steps=20)
 
 

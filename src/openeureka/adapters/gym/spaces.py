@@ -49,7 +49,10 @@ class Part:
 
 
 def _ones(values: np.ndarray, counts: Sequence[int]) -> np.ndarray:
-    """(N, sum(counts)) ones among zeros, of whole numbers (N, len(counts))."""
+    """(N, sum(counts)) ones among zeros, of whole numbers (N, len(counts)). Raises ValueError for one out of range."""
+    for i, count in enumerate(counts):
+        if not ((values[:, i] >= 0) & (values[:, i] < count)).all():
+            raise ValueError(f"it observes a number outside 0 to {count - 1}, counted from the first of its space")
     return np.concatenate([np.eye(count, dtype=np.float32)[values[:, i]] for i, count in enumerate(counts)], axis=1)
 
 
@@ -86,7 +89,7 @@ def _parts(space: Space[Any], path: tuple[str | int, ...], env: str) -> Iterator
 
 def _is_picture(space: spaces.Box) -> bool:
     """Bytes in rows and columns, and more of them than the cells that an agent sees of a grid."""
-    return space.dtype == np.uint8 and len(space.shape) in (2, 3) and min(space.shape[:2]) >= PICTURE
+    return space.dtype == np.uint8 and len(space.shape) >= 2 and sorted(space.shape)[-2] >= PICTURE
 
 
 @dataclass(frozen=True, slots=True)

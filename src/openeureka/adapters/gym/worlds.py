@@ -98,7 +98,7 @@ class GymWorlds(Worlds):
         actions = self._actions.taken(self.action.nan_to_num())
         seen, reward, terminated, truncated, info = self._ask(lambda: self._vector.step(actions))
         self.previous.copy_(self.observation)
-        self._see(seen, info, each)
+        self._ask(lambda: self._see(seen, info, each))
         self.reward.copy_(torch.from_numpy(np.asarray(reward, np.float32)))
         self.terminated.copy_(torch.from_numpy(terminated))
         self.truncated.copy_(torch.from_numpy(truncated))
@@ -125,7 +125,7 @@ class GymWorlds(Worlds):
         mask[worlds.numpy()] = True
         seeds: list[int | None] = [*self.seeds.tolist()]
         seen, info = self._ask(lambda: self._vector.reset(seed=seeds, options={"reset_mask": mask}))
-        self._see(seen, info, worlds)
+        self._ask(lambda: self._see(seen, info, worlds))
         self.previous[worlds] = self.observation[worlds]
         self._steps[worlds] = 0
         for value in (self.reward, self.terminated, self.truncated, self.action):
