@@ -111,6 +111,19 @@ class Counted(Bits):
         shape = (2,)
 
 
+class Whole(Bits):
+    """The same with whole numbers from 5 to 9; any other is an error."""
+
+    class single_action_space:
+        low, high = np.array([5, 5]), np.array([9, 9])
+        shape, dtype = (2,), low.dtype
+
+    def step(self, actions):
+        if actions.min() < 5 or actions.max() > 9:
+            raise ValueError("out of range")
+        return super().step(actions)
+
+
 def resets_itself(worlds):
     carts = Carts(worlds)
     carts.metadata = {"autoreset_mode": "AutoresetMode.NEXT_STEP"}

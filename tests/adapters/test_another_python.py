@@ -77,6 +77,13 @@ def test_bits_and_choices_that_begin_at_one_cross_over_as_gymnasium_has_them():
     assert state["obs_buf"].tolist() == [[2.0, 7.0]] * 2  # 1 + 1 of {1, 2}, and 5 + 2 of {5, 6, 7}
 
 
+def test_whole_numbers_are_rounded_and_the_first_action_is_in_their_range():
+    simulation = registry.make(f"python:{HERE / 'carts.py'}:Whole", worlds=2)
+    simulation.reset()
+    state = simulation.step(torch.tensor([[0.3, -0.3]] * 2)).state
+    assert state["obs_buf"].tolist() == [[8.0, 6.0]] * 2  # 7 + 2 * 0.3 = 7.6, and 6.4
+
+
 def test_a_training_goes_on_to_the_bit_where_it_was_saved():
     budget = TrainBudget(env_steps=4 * 4 * 64, worlds=4)
     lanes = [LaneSpec(id=name, program=name, seed=seed) for name, seed in (("human", 1), ("sparse", 2))]

@@ -127,6 +127,16 @@ def test_a_box_with_one_bound_leaves_a_policy_that_begins_at_0_room():
     assert actions.taken(torch.tensor([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])).tolist() == [[6, -6, 0], [7, -5, 1]]
 
 
+def test_bounds_that_a_type_cannot_add_or_that_nobody_reaches_are_understood():
+    bytes_ = Actions(spaces.Box(100, 200, (1,), np.uint8), 1)
+    assert bytes_.taken(torch.tensor([[-1.0], [0.0], [1.0]])).tolist() == [[100], [150], [200]]
+    most = float(np.finfo(np.float32).max)
+    free = Actions(spaces.Box(np.float32([-most, 0]), np.float32([most, most])), 2)
+    assert free.taken(torch.tensor([[0.0, 0.0], [0.5, -0.5]])).tolist() == [[0, 1], [0.5, 0.5]]
+    whole = Actions(spaces.Box(0, 4, (1,), np.int64), 1)
+    assert whole.taken(torch.tensor([[0.4], [0.9]])).tolist() == [[3], [4]]  # 2.8 and 3.8
+
+
 @pytest.mark.parametrize("env", ["gym:CartPole-v1", pytest.param("gym:LunarLander-v3", marks=box2d())])
 def test_a_saved_state_goes_on_where_it_was(env: str):
     first, second = registry.make(env, worlds=3), registry.make(env, worlds=3)

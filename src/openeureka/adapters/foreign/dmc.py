@@ -19,8 +19,6 @@ from typing import Any
 
 import numpy as np
 
-_UNBOUNDED = 1e10
-"""What dm_control writes for the bound of an actuator that has none."""
 _PLACES = {0: " (7: x, y, z, quaternion w, x, y, z)", 1: " (4: quaternion w, x, y, z)"}
 _SPEEDS = {0: " (6: linear, angular)", 1: " (3: angular)"}
 """What joints of several numbers have, by MuJoCo's `jnt_type`: free ones and balls."""
@@ -44,7 +42,7 @@ class Suite:
         limit = getattr(env, "_step_limit", math.inf)
         return {
             "document": _document(env, self.name),
-            "actions": {"low": _bounds(low), "high": _bounds(high)},
+            "actions": {"low": low.reshape(-1), "high": high.reshape(-1)},
             "steps": math.ceil(limit) if math.isfinite(limit) else 1000,
             "dt": float(env.control_timestep()),
             "meanings": self._meanings(),
@@ -139,10 +137,6 @@ def _sentence(thing: Any) -> str:
     """The first line of what it says of itself."""
     said = (inspect.getdoc(thing) or "").partition("\n")[0].strip(" .")
     return said[8:] if said.startswith("Returns ") else said
-
-
-def _bounds(side: np.ndarray) -> list[float | None]:
-    return [float(value) if abs(value) < _UNBOUNDED else None for value in side.reshape(-1)]
 
 
 def _physics_error() -> type[Exception]:

@@ -100,10 +100,10 @@ def _actions(told: Acting, env: str) -> Actions:
     if told.choices:
         return actions(spaces.Discrete(told.choices[0], start=told.starts[0]), env)
     low, high = (
-        np.array([side * math.inf if value is None else value for value in values], np.float32)
+        np.array([side * math.inf if value is None else value for value in values], np.float64)
         for side, values in ((-1, told.low), (1, told.high))
     )
-    return actions(spaces.Box(low, high, dtype=np.float32), env)
+    return actions(spaces.Box(low, high, dtype=np.float64), env)
 
 
 class ForeignWorlds(GymWorlds):

@@ -128,7 +128,7 @@ class Scene:
         count = int(np.prod(space.shape)) if space is not None else int(env.action_manager.total_action_dim)
         return {
             "document": self.document,
-            "actions": {"low": [None] * count, "high": [None] * count},
+            "actions": {"low": [-np.inf] * count, "high": [np.inf] * count},
             "steps": int(env.max_episode_length),
             "dt": float(env.step_dt),
             "meanings": self._meanings(),

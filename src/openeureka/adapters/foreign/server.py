@@ -112,7 +112,9 @@ class Vector:
         return self._parts(observation), none, none, none, self._state(info)
 
     def step(self, actions: np.ndarray) -> tuple[Any, ...]:
-        actions = actions.reshape((self.worlds, *self.shape)).astype(self.kind or actions.dtype)
+        actions = actions.reshape((self.worlds, *self.shape))
+        if self.kind is not None:
+            actions = (np.rint(actions) if self.kind.kind in "iu" else actions).astype(self.kind)
         if "torch" in sys.modules and getattr(self.env, "device", None) is not None:
             actions = sys.modules["torch"].as_tensor(actions, device=self.env.device)
         observation, reward, terminated, truncated, info = self.env.step(actions)
@@ -168,14 +170,14 @@ def _actions(space: Any, env: Any) -> dict[str, Any]:
         return {"choices": [int(space.n)], "starts": [int(getattr(space, "start", 0))], "shape": []}
     if hasattr(space, "low"):
         low, high = (np.asarray(side, np.float64).reshape(-1) for side in (space.low, space.high))
-        return {"low": _bounds(low), "high": _bounds(high), "shape": list(space.shape)}
+        return {"low": low, "high": high, "shape": list(space.shape)}
     count = int(getattr(env, "num_actions", 0))
     if not count:
         raise ValueError("it says neither `single_action_space` nor `num_actions`")
     return {"low": [-1.0] * count, "high": [1.0] * count, "shape": [count]}
 
 
-def _bounds(side: np.ndarray) -> list[float | None]:
+def _bounds(side: Any) -> list[float | None]:
     return [float(value) if np.isfinite(value) else None for value in side]
 
 
@@ -243,11 +245,14 @@ class Server:
         about = self.env.about()
         everywhere, seeds = np.ones(worlds, bool), np.arange(worlds)
         parts, *_, state = self.env.reset(everywhere, seeds)
-        choices = about["actions"].get("choices")
-        idle = (
-            np.zeros((worlds, len(choices)), np.int64) if choices else np.zeros((worlds, len(about["actions"]["low"])))
-        )
-        *_, later = self.env.step(idle.astype(np.int64 if choices else np.float32) + about["actions"].get("starts", 0))
+        acting = about["actions"]
+        choices = acting.get("choices")
+        if choices:
+            idle = np.zeros((worlds, len(choices)), np.int64) + acting["starts"]
+        else:
+            idle = np.zeros((worlds, len(acting["low"]))).clip(acting["low"], acting["high"]).astype(np.float32)
+            acting.update({side: _bounds(acting[side]) for side in ("low", "high")})
+        *_, later = self.env.step(idle)
         shapes = {name: numbers(value).shape[1:] for name, value in {**later, **state}.items()}
         changing = {name for name in later if name in state and numbers(later[name]).shape[1:] != shapes[name]}
         shapes = {name: shape for name, shape in shapes.items() if name not in changing}

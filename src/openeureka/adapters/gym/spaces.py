@@ -15,6 +15,8 @@ from ...tasks.choices import indices
 
 PICTURE = 32
 """Rows and columns of the smallest."""
+UNBOUNDED = 1e10
+"""A bound as far away as this is none. It is what dm_control writes for none; others write the largest number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,12 +111,15 @@ class Actions:
         """
         space = self.space
         if isinstance(space, spaces.Box):
-            low, high = space.low.reshape(-1), space.high.reshape(-1)
+            low, high = (side.reshape(-1).astype(np.float64) for side in (space.low, space.high))
+            low = np.where(np.abs(low) < UNBOUNDED, low, -np.inf)
+            high = np.where(np.abs(high) < UNBOUNDED, high, np.inf)
             bounded = np.isfinite(low) & np.isfinite(high)
             with np.errstate(invalid="ignore"):  # of sides without a bound, which are not taken
                 middle = np.where(bounded, (low + high) / 2, np.clip(0.0, low + 1.0, high - 1.0))
                 half = np.where(bounded, (high - low) / 2, 1.0)
             scaled = np.clip(middle + half * actions.double().numpy(), low, high)
+            scaled = np.rint(scaled) if space.dtype.kind in "iu" else scaled
             return scaled.astype(space.dtype).reshape(-1, *space.shape)
         picked = indices(actions, self.choices).numpy()
         if isinstance(space, spaces.Discrete):
