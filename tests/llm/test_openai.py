@@ -189,6 +189,15 @@ def test_replies_that_were_paid_for_are_handed_over_before_an_error(endpoint: En
     assert texts(got) == ["a", "b"]
 
 
+def test_half_a_reply_that_was_paid_for_is_handed_over_before_an_error(endpoint: Endpoint):
+    endpoint.script = [answer("cut", finish="length"), answer(None), failure(401)]
+    got = []
+    with pytest.raises(ModelError, match="refused the key"):
+        got.extend(endpoint.model().sample(PROMPT, n=1, seed=0))
+    (reply,) = got
+    assert (reply.usage.prompt_tokens, reply.usage.completion_tokens) == (200, 20)
+
+
 def test_an_unknown_price_is_said_once(endpoint: Endpoint, caplog: pytest.LogCaptureFixture):
     endpoint.script = lambda body: answer("a")
     model = endpoint.model()

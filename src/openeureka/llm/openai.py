@@ -113,15 +113,20 @@ class EndpointModel:
         Raises:
             ModelError: the endpoint cannot answer.
         """
-        missing, wasted = n, Usage()
+        missing, wasted, half = n, Usage(), None
         for last in (*[False] * (ROUNDS - 1), True):
-            for reply, whole in self._round(prompt, missing):
-                if whole or last:  # in the end a slot is better spent on half a reply than the run on one slot
-                    self._warn_of_cuts(reply, whole)
-                    yield replace(reply, usage=reply.usage + wasted)
-                    missing, wasted = missing - 1, Usage()
-                else:
-                    wasted += reply.usage
+            try:
+                for reply, whole in self._round(prompt, missing):
+                    if whole or last:  # in the end a slot is better spent on half a reply than the run on one slot
+                        self._warn_of_cuts(reply, whole)
+                        yield replace(reply, usage=reply.usage + wasted)
+                        missing, wasted = missing - 1, Usage()
+                    else:
+                        wasted, half = wasted + reply.usage, reply
+            except ModelError:
+                if half is not None and wasted != Usage():  # what is paid for must be kept, or max_cost does not hold
+                    yield replace(half, usage=wasted)
+                raise
             if not missing:
                 return
 
