@@ -52,6 +52,10 @@ class StoreError(EurekaError):
     exit_code = 5
 
 
+class NotBegun(StoreError):
+    """A directory in which no run began, or where one was killed before its settings were kept."""
+
+
 class FeedbackError(EurekaError):
     """Something said to a run that does not listen, or about a candidate that is not there."""
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 from collections import Counter
@@ -130,6 +131,17 @@ def test_a_cell_that_cannot_be_read_stops_no_other(tmp_path, capsys):
     found = json.loads((tmp_path / "bench" / "bench.json").read_text())
     assert list(found["failed"]) == ["cartpole-full-0"]
     assert [(row["arm"], row["seeds"]) for row in found["rows"]] == [("full", 0), ("weaker", 1)]
+
+
+def test_a_cell_killed_at_its_first_rows_runs_again(tmp_path):
+    cell = tmp_path / "bench" / "cartpole-full-0"
+    plan = {**PLAN, "seeds": [0]}
+    openeureka.bench(plan, dir=tmp_path / "bench")
+    shutil.rmtree(cell)
+    cell.mkdir()
+    (cell / "run.sqlite").touch()
+    found = openeureka.bench(plan, dir=tmp_path / "bench")
+    assert found.finished and not found.failures
 
 
 def test_the_command_prints_a_table_and_ctrl_c_says_how_to_go_on(tmp_path, meters, capsys, monkeypatch):

@@ -97,6 +97,16 @@ def test_ctrl_c_says_how_to_continue_and_resuming_asks_for_the_rest_only(parts, 
     assert "best F played 11" in capsys.readouterr().out
 
 
+def test_a_run_killed_at_its_first_rows_begins_with_the_same_command(parts, tmp_path, capsys):
+    (tmp_path / "run").mkdir()
+    for name in ("run.sqlite", LOCK):
+        (tmp_path / "run" / name).touch()
+    assert run("resume", f"{tmp_path}/run") == 5
+    assert "start it again with the same `eureka run` command" in capsys.readouterr().err
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 0
+    assert "best F played 11" in capsys.readouterr().out
+
+
 def test_a_replay_broken_off_goes_on_where_it_stopped(parts, tmp_path, capsys):
     run("run", *SETTINGS, f"dir={tmp_path}/first")
     again = [f"model=replay:{tmp_path}/first" if word.startswith("model=") else word for word in SETTINGS]

@@ -10,7 +10,8 @@ import pytest
 from openeureka.codec import encode
 from openeureka.config import RunConfig
 from openeureka.errors import StoreError
-from openeureka.store import Store, read_config, read_replies
+from openeureka.store import Store, has_begun, read_config, read_replies
+from openeureka.store.db import Database
 from openeureka.store.rows import encode_result
 from openeureka.testing.scripted import program
 from openeureka.types import (
@@ -243,14 +244,24 @@ def test_a_run_killed_before_its_schema_is_said_never_to_have_begun(tmp_path: Pa
     (tmp_path / "run.sqlite").touch()
     with pytest.raises(StoreError, match="never began"):
         read_config(tmp_path)
+    assert not has_begun(tmp_path)
     with Store.open(tmp_path, CONFIG) as store:
-        assert store.config == CONFIG
+        assert store.config == CONFIG and has_begun(tmp_path)
+
+
+def test_a_run_killed_before_its_settings_has_not_begun(tmp_path: Path) -> None:
+    assert not has_begun(tmp_path)
+    Database(tmp_path, writable=True).close()
+    with pytest.raises(StoreError, match="never began"):
+        read_config(tmp_path)
+    assert not has_begun(tmp_path)
 
 
 def test_a_damaged_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "run.sqlite").write_bytes(b"not a database " * 1000)
-    with pytest.raises(StoreError, match="damaged or not a run"):
-        Store.open(tmp_path, CONFIG)
+    for read in (lambda: Store.open(tmp_path, CONFIG), lambda: has_begun(tmp_path)):
+        with pytest.raises(StoreError, match="damaged or not a run"):
+            read()
 
 
 STORED = json.loads(encode(ACCEPTED))

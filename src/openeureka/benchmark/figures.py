@@ -13,7 +13,7 @@ from ..refine import tuned
 from ..report.view import RunView
 from ..runs.run import finished
 from ..score import mean, rank
-from ..store import is_run, look
+from ..store import has_begun, look
 from ..types import Role, lane_id
 from .plan import Cell
 
@@ -53,7 +53,7 @@ class Result:
 
 def read(cell: Cell, directory: Path) -> Result | None:
     """The numbers of a cell; None where its search is not at its end. Raises StoreError where it cannot be read."""
-    if not is_run(directory) or not finished(*look(directory)):
+    if not has_begun(directory) or not finished(*look(directory)):
         return None
     run = RunView.read(directory)
     outcome = run.outcome

@@ -29,7 +29,7 @@ from ..refine.hardening import Robot, harden, planned
 from ..report.build import build
 from ..report.filming import Filming
 from ..sandbox.client import Sandbox
-from ..store import StageFiles, Store, is_run, look, read_config, read_replies
+from ..store import StageFiles, Store, has_begun, look, read_config, read_replies
 from ..store.directory import swept
 from ..tasks import costs, curriculum, ranges
 from ..tasks.context import context, informed
@@ -116,13 +116,13 @@ def search(config: RunConfig, directory: Path, host: Host, model: LanguageModel 
         Interrupted: stopped by Ctrl-C or `eureka stop`; all that was finished is stored.
         EurekaError: what else ended it.
     """
-    begun = is_run(directory)
+    begun = has_begun(directory)
     with swept(directory), mirrored(directory, config) as mirrors:
         try:
             with _parts(config, directory, host, model, mirrors) as parts:
                 loop.run(*parts)
         except KeyboardInterrupt:  # before the search, or a resumed one, was at work
-            known = begun or is_run(directory)
+            known = begun or has_begun(directory)
             raise Interrupted(stopped(host.again(directory)) if known else "Stopped before it began.") from None
         try:
             # Reports come last: the search is complete without them.
@@ -141,7 +141,7 @@ def _parts(
     known = context(config.env)
     baselines.chosen(config)
     costs.check(config.env, config.cost_limits)
-    begun = is_run(directory)
+    begun = has_begun(directory)
     if config.init and not begun:
         sampling.given(config)
     trainer = trainer_of(config, directory)
@@ -177,7 +177,7 @@ def _model(config: RunConfig, directory: Path) -> LanguageModel:
     """The model that the settings name. A run that has all its generations gets its own replies: it asks for no more,
     and the key or the weights may be gone.
     """
-    if not is_run(directory):
+    if not has_begun(directory):
         return open_model(config, held=0)
     before, glance = look(directory)
     if 0 < before.generations <= glance.generations:

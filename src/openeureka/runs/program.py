@@ -16,7 +16,7 @@ from ..method.person import Desk
 from ..observer import Phase
 from ..report.filming import Filming
 from ..score import Outcome
-from ..store import is_run
+from ..store import has_begun
 from ..store.directory import is_asked_to_stop
 from ..types import Evaluation, Generation, Reply, Sample, TrainingProgress, TrainingResult, Usage
 from . import compose
@@ -176,7 +176,7 @@ def done(directory: Path, on_event: Tell | None, work: Work) -> Run:
     try:
         work(host(on_event))
     except Interrupted as stop:
-        if not is_run(directory):
+        if not has_begun(directory):
             raise KeyboardInterrupt from None
         print(stop)
     return Run(directory)

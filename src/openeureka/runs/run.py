@@ -20,7 +20,7 @@ from ..report import html, verdict
 from ..report.candidates import CandidateView
 from ..report.view import RunView
 from ..score import Outcome
-from ..store import Store, artifacts, is_run, look
+from ..store import Store, artifacts, has_begun, look
 from ..training.policy import Player, Policy
 from ..types import Evaluation, Glance, History, Lane, TrainingResult
 
@@ -131,7 +131,7 @@ class Run:
     @property
     def finished(self) -> bool:
         """Whether it is complete; else `resume` goes on with it."""
-        if not is_run(self.directory):
+        if not has_begun(self.directory):
             return False
         return finished(*look(self.directory))
 

@@ -1,7 +1,18 @@
 """The run directory: one SQLite file of finished work and the files a person wants to open."""
 
-from .directory import is_held, is_run, look, read_config, read_remarks, read_replies, say
+from .directory import has_begun, is_held, is_run, look, read_config, read_remarks, read_replies, say
 from .lane_log import StageFiles
 from .store import Store
 
-__all__ = ["StageFiles", "Store", "is_held", "is_run", "look", "read_config", "read_remarks", "read_replies", "say"]
+__all__ = [
+    "StageFiles",
+    "Store",
+    "has_begun",
+    "is_held",
+    "is_run",
+    "look",
+    "read_config",
+    "read_remarks",
+    "read_replies",
+    "say",
+]

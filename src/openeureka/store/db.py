@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ..codec import DecodeError
-from ..errors import StoreError
+from ..errors import NotBegun, StoreError
 from .schema import FILLS, MIGRATIONS
 
 T = TypeVar("T")
@@ -200,7 +200,7 @@ class Database:
             )
         if not writable:
             if schema == 0:
-                raise StoreError(f"{self.directory} holds a run that never began; {AGAIN}")
+                raise NotBegun(f"{self.directory} holds a run that never began; {AGAIN}")
             if schema < len(MIGRATIONS):
                 self._to_memory()
                 self._migrate()

@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..config import RunConfig, short_name
-from ..errors import FeedbackError, StoreError
+from ..errors import FeedbackError, NotBegun, StoreError
 from ..types import Glance, Place, Remark, Reply
 from . import artifacts, summary
 from .db import FILENAME, LOCK, STOP, explained
@@ -93,8 +93,17 @@ def read_remarks(directory: Path | str) -> dict[int, tuple[Remark, ...]]:
 
 
 def is_run(directory: Path | str) -> bool:
-    """Whether a run began in the directory."""
+    """Whether the directory has the file of a run, begun or not."""
     return (Path(directory) / FILENAME).is_file()
+
+
+def has_begun(directory: Path | str) -> bool:
+    """Whether there is a run to go on with: its settings are kept. Raises StoreError when they cannot be read."""
+    try:
+        read_config(directory)
+    except NotBegun:
+        return False
+    return True
 
 
 def is_held(directory: Path | str) -> bool:

@@ -14,7 +14,7 @@ from filelock import FileLock, Timeout
 
 from ..codec import decode, encode
 from ..config import NO_MODEL, RunConfig
-from ..errors import ConfigError, StoreError
+from ..errors import ConfigError, NotBegun, StoreError
 from ..parsing import as_dict, restored
 from ..score import played
 from ..text import safe_text
@@ -127,7 +127,7 @@ class Store:
         """Read a run, also while it is going on. Raises StoreError when there is none."""
         directory = Path(directory)
         if not (directory / FILENAME).is_file():
-            raise StoreError(f"{directory} is not a run: {_missing(directory)}.")
+            raise NotBegun(f"{directory} is not a run: {_missing(directory)}.")
         return cls(directory, Database(directory, writable=False), None)
 
     @classmethod
@@ -179,7 +179,7 @@ class Store:
         """The settings that the run began with."""
         row = self._database.row("run")
         if row is None:
-            raise StoreError(f"{self.directory} holds a run that never began; {AGAIN}")
+            raise NotBegun(f"{self.directory} holds a run that never began; {AGAIN}")
         try:
             return self._database.decoded(_restored, row["config"])
         except ConfigError:
