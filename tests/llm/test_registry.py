@@ -1,5 +1,8 @@
 import json
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -8,7 +11,7 @@ from openeureka.errors import ConfigError, EurekaError, ModelError
 from openeureka.llm import open_model
 from openeureka.llm.random import RandomModel
 from openeureka.store import Store
-from openeureka.types import Message, Prompt
+from openeureka.types import Message, Prompt, Reply, Usage
 
 
 def scripted(config: RunConfig) -> RandomModel:
@@ -44,6 +47,33 @@ def test_a_limit_needs_a_price():
     with pytest.raises(ConfigError, match="add price=INPUT,OUTPUT"):
         open_model(RunConfig(**settings))
     open_model(RunConfig(**settings, price="1,2")).close()
+
+
+class Counting(RandomModel):
+    """Replies of 1000 tokens in and 200 out; the second states its cost, and the third counts nothing."""
+
+    name = "counting"
+
+    def __init__(self, config: RunConfig):
+        super().__init__()
+
+    def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
+        counted = Usage(prompt_tokens=1000, completion_tokens=200)
+        for usage in (counted, replace(counted, cost_usd=0.5), Usage()):
+            yield Reply(text="x", model=self.name, usage=usage)
+
+
+def test_a_model_of_ones_own_costs_what_price_says():
+    def costs(**settings: Any) -> list[float]:
+        model = open_model(RunConfig(model=f"{__name__}:Counting", **settings))
+        assert (model.name, model.style) == ("counting", "grammar")
+        return [reply.usage.cost_usd for reply in model.sample(Prompt(messages=()), n=3, seed=0)]
+
+    # 1000 tokens at 2 $/M and 200 at 10 $/M: 0.002 + 0.002
+    assert costs(price="2,10", max_cost=1.0) == pytest.approx([0.004, 0.5, 0.0])
+    assert costs(price="0,0", max_cost=1.0) == costs() == [0.0, 0.5, 0.0]
+    with pytest.raises(ConfigError, match=r"max_cost cannot be kept; add price=INPUT,OUTPUT, or price=0,0 where"):
+        costs(max_cost=1.0)
 
 
 def test_a_missing_weights_file_is_said_when_it_is_needed(tmp_path):

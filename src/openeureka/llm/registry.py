@@ -49,7 +49,7 @@ def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
     if kind == "replay":
         return _replay(config, rest, held)
     if not config.base_url and (_is_import(*config.model.rpartition(":")[::2]) or MODELS.installed(config.model)):
-        return MODELS.make(config.model, config)
+        return _own(config)
     return _endpoint(config)
 
 
@@ -117,6 +117,17 @@ def archived(path: Path) -> list[Reply]:
     return [Reply(text=text, model=name) for text in texts]
 
 
+def _own(config: RunConfig) -> LanguageModel:
+    known = price.find(config.model, config.price)
+    if known is None and config.max_cost:
+        raise ConfigError(
+            f"The price of {config.model} is not known, so max_cost cannot be kept; add price=INPUT,OUTPUT, or "
+            "price=0,0 where the model states its own costs."
+        )
+    made: LanguageModel = MODELS.make(config.model, config)
+    return made if known is None else PricedModel(made, known)
+
+
 def _endpoint(config: RunConfig) -> LanguageModel:
     url = config.base_url or os.environ.get("OPENAI_BASE_URL", "")
     meant = difflib.get_close_matches(config.model.partition(":")[0].lower(), KINDS, n=1, cutoff=0.75)
@@ -135,6 +146,25 @@ def _endpoint(config: RunConfig) -> LanguageModel:
             f"The price of {config.model} is not known, so max_cost cannot be kept; add price=INPUT,OUTPUT."
         )
     return EndpointModel(config.model, base_url=config.base_url, temperature=config.temperature, price=known)
+
+
+class PricedModel:
+    """Somebody's own model whose replies cost what its settings say, where they count tokens and state no cost."""
+
+    def __init__(self, model: LanguageModel, known: price.Price) -> None:
+        self.name = model.name
+        self.style: Literal["free", "grammar"] = model.style
+        self._model, self._price = model, known
+
+    def sample(self, prompt: Prompt, *, n: int, seed: int) -> Iterator[Reply]:
+        """Yield the model's replies, priced."""
+        for reply in self._model.sample(prompt, n=n, seed=seed):
+            usage = reply.usage
+            cost = usage.cost_usd or self._price.of(usage.prompt_tokens, usage.completion_tokens)
+            yield replace(reply, usage=replace(usage, cost_usd=cost))
+
+    def close(self) -> None:
+        self._model.close()
 
 
 class ReplayModel:
