@@ -1,4 +1,5 @@
 import json
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -116,6 +117,16 @@ def test_a_run_without_a_model_has_nothing_to_replay(tmp_path: Path):
         pass
     with pytest.raises(ConfigError, match="compares given rewards, and holds no replies"):
         open_model(RunConfig(model=f"replay:{tmp_path}"))
+
+
+@pytest.mark.parametrize(("root", "style"), [("random", "grammar"), ("gpt-5", "free"), ("replay:{}/third", "free")])
+def test_a_replay_of_a_replay_asks_as_the_first_run_did(tmp_path: Path, root: str, style: str):
+    models = [root.format(tmp_path), f"replay:{tmp_path}/first", f"replay:{tmp_path}/second"]
+    for name, model in zip(("first", "second", "third"), models, strict=True):
+        Store.open(tmp_path / name, RunConfig(model=model)).close()
+    assert open_model(RunConfig(model=f"replay:{tmp_path}/third")).style == style
+    shutil.rmtree(tmp_path / "first")
+    assert open_model(RunConfig(model=f"replay:{tmp_path}/third")).style == "free"
 
 
 def test_a_file_of_replies_gives_them_in_order(tmp_path: Path):

@@ -7,6 +7,7 @@ import json
 import os
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Literal
 
 from ..config import NO_MODEL, RunConfig
-from ..errors import ConfigError, ModelError
+from ..errors import ConfigError, ModelError, StoreError
 from ..plugins import Door
 from ..types import Prompt, Reply
 from . import hub, price, weights
@@ -92,11 +93,22 @@ def _replay(config: RunConfig, where: str, held: int) -> LanguageModel:
         recorded = read_config(where).model
         if recorded == NO_MODEL:
             raise ConfigError(f"{where} compares given rewards, and holds no replies; name the directory of a search.")
-        style = "grammar" if recorded.partition(":")[0] in ("local", "random") else "free"
-        return ReplayModel(read_replies(where), style, held=held)
+        return ReplayModel(read_replies(where), _style(recorded), held=held)
     if config.hearings:
         raise ConfigError(f"{where} holds replies and nobody's remarks: leave feedback=human out.")
     return ReplayModel(archived(Path(where)), "free", held=held)
+
+
+def _style(recorded: str) -> Literal["free", "grammar"]:
+    """The style in which a run's model was asked; a replay has that of the run at its root, while that is there."""
+    from ..store import read_config
+
+    seen = set[str]()
+    while recorded.startswith("replay:") and recorded not in seen:  # a copied or changed run may lead back to itself
+        seen.add(recorded)
+        with suppress(OSError, StoreError):
+            recorded = read_config(recorded.removeprefix("replay:")).model
+    return "grammar" if recorded.partition(":")[0] in ("local", "random") else "free"
 
 
 def archived(path: Path) -> list[Reply]:
