@@ -37,8 +37,10 @@ _hints = cache(get_type_hints)
 
 
 def command_line(*words: object) -> str:
-    """What a person types for `eureka` with these words: a directory with a space is in quotes."""
-    return shlex.join(["eureka", *map(str, words)])
+    """What a person types for `eureka` with these words: a directory with a space is in quotes, and one that looks like
+    a setting is told from it by a dot."""
+    typed = [f"./{word}" if isinstance(word, Path) and re.match(r"\w+=", str(word)) else str(word) for word in words]
+    return shlex.join(["eureka", *typed])
 
 
 def absolute(key: str, value: str, folder: Path = Path()) -> str:

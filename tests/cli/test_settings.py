@@ -1,8 +1,9 @@
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
-from openeureka.cli.settings import describe, only_path, split
+from openeureka.cli.settings import again, describe, only_path, split
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 
@@ -29,6 +30,13 @@ def test_every_setting_of_a_run_is_described():
 def test_words_are_separated_from_paths():
     settings, paths = split(["env=ant", "my_reward.py"])
     assert (settings, [str(path) for path in paths]) == (["env=ant"], ["my_reward.py"])
+
+
+@pytest.mark.parametrize("place", ["lr=3", "runs/lr=3", "/tmp/lr=3"])
+def test_a_directory_with_an_equals_sign_is_gone_on_with(place):
+    *_, word = again(Path(place)).split()
+    settings, paths = split([word, "max_cost=3"])
+    assert (settings, paths) == (["max_cost=3"], [Path(place)])
 
 
 @pytest.mark.parametrize("words", [[], ["a.py", "b.py"]])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import dataclasses
 import inspect
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -127,9 +128,9 @@ class ContextConfig:
 
 
 def split(words: Sequence[str]) -> tuple[list[str], list[Path]]:
-    """Separate `key=value` words from paths."""
-    settings = [word for word in words if "=" in word]
-    return settings, [Path(word) for word in words if "=" not in word]
+    """Separate `key=value` words from paths, which may hold an equals sign after a slash: `./lr=3`."""
+    settings = [word for word in words if re.match(r"\w+=", word)]
+    return settings, [Path(word) for word in words if not re.match(r"\w+=", word)]
 
 
 def only_path(paths: Sequence[Path], usage: str) -> Path:
