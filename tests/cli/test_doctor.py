@@ -51,6 +51,24 @@ def test_the_doctor_names_what_the_kernel_lacks(offered, missing, monkeypatch, c
     assert text.startswith("sandbox  MISSING  generated code cannot be confined: ") and missing in text
 
 
+def test_the_embedded_model_needs_its_engine_and_whole_weights(monkeypatch, tmp_path):
+    missing = set(doctor.weights.QWEN.packages)
+    monkeypatch.setattr(doctor, "_installed", lambda name: name not in missing)
+    monkeypatch.setenv("EUREKA_CACHE", str(tmp_path))
+    monkeypatch.delenv("EUREKA_GGUF", raising=False)
+    (tmp_path / doctor.weights.QWEN.filename).touch()
+    assert not doctor.embedded_model()[0].good  # an empty file is none
+    (tmp_path / "mine.gguf").write_bytes(b"GGUF")
+    monkeypatch.setenv("EUREKA_GGUF", str(tmp_path / "mine.gguf"))
+    assert doctor.embedded_model() == [Finding("model=local", True, f"EUREKA_GGUF names {tmp_path}/mine.gguf")]
+    missing.add("xllamacpp")
+    assert not doctor.embedded_model()[0].good
+    missing.clear()
+    monkeypatch.setenv("EUREKA_GGUF", str(tmp_path / "none.gguf"))
+    (finding,) = doctor.embedded_model()
+    assert not finding.good and "EUREKA_GGUF names" in finding.detail
+
+
 def test_the_page_names_what_to_install(monkeypatch):
     missing = {"uvicorn"}
     monkeypatch.setattr(doctor, "_installed", lambda name: name not in missing)

