@@ -55,6 +55,11 @@ def test_what_f_measures_is_said_to_be_a_guess(robot, capsys):
     )
 
 
+def test_an_intent_of_several_lines_is_one_sentence(robot):
+    assert run("new", "pole.py", "env=gym:CartPole-v1", "intent=to balance\nthe pole") == 0
+    assert get(f"{robot}/pole.py").description == "to balance the pole"
+
+
 def test_a_draft_without_an_f_is_played_and_not_searched_for(robot, capsys):
     assert run("new", "cart.py", "model=cart.xml", "intent=to balance the pole") == 0
     assert run("run", "env=cart.py", "model=random", "sample=2") == 2
@@ -90,6 +95,7 @@ def test_a_robot_that_flies_apart_is_drafted_with_a_warning(robot, capsys, befor
         (["cart.py", "modle=cart.xml"], 2, "modle"),
         (["cart.py", "model=cart.xml", "object=cat"], 2, "Did you mean `cart`?"),
         (["cart.py", "model=cart.xml", "floating=true"], 2, "`floating` is for a URDF"),
+        (["cart.py", "env=gym:CartPole-v1", "goal=cart"], 2, "leave them out with env="),
     ],
 )
 def test_what_does_not_fit_is_refused_in_a_sentence_and_nothing_is_written(robot, capsys, words, code, problem):

@@ -134,6 +134,8 @@ def new(words: Sequence[str]) -> None:
     if config.env and config.model:
         raise ConfigError("Name a robot with model=, or an environment with env=; not both.")
     if config.env:
+        if config.object or config.goal or config.floating:
+            raise ConfigError("object=, goal= and floating= are for a robot of model=; leave them out with env=.")
         _adapt(path, config.env, config.intent)
         return
     if not config.model:
@@ -160,8 +162,12 @@ def new(words: Sequence[str]) -> None:
 def _adapt(path: Path, env: str, intent: str) -> None:
     """Write the file of an environment of others, and see that it is the same task."""
     base = registry.get(env)
-    write(path.parent, path.name, base.drafted(class_name(path), path.stem, intent))
-    task = registry.get(str(path))
+    write(path.parent, path.name, base.drafted(class_name(path), path.stem, " ".join(intent.split())))
+    try:
+        task = registry.get(str(path))
+    except Exception:
+        path.unlink()
+        raise
     print(f"Wrote {path}: {task.num_observations} observations, {task.num_actions} actions, {task.description}.")
     print(f"F is the {task.score_unit}; +fitness=EXPRESSION behind the name of the environment says otherwise.")
     print("Rename, reword, hide or add what rewards may read. Then")
