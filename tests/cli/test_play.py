@@ -140,6 +140,22 @@ def test_web_serves_a_page_with_or_without_a_display(asked, shown, monkeypatch):
     assert (shown, asked) == ([("page at 9000", "ant zero 0")], [])
 
 
+@pytest.mark.parametrize(
+    ("word", "web", "sentence"),
+    [
+        ("out=a.mp4", True, "leave --web out"),
+        ("beside=zero", True, "leave --web out"),
+        ("port=9000", False, "add --web"),
+        ("seconds=3", False, "add out=FILE.mp4"),
+        ("seconds=3", True, "add out=FILE.mp4"),
+    ],
+)
+def test_a_setting_of_another_way_to_show_is_refused(asked, shown, word, web, sentence):
+    with pytest.raises(ConfigError, match=sentence):
+        play.play(["env=ant", "policy=zero", word], web=web)
+    assert (shown, asked) == ([], [])
+
+
 def test_without_a_policy_it_says_what_may_be_played():
     with pytest.raises(ConfigError, match=r"^Name what to play: a run directory, or policy=FILE, random or zero\.$"):
         play.play(["env=cartpole"])

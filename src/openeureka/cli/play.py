@@ -41,14 +41,21 @@ def play(words: Sequence[str], *, web: bool = False) -> None:
     env, policy = _chosen(config, directory)
     if web and draws_itself(env):
         raise ConfigError(f"`{env}` draws its own pictures, which no page shows in 3-D; leave --web out.")
+    film = not web and bool(config.out or config.beside or draws_itself(env) or not viewer.has_display())
+    if web and (config.out or config.beside):
+        raise ConfigError("out= and beside= are for a video; leave --web out, or them.")
+    if not web and config.port:
+        raise ConfigError("port= is that of a page; add --web, or leave it out.")
+    if not film and any(word.startswith("seconds=") for word in settings):
+        raise ConfigError("seconds= is the length of a video; add out=FILE.mp4, or leave it out.")
     if web:
         from ..film.web import page  # loads a user interface
 
         page(Stage(env, policy, config.seed), config.port)
-    elif not (config.out or config.beside or draws_itself(env)) and viewer.has_display():
-        viewer.window(Stage(env, policy, config.seed))
-    else:
+    elif film:
         _film(env, policy, config, directory)
+    else:
+        viewer.window(Stage(env, policy, config.seed))
 
 
 def _chosen(config: PlayConfig, directory: Path | None) -> tuple[str, bytes | str]:
