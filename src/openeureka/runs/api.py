@@ -25,6 +25,7 @@ from .run import Run
 
 
 class _Shared(TypedDict, total=False):
+    python: str | Path
     curriculum: str | Path
     randomise: str | Path
     observe: str
@@ -43,11 +44,11 @@ class _Shared(TypedDict, total=False):
 
 
 class TrainSettings(_Shared, total=False):
-    """All fields of `TrainConfig` but `env` and `reward`."""
+    """All fields of `TrainConfig` but `env` and `reward`, and `python`."""
 
 
 class TuneSettings(_Shared, total=False):
-    """All fields of `TuneConfig` but `env` and `reward`."""
+    """All fields of `TuneConfig` but `env` and `reward`, and `python`."""
 
     trials: int
     sample: int
@@ -68,7 +69,7 @@ class RobustSettings(TypedDict, total=False):
 
 
 class SearchSettings(_Shared, total=False):
-    """All fields of `RunConfig` but `env` and `model`."""
+    """All fields of `RunConfig` but `env` and `model`, and `python`."""
 
     base_url: str
     sample: int
@@ -276,7 +277,7 @@ def check(env: str | Path, program: str | Path, *, unsafe_no_sandbox: bool = Fal
     """The verdict on one reward, as `eureka check` gives it: whether it can train, and if not, why.
 
     Args:
-        env: as in `search`.
+        env: as in `search`; with another interpreter, `gym:ID+python=PATH`.
         program: a path, or the program as a text, several lines or a `def`, which may be a model's whole answer.
         unsafe_no_sandbox: run it in an unconfined child process where the kernel cannot confine it.
 
