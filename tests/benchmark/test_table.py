@@ -7,7 +7,7 @@ from openeureka.benchmark.plan import plan
 from openeureka.benchmark.table import Comparison
 from openeureka.score import estimate
 
-PLAN = plan({"tasks": ["cartpole", "ant"], "seeds": [0, 1], "arms": {"full": {}, "random": {"model": "random"}}})
+PLAN = plan({"tasks": ["cartpole", "ant"], "seeds": [0, 10], "arms": {"full": {}, "random": {"model": "random"}}})
 
 
 def result(task: str, arm: str, seed: int, held_out: float | None, **numbers) -> Result:

@@ -7,11 +7,11 @@ from openeureka.parsing import as_dict, changed, parse, restored
 
 def test_words_become_typed_fields():
     config = parse(
-        RunConfig, ["env=ant", "sample=16", "max_cost=1.5", "unsafe_no_sandbox=true", "base_url=http://h/v?a=b"]
+        RunConfig, ["env=ant", "sample=16", "max_cost=1.5", "unsafe_no_sandbox=true", "base_url=http://h/v=b"]
     )
     assert (config.env, config.sample, config.max_cost) == ("ant", 16, 1.5)
     assert config.unsafe_no_sandbox is True
-    assert config.base_url == "http://h/v?a=b"
+    assert config.base_url == "http://h/v=b"
 
 
 def test_a_place_at_home_is_found_whatever_the_shell(monkeypatch, tmp_path):
@@ -90,7 +90,7 @@ def test_whole_numbers_may_be_written_with_an_exponent(text: str, steps: int):
     "value", ["${oc.env:HOME}", "http://h/${oc.env:OPENAI_API_KEY}/v1", "${seed}", "???", "\\${x}", "null"]
 )
 def test_a_value_is_text_and_nothing_in_it_is_looked_up(value: str):
-    assert parse(RunConfig, [f"base_url={value}"]).base_url == value
+    assert parse(RunConfig, [f"address={value}"]).address == value
 
 
 @pytest.mark.parametrize(
