@@ -8,7 +8,7 @@ from pathlib import Path
 import openeureka
 from openeureka.config import RunConfig
 from openeureka.method.given import seeds
-from openeureka.method.lanes import polish_seeds
+from openeureka.method.lanes import unused_seed
 from openeureka.score import difference
 
 
@@ -30,7 +30,7 @@ def trained(
         config.env,
         list(rewards),
         dir=directory,
-        seed=polish_seeds(config).stop,
+        seed=unused_seed(config),
         seeds=count,
         steps=config.steps,
         worlds=config.worlds,

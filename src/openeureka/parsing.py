@@ -36,10 +36,15 @@ _hints = cache(get_type_hints)
 """Evaluating the annotations of a config takes longer than reading one."""
 
 
+def is_setting(word: str) -> bool:
+    """Whether a word of a command line is `key=value`; a path may hold an equals sign after a slash: `./lr=3`."""
+    return re.match(r"\w+=", word) is not None
+
+
 def command_line(*words: object) -> str:
     """What a person types for `eureka` with these words: a directory with a space is in quotes, and one that looks like
     a setting is told from it by a dot."""
-    typed = [f"./{word}" if isinstance(word, Path) and re.match(r"\w+=", str(word)) else str(word) for word in words]
+    typed = [f"./{word}" if isinstance(word, Path) and is_setting(str(word)) else str(word) for word in words]
     return shlex.join(["eureka", *typed])
 
 

@@ -15,7 +15,7 @@ import yaml
 
 from ..config import NO_MODEL, RunConfig, short_name
 from ..errors import ConfigError, nearest
-from ..method.lanes import polish_seeds
+from ..method.lanes import unused_seed
 from ..parsing import absolute, as_dict, parse, read_yaml, restored
 from ..store.store import FREE_TO_CHANGE
 
@@ -68,7 +68,7 @@ class Plan:
             raise ConfigError(
                 f"`per_task` names `{unknown[0]}`, which is no task of the plan.{nearest(unknown[0], self.tasks)}"
             )
-        reach = max(polish_seeds(self.config(cell)).stop - cell.seed for cell in self.cells())
+        reach = max(unused_seed(self.config(cell)) - cell.seed for cell in self.cells())
         for one, other in pairwise(sorted(self.seeds)):
             if other - one < reach:
                 raise ConfigError(

@@ -5,14 +5,13 @@ from __future__ import annotations
 import ast
 import dataclasses
 import inspect
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..config import VIDEOS
 from ..errors import ConfigError
-from ..parsing import command_line
+from ..parsing import command_line, is_setting
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,9 +127,9 @@ class ContextConfig:
 
 
 def split(words: Sequence[str]) -> tuple[list[str], list[Path]]:
-    """Separate `key=value` words from paths, which may hold an equals sign after a slash: `./lr=3`."""
-    settings = [word for word in words if re.match(r"\w+=", word)]
-    return settings, [Path(word) for word in words if not re.match(r"\w+=", word)]
+    """Separate `key=value` words from paths."""
+    settings = [word for word in words if is_setting(word)]
+    return settings, [Path(word) for word in words if not is_setting(word)]
 
 
 def only_path(paths: Sequence[Path], usage: str) -> Path:

@@ -12,7 +12,7 @@ from ..benchmark import bench as cells
 from ..config import NO_MODEL, RobustConfig, RunConfig, TrainConfig, TuneConfig
 from ..errors import WorkerError
 from ..method.given import Given
-from ..method.lanes import polish_seeds
+from ..method.lanes import unused_seed
 from ..parsing import changed, command_line, parse
 from ..report import tables
 from ..report.numbers import columns
@@ -58,10 +58,9 @@ def resume(words: Sequence[str]) -> None:
         best = directory / "best" / "reward.py"
         if Run(directory).finished and best.is_file():
             print(f"{directory} is finished; this is what it found. To improve that, begin the next search with it:")
-            fresh = polish_seeds(
-                config
-            ).stop  # with those that crowned it, it would be crowned by the same trainings again
-            print(plain(f"  {command_line('run', f'env={config.env}', f'init={best}', f'seed={fresh}')}"))
+            # With the seeds that crowned it, the same trainings would crown it again.
+            settings = f"env={config.env}", f"init={best}", f"seed={unused_seed(config)}"
+            print(plain(f"  {command_line('run', *settings)}"))
         _tell(directory, compose.search(config, directory, Terminal()))
 
 

@@ -85,6 +85,11 @@ def polish_seeds(config: RunConfig) -> range:
     return range(config.seed + 1 + config.seeds, config.seed + 1 + config.seeds + config.polish)
 
 
+def unused_seed(config: RunConfig) -> int:
+    """The first seed after those of a search: what trains with it and later ones chose nothing there."""
+    return polish_seeds(config).stop
+
+
 def final_lanes(
     config: RunConfig,
     arms: Iterable[Scored],

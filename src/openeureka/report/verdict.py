@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from ..config import TrainConfig
 from ..errors import TaskError
-from ..method.lanes import beside, polish_seeds
+from ..method.lanes import beside, unused_seed
 from ..method.prompts import scale
 from ..parsing import command_line
 from ..refine.polishing import Polished
@@ -185,7 +185,7 @@ def deciding(run: RunView, directory: str = "DIR") -> str:
         "env": config.env,
         "reward": ",".join(rewards),
         **{key: own for key in WORTH_REPEATING if (own := getattr(config, key)) != getattr(usual, key)},
-        "seed": polish_seeds(config).stop,
+        "seed": unused_seed(config),
         "seeds": max(3, found.seeds or 0) if found is not None else 3,
     }
     return command_line("train", *(f"{key}={value}" for key, value in settings.items()))
