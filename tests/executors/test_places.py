@@ -95,7 +95,7 @@ class Cluster:
 
 
 def executor(cluster: Cluster, monkeypatch: pytest.MonkeyPatch, **options: Any) -> RayExecutor:
-    monkeypatch.setattr(ray, "connect", lambda address: cluster)
+    monkeypatch.setattr("openeureka.executors.cluster.connect", lambda address: cluster)
     monkeypatch.setattr(ray, "POLL", 0.01)
     return RayExecutor(**options)
 
@@ -152,7 +152,10 @@ def test_where_a_large_node_left_its_lanes_go_on_with_the_cores_of_another(monke
 def test_cores_that_a_person_asked_for_are_waited_for(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ):
-    cluster = Cluster(8, 4, script=after_a_loss)
-    cluster.joining = [8]
+    def replaced(number: int, request: Frame) -> list[Frame | Gone]:
+        cluster.joining = [8] * (number - 1)  # once the first is gone, however long that took
+        return after_a_loss(number, request)
+
+    cluster = Cluster(8, 4, script=replaced)
     assert trained(executor(cluster, monkeypatch, threads=8), "a") == ["a"]
     assert cluster.asked == [8, 8] and "waiting for one" in caplog.text

@@ -17,8 +17,9 @@ import pytest
 from openeureka.cli import doctor
 from openeureka.errors import ConfigError
 from openeureka.executors import EXECUTORS, ray_node, retry
+from openeureka.executors.cluster import Place, check, shares
 from openeureka.executors.local import LocalExecutor
-from openeureka.executors.ray import Place, RayExecutor, check, shares
+from openeureka.executors.ray import RayExecutor
 from openeureka.testing.conformance.trainer import TrainerConformance
 from openeureka.types import LaneSpec, TrainBudget, TrainingProgress, TrainingResult, TrainingState
 
@@ -104,7 +105,7 @@ def nodes() -> Iterator[Nodes]:
         patch.setenv("RAY_AUTH_MODE", "token")
         patch.setenv("RAY_AUTH_TOKEN", secrets.token_hex(32))
         patch.setenv("PYTHONPATH", f"{Path(__file__).parent}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
-        patch.setattr("openeureka.executors.ray.FULL", 1)  # a few lanes make two rounds
+        patch.setattr("openeureka.executors.cluster.FULL", 1)  # a few lanes make two rounds
         import ray
 
         cluster = Nodes()

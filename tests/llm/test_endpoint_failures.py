@@ -12,7 +12,7 @@ import pytest
 
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError, ModelError
-from openeureka.llm import openai
+from openeureka.llm import connection, openai
 from openeureka.llm.openai import EndpointModel
 
 from .endpoint import Answer, Endpoint, Play, answer, failure, sample, texts
@@ -116,8 +116,8 @@ def test_what_does_not_pass_is_one_sentence_after_a_minute(endpoint: Endpoint, b
         ("3", 3.0),
         ("0", 0.0),
         ("-5", 0.0),
-        ("1e9", openai.MAX_WAIT),
-        ("inf", openai.MAX_WAIT),
+        ("1e9", connection.MAX_WAIT),
+        ("inf", connection.MAX_WAIT),
         ("nan", 1.0),
         ("soon", 1.0),
         ("Sun, 06 Nov 1994 08:49:57 GMT", 20.0),  # by the endpoint's own clock, which says 08:49:37
@@ -382,7 +382,7 @@ def test_a_connection_that_is_not_made_is_told_from_an_answer_that_does_not_come
     monkeypatch.setattr(httpx2.HTTPTransport, "handle_request", silent)
     with pytest.raises(ModelError, match="cannot be reached; check base_url"):
         sample(model, 1)
-    assert openai._client("none", endpoint.url).timeout == httpx2.Timeout(300.0, connect=20.0)
+    assert connection.client("none", endpoint.url, 300.0).timeout == httpx2.Timeout(300.0, connect=20.0)
 
 
 def test_a_key_with_a_line_break_is_trimmed_and_one_that_no_header_takes_is_refused(

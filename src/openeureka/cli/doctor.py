@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from ..errors import ConfigError, ModelError
-from ..executors import ray
+from ..executors import cluster
 from ..executors.local import devices
 from ..film import video
 from ..film.video import VideoUnavailable
@@ -48,14 +48,14 @@ def doctor(words: Sequence[str] = ()) -> int:
 def nodes(address: str) -> list[Finding]:
     """Of a cluster: whether each node may train for this machine, and what it has. It needs no sandbox."""
     found: list[Finding] = []
-    for node in ray.survey(address):
+    for node in cluster.survey(address):
         numbers = ", ".join(f"{name} {number}" for name, number in node["versions"].items())
         detail = (
             f"{node['cores']} cores, {node['gpus']} GPUs, {node['memory'] / 2**30:.1f} GiB of memory free, "
             f"clock {node['offset']:+.3f} s, {numbers}"
         )
         try:
-            ray.check(node, guarded=node["guarded"])
+            cluster.check(node, guarded=node["guarded"])
         except ConfigError as error:
             found.append(Finding(node["host"], False, f"{error} It has {detail}."))
         else:

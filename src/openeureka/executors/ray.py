@@ -6,14 +6,11 @@ store. Frames travel as bytes.
 
 from __future__ import annotations
 
-import ipaddress
 import logging
 import math
-import os
 import time
 from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,28 +18,16 @@ from ..errors import ConfigError, TaskError, WorkerError
 from ..tasks import registry
 from ..types import Dynamics, Episodes, Evaluation, LaneSpec, RewardGraph, TrainBudget
 from ..worker import Frame, WorkerDied, framed, unframed
-from . import ray_node, retry, scheduler, snapshots
+from . import cluster, ray_node, retry, scheduler, snapshots
+from .cluster import Place
 from .local import MAX_WORLDS
 from .retry import Message, Population
 from .transport import SILENCE, Slot, WorkerLost
 
-WORKER, WORLD = 0.4e9, 0.15e6
-"""[bytes] of memory that a worker takes, and each of its worlds."""
-ROUNDS = 2
-"""Populations for each place of several machines: the quick take more of them, and one that joins finds some."""
-FULL = 8
-"""Lanes for each place below which another round would cost more than it gains: small populations train slowly."""
 POLL = 1.0
 """[s] between two looks at calls that say nothing, between which Ctrl-C is heard."""
-OBJECT_STORE = 200 << 20
-"""[bytes] of a cluster of this machine alone; frames stay there until they are read."""
 
 _log = logging.getLogger(__name__)
-_SETTINGS = {
-    "RAY_USAGE_STATS_ENABLED": "0",
-    "RAY_DEDUP_LOGS_SKIP_REGEX": ".*",  # what the cluster logs is in its files, and not amid a table
-    "RAY_NUM_REDIS_GET_RETRIES": "1",  # an address where nobody answers is given up in less than a minute
-}
 
 
 class RayExecutor:
@@ -74,7 +59,7 @@ class RayExecutor:
         if device not in MAX_WORLDS:
             raise ConfigError(f"On a cluster device= is {' or '.join(MAX_WORLDS)}, not `{device}`.")
         self._device, self._threads, self._snapshots, self._address = device, threads, snapshots, address
-        self._ray = connect(address)
+        self._ray = cluster.connect(address)
         self._transport = Actors(self._ray, module, silence, exact=threads > 0)
         self._had_room = False
 
@@ -93,16 +78,19 @@ class RayExecutor:
         return scheduler.train(self._transport, populations, [self._slot(threads)] * len(populations))
 
     def _shares(self, lanes: int, worlds: int) -> tuple[int, int]:
-        """See `shares`. A cluster that had room, or has neither cores nor GPUs yet, is waited for."""
-        while not (found := shares(places := living(self._ray), lanes, worlds, self._device, self._threads))[0]:
+        """See `cluster.shares`. A cluster that had room, or has neither cores nor GPUs yet, is waited for."""
+        while True:
+            places = cluster.living(self._ray)
+            count, threads = cluster.shares(places, lanes, worlds, self._device, self._threads)
+            if count:
+                self._transport.tell(waiting=False)
+                self._had_room = True
+                return count, threads
             if not self._had_room and any(place.cores or place.gpus for place in places):
                 asked = f"device={self._device}" + (f" threads={self._threads}" if self._threads else "")
                 raise ConfigError(f"No node of the cluster at address={self._address} has room for {asked}.")
             self._transport.tell(waiting=True)
             time.sleep(POLL)
-        self._transport.tell(waiting=False)
-        self._had_room = True
-        return found
 
     def evaluate(
         self,
@@ -134,53 +122,6 @@ class RayExecutor:
         return Slot("cuda:0" if self._device == "cuda" else "cpu", threads)
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
-    """What a node offers."""
-
-    cores: int
-    gpus: int = 0
-    memory: float = math.inf
-    """[bytes]"""
-
-    def within(self, other: Place) -> bool:
-        """Whether the other has as many cores and GPUs."""
-        return self.cores <= other.cores and self.gpus <= other.gpus
-
-    @staticmethod
-    def of(node: Mapping[str, Any]) -> Place:
-        has = node["Resources"]
-        return Place(int(has.get("CPU", 0)), int(has.get("GPU", 0)), has.get("memory", math.inf))
-
-
-def living(ray: Any) -> list[Place]:
-    return [Place.of(node) for node in ray.nodes() if node["Alive"]]
-
-
-def shares(places: Sequence[Place], lanes: int, worlds: int, device: str, threads: int) -> tuple[int, int]:
-    """Into how many populations to deal lanes, and the cores of each; (0, 0) where no node has room for one.
-
-    A population takes as many cores as leave room for all of them at once, or for a population a core; and no more
-    worlds than the memory of its part of a node holds.
-    """
-    if device == "cuda":
-        room, memory, threads = sum(place.gpus for place in places), math.inf, max(1, threads)
-    else:
-        most = max((place.cores for place in places), default=0)
-        options = [threads] if threads else range(most, 0, -1)
-        fitting = {number: sum(place.cores // number for place in places) for number in options}
-        wanted = min(lanes, max(fitting.values(), default=0))
-        threads = next((number for number, room in fitting.items() if room >= wanted), 0)
-        room = fitting.get(threads, 0)
-        memory = min((p.memory / (p.cores // threads) for p in places if threads and p.cores >= threads), default=0.0)
-        if sum(place.cores >= threads for place in places) > 1:
-            room *= ROUNDS if lanes >= room * FULL else 1
-    if not room:
-        return 0, 0
-    most_worlds = min(MAX_WORLDS[device], max(0.0, memory - WORKER) // WORLD)
-    return max(min(room, lanes), math.ceil(lanes / max(1, most_worlds // worlds))), threads
-
-
 class Actors:
     """A `Transport` that has each call served by an actor of its own.
 
@@ -192,12 +133,12 @@ class Actors:
         self._ray, self._module, self._silence, self._exact = ray, module, silence, exact
         self._looked, self._told = -math.inf, False
         self._actor: Any = ray.remote(ray_node.Share)
-        self._guarded = _guarded(ray)
+        self._guarded = cluster.guarded(ray)
 
     def call(self, request: Frame, slot: Slot) -> ActorCall:
         gpus = int(slot.device.startswith("cuda"))
         if not gpus and not self._exact:  # the nodes that had so many may be gone
-            most = max((place.cores for place in living(self._ray)), default=0)
+            most = max((place.cores for place in cluster.living(self._ray)), default=0)
             slot = slot._replace(threads=min(slot.threads, most or slot.threads))
         needs = Place(1 if gpus else max(1, slot.threads), gpus)
         actor = self._actor.options(
@@ -233,7 +174,7 @@ class Actors:
         waiting = [call for call in calls if call.waiting]
         if not waiting or time.monotonic() - self._looked < POLL:
             return
-        self._looked, places = time.monotonic(), living(self._ray)
+        self._looked, places = time.monotonic(), cluster.living(self._ray)
         vain = [call for call in waiting if not any(call.needs.within(place) for place in places)]
         for call in vain:
             call.lost = not self._exact and not call.needs.gpus and any(place.cores for place in places)
@@ -281,7 +222,7 @@ class ActorCall:
         self._heard, header = time.monotonic(), frame.header
         if "node" in header:
             self._node = header["node"]
-            check(self._node, guarded=self._guarded)
+            cluster.check(self._node, guarded=self._guarded)
             return Frame({})
         if "died" in header:
             raise WorkerError(f"{header['died']} That was on {self._node['host']}.")
@@ -318,91 +259,3 @@ class ActorCall:
     def close(self) -> None:
         with suppress(self._ray.exceptions.RayError):
             self._ray.kill(self._actor)
-
-
-def connect(address: str) -> Any:
-    """The module `ray`, part of the cluster from here on; a process is part of one cluster for as long as it lives.
-
-    Raises:
-        ConfigError: when there is no such cluster, Ray is missing or another one, or anybody could give it orders.
-    """
-    ray = _imported(address)
-    if not ray.is_initialized():
-        options: dict[str, Any] = {"include_dashboard": False, "object_store_memory": OBJECT_STORE}
-        options = options if address == "local" else {}
-        try:
-            ray.init(address=address or "auto", log_to_driver=False, logging_level="ERROR", **options)
-        except (ray.exceptions.RayError, ConnectionError, RuntimeError, ValueError) as error:
-            said = " ".join(str(error).split())[:300]
-            raise ConfigError(
-                f"There is no cluster to join at address={address} ({said}); start one with `ray start --head`, or "
-                "write address=local."
-            ) from None
-    if _guarded(ray) and os.environ.get("RAY_AUTH_MODE", "").lower() != "token":
-        raise _open(ray.get_runtime_context().gcs_address)
-    return ray
-
-
-def _imported(address: str) -> Any:
-    for name, value in _SETTINGS.items():
-        os.environ.setdefault(name, value)
-    if address == "local":
-        os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")  # Ray's word for: listen on loopback alone
-    try:
-        import ray
-    except ImportError:
-        raise ConfigError("executor=ray needs Ray, which is missing: pip install 'openeureka[ray]'") from None
-    return ray
-
-
-def _guarded(ray: Any) -> bool:
-    """Whether the cluster listens beyond this machine, so that it must ask for a token."""
-    host = ray.get_runtime_context().gcs_address.rpartition(":")[0].strip("[]")
-    try:
-        return not ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host != "localhost"
-
-
-def _open(where: str) -> ConfigError:
-    return ConfigError(
-        f"The cluster at {where} runs what anybody on its network sends: run `ray get-auth-token --generate` once, "
-        "copy ~/.ray/auth_token to every node, and start Ray and eureka with the environment variable "
-        "RAY_AUTH_MODE=token."
-    )
-
-
-def check(node: Mapping[str, Any], *, guarded: bool) -> None:
-    """Refuse a node whose numbers would differ from this machine's, or that takes orders from anybody.
-
-    Raises:
-        ConfigError: with what runs where.
-    """
-    if guarded and not node["token"]:
-        raise _open(node["host"])
-    here = ray_node.versions()
-    if odd := [name for name, number in here.items() if node["versions"].get(name) != number]:
-        there = ", ".join(f"{name} {node['versions'].get(name, 'none')}" for name in odd)
-        ours = ", ".join(f"{name} {here[name]}" for name in odd)
-        raise ConfigError(f"Node {node['host']} runs {there}, and this machine {ours}: install the same on both.")
-
-
-def survey(address: str) -> list[dict[str, Any]]:
-    """What each node of a cluster has: `ray_node.about`, and its `cores`, `gpus` and `offset` [s] of the clock."""
-    ray = connect(address)
-    from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
-
-    asked: Any = ray.remote(ray_node.about)
-    found: list[dict[str, Any]] = []
-    for node in ray.nodes():
-        if not node["Alive"]:
-            continue
-        place = NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)
-        said: dict[str, Any] = {}
-        for _ in range(2):  # the first starts a process there, which takes a second
-            asked_at = time.time()
-            said = ray.get(asked.options(num_cpus=0, scheduling_strategy=place).remote())
-            said["offset"] = said["time"] - (asked_at + time.time()) / 2
-        offered = Place.of(node)
-        found.append({**said, "cores": offered.cores, "gpus": offered.gpus, "guarded": _guarded(ray)})
-    return found

@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import logging
-import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from email.utils import parsedate_to_datetime
 from queue import SimpleQueue
 from threading import Event, Semaphore, Thread
 from typing import Any, Literal, NamedTuple
-from urllib.parse import urlsplit
 
 import httpx2
 import openai
 
-from ..errors import ConfigError, ModelError
+from ..errors import ModelError
 from ..types import Message, Prompt, Reply, Usage
-from . import completion
+from . import completion, connection
 from .client import share
 from .completion import Completion, Unreadable
 from .price import CHARACTERS, Price
@@ -31,8 +28,6 @@ ROUNDS = 3
 PARALLEL = 8
 TIMEOUT = 300.0
 """[s] for a sign of life."""
-CONNECT = 20.0
-"""[s] for a connection."""
 PATIENCE = 900.0
 """[s] for an answer in all: some endpoints send blanks for as long as a request is queued."""
 MAX_BODY = 64 << 20
@@ -52,8 +47,6 @@ _REFUSALS = {
 _SHORTEST_SECRET = 8
 """Characters of a key that is worth hiding; servers that need none are given words such as `none` or `ollama`."""
 _log = logging.getLogger(__name__)
-MAX_WAIT = 120.0  # [s]
-
 
 _Answered = tuple[Reply, bool]
 """A reply, and whether it is whole."""
@@ -98,9 +91,9 @@ class EndpointModel:
         if price is None:
             _log.warning("The price of %s is not known: its replies count as free. Add price=INPUT,OUTPUT.", name)
         self.name = name
-        self._key = _key(base_url or os.environ.get("OPENAI_BASE_URL", ""))
-        self._client = _client(self._key, base_url)
-        self._where = _without_secrets(str(self._client.base_url))
+        self._key = connection.api_key(base_url or os.environ.get("OPENAI_BASE_URL", ""))
+        self._client = connection.client(self._key, base_url, TIMEOUT)
+        self._where = connection.shown(str(self._client.base_url))
         self._manner = _Manner(temperature)
         self._price = price
         self._wait = wait
@@ -193,12 +186,12 @@ class EndpointModel:
             except Unreadable as error:
                 if last or not error.broken:
                     raise self._unreadable(error) from None
-                wait(delay({}, attempt))
+                wait(connection.delay({}, attempt))
             except openai.APIError as error:
                 if not self._adapted(error, n, manner, attempt):
                     if last or not self._passing(error, attempt):
                         raise self._explained(error) from None
-                    wait(delay(_headers(error), attempt))
+                    wait(connection.delay(_headers(error), attempt))
             else:
                 return self._replies_of(prompt, answer, n, time.monotonic() - began)
         raise ModelError(f"{self._where} accepts no request for {self.name}; choose another model.")
@@ -281,7 +274,7 @@ class EndpointModel:
         if not isinstance(error, openai.APIStatusError) or self._passing(error, 0):
             return self._busy(error.message)
         if error.response.is_redirect:
-            target = _without_secrets(error.response.headers.get("location", "elsewhere"))
+            target = connection.shown(error.response.headers.get("location", "elsewhere"))
             return ModelError(f"{where} sends requests on to {target}; set base_url= to that address if you trust it.")
         sentence = _REFUSALS.get(error.status_code, _REFUSED)
         return ModelError(sentence.format(where=where, model=self.name, said=self._hidden(error.message)[:300]))
@@ -334,48 +327,6 @@ class _BatchRefused(Exception):
     """The endpoint refused a request for several replies."""
 
 
-def _key(base_url: str) -> str:
-    key = os.environ.get("OPENAI_API_KEY", "").strip()
-    if not key and not base_url:
-        raise ModelError(
-            "There is no key for the model's endpoint: set the environment variable OPENAI_API_KEY, or base_url= to a "
-            "server that needs none, or choose model=local."
-        )
-    if not (key.isascii() and key.isprintable()):
-        raise ModelError("The environment variable OPENAI_API_KEY holds signs that no key has; set it anew.")
-    return key or "none"
-
-
-def _client(key: str, base_url: str) -> openai.OpenAI:
-    """Retries are ours: the package's own do not tell a quota that is spent from a busy moment. Redirects are the
-    person's: the package would send prompts wherever the endpoint points to.
-    """
-    try:
-        http = openai.DefaultHttpxClient(follow_redirects=False)
-    except ImportError:
-        raise ConfigError(
-            "The environment names a SOCKS proxy, which needs another package: pip install socksio, or unset ALL_PROXY."
-        ) from None
-    except OSError as error:
-        raise ConfigError(
-            f"The certificates that SSL_CERT_FILE or SSL_CERT_DIR names cannot be read ({error.strerror or error}); "
-            "correct the path or unset it."
-        ) from None
-    except (ValueError, httpx2.InvalidURL):  # whose texts may hold a password
-        raise ConfigError(
-            "HTTP_PROXY, HTTPS_PROXY, ALL_PROXY or NO_PROXY holds what is no address; correct it or unset it."
-        ) from None
-    timeout = httpx2.Timeout(TIMEOUT, connect=CONNECT)
-    try:
-        client = openai.OpenAI(api_key=key, base_url=base_url or None, max_retries=0, timeout=timeout, http_client=http)
-        client.base_url.raw_host.decode().encode("idna")  # as sockets do, in the middle of a request
-    except (httpx2.InvalidURL, UnicodeError):
-        raise ConfigError(
-            "The address of the model's endpoint is none; write it like base_url=http://localhost:8000/v1."
-        ) from None
-    return client
-
-
 def _without_system(messages: Sequence[Message]) -> Sequence[Message]:
     """The same words, the first of them said by the user."""
     first, *rest = messages
@@ -385,34 +336,5 @@ def _without_system(messages: Sequence[Message]) -> Sequence[Message]:
     return (Message(asked.role, f"{first.content}\n\n{asked.content}"), *later)
 
 
-def _without_secrets(url: str) -> str:
-    """The address without a user's name and password, and without the query, which may hold a key."""
-    try:
-        parts = urlsplit(url)
-    except ValueError:
-        return "what is no address"
-    return parts._replace(netloc=parts.netloc.rpartition("@")[2], query="", fragment="").geturl()
-
-
 def _headers(error: openai.APIError) -> Mapping[str, str]:
     return error.response.headers if isinstance(error, openai.APIStatusError) else {}
-
-
-def delay(headers: Mapping[str, str], attempt: int) -> float:
-    """Seconds to wait after the attempt: what the endpoint says, else 1, 2, 4, ..."""
-    stated = _stated(headers)
-    return min(2.0**attempt if stated is None else max(stated, 0.0), MAX_WAIT)
-
-
-def _stated(headers: Mapping[str, str]) -> float | None:
-    """Seconds of a `Retry-After` header, which is a number or a date (RFC 9110, 10.2.3)."""
-    value = headers.get("retry-after", "")
-    try:
-        seconds = float(value)
-    except ValueError:
-        try:
-            # By the endpoint's own clock: this machine's may be wrong.
-            seconds = (parsedate_to_datetime(value) - parsedate_to_datetime(headers["date"])).total_seconds()
-        except (KeyError, ValueError, TypeError):
-            return None
-    return None if math.isnan(seconds) else seconds

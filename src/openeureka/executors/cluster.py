@@ -1,0 +1,164 @@
+"""A Ray cluster: how this machine joins it, what its nodes have, and how many lanes they have room for."""
+
+from __future__ import annotations
+
+import ipaddress
+import math
+import os
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..errors import ConfigError
+from . import ray_node
+from .local import MAX_WORLDS
+
+WORKER, WORLD = 0.4e9, 0.15e6
+"""[bytes] of memory that a worker takes, and each of its worlds."""
+ROUNDS = 2
+"""Populations for each place of several machines: the quick take more of them, and one that joins finds some."""
+FULL = 8
+"""Lanes for each place below which another round would cost more than it gains: small populations train slowly."""
+OBJECT_STORE = 200 << 20
+"""[bytes] of a cluster of this machine alone; frames stay there until they are read."""
+_SETTINGS = {
+    "RAY_USAGE_STATS_ENABLED": "0",
+    "RAY_DEDUP_LOGS_SKIP_REGEX": ".*",  # what the cluster logs is in its files, and not amid a table
+    "RAY_NUM_REDIS_GET_RETRIES": "1",  # an address where nobody answers is given up in less than a minute
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """What a node offers."""
+
+    cores: int
+    gpus: int = 0
+    memory: float = math.inf
+    """[bytes]"""
+
+    def within(self, other: Place) -> bool:
+        """Whether the other has as many cores and GPUs."""
+        return self.cores <= other.cores and self.gpus <= other.gpus
+
+    @staticmethod
+    def of(node: Mapping[str, Any]) -> Place:
+        has = node["Resources"]
+        return Place(int(has.get("CPU", 0)), int(has.get("GPU", 0)), has.get("memory", math.inf))
+
+
+def connect(address: str) -> Any:
+    """The module `ray`, part of the cluster from here on; a process is part of one cluster for as long as it lives.
+
+    Raises:
+        ConfigError: when there is no such cluster, Ray is missing or another one, or anybody could give it orders.
+    """
+    ray = _imported(address)
+    if not ray.is_initialized():
+        options: dict[str, Any] = {"include_dashboard": False, "object_store_memory": OBJECT_STORE}
+        options = options if address == "local" else {}
+        try:
+            ray.init(address=address or "auto", log_to_driver=False, logging_level="ERROR", **options)
+        except (ray.exceptions.RayError, ConnectionError, RuntimeError, ValueError) as error:
+            said = " ".join(str(error).split())[:300]
+            raise ConfigError(
+                f"There is no cluster to join at address={address} ({said}); start one with `ray start --head`, or "
+                "write address=local."
+            ) from None
+    if guarded(ray) and os.environ.get("RAY_AUTH_MODE", "").lower() != "token":
+        raise _open(ray.get_runtime_context().gcs_address)
+    return ray
+
+
+def _imported(address: str) -> Any:
+    for name, value in _SETTINGS.items():
+        os.environ.setdefault(name, value)
+    if address == "local":
+        os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")  # Ray's word for: listen on loopback alone
+    try:
+        import ray
+    except ImportError:
+        raise ConfigError("executor=ray needs Ray, which is missing: pip install 'openeureka[ray]'") from None
+    return ray
+
+
+def guarded(ray: Any) -> bool:
+    """Whether the cluster listens beyond this machine, so that it must ask for a token."""
+    host = ray.get_runtime_context().gcs_address.rpartition(":")[0].strip("[]")
+    try:
+        return not ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host != "localhost"
+
+
+def _open(where: str) -> ConfigError:
+    return ConfigError(
+        f"The cluster at {where} runs what anybody on its network sends: run `ray get-auth-token --generate` once, "
+        "copy ~/.ray/auth_token to every node, and start Ray and eureka with the environment variable "
+        "RAY_AUTH_MODE=token."
+    )
+
+
+def living(ray: Any) -> list[Place]:
+    return [Place.of(node) for node in ray.nodes() if node["Alive"]]
+
+
+def shares(places: Sequence[Place], lanes: int, worlds: int, device: str, threads: int) -> tuple[int, int]:
+    """Into how many populations to deal lanes, and the cores of each; (0, 0) where no node has room for one.
+
+    A population takes as many cores as leave room for all of them at once, or for a population a core; and no more
+    worlds than the memory of its part of a node holds.
+    """
+    if device == "cuda":
+        room, memory, threads = sum(place.gpus for place in places), math.inf, max(1, threads)
+    else:
+        most = max((place.cores for place in places), default=0)
+        options = [threads] if threads else range(most, 0, -1)
+        fitting = {number: sum(place.cores // number for place in places) for number in options}
+        wanted = min(lanes, max(fitting.values(), default=0))
+        threads = next((number for number, room in fitting.items() if room >= wanted), 0)
+        room = fitting.get(threads, 0)
+        memory = min((p.memory / (p.cores // threads) for p in places if threads and p.cores >= threads), default=0.0)
+        if sum(place.cores >= threads for place in places) > 1:
+            room *= ROUNDS if lanes >= room * FULL else 1
+    if not room:
+        return 0, 0
+    most_worlds = min(MAX_WORLDS[device], max(0.0, memory - WORKER) // WORLD)
+    return max(min(room, lanes), math.ceil(lanes / max(1, most_worlds // worlds))), threads
+
+
+def check(node: Mapping[str, Any], *, guarded: bool) -> None:
+    """Refuse a node whose numbers would differ from this machine's, or that takes orders from anybody.
+
+    Raises:
+        ConfigError: with what runs where.
+    """
+    if guarded and not node["token"]:
+        raise _open(node["host"])
+    here = ray_node.versions()
+    if odd := [name for name, number in here.items() if node["versions"].get(name) != number]:
+        there = ", ".join(f"{name} {node['versions'].get(name, 'none')}" for name in odd)
+        ours = ", ".join(f"{name} {here[name]}" for name in odd)
+        raise ConfigError(f"Node {node['host']} runs {there}, and this machine {ours}: install the same on both.")
+
+
+def survey(address: str) -> list[dict[str, Any]]:
+    """What each node of a cluster has: `ray_node.about`, and its `cores`, `gpus` and `offset` [s] of the clock."""
+    ray = connect(address)
+    from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
+    asked: Any = ray.remote(ray_node.about)
+    found: list[dict[str, Any]] = []
+    for node in ray.nodes():
+        if not node["Alive"]:
+            continue
+        place = NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)
+        said: dict[str, Any] = {}
+        for _ in range(2):  # the first starts a process there, which takes a second
+            asked_at = time.time()
+            said = ray.get(asked.options(num_cpus=0, scheduling_strategy=place).remote())
+            said["offset"] = said["time"] - (asked_at + time.time()) / 2
+        offered = Place.of(node)
+        found.append({**said, "cores": offered.cores, "gpus": offered.gpus, "guarded": guarded(ray)})
+    return found

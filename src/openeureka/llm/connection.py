@@ -1,0 +1,100 @@
+"""The way to an endpoint: its key, its client, its address as it may be shown, and how long to leave it alone."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from email.utils import parsedate_to_datetime
+from urllib.parse import urlsplit
+
+import httpx2
+import openai
+
+from ..errors import ConfigError, ModelError
+
+CONNECT = 20.0
+"""[s] for a connection."""
+MAX_WAIT = 120.0
+"""[s] between two tries, whatever the endpoint asks for."""
+
+
+def api_key(base_url: str) -> str:
+    """The key of the environment, or a word for a server that needs none.
+
+    Raises:
+        ModelError: no key where one is needed, or what is none.
+    """
+    key = os.environ.get("OPENAI_API_KEY", "").strip()
+    if not key and not base_url:
+        raise ModelError(
+            "There is no key for the model's endpoint: set the environment variable OPENAI_API_KEY, or base_url= to a "
+            "server that needs none, or choose model=local."
+        )
+    if not (key.isascii() and key.isprintable()):
+        raise ModelError("The environment variable OPENAI_API_KEY holds signs that no key has; set it anew.")
+    return key or "none"
+
+
+def client(key: str, base_url: str, silence: float) -> openai.OpenAI:
+    """A client that gives up after `silence` [s] without a sign of life.
+
+    Retries are ours: the package's own do not tell a quota that is spent from a busy moment. Redirects are the
+    person's: the package would send prompts wherever the endpoint points to.
+
+    Raises:
+        ConfigError: an address, a proxy or certificates that cannot be used.
+    """
+    try:
+        http = openai.DefaultHttpxClient(follow_redirects=False)
+    except ImportError:
+        raise ConfigError(
+            "The environment names a SOCKS proxy, which needs another package: pip install socksio, or unset ALL_PROXY."
+        ) from None
+    except OSError as error:
+        raise ConfigError(
+            f"The certificates that SSL_CERT_FILE or SSL_CERT_DIR names cannot be read ({error.strerror or error}); "
+            "correct the path or unset it."
+        ) from None
+    except (ValueError, httpx2.InvalidURL):  # whose texts may hold a password
+        raise ConfigError(
+            "HTTP_PROXY, HTTPS_PROXY, ALL_PROXY or NO_PROXY holds what is no address; correct it or unset it."
+        ) from None
+    timeout = httpx2.Timeout(silence, connect=CONNECT)
+    try:
+        made = openai.OpenAI(api_key=key, base_url=base_url or None, max_retries=0, timeout=timeout, http_client=http)
+        made.base_url.raw_host.decode().encode("idna")  # as sockets do, in the middle of a request
+    except (httpx2.InvalidURL, UnicodeError):
+        raise ConfigError(
+            "The address of the model's endpoint is none; write it like base_url=http://localhost:8000/v1."
+        ) from None
+    return made
+
+
+def shown(url: str) -> str:
+    """The address without a user's name and password, and without the query, which may hold a key."""
+    try:
+        parts = urlsplit(url)
+    except ValueError:
+        return "what is no address"
+    return parts._replace(netloc=parts.netloc.rpartition("@")[2], query="", fragment="").geturl()
+
+
+def delay(headers: Mapping[str, str], attempt: int) -> float:
+    """Seconds to wait after the attempt: what the endpoint says, else 1, 2, 4, ..."""
+    stated = _stated(headers)
+    return min(2.0**attempt if stated is None else max(stated, 0.0), MAX_WAIT)
+
+
+def _stated(headers: Mapping[str, str]) -> float | None:
+    """Seconds of a `Retry-After` header, which is a number or a date (RFC 9110, 10.2.3)."""
+    value = headers.get("retry-after", "")
+    try:
+        seconds = float(value)
+    except ValueError:
+        try:
+            # By the endpoint's own clock: this machine's may be wrong.
+            seconds = (parsedate_to_datetime(value) - parsedate_to_datetime(headers["date"])).total_seconds()
+        except (KeyError, ValueError, TypeError):
+            return None
+    return None if math.isnan(seconds) else seconds
