@@ -42,6 +42,18 @@ def test_results_do_not_depend_on_the_number_of_threads():
     assert torch.equal(finals[0], finals[1]) and torch.equal(finals[0], finals[2])
 
 
+def test_worlds_that_do_not_play_cost_nothing():
+    sim = CpuSimulator(slider(-9.81), 3, threads=1)
+    qpos = sim.bind("qpos")
+    sim.bind("ctrl")[:, 0] = 1.0
+    sim.step(5)
+    before = qpos.clone()
+    sim.playing = torch.tensor([False, True, False])
+    sim.step(5)
+    assert (qpos != before).any(1).tolist() == [False, True, False]
+    assert not sim.bad.any()
+
+
 def test_broken_physics_writes_no_log_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     sim = CpuSimulator(slider(), 2, threads=1)

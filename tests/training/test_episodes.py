@@ -5,6 +5,7 @@ import torch
 from safetensors.torch import load
 
 from openeureka.executors.local import LocalExecutor
+from openeureka.sim import CpuSimulator
 from openeureka.tasks import registry
 from openeureka.training import episodes
 from openeureka.training.episodes import Recorder, rewards
@@ -81,11 +82,30 @@ FAILS = RewardGraph(
 )  # of a negative angle
 
 
-def test_a_policy_that_was_played_tells_what_programs_would_have_paid():
+def learnt() -> bytes:
+    """A policy of Cartpole that has hardly begun."""
     trained = Population("cartpole", [LaneSpec(id="a", program="human")], TrainBudget(env_steps=16 * 8, worlds=8))
     (policy,) = (event.last for event in trained.train() if isinstance(event, TrainingResult))
     assert policy is not None
-    (score,) = evaluate("cartpole", {"a": policy}, seed=0, episodes=8, record=["a"], threads=1)
+    return policy
+
+
+def test_a_world_is_simulated_until_its_episode_ends(monkeypatch: pytest.MonkeyPatch):
+    advance, played = CpuSimulator.step, list[int]()
+
+    def step(sim: CpuSimulator, substeps: int) -> None:
+        assert sim.playing is not None
+        played.append(int(sim.playing.sum()))
+        advance(sim, substeps)
+
+    policy = learnt()
+    monkeypatch.setattr(CpuSimulator, "step", step)
+    (score,) = evaluate("cartpole", {"a": policy}, seed=0, episodes=8, threads=1)
+    assert sum(played) == pytest.approx(8 * score.episode_length) and played[0] == 8 > played[-1]
+
+
+def test_a_policy_that_was_played_tells_what_programs_would_have_paid():
+    (score,) = evaluate("cartpole", {"a": learnt()}, seed=0, episodes=8, record=["a"], threads=1)
     own = score.recorded
     assert own is not None and len(own.fitness) == 8
     assert unpack_score(pack_score(score)).recorded == own

@@ -24,6 +24,7 @@ class Worlds(ABC):
     Attributes:
         num_worlds: N.
         bad: (N,) bool, worlds that broke down in the last `step`; the caller resets them.
+        playing: (N,) bool, worlds whose steps count for something; None for all. The others may stand still.
         after_replayed_step: called after each step that `load_state_dict` plays again, which may take minutes.
 
     Worlds are named by their indices (k,) int64, or by a mask (N,) bool, which no device needs to be asked the size of.
@@ -32,6 +33,7 @@ class Worlds(ABC):
     num_worlds: int
     device: torch.device
     bad: Tensor
+    playing: Tensor | None = None
     after_replayed_step: Callable[[], object] | None = None
 
     @abstractmethod

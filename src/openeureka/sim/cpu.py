@@ -60,8 +60,9 @@ class CpuSimulator(Simulator):
                 array, mirror = self._mirrors[name]
                 array[:] = mirror.numpy()
         failed: list[int] = []
+        playing = None if self.playing is None or self.playing.all() else _indices(self.playing)
         try:
-            self._batch.step(nstep=substeps, stage=_CURRENT)
+            self._batch.step(playing, nstep=substeps, stage=_CURRENT)
         except SimulationError as error:
             failed = list(error.ids)
         self._note_bad(failed)

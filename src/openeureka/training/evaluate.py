@@ -42,8 +42,8 @@ def evaluate(
 ) -> list[Evaluation]:
     """Score every policy of one task side by side, on the same start states.
 
-    Each world plays one episode; what it does after a reset counts for nothing. F is averaged as the task defines it,
-    over those episodes; so are costs, which are measured in the same plays.
+    Each world plays one episode; after it nothing counts there, and nothing need move. F is averaged as the task
+    defines it, over those episodes; so are costs, which are measured in the same plays.
 
     Args:
         policies: lane id to safetensors bytes; equal network shapes.
@@ -105,6 +105,7 @@ def _play_once(
     (steps, N) to the first of them."""
     observation = simulation.reset()
     running = torch.ones(simulation.num_worlds, dtype=torch.bool, device=observation.device)
+    simulation.sim.playing = running  # changes with it
     total = torch.zeros(3, simulation.num_worlds, dtype=torch.float64, device=observation.device)
     contributions: list[Tensor] = []
     for number in itertools.count():

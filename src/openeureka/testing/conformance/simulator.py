@@ -65,6 +65,21 @@ class SimulatorConformance:
         thrice.step(3)
         assert torch.equal(once.bind("qpos"), thrice.bind("qpos"))
 
+    def test_worlds_that_play_move_the_same_beside_others_that_need_not(self) -> None:
+        some, whole = (self.open(slider(-9.81), 4) for _ in range(2))
+        for sim in (some, whole):
+            sim.bind("ctrl")[:, 0] = torch.arange(4.0)
+            sim.step(1)
+        some.playing = torch.tensor([True, False, True, False], device=some.device)
+        for sim in (some, whole):
+            sim.step(2)
+        for field in ("qpos", "qvel", "xpos"):
+            assert torch.equal(some.bind(field)[some.playing], whole.bind(field)[some.playing]), field
+        some.playing = None
+        moved = some.bind("qvel").clone()
+        some.step(1)
+        assert (some.bind("qvel") != moved).any(1).all()
+
     def test_derived_fields_are_current_after_step(self) -> None:
         sim = self.open(slider(), 2)
         qpos, xpos = sim.bind("qpos"), sim.bind("xpos")
