@@ -382,7 +382,7 @@ def test_a_connection_that_is_not_made_is_told_from_an_answer_that_does_not_come
     monkeypatch.setattr(httpx2.HTTPTransport, "handle_request", silent)
     with pytest.raises(ModelError, match="cannot be reached; check base_url"):
         sample(model, 1)
-    assert connection.client("none", endpoint.url, 300.0).timeout == httpx2.Timeout(300.0, connect=20.0)
+    assert model._client.timeout == httpx2.Timeout(300.0, connect=20.0)
 
 
 def test_a_key_with_a_line_break_is_trimmed_and_one_that_no_header_takes_is_refused(

@@ -66,7 +66,7 @@ def connect(address: str) -> Any:
                 f"There is no cluster to join at address={address} ({said}); start one with `ray start --head`, or "
                 "write address=local."
             ) from None
-    if guarded(ray) and os.environ.get("RAY_AUTH_MODE", "").lower() != "token":
+    if exposed(ray) and os.environ.get("RAY_AUTH_MODE", "").lower() != "token":
         raise _open(ray.get_runtime_context().gcs_address)
     return ray
 
@@ -83,7 +83,7 @@ def _imported(address: str) -> Any:
     return ray
 
 
-def guarded(ray: Any) -> bool:
+def exposed(ray: Any) -> bool:
     """Whether the cluster listens beyond this machine, so that it must ask for a token."""
     host = ray.get_runtime_context().gcs_address.rpartition(":")[0].strip("[]")
     try:
@@ -101,6 +101,7 @@ def _open(where: str) -> ConfigError:
 
 
 def living(ray: Any) -> list[Place]:
+    """What each node that is there offers."""
     return [Place.of(node) for node in ray.nodes() if node["Alive"]]
 
 
@@ -160,5 +161,5 @@ def survey(address: str) -> list[dict[str, Any]]:
             said = ray.get(asked.options(num_cpus=0, scheduling_strategy=place).remote())
             said["offset"] = said["time"] - (asked_at + time.time()) / 2
         offered = Place.of(node)
-        found.append({**said, "cores": offered.cores, "gpus": offered.gpus, "guarded": guarded(ray)})
+        found.append({**said, "cores": offered.cores, "gpus": offered.gpus, "guarded": exposed(ray)})
     return found

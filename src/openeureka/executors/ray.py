@@ -133,7 +133,7 @@ class Actors:
         self._ray, self._module, self._silence, self._exact = ray, module, silence, exact
         self._looked, self._told = -math.inf, False
         self._actor: Any = ray.remote(ray_node.Share)
-        self._guarded = cluster.guarded(ray)
+        self._guarded = cluster.exposed(ray)
 
     def call(self, request: Frame, slot: Slot) -> ActorCall:
         gpus = int(slot.device.startswith("cuda"))

@@ -60,7 +60,7 @@ class CpuSimulator(Simulator):
                 array, mirror = self._mirrors[name]
                 array[:] = mirror.numpy()
         failed: list[int] = []
-        playing = None if self.playing is None or self.playing.all() else _indices(self.playing)
+        playing = None if self.playing is None else _indices(self.playing)
         try:
             self._batch.step(playing, nstep=substeps, stage=_CURRENT)
         except SimulationError as error:
