@@ -25,6 +25,9 @@ def trained(
 
     Returns:
         The seeds, and the held-out F of each reward.
+
+    Raises:
+        SystemExit: where a training has no score: a mean of those that have one would flatter the reward.
     """
     run = openeureka.train(
         config.env,
@@ -36,7 +39,12 @@ def trained(
         worlds=config.worlds,
         device=config.device,
     )
-    return list(seeds(run.config)), [list(arm.scores) for arm in run.view.given.values()]
+    arms = run.view.given
+    for name, arm in arms.items():
+        if len(arm.scores) < count:
+            unscored = f"{count - len(arm.scores)} of {count} trainings of {name} have no held-out score"
+            raise SystemExit(f"{unscored}, so nothing is compared. `eureka report {directory}` says why.")
+    return list(seeds(run.config)), [list(arm.scores) for arm in arms.values()]
 
 
 def between(first: Sequence[float], second: Sequence[float], *, claims: int = 1) -> list[float]:

@@ -6,7 +6,7 @@ import sqlite3
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import NoReturn
 
 import pytest
@@ -17,6 +17,7 @@ from openeureka.llm.registry import archived
 from openeureka.method import race
 from openeureka.method.lanes import Lanes
 from openeureka.observer import NullObserver
+from openeureka.score import Arm
 from openeureka.store import Store
 from openeureka.store.db import FILENAME
 from openeureka.tasks import registry
@@ -89,6 +90,17 @@ def test_a_reward_of_the_table_trains_again_beside_the_human_one(
     assert again["seeds"] == [4, 5], "the search trained with 0, its final trainings with 1 to 3"
     assert len(again["generated"]) == len(again["human"]) == 2 and again["difference"]
     assert (tmp_path / "cartpole").is_dir()
+
+
+def test_a_training_without_a_score_is_told_and_not_left_out(
+    headline: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    run = headline.archive("cartpole")
+    arms = {"human": Arm(held_out=(1.0, 2.0)), "mine": Arm(held_out=(3.0, None))}
+    view = SimpleNamespace(config=run.config, view=SimpleNamespace(given=arms))
+    monkeypatch.setattr(headline.fresh.openeureka, "train", lambda *_, **__: view)
+    with pytest.raises(SystemExit, match="1 of 2 trainings of mine have no held-out score"):
+        headline.fresh.trained(run.config, ["human", "mine"], tmp_path, 2)
 
 
 def test_every_task_has_eight_replies_and_a_budget(headline: ModuleType):
