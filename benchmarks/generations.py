@@ -2,13 +2,14 @@
 Gymnasium's environments, of docs/guides/gymnasium.md.
 
     eureka run env=quadcopter model=NAME base_url=... sample=8 iteration=2 steps=1500000 dir=outputs/quad
-    python benchmarks/generations.py outputs/quad          # adds it to benchmarks/results/generations.json
+    python benchmarks/generations.py outputs/quad              # into benchmarks/results/generations.json
     python benchmarks/generations.py outputs/quad --fresh 5    # and trains its best reward and the human one five times
     make docs                                              # the tables
     eureka run ... model=replay:benchmarks/generations/quadcopter.json    # the same search again, for nothing
 
 Scores are F of the best reward of each generation when its policy was played, and held-out F of fresh trainings. Where
-the seeds of a search decide nothing, `--fresh` adds some that no reward was chosen by.
+the seeds of a search decide nothing, `--fresh` adds some that no reward was chosen by. A search that is known already
+is written anew.
 """
 
 from __future__ import annotations
@@ -43,6 +44,8 @@ GYM = (
     *("best of each generation, played", "generated, held out", "human, held out", "the verdict"),
     *("generated, further seeds", "human, further seeds", "difference, 95 % interval"),
 )
+SEARCH = ("env", "model", "seed", "steps", "sample")
+"""What tells one search from another."""
 Record = dict[str, Any]
 
 
@@ -60,13 +63,16 @@ def record(run: openeureka.Run) -> Record:
     config, outcome = run.config, run.outcome
     if outcome is None:
         raise SystemExit(f"{run.directory} is not finished.")
+    leading = [best(generation) for generation in run.history.generations]
+    if sum(entry is not None and entry["fitness"] is not None for entry in leading) < 2:
+        raise SystemExit(f"{run.directory} has no two generations whose best reward played, so none is compared.")
     return {
         "env": config.env,
         "model": config.model,
         "sample": config.sample,
         "steps": config.steps,
         "seed": config.seed,
-        "best": [best(generation) for generation in run.history.generations],
+        "best": leading,
         "generated": list(outcome.method.held_out),
         "human": list(outcome.human.held_out),
         "verdict": run.verdict,
@@ -132,17 +138,23 @@ def rows(records: list[Record]) -> list[tuple[str, ...]]:
 def _row(one: Record) -> tuple[str, ...]:
     known = [score for score in one["best"] if score is not None and score["fitness"] is not None]
     first, later = known[0], max(known[1:], key=lambda score: score["fitness"])
-    apart = (later["fitness"] - first["fitness"]) / math.hypot(first["error"], later["error"])
+    error = math.hypot(first["error"] or 0.0, later["error"] or 0.0)  # none where all episodes come to the same
+    apart = f"{(later['fitness'] - first['fitness']) / error:+.1f}" if error else "-"
     played = [f"{number(score['fitness'])} ± {number(score['error'], 2)}" for score in (first, later)]
     seeds = f"{len(one['generated'])}, {len(one['human'])}"
     size = (str(one["sample"]), f"{one['steps']:,}")
     held_out = [number(mean(arm)) for arm in (one["generated"], one["human"])]
-    return (one["env"], one["model"], *size, *played, f"{apart:+.1f}", *held_out, seeds)
+    return (one["env"], one["model"], *size, *played, apart, *held_out, seeds)
 
 
 def known() -> list[Record]:
     """What is measured so far."""
     return json.loads(RESULTS.read_text()) if RESULTS.exists() else []
+
+
+def joined(known: list[Record], found: list[Record]) -> list[Record]:
+    """All searches, each once, as found last."""
+    return list({tuple(one[name] for name in SEARCH): one for one in [*known, *found]}.values())
 
 
 if __name__ == "__main__":
@@ -154,6 +166,6 @@ if __name__ == "__main__":
     options = parser.parse_args()
     runs = [openeureka.open_run(directory) for directory in options.directories]
     found = [record(run) | ({"fresh": fresh(run, options.fresh)} if options.fresh else {}) for run in runs]
-    RESULTS.write_text(json.dumps([*known(), *found], indent=1, sort_keys=True) + "\n")
+    RESULTS.write_text(json.dumps(joined(known(), found), indent=1, sort_keys=True) + "\n")
     for run in runs:
         keep_replies(run)

@@ -71,6 +71,8 @@ def measure(whole: Plan, env: str) -> None:
 
 def repeat(whole: Plan, env: str) -> str:
     """Search on a task again, and say what is the same: equal on one kind of processor with the same versions."""
+    if any((AGAIN / env).glob("*/report.html")):  # a finished one would be taken as it is
+        shutil.rmtree(AGAIN / env)
     _, again = search(whole, env, AGAIN / env)
     return compared(env, read(RESULTS)[env], again)
 

@@ -4,8 +4,8 @@
     python benchmarks/make_run.py --seeds 7          # another; what is done with these settings stays
     python benchmarks/make_run.py --markdown         # the table
 
-The settings are those of the Makefile. Runs are kept under `outputs/make_run/`, a killed one goes on; the figures go to
-`benchmarks/results/make_run.json`.
+The settings are those of the Makefile. Runs are kept under `outputs/make_run/`, a killed one goes on, without a time
+then; the figures go to `benchmarks/results/make_run.json`.
 """
 
 from __future__ import annotations
@@ -45,6 +45,7 @@ def settings() -> list[str]:
 def measure(seed: int) -> dict[str, Any]:
     """Run a seed and read what came of it."""
     directory, began, searched = OUTPUTS / f"seed{seed}", time.monotonic(), 0.0
+    continued = directory.exists()
     words = [*settings(), f"seed={seed}", f"dir={directory}", "video=none"]
     command = [Path(sys.executable).with_name("eureka"), "run", *words]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
@@ -54,10 +55,11 @@ def measure(seed: int) -> dict[str, Any]:
                 searched = time.monotonic() - began
     if process.returncode:
         raise SystemExit(process.returncode)
-    return outcome(directory, search_minutes=searched / 60, minutes=(time.monotonic() - began) / 60)
+    minutes = {"search_minutes": searched / 60, "minutes": (time.monotonic() - began) / 60}
+    return outcome(directory, **dict.fromkeys(minutes) if continued else minutes)
 
 
-def outcome(directory: Path, **minutes: float) -> dict[str, Any]:
+def outcome(directory: Path, **minutes: float | None) -> dict[str, Any]:
     """What came of a finished run."""
     run = RunView.read(directory)
     found = run.outcome
@@ -66,7 +68,7 @@ def outcome(directory: Path, **minutes: float) -> dict[str, Any]:
     winners = [Ranking(History(history[: index + 1])).best for index in range(len(history))]
     return {
         "settings": " ".join(settings()),
-        **{name: round(value, 1) for name, value in minutes.items()},
+        **{name: round(value, 1) if value is not None else None for name, value in minutes.items()},
         "date": today(),
         "best_played_up_to_generation": [winner.score if winner else None for winner in winners],
         "human_played": run.baseline_score("human"),
@@ -98,8 +100,8 @@ def markdown() -> str:
         "sparse reward, F held out": [spread(one["sparse"]) for one in measured.values()],
         "human-normalised score": [number(one["score"], 3) for one in measured.values()],
         "fresh seeds of the generated reward": [str(len(one["generated"])) for one in measured.values()],
-        "minutes of search": [str(one["search_minutes"]) for one in measured.values()],
-        "minutes with scoring and report": [str(one["minutes"]) for one in measured.values()],
+        "minutes of search": [number(one["search_minutes"], 3) for one in measured.values()],
+        "minutes with scoring and report": [number(one["minutes"], 3) for one in measured.values()],
     }
     lines = [["", *(f"seed {seed}" for seed in measured)], ["---"] * (len(measured) + 1)]
     return "\n".join(f"| {' | '.join(line)} |" for line in [*lines, *([name, *cells] for name, cells in rows.items())])
@@ -122,5 +124,5 @@ if __name__ == "__main__":
         done = read(RESULTS)
         if done.get(str(seed), {}).get("settings") != " ".join(settings()):
             done[str(seed)] = measure(seed)
-            write(RESULTS, dict(sorted(done.items())))
+            write(RESULTS, dict(sorted(done.items(), key=lambda item: int(item[0]))))
     print(markdown())

@@ -4,8 +4,8 @@
     python benchmarks/missing.py --left    # what it would run, in its order
 
 Each is a script of this folder that keeps what it finds in `benchmarks/results/` and repeats nothing, so this can be
-stopped and begun again at any time. `make docs` then brings what is new into the pages. What needs a language model at
-an endpoint (`robust.py`, `generations.py`) is not among them.
+stopped and begun again at any time. `make docs` then brings what is new into the pages, but for `progress.py`, which
+says it itself. What needs a language model at an endpoint (`robust.py`, `generations.py`) is not among them.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import claims
+import greedy
 import headline
 import measurable
 import polish
@@ -36,6 +38,14 @@ def left() -> Iterator[list[str]]:
     yield from (["measurable.py", "--env", env] for env in measurable.ENVS if env not in known)
     known = read(headline.RESULTS)
     yield from (["headline.py", "--env", env] for env in load(headline.PLAN).tasks if env not in known)
+    yield from (["greedy.py", "--env", env] for env, row in read(greedy.RESULTS).items() if greedy.waits(row))
+    known = read(claims.RESULTS)
+    yield from (
+        ["claims.py", "--env", env, "--groups", group]
+        for env in claims.STEPS
+        for group in claims.GROUPS
+        if group not in known.get(env, {})
+    )
     known = read(tune.RESULTS)
     yield from (
         ["tune.py", "--tasks", env, "--kinds", kind]
@@ -46,7 +56,7 @@ def left() -> Iterator[list[str]]:
     known = read(polish.RESULTS)
     yield from (["polish.py", "--env", env] for env in polish.TASKS if env not in known)
     known = read(progress.RESULTS)
-    yield from (["progress.py", "--env", env] for env in progress.tasks() if env not in known)
+    yield from (["progress.py", "--env", env] for env in progress.tasks() if progress.lacks(known.get(env)))
 
 
 def main() -> None:

@@ -24,6 +24,7 @@ from records import Record, machine, read, thinned, write
 
 from openeureka.config import TrainConfig
 from openeureka.method.lanes import HELD_OUT
+from openeureka.reward import extract
 from openeureka.runs.compose import trainer_of
 from openeureka.score import mean
 from openeureka.store import StageFiles
@@ -85,6 +86,11 @@ def from_scratch(config: TrainConfig) -> dict[str, Record]:
 PARTS = {("pre_trained", "fine_tuned"): through_the_curriculum, ("scratch",): from_scratch}
 
 
+def called(reward: str) -> str:
+    """`human`, or which program a file holds: many files have one name, such as `best/reward.py`."""
+    return reward if reward == "human" else extract.in_file(Path(reward))[0].id
+
+
 def main(words: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--reward", default="human", help="human, or a reward file")
@@ -99,7 +105,7 @@ def main(words: Sequence[str] | None = None) -> None:
 
     steps = int(options.steps) or sum(stage.steps for stage in curriculum.find(ENV, CURRICULUM))
     worlds = options.worlds or get(ENV).recipe.worlds
-    settings = {"reward": Path(options.reward).stem, "env_steps": steps, "worlds": worlds, "seeds": options.seeds}
+    settings = {"reward": called(options.reward), "env_steps": steps, "worlds": worlds, "seeds": options.seeds}
     found = read(options.out)
     if any(found.get(key, value) != value for key, value in settings.items()):
         raise SystemExit(f"{options.out} holds another experiment; move it away or choose another --out.")

@@ -79,7 +79,7 @@ def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
     """A row a task and reward whose arms are both known."""
     found: list[tuple[str, ...]] = []
     for env, entry in study.items():
-        if entry["arms"].keys() < set(ARMS):
+        if lacks(entry):
             continue
         for path in rewards(env):
             arms = [_lanes(entry["arms"][arm], path.stem) for arm in ARMS]
@@ -91,6 +91,11 @@ def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
 def played(lane: Record) -> float | None:
     """Held-out F of the better of its policies."""
     return max((lane[f"held_out_at_peak_of_{peak}"]["fitness"] for peak in PEAKS), key=rank)
+
+
+def lacks(entry: Record | None) -> bool:
+    """Whether an arm of a task is missing: one that was broken off between both has the first."""
+    return entry is None or entry["arms"].keys() < set(ARMS)
 
 
 def _lanes(arm: Record, reward: str) -> list[Record]:

@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+import claims
+import greedy
 import headline
 import measurable
 import missing
@@ -17,15 +19,15 @@ import tune
 
 @pytest.fixture
 def results(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    for script in (headline, measurable, polish, progress, tune):
+    for script in (claims, greedy, headline, measurable, polish, progress, tune):
         monkeypatch.setattr(script, "RESULTS", tmp_path / f"{script.__name__}.json")
     return tmp_path
 
 
 def test_where_nothing_is_known_everything_is_missing(results: Path):
     commands = list(missing.left())
-    # 3 tasks of measurable, 31 of the table, 2 x 2 tunings, 3 of polish, and a folder of rewards each of progress
-    assert len(commands) == 3 + 31 + 4 + 3 + len(progress.tasks())
+    # 3 tasks of measurable, 31 of the table, 3 x 5 groups, 2 x 2 tunings, 3 of polish, a folder of rewards of progress
+    assert len(commands) == 3 + 31 + 15 + 4 + 3 + len(progress.tasks())
     assert all((missing.FOLDER / script).is_file() for script, *_ in commands)
 
 
@@ -34,8 +36,20 @@ def test_what_is_known_is_not_among_them(results: Path):
     (results / "tune.json").write_text(json.dumps({"ant/human/0": {}, "ant/spoiled/1": {}}))
     commands = list(missing.left())
     assert [words for script, *words in commands if script == "measurable.py"] == [["--env", "anymal"]]
+    assert not any(script == "greedy.py" for script, *_ in commands)
     tunings = [words[1::2] for script, *words in commands if script == "tune.py"]
     assert tunings == [["ant", "spoiled"], ["shadow_hand_over", "human"], ["shadow_hand_over", "spoiled"]]
+
+
+def test_what_was_broken_off_halfway_is(results: Path):
+    (env, other, *_) = progress.tasks()
+    arms = {name: {} for name in progress.ARMS}
+    (results / "progress.json").write_text(json.dumps({env: {"arms": {"none": {}}}, other: {"arms": arms}}))
+    waiting = {"ant": {"best": "g0s1", "eureka": "g0s2"}, "anymal": {"best": "g0s1", "eureka": "g0s1"}}
+    (results / "greedy.json").write_text(json.dumps(waiting))
+    commands = list(missing.left())
+    assert ["progress.py", "--env", env] in commands and ["progress.py", "--env", other] not in commands
+    assert ["greedy.py", "--env", "ant"] in commands and ["greedy.py", "--env", "anymal"] not in commands
 
 
 def test_a_script_that_fails_does_not_stop_the_others_and_is_tried_once(results: Path, monkeypatch):

@@ -158,3 +158,11 @@ def test_a_person_sets_how_near_is_near_enough():
     assert tolerances == [pytest.approx(0.156, abs=1e-3), 0.5]
     programs = [human.program(get(env)) for env in (own, wide)]
     assert "TOLERANCE = 0.0" in programs[0] and "TOLERANCE = 0.5" in programs[1]
+
+
+@PENS
+def test_the_human_reward_pays_for_what_the_task_counts(task: type[PenInHand]):
+    env = registry.make(f"{task.env}+tolerance=0.3", worlds=2)
+    near = {name: torch.zeros(2, size) for name, size in (("object_pos", 3), ("goal_pos", 3), ("actions", 20))}
+    paid = env.task.human_reward({**near, "rotation_distance": torch.tensor([0.29, 0.31])})
+    assert paid.tolist() == pytest.approx([250.0 + 1 / 0.39, 1 / 0.41])
