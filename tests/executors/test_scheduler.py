@@ -3,15 +3,16 @@
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import SimpleNamespace
+from typing import NoReturn
 
 import pytest
 
-from openeureka.errors import TaskError, WorkerError
+from openeureka.errors import StoreError, TaskError, WorkerError
 from openeureka.executors import retry
 from openeureka.executors.retry import LOSSES, Population
 from openeureka.executors.scheduler import deal, train
 from openeureka.executors.transport import Slot, WorkerLost, farewell
-from openeureka.training.wire import SNAPSHOT, pack, unpack_lanes
+from openeureka.training.wire import SNAPSHOT, pack, unpack, unpack_lanes
 from openeureka.types import (
     LaneSpec,
     Node,
@@ -260,6 +261,19 @@ def test_results_that_were_under_way_at_ctrl_c_are_told(tmp_path: Path):
             found.append(message)
     assert [message.lane for message in found if isinstance(message, TrainingResult)] == ["a"]
     assert transport.calls[0].closed and list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_is_told_by_who_hears_it_first_and_by_nobody_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def full(*_: object) -> NoReturn:
+        raise StoreError("The disk is full.")
+
+    monkeypatch.setattr(Population, "keep", full)
+    transport = Scripted(lambda names: iter([progress(names)]))
+    stream = train(transport, populations("a", folder=tmp_path / "snapshots"), [Slot("0", 1)])
+    monkeypatch.setattr(Population, "hear", lambda *_: (unpack(progress("a")), False))
+    next(stream)
+    stream.close()  # a traceback would be printed of what it raises where nobody closes it
+    assert all(call.closed for call in transport.calls)
 
 
 def test_a_worker_may_end_its_epoch_before_it_leaves_its_state(monkeypatch: pytest.MonkeyPatch):

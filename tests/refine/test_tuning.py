@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from random import Random
@@ -22,7 +23,7 @@ from openeureka.observer import NullObserver
 from openeureka.refine import tuned, tuning
 from openeureka.refine.tuned import ORIGINAL, Tuned, distinct, final_lanes
 from openeureka.report import fitted, html, tables
-from openeureka.report.verdict import deciding, of_tuning
+from openeureka.report.verdict import deciding, nexts, of_tuning
 from openeureka.report.view import RunView
 from openeureka.reward.weights import weighed, weights
 from openeureka.runs.run import Run
@@ -218,6 +219,9 @@ def test_nothing_is_said_of_a_race_before_its_policies_are_judged() -> None:
     going = Arm(training=(5.0, 6.0), held_out=(None, None))
     found = Tuned(trials=(), trained=0, effects=(), after="t0.1", arms={ORIGINAL: going, "t0.1": going})
     assert of_tuning(found) == "Not decided yet: the final trainings are not done."
+    known = replace(found, arms={ORIGINAL: Arm(training=(5.0,), held_out=(5.0,)), "t0.1": going})  # as in a search
+    assert of_tuning(known) == "Not decided yet: the final trainings are not done."
+    assert "with the numbers after, no final training left a policy" in of_tuning(replace(known, judged=True))
     assert "best/" not in fitted.arms(found).note
 
 
@@ -256,6 +260,64 @@ def test_a_search_fits_the_numbers_of_its_winner(tmp_path: Path) -> None:
     again = ToyTrainer()
     assert search(again) == outcome and again.trained == []
     assert (tmp_path / "best" / "reward.py").read_text() == found_text(found)
+
+
+class Wavering(ToyTrainer):
+    """What other numbers than 7 and 12 are worth is up to the seed, so that their race takes all of them."""
+
+    def _result(self, lane: LaneSpec) -> TrainingResult:
+        assert isinstance(lane.program, RewardGraph | str)
+        if isinstance(lane.program, str) or lane.program.nodes[0].args[0] in (7.0, 12.0):
+            return super()._result(lane)
+        luck = (lane.seed % 2) * 20.0 if lane.seed else 0.0
+        return super()._result(replace(lane, seed=0, program=_worth(12.5 + luck)))
+
+
+class Dies(Wavering):
+    """Ends the process, as it were, when the final trainings of a tuning are to be judged."""
+
+    def evaluate(self, env, policies, *, seed, **options):
+        if 1_000_000 < seed < 2_000_000 and any(lane.endswith("-s3") for lane in policies):
+            raise SystemExit
+        return super().evaluate(env, policies, seed=seed, **options)
+
+
+def _worth(value: float) -> RewardGraph:
+    return RewardGraph(nodes=(Node("full", (value,)),), reward=0, components=())
+
+
+def test_a_search_that_fits_numbers_compares_what_it_would_without(tmp_path: Path) -> None:
+    """The race for the crown ends after two seeds, that of the numbers after three."""
+
+    def search(name: str, tune: int, trainer: ToyTrainer) -> RunView:
+        wanted = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=3, tune=tune)
+        with Store.open(tmp_path / name, wanted) as store, suppress(SystemExit):
+            model = ScriptedModel([reply(7.0), reply(12.0)])
+            run(wanted, store, model, ToyChecker(), trainer, TOY, strategies.make(wanted))
+        return RunView.read(tmp_path / name)
+
+    alone, fitted_too = search("alone", 0, Wavering()), search("fitted", 8, Wavering())
+    own = alone.best and alone.best.candidate
+    assert own is not None and len(alone.outcome.method.held_out) == 2
+    assert f"{own.id}-s3" in fitted_too.results, "the tuning trained the crowned text once more"
+    assert fitted_too.outcome == alone.outcome and len(fitted_too.tried) == len(alone.tried)
+    killed = search("killed", 8, Dies())
+    assert not killed.ended and killed.outcome == alone.outcome
+    assert of_tuning(killed.tuned) == "Not decided yet: the final trainings are not done."
+    assert [command for command, _ in nexts(killed)] == ["eureka resume DIR"]
+
+
+def test_a_tuning_that_has_begun_goes_on_with_its_text_whoever_leads_by_then(tmp_path: Path) -> None:
+    wanted = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2, tune=8)
+    with Store.open(tmp_path, wanted) as store:
+        run(wanted, store, ScriptedModel([reply(7.0), reply(8.0)]), ToyChecker(), ToyTrainer(), TOY,
+            strategies.make(wanted))  # fmt: skip
+        (entries,) = (generation.entries for generation in store.history().generations)
+        lanes, began = Lanes(wanted, store, ToyTrainer(), NullObserver()), dict(store.given())
+        other = next(entry for entry in entries if entry.sample.verdict.candidate != began[ORIGINAL])
+        assert tuning.tune_winner(lanes, ToyChecker(), other, ("fitness", "reward", "last")) is not None
+        assert tuning.tune_winner(lanes, ToyChecker(), None, ("fitness", "reward", "last")) is not None
+        assert store.given() == began
 
 
 def test_a_search_whose_winner_has_no_number_to_fit_is_finished(tmp_path: Path) -> None:

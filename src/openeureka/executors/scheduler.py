@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
+from ..errors import StoreError
 from ..types import LaneSpec, NodeShare, TrainingProgress, TrainingResult
 from ..worker import Frame
 from .retry import Message, Population
@@ -59,7 +61,8 @@ def train(
                         waiting.appendleft(population)  # its lanes without a result go before anybody else's
     except GeneratorExit:  # nobody listens
         for population, frame in _stopped(transport, running):
-            population.keep(frame)
+            with suppress(StoreError):  # a full disk has been told, or is about to be
+                population.keep(frame)
         raise
     except BaseException:
         for population, frame in _stopped(transport, running):

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from itertools import dropwhile
 from typing import cast
 
 from ..config import NO_RANGES, RunConfig
@@ -47,6 +49,7 @@ SHARE = 0.1
 
 BASELINES: tuple[tuple[str, RewardProgram], ...] = (("human", "human"), ("sparse", "sparse"))
 
+Event = TrainingProgress | TrainingResult
 Wanted = tuple[Lane, RewardProgram]
 """A lane, and what it trains under."""
 Sharing = Mapping[str, Sequence[LaneSpec]]
@@ -115,6 +118,11 @@ def final_lanes(
     }
 
 
+def since_tuning(lanes: Mapping[str, Lane]) -> frozenset[str]:
+    """Ids of what began with the first weighting or later, of lanes in their order: no search compares any of it."""
+    return frozenset(dropwhile(lambda name: lanes[name].role != "tuned", lanes))
+
+
 def affordable(trained: Collection[TrainingResult], peaks: int) -> int:
     """Episodes that each of so many policies of a lane may play in one of two looks. Lanes share what they trained: one
     that was cut or diverged early takes no episodes from the others."""
@@ -164,8 +172,8 @@ class Lanes:
             due, failed = ladder.due(number, rung, going), list[TrainingResult]()
             budget = dataclasses.replace(whole, until=rung.share)
             for group in _alike(due):
-                for event in self.trainer.train(self.config.env, group, budget):
-                    self._hear(event, number, sharing, failed)
+                hear = partial(self._hear, number=number, sharing=sharing, failed=failed)
+                self._listen(self.trainer.train(self.config.env, group, budget), hear)
             # Beside generated rewards alone the trainer has tried the human one.
             all_generated = not any(isinstance(spec.program, str) for spec in due)
             if failed and len(failed) == len(due) and not all_generated and not self._trained(lanes):
@@ -197,9 +205,23 @@ class Lanes:
                 alike.setdefault(f"{lane.seed} {lane.start} {spec.randomise} {program}", []).append(spec)
         return {group[0].id: group for group in alike.values()}
 
-    def _hear(
-        self, event: TrainingProgress | TrainingResult, number: int, sharing: Sharing, failed: list[TrainingResult]
-    ) -> None:
+    def _listen(self, events: Iterator[Event], hear: Callable[[Event], None]) -> None:
+        """Hear every event. Where Ctrl-C falls between two, results that have come already are kept first."""
+        event: Event | None = None
+        try:
+            for event in events:
+                hear(event)
+        except KeyboardInterrupt as stop:
+            if isinstance(event, TrainingResult) and event.lane not in self.store.lanes.results():
+                hear(event)  # what was being kept
+            if isinstance(events, Generator):
+                with suppress(StopIteration):
+                    hear(events.throw(stop))
+                    for late in events:
+                        hear(late)
+            raise
+
+    def _hear(self, event: Event, number: int, sharing: Sharing, failed: list[TrainingResult]) -> None:
         """Keep what comes of a lane on the way to a rung; those that failed are for the caller to judge together."""
         if isinstance(event, TrainingProgress):
             self.observer.progress(event)

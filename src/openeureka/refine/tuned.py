@@ -87,6 +87,8 @@ class Tuned:
         default_factory=dict[str, tuple[float | None, float | None]]
     )
     """Mean of each component at the end of the final trainings, before and after."""
+    judged: bool = False
+    """Whether the final trainings are scored in held-out episodes."""
     share: float = 1.0
     """Of all errors, those that the look at which the race stopped may make: see `score.spent`."""
     alone: bool = False
@@ -183,6 +185,7 @@ def read(
     return replace(
         found,
         arms=arms,
+        judged=any(lane in evaluations for name, own in lanes.items() for lane in own if name != ORIGINAL),
         components=_components(*before_after),
         breach=broken(after),
         breach_before=broken(ORIGINAL),

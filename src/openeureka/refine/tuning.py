@@ -129,10 +129,13 @@ def tune_winner(lanes: Lanes, checker: Checker, winner: Scored | None, peaks: tu
     Returns, Raises:
         EurekaError: as `tune` does.
     """
+    judge = Best(samples=0, peaks=peaks)
+    if begun(lanes.store):  # what it trains may have changed who leads, where nobody is crowned
+        return tune(lanes, checker, judge)
     found = winner.sample if winner is not None else None
     if found is not None and found.candidate is not None and weights(found.candidate.source):
         keep(lanes.store, found.candidate, found.verdict)
-        return tune(lanes, checker, Best(samples=0, peaks=peaks))
+        return tune(lanes, checker, judge)
     return None
 
 

@@ -35,7 +35,7 @@ def of_tuning(found: Tuned | None) -> str:
     """Whether the fitted numbers are better than those that came."""
     if found is not None and found.alone:
         return "The numbers stay as they came: no other weighting trained to a policy that could be scored."
-    if found is None or not any(arm.scores for arm in found.arms.values()):
+    if found is None or not found.judged:
         return "Not decided yet: the final trainings are not done."
     before, after = found.arms[ORIGINAL], found.arms[found.after]
     if not before.scores or not after.scores:
@@ -159,7 +159,8 @@ def nexts(run: RunView, directory: str = "DIR") -> list[tuple[str, str]]:
     unfinished = run.tunes and verdict(run).startswith("Not decided yet")
     if none_found(run) or nobody(run):
         return [(command_line("show", directory), "what became of each reply")]
-    if unfinished or (run.searched and run.outcome is None):
+    refining = bool(run.config.tune or run.config.polish) and not run.ended
+    if unfinished or (run.searched and (run.outcome is None or refining)):
         return [(command_line("resume", directory), "go on where it was")]
     found, command = run.polished, deciding(run, directory)
     told = [

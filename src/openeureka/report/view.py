@@ -10,7 +10,7 @@ from .. import score, strategies
 from ..config import NO_MODEL, RunConfig
 from ..method import baselines, hacking, race
 from ..method.hacking import Sign, Tried
-from ..method.lanes import BASELINES, beside, final_lanes, final_seeds
+from ..method.lanes import BASELINES, beside, final_lanes, final_seeds, since_tuning
 from ..refine import hardened, polishing, tuned
 from ..refine.hardened import Robust
 from ..refine.polishing import Polished
@@ -132,8 +132,10 @@ class RunView:
         if not self.config.tune:
             return None
         found = tuned.read(self.config, self.texts, self.results, self.played, self.evaluations)
-        # A search has trained the text as it came with fresh seeds before the first round of other numbers.
-        return replace(found, alone=False) if found is not None and self.searched and not self.ended else found
+        if found is None or self.ended:
+            return found and replace(found, judged=True)
+        # A search has trained and scored the text as it came with fresh seeds before the first round of other numbers.
+        return replace(found, alone=False) if self.searched else replace(found, judged=bool(self.evaluations))
 
     @property
     def polished(self) -> Polished | None:
@@ -216,7 +218,7 @@ class RunView:
         """The final comparison; None before all its trainings are done."""
         if self.crown is None and not self._unraced:
             return None
-        return race.outcome(self.config, self.history, self.crown, self.results, self.evaluations)
+        return race.outcome(self.config, self.history, self.crown, self._compared, self.evaluations)
 
     @property
     def _unraced(self) -> bool:
@@ -229,12 +231,18 @@ class RunView:
         return self.ranks == "training" and judged and all(lane in self.results for lane in lanes)
 
     @property
+    def _compared(self) -> dict[str, TrainingResult]:
+        """Results of what the search itself trained."""
+        later = since_tuning(self.lanes)
+        return {lane: result for lane, result in self.results.items() if lane not in later}
+
+    @property
     def tried(self) -> tuple[Tried, ...]:
         """The best reward's final trainings with all their held-out scores; empty before those are taken."""
         best = race.crowned(self.history, self.crown)
         if best is None or self.outcome is None or not self.trials:
             return ()
-        arms = final_lanes(self.config, [best], self.results, self.evaluations)
+        arms = final_lanes(self.config, [best], self._compared, self.evaluations)
         final = {lane: self.results[lane] for lane in arms[best.sample.verdict.candidate]}
         unsaid: Peak = "fitness" if self.config.search == "eureka" else "reward"  # by versions before
         return tuple(hacking.tried(final, self.evaluations, self.trials, unsaid))

@@ -1,0 +1,87 @@
+"""What is kept of a training that somebody stops while its results come, and what of it a search compares."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pytest
+
+from openeureka.config import RunConfig
+from openeureka.method.lanes import BASELINES, Lanes, deal, since_tuning
+from openeureka.observer import NullObserver
+from openeureka.store import Store
+from openeureka.store.lane_log import LaneLog
+from openeureka.testing.scripted import ToyTrainer
+from openeureka.types import Lane, LaneSpec, TrainBudget, TrainingProgress, TrainingResult
+
+LANES = deal(BASELINES, [0, 1], "baseline")
+
+
+class Sends(ToyTrainer):
+    """Has every result by the time it is stopped, as workers whose training has ended."""
+
+    def train(
+        self, env: str, specs: Sequence[LaneSpec], budget: TrainBudget
+    ) -> Iterator[TrainingProgress | TrainingResult]:
+        events = list(super().train(env, specs, budget))
+        told = 0
+        try:
+            for event in events:
+                told += 1
+                yield event
+        except KeyboardInterrupt:
+            yield from (event for event in events[told:] if isinstance(event, TrainingResult))
+            raise
+
+
+class Listed(ToyTrainer):
+    """Is no generator, and hears of nothing."""
+
+    def train(
+        self, env: str, specs: Sequence[LaneSpec], budget: TrainBudget
+    ) -> Iterator[TrainingProgress | TrainingResult]:
+        return iter(list(super().train(env, specs, budget)))
+
+
+class StopsOnce(NullObserver):
+    """Somebody presses Ctrl-C when the first result is told."""
+
+    stopped = False
+
+    def result(self, result: TrainingResult) -> None:
+        if not self.stopped:
+            self.stopped = True
+            raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(("trainer", "kept"), [(Sends(), 4), (Listed(), 1)])
+def test_ctrl_c_between_two_results_loses_none_that_has_come(tmp_path: Path, trainer: ToyTrainer, kept: int):
+    with Store.open(tmp_path, RunConfig()) as store:
+        with pytest.raises(KeyboardInterrupt):
+            Lanes(RunConfig(), store, trainer, StopsOnce()).train(LANES)
+        assert len(store.lanes.results()) == kept
+
+
+def test_a_result_that_was_being_kept_at_ctrl_c_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    save, calls = LaneLog.save_results, list[int]()
+
+    def interrupted(log: LaneLog, results: Sequence[TrainingResult]) -> None:
+        calls.append(len(results))
+        if len(calls) == 1:
+            raise KeyboardInterrupt
+        save(log, results)
+
+    monkeypatch.setattr(LaneLog, "save_results", interrupted)
+    with Store.open(tmp_path, RunConfig()) as store:
+        with pytest.raises(KeyboardInterrupt):
+            Lanes(RunConfig(), store, Sends(), NullObserver()).train(LANES)
+        assert len(store.lanes.results()) == 4
+
+
+def test_what_a_tuning_trains_begins_with_the_first_weighting():
+    lanes = {
+        "a-s0": Lane("a", 0, "candidate"),
+        "a-s1": Lane("a", 1, "final"),
+        "b-s0": Lane("b", 0, "tuned"),
+        "a-s2": Lane("a", 2, "final"),
+    }
+    assert since_tuning(lanes) == {"b-s0", "a-s2"}
