@@ -113,6 +113,7 @@ def _typed(kind: type, words: Sequence[str]) -> dict[str, Any]:
             values[key] = _READ[hints[key]](absolute(key, value))
         except ValueError:
             raise _unfit(key, value, hints[key]) from None
+        _expect_storable(key, values[key])
     return values
 
 
@@ -143,7 +144,16 @@ def taken(kind: type, settings: Mapping[str, object]) -> dict[str, Any]:
         if type(given) is not wanted and (type(given), wanted) != (int, float):
             raise _unfit(key, value, wanted)
         values[key] = absolute(key, given) if isinstance(given, str) else wanted(given)
+        _expect_storable(key, values[key])
     return values
+
+
+def _expect_storable(key: str, value: object) -> None:
+    """Refuse what `restored` would, before it is kept."""
+    if isinstance(value, str) and len(value) > _LONGEST:
+        raise ConfigError(f"`{key}` has {len(value):,} characters; a setting has at most {_LONGEST:,}: shorten it.")
+    if isinstance(value, str) and "\0" in value:
+        raise ConfigError(f"`{key}` holds a zero byte; write it as plain text.")
 
 
 _SWITCH = {

@@ -21,7 +21,7 @@ from openeureka.store import Store
 from openeureka.store.directory import ask_to_stop
 from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, program, reply
 from openeureka.training.policy import Policy
-from openeureka.types import TrainingState
+from openeureka.types import TrainingResult, TrainingState
 
 SCRIPT = [reply(3.0), reply(8.0), reply(12.0), reply(4.0)]
 SETTINGS = {"sample": 2, "iteration": 2, "seeds": 1, "video": "none"}
@@ -274,6 +274,36 @@ def test_rewards_are_trained_by_name_by_path_and_as_text(tmp_path, trainer, monk
         openeureka.train(reward=[])
     listed = openeureka.train(reward="sparse, human", dir=tmp_path / "b")
     assert list(listed.lanes) == ["sparse-s0", "human-s0"]
+
+
+def test_a_training_that_left_no_policy_is_over_all_the_same(tmp_path, trainer, monkeypatch):
+    def diverging(env, specs, budget):
+        for spec in specs:
+            yield TrainingResult(
+                lane=spec.id, state=TrainingState.DIVERGED, fitness=None, curves={}, env_steps=1, seconds=0.0
+            )
+
+    monkeypatch.setattr(trainer, "train", diverging)
+    assert openeureka.train(dir=tmp_path / "run").finished
+
+
+def test_a_finished_search_by_a_grammar_model_of_ones_own_goes_on_with_the_same_words(tmp_path, monkeypatch):
+    model = ScriptedModel([reply(float(number)) for number in range(1, 25)], style="grammar")
+    replayed = compose.open_model
+
+    def opened(config, held):
+        return replayed(config, held=held) if config.model.startswith("replay:") else model
+
+    monkeypatch.setattr(compose, "open_model", opened)
+    words = {"model": "own.py:make", "dir": tmp_path / "run", "seeds": 1, "video": "none"}
+    assert openeureka.search(**words).finished and model.said == 24  # 3 generations of 8
+    assert openeureka.search(**words).finished and model.said == 24
+
+
+def test_more_epochs_than_a_row_can_hold_are_refused_before_they_train(tmp_path):
+    with pytest.raises(ConfigError, match=r"^100,000,000 steps in 1 worlds are 6,250,000 epochs[^\n]*more worlds="):
+        openeureka.train(dir=tmp_path / "run", steps=1e8, worlds=1)
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_training_that_is_stopped_goes_on(tmp_path, trainer, capsys):

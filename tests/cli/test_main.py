@@ -1,3 +1,4 @@
+import errno
 import os
 import subprocess
 import sys
@@ -93,10 +94,16 @@ def test_an_error_of_ours_sets_its_own_exit_code_and_prints_no_escapes(monkeypat
     assert capsys.readouterr().err == "The endpoint said: no.\n"
 
 
-def test_a_full_disk_is_one_sentence(monkeypatch, capsys):
-    fail_with(OSError(28, "No space left on device", "outputs/x"), monkeypatch)
+@pytest.mark.parametrize("error", [errno.ENOSPC, errno.EROFS, errno.ENAMETOOLONG])
+def test_a_place_that_cannot_be_used_is_one_sentence(monkeypatch, capsys, error):
+    fail_with(OSError(error, os.strerror(error), "outputs/x"), monkeypatch)
     assert run("context") == 5
-    assert capsys.readouterr().err.startswith("Cannot use outputs/x: No space left on device.")
+    assert capsys.readouterr().err.startswith(f"Cannot use outputs/x: {os.strerror(error)}.")
+
+
+def test_a_directory_whose_name_no_disk_takes_is_one_sentence(capsys):
+    assert run("show", "x" * 300) == 5
+    assert capsys.readouterr().err.startswith(f"Cannot use {'x' * 300}")
 
 
 def test_ctrl_c_exits_with_130(monkeypatch):

@@ -2,7 +2,7 @@ import pytest
 
 from openeureka.config import RobustConfig, RunConfig, TrainConfig, TuneConfig
 from openeureka.errors import ConfigError
-from openeureka.parsing import as_dict, changed, parse, restored
+from openeureka.parsing import as_dict, changed, parse, restored, taken
 
 
 def test_words_become_typed_fields():
@@ -58,6 +58,16 @@ def test_a_wrong_word_is_one_sentence_that_says_what_to_do(word: str, says: str)
     with pytest.raises(ConfigError, match=r"^[^\n]*$") as error:
         parse(RunConfig, [word])
     assert says in str(error.value)
+
+
+@pytest.mark.parametrize("text", ["x" * 4097, "a\0b"])
+def test_a_text_that_no_run_could_give_back_is_refused_before_it_is_kept(text: str):
+    with pytest.raises(ConfigError, match="^`safety` h[^\n]*$"):
+        taken(RunConfig, {"safety": text})
+    with pytest.raises(ConfigError, match="^`safety` h[^\n]*$"):
+        parse(RunConfig, [f"safety={text}"])
+    longest = parse(RunConfig, ["safety=" + 4096 * "x"])
+    assert restored(RunConfig, as_dict(longest)) == longest
 
 
 @pytest.mark.parametrize("last", ["ant", "cartpole"])

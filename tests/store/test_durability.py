@@ -232,6 +232,15 @@ def test_a_run_in_a_read_only_directory_can_be_read(foreign: Path):
     assert not (foreign / f"{db.FILENAME}-wal").exists()
 
 
+def test_the_last_rows_of_a_killed_run_need_a_place_to_be_read_in(foreign: Path):
+    wal = foreign / f"{db.FILENAME}-wal"
+    foreign.chmod(0o755)
+    wal.write_bytes(b"rows")
+    wal.chmod(0o444)
+    foreign.chmod(0o555)
+    assert f"copy {foreign}, and look at the copy" in as_nobody(lambda: read_config(foreign).env)
+
+
 def test_a_run_in_a_read_only_directory_cannot_go_on(foreign: Path):
     assert "cannot be written; check its permissions" in as_nobody(lambda: Store.open(foreign, CONFIG))
 

@@ -1,6 +1,6 @@
 """Lanes go from stage to stage with their policy; what a stage left is kept."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -174,6 +174,16 @@ def test_a_start_mixed_with_fresh_weights_keeps_what_it_knows_of_returns():
         assert torch.equal(mixed[name], began[name])
     assert torch.equal(other["w0"], began["w0"]) and torch.equal(other["observation_var"], began["observation_var"])
     assert [other[f"value_{part}"].item() for part in ("mean", "var", "count")] == [0.0, 1.0, 1.0]
+
+
+@pytest.mark.parametrize("damage", [Path.unlink, lambda path: path.write_bytes(b"7")])
+def test_a_stage_whose_policy_is_gone_or_another_is_trained_again(tmp_path: Path, damage: Callable[[Path], object]):
+    go(StagedTrainer(), tmp_path)
+    damage(tmp_path / "lanes" / "human-s0" / "stage1.safetensors")
+    again = StagedTrainer()
+    found = results(go(again, tmp_path))
+    assert again.asked[0] == ("easy", 300, {"human-s0": None})
+    assert found["human-s0"].fitness == 10.0 and not found["human-s0"].message
 
 
 def test_pen_spinning_runs_from_end_to_end(tmp_path: Path):

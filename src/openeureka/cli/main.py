@@ -328,7 +328,7 @@ def _print_anything() -> None:
             stream.reconfigure(errors="eureka")
 
 
-_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM}
+_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENAMETOOLONG}
 
 
 def _for_a_person(error: Exception) -> EurekaError | OSError | None:

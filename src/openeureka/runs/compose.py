@@ -44,6 +44,8 @@ Parts = tuple[
     RunConfig, Store, LanguageModel, Sandbox, Trainer, TaskContext, strategies.SearchStrategy, Observers, Desk
 ]
 """Arguments of `loop.run`."""
+MOST_EPOCHS = 100_000
+"""Of a training: its curves are stored whole, in a row of at most 64 MiB."""
 
 
 class Host(Protocol):
@@ -146,6 +148,9 @@ def _parts(
         sampling.given(config)
     trainer = trainer_of(config, directory)
     model = model or _model(config, directory)
+    if begun:  # its model may be its own replies now, which do not say in which style they were asked
+        before = read_config(directory)
+        config = replace(config, sample=config.sample or before.sample, iteration=config.iteration or before.iteration)
     config = strategies.sized(config, model.style)
     begins = strategies.make(config)  # refuses what is none; a run of before may rank otherwise, so it is made again
     host.begins(config, directory)
@@ -211,6 +216,7 @@ def train(config: RunConfig, directory: Path, rewards: Given | None, host: Host)
         if rewards is not None:
             given.keep(lanes.store, rewards)
         given.train(lanes)
+        lanes.store.end()
     with host.working("Writing the report"):
         return build(directory, config.video, config.env)
 
@@ -236,6 +242,7 @@ def tune(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] |
             if reward is not None:
                 tuning.keep(lanes.store, *reward)
             tuning.tune(lanes, checker)
+            lanes.store.end()
     with host.working("Writing the report"):
         return build(directory, config.video, config.env)
 
@@ -333,6 +340,7 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
         raise ConfigError("`address=` names a Ray cluster: add executor=ray, or say `address=` with nothing after it.")
     options |= {"address": config.address} if config.address else {}
     trainer: Trainer = EXECUTORS.make(config.executor, **options)
+    _expect_storable(config)
     ranges.find(config.env, config.randomise)  # refuses what is none, before anything is trained
     if config.observe != "all" and not (task := get(config.env)).unmeasured:
         raise ConfigError(f"All that `{task.env}` observes counts as measurable: leave observe=measurable out.")
@@ -345,3 +353,15 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
             "all of their tasks the same `unmeasured`."
         )
     return CurriculumTrainer(trainer, stages, StageFiles(directory))
+
+
+def _expect_storable(config: RunConfig) -> None:
+    """A result has a value of each curve and epoch."""
+    recipe = get(config.env).recipe
+    steps, worlds = config.steps or recipe.env_steps, config.worlds or recipe.worlds
+    epochs = steps // (worlds * recipe.horizon)
+    if epochs > MOST_EPOCHS:
+        raise ConfigError(
+            f"{steps:,} steps in {worlds} worlds are {epochs:,} epochs, and a training has at most {MOST_EPOCHS:,}; "
+            "take more worlds= or fewer steps=."
+        )

@@ -98,7 +98,8 @@ def lanes(run: RunView) -> dict[str, LaneView]:
 
 def finished(config: RunConfig, glance: Glance) -> bool:
     """Whether nothing is left to do but reports."""
-    return glance.ended if config.generations else glance.evaluations > 0  # those of given rewards come last
+    known = not config.generations and glance.evaluations > 0  # older versions kept no end of given rewards
+    return glance.ended or known
 
 
 class RewardText(str):

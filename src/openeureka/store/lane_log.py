@@ -247,7 +247,8 @@ def _episodes(lane: str) -> str:
 class StageFiles:
     """Remembers stages as `lanes/<lane>/stage<number>.json` and, of a lane that goes on, its last policy beside it.
 
-    The policy comes first: a stage whose JSON is there is whole. One that cannot be read is not finished.
+    The policy comes first: a stage whose JSON is there is whole. One that cannot be read is not finished, nor is one
+    whose policy is not the one that was written.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -265,8 +266,10 @@ class StageFiles:
             return None
         last = artifacts.read(self._directory, self._name(stage, lane, "safetensors"))
         try:
-            result = decode_result(lane, text)
+            result, wanted = decode_result(lane, text), decode_digest(text, "last")
         except DecodeError:
+            return None
+        if wanted and (last is None or digest(last) != wanted):
             return None
         return result.holding({"last": last} if last is not None else {})
 

@@ -118,7 +118,7 @@ def digest(policy: bytes) -> str:
     return hashlib.sha256(policy).hexdigest()
 
 
-def decode_digest(text: str, peak: Peak) -> str | None:
+def decode_digest(text: str | bytes, peak: Peak) -> str | None:
     """The digest of one of a result's policies; None where it has none, empty where an older version kept none."""
     file: _File | None = getattr(decode(_Files, text), policy_name(peak))
     return file.sha256 if file is not None else None
