@@ -133,6 +133,16 @@ def test_starts_are_drawn_as_the_original_draws_them():
     assert float(target.square().mean()) == pytest.approx(0.02, abs=0.002)  # r^2 / 2 for a disc of radius r
 
 
+def test_one_substep_is_a_control_step_too():
+    simulation = registry.make("gym:Pusher-v5+frame_skip=1", worlds=2)
+    simulation.reset()
+    original = gymnasium.make("Pusher-v5", frame_skip=1).unwrapped
+    assert simulation.task.substeps == original.frame_skip == 1
+    before = simulation.task.qpos.clone()
+    assert not simulation.step(torch.ones(2, simulation.task.num_actions)).bad.any()
+    assert (simulation.task.qpos != before).any()
+
+
 def test_a_model_that_no_gpu_solves_says_so():
     with pytest.raises(TaskError, match="solved by PGS, on the CPU alone"):
         registry.get("gym:Humanoid-v5").simulate(1, "cuda", 1)

@@ -56,7 +56,7 @@ KNOWN = Baselines(
     ],
 )
 def test_scores_are_normalised_by_human_and_sparse(toy, tmp_path, capsys, monkeypatch, rewards, known, score, note):
-    monkeypatch.setattr(baselines, "known", lambda env, peak: known)
+    monkeypatch.setattr(baselines, "known", lambda env, *, played: known)
     train([f"reward={rewards}", f"dir={tmp_path}/out"])
     text = capsys.readouterr().out
     (row,) = [line for line in text.splitlines() if line.startswith("human ")]
@@ -65,7 +65,7 @@ def test_scores_are_normalised_by_human_and_sparse(toy, tmp_path, capsys, monkey
 
 
 def test_baselines_of_other_worlds_are_no_scale(toy, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(baselines, "known", lambda env, peak: KNOWN)
+    monkeypatch.setattr(baselines, "known", lambda env, *, played: KNOWN)
     train(["reward=human", "randomise=mild", f"dir={tmp_path}/out"])
     assert "It needs both: add human and sparse to reward=." in capsys.readouterr().out
 

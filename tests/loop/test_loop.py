@@ -83,8 +83,8 @@ def test_the_best_program_is_retrained_with_fresh_seeds_beside_the_human_reward(
 
 
 def test_known_baselines_are_not_trained_again(begin, monkeypatch) -> None:
-    def known(env: str, peak: str) -> Baselines:
-        assert (env, peak) == ("cartpole", "reward")
+    def known(env: str, *, played: bool) -> Baselines:
+        assert (env, played) == ("cartpole", True)
         return Baselines(
             human=Arm(training=(9.0,), held_out=(9.0, 11.0)),
             sparse=Arm(training=(5.0,), held_out=(2.0,)),
@@ -101,7 +101,7 @@ def test_known_baselines_are_not_trained_again(begin, monkeypatch) -> None:
 
 
 def test_baselines_that_nobody_measured_stop_a_run_before_it_begins(begin, monkeypatch) -> None:
-    monkeypatch.setattr(baselines, "known", lambda env, peak: None)
+    monkeypatch.setattr(baselines, "known", lambda env, *, played: None)
     one = begin([reply(7), reply(8)], baselines="known")
     with pytest.raises(ConfigError, match="use baselines=train"):
         one.go()
@@ -414,7 +414,7 @@ def test_a_reward_that_alone_ends_its_worker_is_recorded_and_a_resumed_run_does_
         human=Arm(training=(9.0,), held_out=(9.0,)), sparse=Arm(training=(5.0,), held_out=(2.0,)),
         env_steps=10, worlds=1, device="a GPU", date="2026-01-01",
     )  # fmt: skip
-    monkeypatch.setattr(baselines, "known", lambda env, peak: measured)
+    monkeypatch.setattr(baselines, "known", lambda env, *, played: measured)
     one = begin([reply(6)], sample=1, baselines="known")
     one.trainer = Failing(everything=True)
     assert one.go().best is None

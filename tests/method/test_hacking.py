@@ -56,6 +56,13 @@ def test_drift_is_a_fall_of_f_by_a_fifth_of_its_range(before: float, after: floa
     assert bool(hacking.drift(drifting(score(before), score(after)))) is seen
 
 
+def test_what_was_learnt_in_all_is_not_known_after_an_earlier_stage() -> None:
+    half = lane(score(110.0), **{"mass +10 %": score(30.0)})
+    assert "80% of what was learnt is lost" in hacking.fragility(half)
+    staged = dataclasses.replace(half, result=dataclasses.replace(RESULT, env_steps=9, steps_before=4))
+    assert hacking.fragility(staged) == ""
+
+
 def test_a_score_below_zero_is_measured_alike() -> None:
     below = dataclasses.replace(RESULT, curves={**RESULT.curves, "fitness": (None, -10.0, -2.0, -3.0, -5.0)})
     # F was between -10 and -2: a fifth of that is 1.6. Half of the 8 learnt is 4.

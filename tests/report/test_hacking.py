@@ -43,5 +43,16 @@ def test_a_reward_without_signs_says_what_was_looked_for(tmp_path: Path) -> None
     assert not any("hacking" in line for line in summary(run))
 
 
+def test_where_a_task_has_no_other_world_none_was_looked_at(tmp_path: Path) -> None:
+    run = judged(0.06)
+    unplayed = {
+        lane: {name: dataclasses.replace(score, fitness=None, episodes=0) for name, score in tried.items()}
+        for lane, tried in run.trials.items()
+    }
+    report = words(html.report(dataclasses.replace(run, trials=unplayed), tmp_path))
+    assert report.count("| not seen |") == 2 and "| not looked at |" in report
+    assert "as the task has it" not in report
+
+
 def test_a_run_that_was_never_tried_says_nothing(tmp_path: Path) -> None:
     assert "hacking" not in html.report(search.finished(), tmp_path)

@@ -3,16 +3,29 @@
 import pytest
 import torch
 from safetensors.torch import load
+from torch import Tensor
 
 from openeureka.executors.local import LocalExecutor
 from openeureka.sim import CpuSimulator
+from openeureka.suite.isaac.cartpole import Cartpole
 from openeureka.tasks import registry
+from openeureka.tasks.task import Score, State
 from openeureka.training import episodes
 from openeureka.training.episodes import Recorder, rewards
 from openeureka.training.evaluate import evaluate
 from openeureka.training.population import Population
 from openeureka.training.wire import pack_score, unpack_score
-from openeureka.types import Episodes, LaneSpec, Node, RewardGraph, StateSpec, StateVar, TrainBudget, TrainingResult
+from openeureka.types import (
+    Episodes,
+    LaneSpec,
+    Node,
+    RewardGraph,
+    StateSpec,
+    StateVar,
+    TrainBudget,
+    TrainingResult,
+    TrainingState,
+)
 
 SPEC = StateSpec(
     (
@@ -102,6 +115,24 @@ def test_a_world_is_simulated_until_its_episode_ends(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(CpuSimulator, "step", step)
     (score,) = evaluate("cartpole", {"a": policy}, seed=0, episodes=8, threads=1)
     assert sum(played) == pytest.approx(8 * score.episode_length) and played[0] == 8 > played[-1]
+
+
+def test_a_score_that_is_not_defined_counts_nowhere_without_weight(monkeypatch: pytest.MonkeyPatch):
+    """F of a Cartpole that is defined where an episode ended: elsewhere 0 / 0."""
+    policy = learnt()
+    (known,) = evaluate("cartpole", {"a": policy}, seed=0, episodes=8, threads=1)
+    original = Cartpole.fitness
+
+    def undefined(task: Cartpole, s: State, ended: Tensor) -> Score:
+        score = original(task, s, ended)
+        return Score(torch.where(score.weight > 0, score.value, torch.nan), score.weight)
+
+    monkeypatch.setattr(Cartpole, "fitness", undefined)
+    (score,) = evaluate("cartpole", {"a": policy}, seed=0, episodes=8, threads=1)
+    assert score == known
+    trained = Population("cartpole", [LaneSpec(id="a", program="human")], TrainBudget(env_steps=16 * 8 * 4, worlds=8))
+    (result,) = (event for event in trained.train() if isinstance(event, TrainingResult))
+    assert result.state is TrainingState.FINISHED and result.fitness is not None
 
 
 def test_a_policy_that_was_played_tells_what_programs_would_have_paid():

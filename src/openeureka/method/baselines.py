@@ -6,27 +6,28 @@ import json
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
-from typing import Any, Literal
+from typing import Any
 
 from ..config import NO_RANGES, RunConfig
 from ..errors import ConfigError
-from ..score import Arm, Baselines
-
-Peak = Literal["fitness", "reward"]
+from ..score import Arm, Baselines, mean, rank
 
 
-def known(env: str, peak: Peak = "fitness") -> Baselines | None:
+def known(env: str, *, played: bool = False) -> Baselines | None:
     """Measured baselines of a task that openeureka ships; None for tasks it does not know.
 
     Args:
-        peak: whether held-out F is that of the policy at the peak of F or of its own reward.
+        played: take held-out F of the policies at the peak of F or at that of their own reward, whichever play better
+            on average, as a run keeps the policy that does; else those at the peak of F.
     """
     entry = _shipped().get(env)
     if entry is None:
         return None
 
     def arm(name: str) -> Arm:
-        return Arm(training=tuple(entry[name]["training"]), held_out=tuple(entry[name]["held_out"][peak]))
+        held_out: Mapping[str, list[float]] = entry[name]["held_out"]
+        peak = max(held_out, key=lambda peak: rank(mean(held_out[peak]))) if played else "fitness"
+        return Arm(training=tuple(entry[name]["training"]), held_out=tuple(held_out[peak]))
 
     return Baselines(
         human=arm("human"),
@@ -55,7 +56,7 @@ def chosen(config: RunConfig) -> Baselines | None:
 
 def measured(config: RunConfig) -> Baselines | None:
     """What is known beforehand of a task as a run trains it; None where it was measured otherwise or not at all."""
-    return known(config.env, _held_out(config)) if not _apart(config) else None
+    return known(config.env, played=config.search != "eureka") if not _apart(config) else None
 
 
 def _apart(config: RunConfig) -> str:
@@ -66,11 +67,6 @@ def _apart(config: RunConfig) -> str:
         ("observe=measurable", config.observe != "all"),
     )
     return next((f" with {name}" for name, differs in unlike if differs), "")
-
-
-def _held_out(config: RunConfig) -> Peak:
-    """The policy whose held-out F was measured that is nearest to the one which a run judges by."""
-    return "fitness" if config.search == "eureka" else "reward"
 
 
 @cache

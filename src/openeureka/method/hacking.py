@@ -184,7 +184,10 @@ def _range(result: TrainingResult) -> float | None:
 
 
 def _learnt(result: TrainingResult, score: Evaluation) -> float | None:
-    """How far F is above that of the untrained policy; None when training gained nothing."""
+    """How far F is above that of the untrained policy; None when training gained nothing, or its curves do not begin
+    with that one, as after the first stage of a curriculum."""
+    if result.steps_before:
+        return None
     untrained = next((value for value in result.curves.get("fitness", ()) if value is not None), None)
     if untrained is None or score.fitness is None or score.fitness <= untrained:
         return None

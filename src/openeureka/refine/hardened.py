@@ -175,7 +175,9 @@ def carries(store: Store, lane: str, quantities: Iterable[str]) -> list[Carried]
     """How far a lane's policy carries along each quantity, as far as it was tried."""
     scores, result = store.lanes.trials().get(lane, {}), store.lanes.result(origin(store, lane))
     nominal = scores["sweep"].fitness if "sweep" in scores else None
-    untrained = next((v for v in (result.curves.get("fitness", ()) if result else ()) if v is not None), None)
+    # The curves of a curriculum are those of its last stage, which begins with a trained policy.
+    curve = result.curves.get("fitness", ()) if result is not None and not result.steps_before else ()
+    untrained = next((value for value in curve if value is not None), None)
     learnt = nominal - untrained if nominal is not None and untrained is not None else 0.0
 
     def point(value: float, score: Evaluation | None) -> tuple[float, float | None, float | None]:

@@ -239,7 +239,9 @@ def on_scale(outcome: Outcome | Glance | None) -> float | None:
 def exploits(run: RunView) -> Table:
     """What was looked at to tell a fulfilled reward from an exploited one, and what was found."""
     found = {sign.kind: sign.sentence for sign in run.signs}
-    unseen = {Kind.FRAGILITY: "not seen" if worlds(run).rows else "not looked at"}
+    # What a curriculum's last stage begins with has learnt already, so what it learnt in all is not known.
+    looked = worlds(run).rows and not run.config.curriculum
+    unseen = {Kind.FRAGILITY: "not seen" if looked else "not looked at"}
     rows = [
         (kind, "SUSPECTED" if kind in found else unseen.get(kind, "not seen"), found.get(kind, ""))
         for kind in Kind
@@ -251,14 +253,13 @@ def exploits(run: RunView) -> Table:
 
 
 def worlds(run: RunView) -> Table:
-    """Held-out F of the kept policy in slightly changed worlds."""
+    """Held-out F of the kept policy in slightly changed worlds; empty for a task that has no such worlds."""
     rows = [
         (name, scored(score))
         for lane in run.tried
-        if not WORLDS.keys().isdisjoint(lane.trials)
+        if any(score.episodes for name, score in lane.trials.items() if name in WORLDS)
         for name, score in {"as the task has it": lane.held_out, **lane.trials}.items()
         if (name in WORLDS or score is lane.held_out) and name not in PEAKS.values()
-        if score.episodes  # none where a task has no other world
     ]
     fitted = run.fitted is not None
     whose = "the winner's policy, before its numbers were fitted" if fitted else "the policy in best/"

@@ -167,7 +167,9 @@ class BatchedEnv:
         if not self.scored:
             return mean_over_steps(torch.zeros(len(bad), device=bad.device))
         value, weight = faults.scored(self.task, self.task.fitness(state, ended))
-        return Score(value, torch.where(bad, 0.0, weight))
+        weight = torch.where(bad, 0.0, weight)
+        # What is not defined where it has no weight, such as 0 / 0, would else be summed: 0 times NaN is NaN.
+        return Score(value.masked_fill((weight == 0) & ~value.isfinite(), 0.0), weight)
 
     def _restart(self, done: Tensor, final: Tensor) -> Tensor:
         """Reset worlds (N,) that are done; returns the observation of all, which is `final` in the others."""

@@ -114,7 +114,7 @@ def _play_once(
             break
         step = simulation.step(play(observation))
         weight = step.score.weight * running
-        contributions.append(step.score.value * weight)
+        contributions.append(torch.where(running, step.score.value, 0.0) * weight)
         total += torch.stack([contributions[-1], weight, running])
         meter.add(step, running)
         recorder.add(number, step.state, running)

@@ -87,8 +87,11 @@ class LiftedTask(PaidTask):
 
     def advance(self) -> None:
         if self.lags:
-            self.sim.step(self.substeps - 1)
-            self.late, bad = self.together(), self.sim.bad.clone()
+            bad = torch.zeros_like(self.sim.bad)
+            if self.substeps > 1:
+                self.sim.step(self.substeps - 1)
+                bad = self.sim.bad.clone()
+            self.late = self.together()
             self.sim.step(1)
             self.sim.bad |= bad
             return
