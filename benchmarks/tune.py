@@ -120,7 +120,7 @@ def confirm(name: str, options: argparse.Namespace) -> Record:
 
 
 def way_back(own: Record, reference: Record) -> float | None:
-    """Share of the way from the spoiled numbers to the human ones, by mean held-out F, with the same seeds."""
+    """Share of the way from the spoiled numbers to the human ones, by mean held-out F, whatever seeds each has."""
     before, after = (mean(own["held_out"].get(name, [])) for name in ("before", "after"))
     goal = mean(reference["held_out"].get("before", []))
     if before is None or after is None or goal is None or goal <= before:
