@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import pytest
 import torch
 
 from openeureka.codec import encode
+from openeureka.reward import gate
 from openeureka.sandbox import client, server
 from openeureka.sandbox.answer import Answer
 from openeureka.sandbox.client import Sandbox
@@ -81,10 +83,11 @@ def test_a_program_that_does_something_else_with_the_worlds_of_the_training_is_r
     assert codes == ["accepted", "world-count"]
 
 
-def test_a_mask_that_picks_a_single_world_by_chance_is_none_the_less_accepted() -> None:
-    states = {**recorded(), "phase": torch.zeros(256)}
-    states["phase"][70] = 1.0  # of the first trace none, of the second one
-    lines = ("r = pos[:, 0].clone()", "r[phase > 0.5] = 10.0 * pos[:, 1][phase > 0.5]", "return r, {}")
-    program = "\n    ".join(("def compute_reward(pos, phase):", *lines))
-    with Sandbox(STATE, states) as sandbox:
-        assert sandbox.check(Candidate.of(program)).accepted
+@pytest.mark.parametrize("picked", [[], [70], [5, 70], [70, 160], [5, 70, 160, 230], [5, 6, 70]])
+@pytest.mark.parametrize("edit", ["r[m] += 1.0", "r[m] *= 2.0", "r[m] = 10.0 * pos[:, 1][m]", "r[m] = 5.0"])
+def test_an_edit_behind_a_mask_is_accepted_however_many_worlds_it_picks(picked: list[int], edit: str) -> None:
+    states = {**recorded(), "phase": torch.zeros(256).index_fill(0, torch.tensor(picked, dtype=torch.int64), 1.0)}
+    lines = ("r = pos[:, 0].clone()", "m = phase > 0.5", edit, "return r, {}")
+    program = gate.check("\n    ".join(("def compute_reward(pos, phase):", *lines)), STATE)
+    assert isinstance(program, gate.Program)
+    assert server._probe(program, replace(BENCH, recorded=states)).findings == ()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import traceback
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -146,16 +146,7 @@ def probe(run: Runner, spec: StateSpec, recorded: Recorded, worlds: int = 0) -> 
     again = outputs(_guarded(run, _state(recorded, spec, everyone)), len(everyone))
     if len(eager[1]) != len(again[1]) or not all(map(_same_bits, _flat(eager), _flat(again))):
         raise Refused("nondeterminism", "the same states give another reward on the second call", "keep no state")
-    try:
-        unified, lines = _unified(run, spec, recorded, 0)
-    except Refused as refusal:
-        if refusal.finding.rule != "world-count":
-            raise
-        # torch treats a mask that picks a single world in another way: by chance it does so among other worlds.
-        try:
-            unified, lines = _unified(run, spec, recorded, sum(TRACE_SIZES))
-        except Refused:
-            raise refusal from None
+    unified, lines = _unified(run, spec, recorded)
     graph, origin = graphs.simplify(unified)
     _compare(graph, _state(recorded, spec, everyone), eager)
     if worlds not in (0, len(everyone)):
@@ -164,7 +155,7 @@ def probe(run: Runner, spec: StateSpec, recorded: Recorded, worlds: int = 0) -> 
     return Traced(graph, tuple(lines[index] for index in origin))
 
 
-def _state(recorded: Recorded, spec: StateSpec, worlds: range) -> dict[str, Any]:
+def _state(recorded: Recorded, spec: StateSpec, worlds: Sequence[int]) -> dict[str, Any]:
     """States of some worlds, with what every program may read besides the task's table."""
     return {"num_envs": len(worlds), "device": torch.device("cpu"), **take(recorded, spec, worlds)}
 
@@ -208,7 +199,9 @@ def _flat(result: Outputs) -> list[Tensor | float]:
     return [result[0], *result[1].values()]
 
 
-def _traced(run: Runner, spec: StateSpec, recorded: Recorded, worlds: range) -> tuple[RewardGraph, list[int | None]]:
+def _traced(
+    run: Runner, spec: StateSpec, recorded: Recorded, worlds: Sequence[int]
+) -> tuple[RewardGraph, list[int | None]]:
     state = _state(recorded, spec, worlds)
 
     def from_tensors(tensors: Mapping[str, Tensor]) -> Outputs:
@@ -217,12 +210,17 @@ def _traced(run: Runner, spec: StateSpec, recorded: Recorded, worlds: range) -> 
     return trace(from_tensors, _tensors(state))
 
 
-def _unified(run: Runner, spec: StateSpec, recorded: Recorded, first: int) -> tuple[RewardGraph, list[int | None]]:
-    """One graph of traces of two sizes, from this recorded world on, and the program's line for each node."""
+def _unified(run: Runner, spec: StateSpec, recorded: Recorded) -> tuple[RewardGraph, list[int | None]]:
+    """One graph of traces of two sizes among different worlds, and the program's line for each node."""
     small, large = TRACE_SIZES
-    one, lines = _traced(run, spec, recorded, range(first, first + small))
-    other, _ = _traced(run, spec, recorded, range(first + small, first + small + large))
+    one, lines = _traced(run, spec, recorded, _paired(0, small))
+    other, _ = _traced(run, spec, recorded, _paired(small, large))
     return unify(one, other, TRACE_SIZES, lines), lines
+
+
+def _paired(first: int, count: int) -> list[int]:
+    """Worlds, each at least twice: where a mask picks a single one, torch computes `x[mask] = y` in another way."""
+    return [first + min(place, count - 2) // 2 for place in range(count)]
 
 
 def _compare(graph: RewardGraph, state: Mapping[str, Any], eager: Outputs, rule: str = "graph-mismatch") -> None:
