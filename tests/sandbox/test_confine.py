@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
+import shutil
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -97,13 +101,45 @@ def test_the_environment_holds_nothing_of_ours(sandbox: Sandbox) -> None:
     assert verdict.findings[0].message == "ValueError: []"
 
 
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root has rights to give up")
+@pytest.mark.skipif(os.geteuid() != 0 or confine._only_user(), reason="only root has rights to give up")
 def test_root_becomes_nobody(sandbox: Sandbox) -> None:
     verdict = run(
         sandbox, "import os\nraise ValueError(os.getuid() > 60000 and os.getgid() > 60000 and os.getgroups())"
     )
     # getgroups itself is not among the allowed calls
     assert "PermissionError" in verdict.findings[0].message
+
+
+ALONE = ["unshare", "--user", "--map-root-user"]
+CONFINED = """
+import os
+from openeureka.sandbox import confine
+confine.confine(kernel={kernel})
+print(os.getuid())
+open("/etc/passwd")
+"""
+
+
+@pytest.mark.parametrize("kernel", [True, False])
+def test_root_of_a_namespace_without_other_users_is_confined_as_it_is(kernel: bool) -> None:
+    if shutil.which("unshare") is None or subprocess.run([*ALONE, "true"], capture_output=True).returncode:
+        pytest.skip("no user namespaces here")
+    program = [sys.executable, "-c", CONFINED.format(kernel=kernel)]
+    done = subprocess.run([*ALONE, *program], capture_output=True, text=True)
+    assert done.stdout == "0\n", done.stderr
+    refusal = "PermissionError" if kernel else "OSError: [Errno 24] Too many open files"
+    assert refusal in done.stderr
+
+
+def test_a_root_that_cannot_step_down_is_told_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(_: object) -> None:
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    monkeypatch.setattr(confine, "_only_user", lambda: False)
+    monkeypatch.setattr(os, "setgroups", refused)
+    with pytest.raises(PermissionError, match="root cannot become another user here .* CAP_SETUID"):
+        confine._drop_privileges()
 
 
 def test_only_the_answer_pipe_is_open(sandbox: Sandbox) -> None:

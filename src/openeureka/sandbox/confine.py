@@ -161,13 +161,27 @@ def _checked(result: int) -> int:
 
 def _drop_privileges() -> None:
     """As root become a user that owns nothing, neighbouring processes different ones; as anyone else do nothing."""
-    if os.geteuid() != 0:
+    if os.geteuid() != 0 or _only_user():
         return
     span = _LAST_UNUSED_UID - _FIRST_UNUSED_UID
     user = _FIRST_UNUSED_UID + os.getpid() % span
-    os.setgroups([])
-    os.setresgid(user, user, user)
-    os.setresuid(user, user, user)
+    try:
+        os.setgroups([])
+        os.setresgid(user, user, user)
+        os.setresuid(user, user, user)
+    except OSError as error:
+        advice = "start it as an ordinary user, or let root have CAP_SETUID, CAP_SETGID and the user ids from 61000 on"
+        raise OSError(error.errno, f"root cannot become another user here ({error.strerror}); {advice}") from None
+
+
+def _only_user() -> bool:
+    """Whether this user namespace holds one user alone, as `unshare -r` makes it: called root, it can become nobody
+    else, and owns nothing beyond what that user owns outside."""
+    try:
+        with open("/proc/self/uid_map") as file:
+            return sum(int(line.split()[2]) for line in file) == 1
+    except FileNotFoundError:  # a kernel without user namespaces
+        return False
 
 
 def _limit(address_space: int) -> None:
