@@ -303,6 +303,15 @@ def test_a_given_reward_that_is_refused_stops_the_run_and_can_be_corrected(begin
     assert one.go().best is not None
 
 
+def test_a_given_reward_may_hold_a_fence_in_its_docstring(begin, tmp_path: Path) -> None:
+    given = program(3).replace("\n", '\n    """As in\n    ```\n    x = 3\n    ```\n    """\n', 1)
+    (tmp_path / "mine.py").write_text(given)
+    one = begin(init=str(tmp_path / "mine.py"), feedback="none")
+    one.go()
+    candidate = one.history().generations[0].entries[0].sample.candidate
+    assert candidate is not None and candidate.source == given
+
+
 def test_a_given_file_that_is_missing_is_named(begin, tmp_path: Path) -> None:
     with pytest.raises(RewardFileError, match="Cannot read the reward file"):
         begin(init=str(tmp_path / "none.py")).go()

@@ -1,8 +1,10 @@
 import time
+from pathlib import Path
 
 import pytest
 
 from openeureka.reward import extract
+from openeureka.types import Candidate
 
 REWARD = (
     "def compute_reward(x: torch.Tensor) -> Tuple[torch.Tensor, Dict[str, torch.Tensor]]:\n    return x, {'x': x}\n"
@@ -64,6 +66,69 @@ def test_a_function_that_is_not_called_does_not_come_along():
     assert extract.program(reply) == REWARD
 
 
+FENCE_IN_DOCSTRING = '''def compute_reward(x):
+    """Rewards x.
+
+    ```
+    reward, components = compute_reward(x)
+    ```
+    """
+    return x, {"x": x}
+'''
+
+
+@pytest.mark.parametrize(
+    "reply",
+    [
+        f"```python\n{FENCE_IN_DOCSTRING}```\nThat is all.",
+        f"A draft:\n```python\n{REWARD}```\nBetter:\n```python\n{FENCE_IN_DOCSTRING}```\nRun:\n```bash\nls\n```",
+        f"````python\n{FENCE_IN_DOCSTRING}````",
+        extract.fenced(FENCE_IN_DOCSTRING),
+    ],
+)
+def test_a_fence_in_a_docstring_ends_no_program(reply: str):
+    assert extract.program(reply) == FENCE_IN_DOCSTRING
+
+
+def test_a_docstring_that_never_ends_hides_no_later_program():
+    broken = FENCE_IN_DOCSTRING.replace('"""', "", 1)
+    assert extract.program(f"```python\n{broken}```\nNo:\n```python\n{REWARD}```") == REWARD
+
+
+def test_a_program_in_a_fence_of_its_own_is_found_whole():
+    program = FENCE_IN_DOCSTRING.replace("```", "`````")
+    assert extract.program(extract.fenced(program)) == program
+
+
+def test_a_sketch_named_as_a_local_variable_is_no_helper():
+    program = "def compute_reward(x):\n    reward = -x\n    return reward, {}\n"
+    sketch = "def reward(state):\n    return -np.linalg.norm(state)\n"
+    assert extract.program(f"The idea:\n```python\n{sketch}```\n```python\n{program}```") == program
+
+
+def test_constants_in_a_block_of_their_own_come_along():
+    constants, program = "W = 2.0\nK: float = -W / 3\n", "def compute_reward(x):\n    return W * x, {}\n"
+    for reply in (f"```python\n{constants}```\n```\n{program}```", f"```\n{program}```\nwith\n```\n{constants}```"):
+        assert extract.program(reply) == f"{constants}\n\n{program}"
+
+
+def test_an_example_that_makes_its_inputs_does_not_come_along():
+    program = "def compute_reward():\n    return x, {}\n"
+    assert extract.program(f"```\n{program}```\nTry:\n```\nx = torch.zeros(3)\n```") == program
+
+
+def test_a_signature_that_is_shown_once_more_replaces_no_program():
+    recap = 'def compute_reward(x: Tensor) -> Tuple[Tensor, Dict[str, Tensor]]:\n    """Rewards x."""\n    ...\n'
+    assert extract.program(f"```python\n{REWARD}```\nAs asked, it is\n```python\n{recap}```") == REWARD
+
+
+def test_a_byte_order_mark_takes_nothing_from_the_head_of_a_file(tmp_path: Path):
+    source = f"W = 2.0\n{REWARD}"
+    (tmp_path / "reward.py").write_text(source, encoding="utf-8-sig")
+    assert extract.in_file(tmp_path / "reward.py") == (Candidate.of(source), "")
+    assert extract.in_text(f"\ufeff{source}").source == source
+
+
 @pytest.mark.parametrize(
     "reply", ["", "I cannot help with that.", "```python\nx = 1\n```", "```\n```", "def", f"<think>{REWARD}</think>No."]
 )
@@ -105,6 +170,7 @@ LONG = {
     "a fence that is none": "~" * 999_000 + "`",
     "one of backticks": "`" * 999_000 + " x`",
     "quotes": ">" * 999_000 + "`",
+    "docstrings that never end": '```\ndef f():\n  """\n```\n' * 40_000,
     "many blocks": "```\ndef f():\n  a\n```\n" * 15_000,
     "blocks that need each other": "".join(
         f"```\ndef f{i + 1}(): f{i}(a{i}, b{i}, c{i}, d{i})\n```\n" for i in range(5_000)

@@ -90,7 +90,7 @@ class Sampler:
             RewardFileError: when it cannot be read or was refused; nothing is kept of it then.
         """
         if self.store.talk.reply(0, 0, 0) is None:
-            reply = Reply(text=f"```python\n{given(self.config).source}\n```", model=GIVEN)
+            reply = Reply(text=extract.fenced(given(self.config).source), model=GIVEN)
             _accept(self.config, self._judged(reply)[1])
             self.store.talk.save_reply(0, 0, 0, reply)
         self.store.talk.save_slots(0, range(1), asked=None, parent=None)

@@ -7,7 +7,7 @@ import re
 import textwrap
 import warnings
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -21,6 +21,8 @@ MAX_REPLY = 1_000_000
 MAX_PARSED = 100_000
 """Characters of a block that are parsed; a longer one is no reward program."""
 MAX_TRIMS = 50
+MAX_JOINS = 50
+"""Fences that are tried as the end of a block whose first one is in a string."""
 MAX_NESTING = 2
 OWN = ("human", "sparse")
 """What a task calls its own rewards, where a file may be named."""
@@ -36,9 +38,9 @@ _CODE_BEGINS = re.compile(r"^(?:import |from \w[\w.]* import |@|def |class )", r
 def program(reply: str) -> str | None:
     """Source of the reward program in a reply, or None where it holds no function.
 
-    The last code block with a reward function is it: models draft before they decide. Helper functions that it
-    calls and that stand in other blocks come along. Without code blocks, the program is looked for between the prose. A
-    program with a syntax error is returned too, so that its author learns of the line.
+    The last code block with a reward function is it: models draft before they decide. Helper functions and constants
+    that it names and that stand in other blocks come along. Without code blocks, the program is looked for between the
+    prose. A program with a syntax error is returned too, so that its author learns of the line.
     """
     text = _answer(reply[:MAX_REPLY].replace("\r\n", "\n").removeprefix("\ufeff"))
     blocks = [_Block.of(code) for code in _fenced(text)]
@@ -48,6 +50,13 @@ def program(reply: str) -> str | None:
         return chosen.source if chosen is not None else None
     helpers = _helpers(chosen, blocks)
     return "\n\n".join([*(helper.source for helper in helpers), chosen.source])
+
+
+def fenced(source: str) -> str:
+    """A reply that holds this program, whatever fences are in it."""
+    longest = max(map(len, re.findall("`+", source)), default=0)
+    fence = "`" * max(3, longest + 1)
+    return f"{fence}python\n{source}\n{fence}"
 
 
 def _answer(text: str) -> str:
@@ -71,7 +80,7 @@ def in_file(path: Path) -> tuple[Candidate, str]:
 def read(path: Path) -> Candidate:
     """The program in a file. Raises RewardFileError."""
     try:
-        return Candidate.of(path.read_text(encoding="utf-8"))
+        return Candidate.of(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         meant = nearest(str(path), OWN) if str(path) not in OWN else ""
         known = f"{meant} Where rewards train, {' and '.join(OWN)} are the task's own; here a name is that of a file."
@@ -82,6 +91,7 @@ def read(path: Path) -> Candidate:
 
 def in_text(text: str) -> Candidate:
     """The program that a text is, or that it holds if it is a model's whole answer."""
+    text = text.removeprefix("\ufeff")
     found = program(text) if _parsed(text) is None else None
     return Candidate.of(found if found is not None and _parsed(found) is not None else text)
 
@@ -93,19 +103,50 @@ class _Block:
     """None where it does not parse."""
     defined: frozenset[str]
     """Functions defined anywhere in it."""
+    returns: bool
+    """False for a signature alone."""
 
     @property
-    def named(self) -> frozenset[str]:
-        """Every name it reads."""
-        nodes = ast.walk(self.tree) if self.tree is not None else ()
-        return frozenset(node.id for node in nodes if isinstance(node, ast.Name))
+    def missing(self) -> frozenset[str]:
+        """Every name that it reads and nowhere binds."""
+        read, bound = set[str](), set(self.defined)
+        for node in ast.walk(self.tree) if self.tree is not None else ():
+            if isinstance(node, ast.Name):
+                (read if isinstance(node.ctx, ast.Load) else bound).add(node.id)
+            elif isinstance(node, ast.arg):
+                bound.add(node.arg)
+        return frozenset(read - bound)
+
+    @property
+    def offered(self) -> frozenset[str]:
+        """Its functions, or the names in a block of constants alone."""
+        return self.defined or frozenset(_constants(self.tree.body if self.tree is not None else ()))
 
     @staticmethod
     def of(code: str) -> _Block:
-        source = textwrap.dedent(code.expandtabs(4)).strip() + "\n"
+        source = _dedented(code)
         tree = _parsed(source)
-        statements = _statements(tree) if tree is not None else ()
-        return _Block(source, tree, frozenset(s.name for s in statements if isinstance(s, ast.FunctionDef)))
+        statements = list(_statements(tree)) if tree is not None else []
+        functions = frozenset(statement.name for statement in statements if isinstance(statement, ast.FunctionDef))
+        return _Block(source, tree, functions, any(isinstance(statement, ast.Return) for statement in statements))
+
+
+def _constants(statements: Iterable[ast.stmt]) -> set[str]:
+    """Names of a block that only imports and assigns, and needs no other names for it; none of any other block."""
+    bound, read = set[str](), set[str]()
+    for statement in statements:
+        if isinstance(statement, ast.Import | ast.ImportFrom):
+            continue
+        if not isinstance(statement, ast.Assign | ast.AnnAssign) or statement.value is None:
+            return set()
+        targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
+        bound |= {target.id for target in targets if isinstance(target, ast.Name)}
+        read |= {node.id for node in ast.walk(statement.value) if isinstance(node, ast.Name)}
+    return bound if read <= bound else set()
+
+
+def _dedented(code: str) -> str:
+    return textwrap.dedent(code.expandtabs(4)).strip() + "\n"
 
 
 def _statements(tree: ast.Module) -> Iterator[ast.AST]:
@@ -120,8 +161,8 @@ def _statements(tree: ast.Module) -> Iterator[ast.AST]:
 
 def _choose(blocks: list[_Block]) -> _Block | None:
     """The last reward that parses, one of the asked name first, else the last function that does, else the last that
-    looks like one."""
-    last_first = blocks[::-1]
+    looks like one. A signature that is shown once more replaces no program."""
+    last_first = sorted(reversed(blocks), key=lambda block: not block.returns)
     asked = (block for block in last_first if not block.defined.isdisjoint(ENTRY_NAMES))
     rewards = (block for block in last_first if any("reward" in name for name in block.defined))
     functions = (block for block in last_first if block.defined)
@@ -130,45 +171,61 @@ def _choose(blocks: list[_Block]) -> _Block | None:
 
 
 def _helpers(chosen: _Block, blocks: list[_Block]) -> list[_Block]:
-    """Other blocks with functions that the chosen one calls, directly or through each other, in their order. One that
+    """Other blocks with what the chosen one names and lacks, directly or through each other, in their order. One that
     defines what the chosen one does is a draft of it."""
-    others = [block for block in blocks if block.defined and block.defined.isdisjoint(chosen.defined)]
-    if not others:
-        return []
+    others = [block for block in blocks if block.defined.isdisjoint(chosen.defined)]
     found: list[_Block] = []
-    missing = set(chosen.named - chosen.defined)
+    missing = set(chosen.missing) if others else set[str]()
     for block in reversed(others):
-        if missing & block.defined:
+        if not missing.isdisjoint(offered := block.offered):
             found.append(block)
-            missing |= block.named
-            missing -= block.defined
+            missing |= block.missing
+            missing -= offered
     return found[::-1]
 
 
 def _fenced(text: str, depth: int = 0) -> Iterator[str]:
     """The contents of code blocks. A block ends at a bare fence of its own kind at least as long, or with the text."""
-    mark = ""
-    lines: list[str] = []
-    for line in text.split("\n"):
-        fence = _FENCE.match(line)
-        if not mark:
-            if fence:
-                mark, lines = fence["mark"], []
-        elif fence and not fence["info"].strip() and fence["mark"].startswith(mark):
-            yield from _unwrapped(lines, depth)
-            mark = ""
-        else:
-            lines.append(line)
-    if mark:
-        yield from _unwrapped(lines, depth)
+    lines = text.split("\n")
+    fences = [(place, fence) for place, line in enumerate(lines) if (fence := _FENCE.match(line))]
+    joins = iter(range(MAX_JOINS))
+    number = 0
+    while number < len(fences):
+        place, opening = fences[number]
+        ends = (
+            later
+            for later in range(number + 1, len(fences))
+            if not fences[later][1]["info"].strip() and fences[later][1]["mark"].startswith(opening["mark"])
+        )
+        number = next(ends, len(fences))
+        block = lines[place + 1 : fences[number][0] if number < len(fences) else None]
+        if _in_string(block):
+            for _, later in zip(joins, ends, strict=False):
+                whole = lines[place + 1 : fences[later][0]]
+                if not _in_string(whole) and _is_program("\n".join(whole)):
+                    number, block = later, whole
+                    break
+        yield from _unwrapped(block, depth)
+        number += 1
+
+
+def _in_string(lines: list[str]) -> bool:
+    """Whether code ends within a docstring or the like, as far as their quotes can be counted."""
+    code = "\n".join(lines)
+    return any(code.count(quotes) % 2 for quotes in ('"""', "'''"))
 
 
 def _unwrapped(lines: list[str], depth: int) -> Iterator[str]:
     """The code of a block; of a block of markdown, that of the blocks in it."""
-    if depth < MAX_NESTING and any(_FENCE.match(line) for line in lines):
-        yield from _fenced("\n".join(lines), depth + 1)
+    code = "\n".join(lines)
+    if depth == MAX_NESTING or not any(map(_FENCE.match, lines)) or _is_program(code):
+        yield code
     else:
-        yield "\n".join(lines)
+        yield from _fenced(code, depth + 1)
+
+
+def _is_program(code: str) -> bool:
+    return _FUNCTION.search(code) is not None and _parsed(_dedented(code)) is not None
 
 
 def _between_prose(text: str) -> str:
