@@ -61,7 +61,7 @@ class FeedbackError(EurekaError):
 
 
 class SandboxUnavailable(EurekaError):
-    """The kernel lacks what confinement needs."""
+    """The kernel lacks what confinement needs, or the machine is too busy to judge anything."""
 
     exit_code = 6
 

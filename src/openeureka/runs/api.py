@@ -285,7 +285,7 @@ def check(env: str | Path, program: str | Path, *, unsafe_no_sandbox: bool = Fal
         ConfigError: for what is neither a path nor a text.
         TaskError: for a task that does not exist.
         RewardFileError: for a file that cannot be read.
-        SandboxUnavailable: where the kernel cannot confine it.
+        SandboxUnavailable: where the kernel cannot confine it, or the machine is too busy.
     """
     _expect("program", program, "a path or the text of a program")
     candidate = rewards.read(program)

@@ -14,7 +14,7 @@ from ..errors import SandboxUnavailable, WorkerError
 from ..reward.validate import GraphError, validate
 from ..text import printable
 from ..types import Candidate, Finding, RewardGraph, StateSpec, Verdict, VerdictCode
-from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
+from ..worker import Frame, Worker, WorkerTimeout
 from . import confine, server
 from .answer import Answer
 
@@ -25,6 +25,18 @@ _GRACE_SECONDS = 5.0
 _MAX_LINE = 100_000
 _MAX_FIX = 2_000
 """Characters: a fix may list every state variable."""
+_TIMEOUTS = {
+    "timeout": (
+        "{what} ran for more than {seconds:g} s on a few hundred states",
+        "use tensor operations instead of Python loops",
+    ),
+    "waited": (
+        "{what} did nothing for most of {longest:g} s, on a machine with processors to spare",
+        "use plain tensor operations",
+    ),
+    "silent": ("nothing was heard of it again, twice", "write a shorter program of plain tensor operations"),
+}
+"""What is said of an outcome, and what its author can do."""
 _RULE = re.compile(r"[a-z][a-z-]{0,31}")
 _Judgement = tuple[VerdictCode, tuple[Finding, ...], RewardGraph | None]
 
@@ -81,6 +93,7 @@ class Sandbox:
         """The verdict on one candidate; never raises for anything the candidate does.
 
         Raises:
+            SandboxUnavailable: when the machine is too busy to judge anything.
             WorkerError: when the server itself cannot be started.
         """
         started = time.monotonic()
@@ -90,20 +103,18 @@ class Sandbox:
 
     def _judge(self, source: str) -> _Judgement:
         frame = self._ask(source)
-        outcome = frame.header.get("outcome") if frame is not None else "timeout"
-        what = "its graph" if frame is not None and frame.header.get("where") == "graph" else "the program"
-        if frame is None or outcome == "timeout":
-            message = f"{what} ran for more than {SECONDS:g} s on a few hundred states"
-            finding = Finding(rule="timeout", message=message, fix="use tensor operations instead of Python loops")
-            return VerdictCode.TIMEOUT, (finding,), None
-        if outcome == "waited":
-            message = f"the machine was too busy to judge it: {what} had less than {SECONDS:g} s of a processor"
-            finding = Finding(
-                rule="timeout",
-                message=f"{message} in {SECONDS * server.TRIES[-1]:g} s",
-                fix="have it judged again when less runs beside it",
+        outcome = frame.header.get("outcome")
+        what = "its graph" if frame.header.get("where") == "graph" else "the program"
+        longest = SECONDS * server.TRIES[-1]
+        if outcome == "busy":
+            raise SandboxUnavailable(
+                f"The machine is too busy to judge a reward: nothing gets {SECONDS:g} s of a processor in {longest:g}"
+                " s; have less run beside it."
             )
-            return VerdictCode.TIMEOUT, (finding,), None
+        if outcome in _TIMEOUTS:
+            message, fix = _TIMEOUTS[outcome]
+            message = message.format(what=what, seconds=SECONDS, longest=longest)
+            return VerdictCode.TIMEOUT, (Finding(rule="timeout", message=message, fix=fix),), None
         answer = _parse(frame.blobs.get("answer", b""))
         if outcome not in ("answer", "refused"):
             return VerdictCode.CRASHED, (_crash(frame.header.get("signal"), what),), None
@@ -143,21 +154,18 @@ class Sandbox:
         self._worker = worker
         return worker
 
-    def _ask(self, source: str) -> Frame | None:
-        """The server's frame; None when it hung. A server that died is started again, once."""
-        for attempt in (1, 2):
+    def _ask(self, source: str) -> Frame:
+        """The server's frame. One that died or hung is started again, once: a program may be the reason or not."""
+        outcome = ""
+        for _ in range(2):
             worker = self._worker or self._start()
             try:
                 worker.send({"source": source, "seconds": SECONDS})
-                return worker.receive(2 * SECONDS * sum(server.TRIES) + _GRACE_SECONDS)
-            except WorkerTimeout:
+                return worker.receive(SECONDS * (2 * sum(server.TRIES) + server.TRIES[-1]) + _GRACE_SECONDS)
+            except WorkerError as error:
                 self.close()
-                return None
-            except WorkerDied:
-                self.close()
-                if attempt == 2:
-                    return Frame({"outcome": "crashed"})
-        return None
+                outcome = "silent" if isinstance(error, WorkerTimeout) else "crashed"
+        return Frame({"outcome": outcome})
 
 
 def _bytes(tensor: Tensor) -> bytes:

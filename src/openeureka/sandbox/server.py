@@ -67,7 +67,8 @@ class _Bench:
 @dataclass(frozen=True, slots=True)
 class _Outcome:
     kind: str
-    """`answer`, `timeout`, `waited` (ended by the clock, its processor time left over), `crashed` or `oversized`."""
+    """`answer`, `timeout`, `waited` (ended by the clock, its processor time left over), `busy` (it waited, and so did
+    what needs nothing but a processor), `crashed` or `oversized`."""
     answer: bytes = b""
     died_of: int = 0
     """Signal that ended the child, 0 for none. For the message only: how a process ends is never a verdict."""
@@ -282,11 +283,22 @@ def _judge(program: gate.Program, bench: _Bench, seconds: float) -> tuple[str, _
     """What became of a program, and in which child: `program` or `graph`.
 
     About one child in a thousand waits for ever without computing, whatever it is given, and a busy machine may keep
-    one waiting as long. So a child that waited gets a successor, once, and that has more time.
+    one waiting as long. So a child that waited gets a successor, once, and that has more time. Whether the program or
+    the machine is at fault where that waited too, is seen by a child that runs no program.
     """
     first, longer = TRIES
     where, outcome = _judge_once(program, bench, seconds, first)
-    return _judge_once(program, bench, seconds, longer) if outcome.kind == "waited" else (where, outcome)
+    if outcome.kind == "waited":
+        where, outcome = _judge_once(program, bench, seconds, longer)
+    if outcome.kind == "waited" and _Child(_compute, confined=False).finish(seconds, patience=longer).kind == "waited":
+        outcome = replace(outcome, kind="busy")
+    return where, outcome
+
+
+def _compute() -> NoReturn:
+    """Use the processor for ever."""
+    while True:
+        pass
 
 
 def _judge_once(program: gate.Program, bench: _Bench, seconds: float, patience: int) -> tuple[str, _Outcome]:
