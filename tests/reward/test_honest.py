@@ -12,7 +12,7 @@ import torch
 from openeureka.codec import encode
 from openeureka.reward import examine, gate, graph, load, probe
 from openeureka.reward import math as helpers
-from openeureka.types import StateSpec
+from openeureka.types import StateSpec, StateVar
 from reward.honest import ANT, PROGRAMS, recorded
 
 
@@ -121,6 +121,33 @@ def test_python_floats_stand_where_torch_wants_tensors() -> None:
     source = "def f(obs_buf):\n    return torch.max(obs_buf[:, 0], 0.0) * torch.exp(-1.0), {}\n"
     reward, _ = graph.compile(accepted(spec, source).graph, spec)({"obs_buf": torch.tensor([[2.0], [-2.0]])})
     torch.testing.assert_close(reward, torch.tensor([2.0 * math.exp(-1.0), 0.0]))
+
+
+@pytest.mark.parametrize(
+    ("name", "own", "doubled"),
+    [
+        ("dt", "dt = 2.0", "dt * x"),
+        ("twice", "def twice(x):\n    return 2.0 * x", "twice(x)"),
+        ("normalize_angle", "", "2.0 * normalize_angle(x)"),
+        ("abs", "", "abs(-2.0) * x"),
+    ],
+)
+def test_an_attribute_of_self_overwrites_nothing_of_that_name(name: str, own: str, doubled: str) -> None:
+    spec = StateSpec((StateVar(name="angle", meaning="", shape=()), StateVar(name=name, meaning="", shape=())))
+    source = f"{own}\ndef of(x):\n    return {doubled}\ndef f(self):\n    return of(self.angle) + self.{name}, {{}}\n"
+    states = {"angle": torch.tensor([0.5, -0.5]), name: torch.tensor([3.0, 4.0])}
+    reward, _ = graph.compile(accepted(spec, source).graph, spec)(states)
+    torch.testing.assert_close(reward, torch.tensor([4.0, 3.0]))  # 2 * 0.5 + 3, 2 * -0.5 + 4
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "dim"), [((6, 3, 4), (3, 4), 1), ((3,), (6, 3), 1), ((6, 3), (3,), -1), ((6, 1, 4), (3, 4), 2)]
+)
+def test_cosine_similarity_counts_dimensions_as_torch_does(
+    first: tuple[int, ...], second: tuple[int, ...], dim: int
+) -> None:
+    x, y = torch.randn(first), torch.randn(second)
+    torch.testing.assert_close(load._cosine_similarity(x, y, dim), torch.cosine_similarity(x, y, dim))
 
 
 FIRST_ARGUMENTS = {

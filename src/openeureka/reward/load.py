@@ -22,6 +22,7 @@ Runner = Callable[[Mapping[str, Any]], object]
 
 
 def _cosine_similarity(x1: Tensor, x2: Tensor, dim: int = 1, eps: float = 1e-8) -> Tensor:
+    x1, x2 = torch.broadcast_tensors(x1, x2)  # torch's own counts `dim` in the shape of both
     lengths = norm(x1, dim=dim).clamp(min=eps) * norm(x2, dim=dim).clamp(min=eps)
     return (x1 * x2).sum(dim=dim) / lengths
 
@@ -132,7 +133,8 @@ def load(program: Program) -> Runner:
         names[name] = value
     exec(program.code(), names)  # the gate's plain form: functions and literal constants
     function = names[program.entry]
-    free = [name for name in program.inputs if name not in (*program.arguments, *program.draft.functions)]
+    taken = {*program.arguments, *names, *allowed}  # `self.dt` is no reason to overwrite the program's own `dt`
+    free = [name for name in program.inputs if name not in taken]
 
     def run(state: Mapping[str, Any]) -> object:
         names.update({name: state[name] for name in free})
