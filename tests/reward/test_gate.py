@@ -55,6 +55,10 @@ GOLDEN = {
         "def compute_reward(dof_pos):\n    return torch.normm(dof_pos, dim=-1), {}\n",
         "line 2: `torch.normm` is not available to a reward [torch-function]; did you mean `norm`?",
     ),
+    "a torch function that no graph can hold": (
+        "def compute_reward(dof_pos):\n    return torch.vdot(dof_pos[:, 0], dof_pos[:, 1]), {}\n",
+        "line 2: `torch.vdot` is not available to a reward [torch-function]; did you mean `dot`?",
+    ),
     "a value read out of a tensor": (
         "def compute_reward(dof_pos):\n    return dof_pos[:, 0] * dof_pos.max().item(), {}\n",
         "line 2: `.item` turns tensor values into Python values [data-read]; stay with tensors of one value per world",
@@ -103,6 +107,11 @@ GOLDEN = {
 def test_a_refusal_names_line_rule_and_fix(name: str) -> None:
     source, expected = GOLDEN[name]
     assert sentences(source)[0] == expected
+
+
+@pytest.mark.parametrize("call", ["F.relu(dof_pos, inplace=False)", "torch.exp(dof_pos, out=None)"])
+def test_a_word_that_asks_for_no_edit_is_none(call: str) -> None:
+    assert isinstance(gate.check(f"def f(dof_pos):\n    return {call}[:, 0], {{}}\n", CARTPOLE), gate.Program)
 
 
 def test_every_reason_is_given_in_the_order_of_lines() -> None:

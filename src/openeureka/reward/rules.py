@@ -230,7 +230,8 @@ class Rules(ast.NodeVisitor):
 
     def visit_Call(self, node: ast.Call) -> None:
         for keyword in node.keywords:
-            if keyword.arg in ("out", "inplace"):
+            unused = isinstance(keyword.value, ast.Constant) and not keyword.value.value
+            if keyword.arg in ("out", "inplace") and not unused:
                 message = f"`{keyword.arg}=` writes into an existing tensor"
                 self._refuse("input-edit", message, node, "use the returned value")
             elif keyword.arg is None:

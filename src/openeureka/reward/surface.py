@@ -31,8 +31,8 @@ TORCH = DTYPES | words("""
 ALSO_TORCH = words("""
     aminmax argsort bitwise_and bitwise_not bitwise_or bitwise_xor cdist count_nonzero cummax cummin diagonal dstack
     empty empty_like erfc finfo fliplr float_power flipud hsplit inner kthvalue logit moveaxis movedim mv
-    positive ravel selu signbit std_mean swapaxes swapdims tensordot trace true_divide unflatten var_mean vdot
-    vsplit xlogy
+    positive ravel selu signbit std_mean swapaxes swapdims tensordot trace true_divide unflatten var_mean vsplit
+    xlogy
 """)
 """Accepted, and left out of prompts to keep them short; `empty` is zeros."""
 
