@@ -65,6 +65,20 @@ def test_a_typed_line_is_words_or_marks_and_an_empty_one_goes_on() -> None:
     assert typed("veto=g0s1 favourite=g0s0") == [remark("veto=g0s1"), remark("favourite=g0s0")]
 
 
+def test_a_typed_line_may_be_what_another_shell_is_told() -> None:
+    favourite = remark("favourite=g0s3")
+    assert typed('"too jerky" favourite=g0s3 go\n') == [favourite, JERKY, GO]
+    assert typed("too jerky favourite=g0s3") == [favourite, JERKY]
+    assert typed("go favourite=g0s3") == typed("favourite=g0s3 go") == [favourite, GO]
+    assert typed("'it doesn't stop' \"or turn\"") == [remark("it doesn't stop or turn")]
+
+
+def test_go_in_a_sentence_does_not_end_the_wait() -> None:
+    assert typed("veto=g0s1 it must not go so fast") == [remark("veto=g0s1"), remark("it must not go so fast")]
+    assert typed('"let it go"') == [remark("let it go")]
+    assert typed("let it go veto=g0s1") == [remark("veto=g0s1"), remark("let it go")]
+
+
 def test_the_command_keeps_what_is_said_and_says_when_the_run_goes_on(directory: Path, capsys) -> None:
     feedback(directory, ["too jerky"])
     assert "when you say `go`" in capsys.readouterr().out

@@ -11,6 +11,7 @@ from .rows import decode_remark, encode_remark
 
 _MARK = re.compile(r"(favou?rite|veto|vote)=(.*)")
 _MARKS = ("favourite", "favorite", "veto", "vote")
+_QUOTED = re.compile(r"""(?<!\S)(["'])(.*?)\1(?!\S)""")
 _SETTING = re.compile(r"(\w+)=(\S*)")
 _PLACE = re.compile(r"g(\d{1,6})s(\d{1,6})")
 
@@ -57,10 +58,12 @@ class RemarkLog:
 
 
 def typed(line: str) -> list[Remark]:
-    """The remarks of one line: marks, words, or nothing more to say. Raises FeedbackError."""
-    line = line.strip()
-    words = line.split() if _MARK.match(line) else [line or "go"]
-    return [remark(word) for word in words]
+    """The remarks of one line: its marks, its words, and `go` where it is empty or ends so. Raises FeedbackError."""
+    words = line.split() or ["go"]
+    last = words.pop() if words[-1] == "go" else ""
+    marks = [word for word in words if _MARK.match(word)]
+    said = _QUOTED.sub(r"\2", " ".join(word for word in words if not _MARK.match(word)))
+    return [remark(part) for part in (*marks, said, last) if part]
 
 
 def remark(word: str) -> Remark:
