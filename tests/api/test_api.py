@@ -129,7 +129,7 @@ def test_what_ends_a_search_is_raised_in_the_loop(tmp_path):
     with pytest.raises(ModelError, match="refused the key") as failed:
         list(openeureka.searching(model=Failing(SCRIPT), dir=tmp_path / "run", **SETTINGS))
     assert failed.value.__notes__ == [
-        f"What is done is kept. Continue with: openeureka.open_run('{tmp_path}/run').resume()"
+        f"What is done is kept. Continue with: openeureka.open_run('{tmp_path}/run').resume(model=...)"
     ]
 
 
@@ -139,11 +139,21 @@ def test_a_notebooks_stop_button_returns_the_run_so_far(tmp_path, capsys):
             os.kill(os.getpid(), signal.SIGINT)
             time.sleep(10)
 
-    run = search(tmp_path / "run", Interrupted(SCRIPT))
+    model = Interrupted(SCRIPT)
+    run = search(tmp_path / "run", model)
     assert not run.finished and len(run.history.generations) == 1
     said = capsys.readouterr().out.splitlines()
-    assert said[-1] == f"Stopped, nothing is lost. Continue with: openeureka.open_run('{tmp_path}/run').resume()"
+    again = f"Stopped, nothing is lost. Continue with: openeureka.open_run('{tmp_path}/run').resume(model=...)"
+    assert said[-1] == again
+    assert not run.resume(model=model).finished  # stopped before its third reply once more
+    assert capsys.readouterr().out.splitlines()[-1] == again
     assert run.resume(model=ScriptedModel(SCRIPT[2:])).finished
+
+
+def test_a_model_that_has_a_name_is_not_asked_for_when_a_run_goes_on(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(compose, "open_model", lambda config, held: Waiting(SCRIPT))
+    openeureka.search(model="random", dir=tmp_path / "run", **SETTINGS)
+    assert capsys.readouterr().out.splitlines()[-1].endswith(".resume()")
 
 
 def test_ctrl_c_ends_a_loop_that_waits_for_an_event(tmp_path, capsys):

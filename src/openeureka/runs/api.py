@@ -125,7 +125,7 @@ def search(
         EurekaError: what else a person can do something about; what was finished is kept.
     """
     config, directory, own = _searched(env, model, settings)
-    return done(directory, on_event, lambda host: compose.search(config, directory, host, own))
+    return done(directory, on_event, lambda host: compose.search(config, directory, host, own), own=own is not None)
 
 
 def searching(
@@ -149,7 +149,7 @@ def searching(
         EurekaError: as `search` does; from the loop, what ended the search.
     """
     config, directory, own = _searched(env, model, settings)
-    return followed(lambda host: compose.search(config, directory, host, own))
+    return followed(lambda host: compose.search(config, directory, host, own), own=own is not None)
 
 
 def train(
@@ -317,7 +317,7 @@ def resume(
     if config.model == NO_MODEL:
         work = compose.tune if config.tune else compose.train
         return done(directory, on_event, lambda host: work(config, directory, None, host))
-    return done(directory, on_event, lambda host: compose.search(config, directory, host, model))
+    return done(directory, on_event, lambda host: compose.search(config, directory, host, model), own=model is not None)
 
 
 def _searched(

@@ -123,6 +123,8 @@ class Program:
     tell: Tell
     leaving: threading.Event | None = None
     """None in the main thread."""
+    own: bool = False
+    """Whether the model is an object, which a store does not hold."""
 
     def begins(self, config: RunConfig, directory: Path) -> None: ...
 
@@ -148,7 +150,7 @@ class Program:
         return _Desk(self, directory)
 
     def again(self, directory: Path) -> str:
-        return f"openeureka.open_run({str(directory)!r}).resume()"
+        return f"openeureka.open_run({str(directory)!r}).resume({'model=...' if self.own else ''})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,16 +167,16 @@ class _Desk:
         self.host.obey(self.directory)
 
 
-def host(on_event: Tell | None) -> compose.Host:
+def host(on_event: Tell | None, *, own: bool = False) -> compose.Host:
     """This program, as the host of runs that it waits for."""
     in_main = threading.current_thread() is threading.main_thread()
-    return Program(on_event or (lambda event: None), None if in_main else threading.Event())
+    return Program(on_event or (lambda event: None), None if in_main else threading.Event(), own)
 
 
-def done(directory: Path, on_event: Tell | None, work: Work) -> Run:
+def done(directory: Path, on_event: Tell | None, work: Work, *, own: bool = False) -> Run:
     """The run after the work, or as far as it came when it was stopped."""
     try:
-        work(host(on_event))
+        work(host(on_event, own=own))
     except Interrupted as stop:
         if not has_begun(directory):
             raise KeyboardInterrupt from None
@@ -182,7 +184,7 @@ def done(directory: Path, on_event: Tell | None, work: Work) -> Run:
     return Run(directory)
 
 
-def followed(work: Work) -> Generator[Event]:
+def followed(work: Work, *, own: bool = False) -> Generator[Event]:
     """The events of a run at work in a thread of its own."""
     events: SimpleQueue[Event | None] = SimpleQueue()
     leaving = threading.Event()
@@ -190,7 +192,7 @@ def followed(work: Work) -> Generator[Event]:
 
     def run() -> None:
         try:
-            work(Program(events.put, leaving))
+            work(Program(events.put, leaving, own))
         except BaseException as error:  # whatever it is, it is raised where somebody looks
             failures.append(error)
         finally:
