@@ -96,6 +96,14 @@ def test_events_are_told_in_order_and_a_loop_sees_the_same(tmp_path):
     assert openeureka.open_run(tmp_path / "b").finished
 
 
+def test_events_that_nobody_asks_for_leave_no_directory(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    events = openeureka.searching(model=ScriptedModel(SCRIPT), **SETTINGS)
+    assert not list(tmp_path.iterdir())
+    assert next(events).run.directory.parent == Path("outputs")
+    events.close()
+
+
 def test_leaving_the_loop_stops_the_search_and_it_goes_on_later(tmp_path, capsys, trainer):
     model = ScriptedModel(SCRIPT)
     events = openeureka.searching(model=model, dir=tmp_path / "run", **SETTINGS)

@@ -124,7 +124,8 @@ def search(
         ConfigError: for an unknown setting, or one that does not fit.
         EurekaError: what else a person can do something about; what was finished is kept.
     """
-    config, directory, own = _searched(env, model, settings)
+    config, own = _searched(env, model, settings)
+    directory = output_directory(config.dir, config.env)
     return done(directory, on_event, lambda host: compose.search(config, directory, host, own), own=own is not None)
 
 
@@ -148,8 +149,12 @@ def searching(
     Raises:
         EurekaError: as `search` does; from the loop, what ended the search.
     """
-    config, directory, own = _searched(env, model, settings)
-    return followed(lambda host: compose.search(config, directory, host, own), own=own is not None)
+    config, own = _searched(env, model, settings)
+
+    def work(host: compose.Host) -> None:
+        compose.search(config, output_directory(config.dir, config.env), host, own)
+
+    return followed(work, own=own is not None)
 
 
 def train(
@@ -322,12 +327,12 @@ def resume(
 
 def _searched(
     env: str | Path, model: str | LanguageModel, settings: Mapping[str, object]
-) -> tuple[RunConfig, Path, LanguageModel | None]:
-    """The settings of a search, its directory, and the model where it is an object."""
+) -> tuple[RunConfig, LanguageModel | None]:
+    """The settings of a search, and the model where it is an object."""
     own, name = _named(model)
     typed = taken(RunConfig, {"env": env, "model": name, **settings})
     config = compose.admitted(RunConfig(**typed), typed)
-    return config, output_directory(config.dir, config.env), own
+    return config, own
 
 
 def _named(model: str | LanguageModel) -> tuple[LanguageModel | None, str]:
