@@ -59,7 +59,8 @@ def absolute(key: str, value: str, folder: Path = Path()) -> str:
 def elsewhere(settings: Mapping[str, object]) -> dict[str, object]:
     """The settings with `python=PATH` as a part of what `env` names: the interpreter that its environment lives in.
 
-    The path is made whole but not followed: the interpreter of a virtual environment is a link.
+    For which environments that has a meaning, `tasks.registry.get` knows. The path is made whole but not followed: the
+    interpreter of a virtual environment is a link.
     """
     found = dict(settings)
     if "env" not in found or "python" not in found:

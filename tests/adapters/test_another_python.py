@@ -108,6 +108,14 @@ def test_python_is_a_part_of_the_name_and_its_path_is_made_whole():
     assert not registry.installed(inside.env)  # a run from elsewhere asks before it starts that program
 
 
+@pytest.mark.parametrize("env", ["gym:CartPole-v1", "cartpole", str(HERE / "carts.py")])
+def test_python_is_refused_where_the_environment_lives_in_this_one(env: str):
+    config = parse(RunConfig, [f"env={env}", "python=python3"])
+    with pytest.raises(TaskError) as caught:
+        registry.get(config.env)
+    said(caught.value, f"`python=` has no effect on `{env}`; it is for environments of another Python, such as python:")
+
+
 # --- what goes wrong --------------------------------------------------------------------------------------------------
 
 

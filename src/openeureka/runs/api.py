@@ -113,8 +113,8 @@ def search(
     the run so far is returned. With the `dir` of a run that exists, it goes on with that.
 
     Args:
-        env: a name of `eureka envs`, `FILE.py`, `pkg.mod:Class`, `gym:ID`, or one of another suite such as `dmc:`. With
-            `python=PATH` among the settings the environment lives in that interpreter.
+        env: a name of `eureka envs`, `FILE.py`, `pkg.mod:Class`, `gym:ID`, or one of another Python, such as
+            `python:FILE.py:NAME` or `dmc:DOMAIN-TASK`: `python=PATH` among the settings names that interpreter.
         model: what `model=` names on the command line, or an object of your own that keeps the protocol
             `openeureka.llm.client.LanguageModel`.
         on_event: called with every `Event`, in order; what it raises ends the search.
@@ -282,7 +282,7 @@ def check(env: str | Path, program: str | Path, *, unsafe_no_sandbox: bool = Fal
     """The verdict on one reward, as `eureka check` gives it: whether it can train, and if not, why.
 
     Args:
-        env: as in `search`; with another interpreter, `gym:ID+python=PATH`.
+        env: as in `search`; with another interpreter, `dmc:DOMAIN-TASK+python=PATH`.
         program: a path, or the program as a text, several lines or a `def`, which may be a model's whole answer.
         unsafe_no_sandbox: run it in an unconfined child process where the kernel cannot confine it.
 

@@ -25,9 +25,10 @@ from .task import Task
 
 _SUITE = "openeureka.suite"
 """Imported by this name alone, as a stranger's package is: what holds for any task holds for the tasks of the suite."""
+_FOREIGN = "openeureka.adapters.foreign"
 ADAPTERS: dict[str, str] = {
     **dict.fromkeys(("gym", "gym-asis"), "openeureka.adapters.gym"),
-    **dict.fromkeys(("python", "mjlab", "isaaclab", "dmc", "maniskill"), "openeureka.adapters.foreign"),
+    **dict.fromkeys(("python", "mjlab", "isaaclab", "dmc", "maniskill"), _FOREIGN),
 }
 """Prefix -> module, which offers `task(env, name, settings)`, the class with the settings left to set of it, and
 `imports(name, settings)`, whether that imports or reads what the name chooses."""
@@ -70,6 +71,11 @@ def get(env: str) -> type[Task]:
     """
     name, *parts = _parts(env)
     settings, (prefix, _, rest) = _settings(parts), name.partition(":")
+    if "python" in settings and ADAPTERS.get(prefix) != _FOREIGN:
+        raise TaskError(
+            f"`python=` has no effect on `{name}`; it is for environments of another Python, such as "
+            "python:FILE.py:NAME or dmc:DOMAIN-TASK."
+        )
     if prefix in ADAPTERS:
         task, settings = _adapter(prefix).task(env, rest, settings)
     else:
