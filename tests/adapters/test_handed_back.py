@@ -129,6 +129,7 @@ def test_a_drafted_file_is_the_same_task_and_its_variables_can_be_renamed_hidden
     file = tmp_path / "balance.py"
     drafted(file, "gym:CartPole-v1")
     assert f"eureka train env={file}" in capsys.readouterr().out
+    assert "# F is the sum of the environment's own reward" in file.read_text()
     same, base = registry.make(str(file), worlds=3), registry.make("gym:CartPole-v1", worlds=3)
     same.reset()
     base.reset()
@@ -145,6 +146,29 @@ def test_a_drafted_file_is_the_same_task_and_its_variables_can_be_renamed_hidden
     assert torch.equal(state["lean"], theirs["pole_angle"]) and "cart_velocity" not in state
     assert torch.equal(state["squared"], theirs["cart_position"].square())
     np.testing.assert_array_equal(state["obs_buf"], theirs["obs_buf"])
+
+
+def test_f_counts_the_same_whatever_a_drafted_file_calls_or_hides(tmp_path: Path):
+    env = "gym:Pendulum-v1+fitness=-abs(angular_velocity)"
+    file = tmp_path / "swing.py"
+    drafted(file, env)
+    lines = file.read_text().splitlines()
+    edited = {
+        "renamed": "\n".join(lines).replace('angular_velocity"', 'spin"'),
+        "hidden": "\n".join(line for line in lines if "angular_velocity" not in line or "fitness=" in line),
+    }
+    for name, text in edited.items():
+        assert "# F is what `fitness=` says" in text
+        changed = tmp_path / f"{name}.py"
+        changed.write_text(text)
+        base, mine = registry.make(env, worlds=3), registry.make(str(changed), worlds=3)
+        assert "angular_velocity" not in mine.task.spec
+        for simulation in (base, mine):
+            simulation.reset()
+        push = torch.full((3, 1), 0.5)
+        theirs, ours = base.step(push).state, mine.step(push).state
+        assert torch.equal(ours["outcome"], theirs["outcome"])
+        assert torch.equal(theirs["outcome"], -theirs["angular_velocity"].abs())
 
 
 def test_a_task_that_is_a_file_is_not_drafted_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

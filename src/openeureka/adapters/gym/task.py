@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 import mujoco
@@ -16,7 +16,7 @@ from ...tasks.task import Recipe, Score, State, Task, mean_over_episodes, mean_o
 from ...types import RewardGraph, StateSpec, StateVar
 from . import documents
 from .export import draft, wrapper
-from .formula import Formula, formula
+from .formula import formula
 from .survey import Survey, action_meaning, variables
 from .worlds import GymWorlds
 
@@ -24,6 +24,9 @@ SUCCESS = "is_success"
 """The name under which many environments say in `info` that they are solved."""
 CONTINUOUS = Recipe(hidden=(64, 64), env_steps=1_000_000, worlds=32, horizon=64, epochs=8, minibatches=8)
 DISCRETE = Recipe(hidden=(64, 64), env_steps=500_000, worlds=32, horizon=64, epochs=8, minibatches=8, entropy_coef=0.01)
+
+Said = Mapping[str, Tensor]
+"""Numbers of `info` (N, ...)."""
 
 
 class PaidTask(Task):
@@ -40,8 +43,8 @@ class PaidTask(Task):
     """Where each state variable is: columns of the observation, or a name of `info`."""
     keywords: ClassVar[Mapping[str, Any]] = {}
     """What the environment's constructor takes beside its id."""
-    wanted: Formula | None = None
-    """F of a step, of all that the environment says; None for the sum of its reward."""
+    wanted: Callable[[Tensor, Said], Tensor] | None = None
+    """F of a step, of what is `seen` and `said`; None for the sum of the environment's reward."""
     at_end: ClassVar[bool] = True
     """Whether F is taken at the end of an episode, else in every step."""
 
@@ -79,10 +82,7 @@ class PaidTask(Task):
 
     def compute_state(self) -> dict[str, Any]:
         seen, said = self.seen(), self.said()
-        named: dict[str, Any] = {
-            name: said[place] if isinstance(place, str) else seen[:, place].reshape(-1, *self.shapes[name])
-            for name, place in self.places.items()
-        }
+        named = cut(self.places, self.shapes, seen, said)
         whole = {"obs_buf": seen, "previous_obs_buf": self.seen_before(seen), "actions": self.actions}
         return named | whole
 
@@ -96,7 +96,7 @@ class PaidTask(Task):
         self.returned = self.returned + self.paid
         value = self.returned
         if self.wanted is not None:
-            value = torch.where(self.sim.bad, 0.0, self.wanted({**self.said(), **s}))
+            value = torch.where(self.sim.bad, 0.0, self.wanted(s["obs_buf"], self.said()))
         return torch.where(terminated | self.timed_out(s), value, 0.0) if self.at_end else value
 
     def fitness(self, s: State, ended: Tensor) -> Score:
@@ -168,6 +168,16 @@ class GymTask(PaidTask):
         self.returned[worlds] = 0.0
 
 
+def cut(
+    places: Mapping[str, slice | str], shapes: Mapping[str, tuple[int, ...]], seen: Tensor, said: Said
+) -> dict[str, Tensor]:
+    """Variables by name, taken from their places in an observation (N, O) and in `info`."""
+    return {
+        name: said[place] if isinstance(place, str) else seen[:, place].reshape(-1, *shapes[name])
+        for name, place in places.items()
+    }
+
+
 def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
     """What a `PaidTask` says of one environment.
 
@@ -179,8 +189,7 @@ def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
     Raises:
         TaskError: for an expression that is not understood.
     """
-    known = {variable.name: variable.shape for variable, _ in variables(found)}
-    wanted, named = formula(fitness, {**found.infos, **known}) if fitness else (None, frozenset[str]())
+    wanted, named = _wanted(found, fitness) if fitness else (None, frozenset[str]())
     listed = variables(found, named)
     whole = [
         StateVar(name="obs_buf", shape=(found.size,), meaning="the whole observation"),
@@ -207,3 +216,13 @@ def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
         "wanted": staticmethod(wanted) if wanted else None,
         "at_end": at_end,
     }
+
+
+def _wanted(found: Survey, fitness: str) -> tuple[Callable[[Tensor, Said], Tensor], frozenset[str]]:
+    """F of a step, and the names in it: the environment's, whatever a task file calls them."""
+    known = variables(found)
+    shapes = {**found.infos, **{variable.name: variable.shape for variable, _ in known}}
+    value, named = formula(fitness, shapes)
+    places = {**{name: name for name in found.infos}, **{variable.name: place for variable, place in known}}
+    used = {name: places[name] for name in named}
+    return lambda seen, said: value(cut(used, shapes, seen, said)), named
