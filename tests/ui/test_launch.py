@@ -63,6 +63,7 @@ def test_a_started_run_has_the_settings_of_the_form_and_a_session_of_its_own(tmp
         "model": " random ",
         "sample": "",
         "iteration": "3",
+        "video": "",
         "dir": "elsewhere",
         "base_url": "http://x",
     }
@@ -115,6 +116,14 @@ def test_a_form_that_does_not_fit_starts_nothing_and_says_why(tmp_path, form, pr
     answer = visitor(tmp_path).post("/start", data=form)
     assert answer.status_code == 400 and problem in answer.text
     assert not list(tmp_path.iterdir())
+
+
+def test_a_form_leaves_videos_at_the_default_until_somebody_chooses(tmp_path):
+    client = visitor(tmp_path)
+    untouched, chosen = client.get("/").text, client.post("/start", data={"model": "rnadom", "video": "all"}).text
+    default = '<select name="video"><option value="">default</option>'
+    assert default in untouched and "<option selected>all" not in untouched
+    assert default in chosen and "<option selected>all" in chosen
 
 
 def test_what_was_typed_into_a_refused_form_stands_there_still(tmp_path):
