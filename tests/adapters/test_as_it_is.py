@@ -218,6 +218,7 @@ def test_a_strangers_package_is_imported_first():
         ("gym:CartPole-v1+episode_length=soon", "is a number of steps, not `soon`"),
         ("gym:CartPole-v1+fitness=cart_speed", "names `cart_speed`, which the environment does not have. Did you mean"),
         ("gym:Hopper-v5+fitness=__import__('os')", "is not understood"),
+        ("gym:CartPole-v1+episode_length=²", "`episode_length` of CartPole-v1 is a number of steps, not `²`."),
     ],
 )
 def test_what_does_not_fit_is_one_sentence(env: str, said: str):

@@ -32,6 +32,12 @@ def test_a_score_that_is_no_number_everywhere_is_refused_before_anything_is_aske
     record_states("gym:Hopper-v5+fitness=log(max(x_velocity, 0.01))", worlds=8)
 
 
+@pytest.mark.parametrize("number", ["1e400", "1e39", "9" * 400])
+def test_a_number_that_is_infinite_in_32_bits_is_refused(number: str):
+    with pytest.raises(TaskError, match=r"^The fitness `.*` has a number beyond 3\.4e38; write a smaller one\.$"):
+        formula(f"speed * {number}", SHAPES)
+
+
 REFUSED = """
 speed.real | speed() | [speed] | lambda: speed | speed if speed else 1 | place | place[9] | place[-1] | sped | 1 | 'a'
 abs(speed, speed) | speed and speed | speed = 1 | open(speed) | speed @ speed | ((((speed

@@ -30,6 +30,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "min": torch.minimum,
     "max": torch.maximum,
 }
+_LARGEST = torch.finfo(torch.float32).max
 Values = Mapping[str, Tensor]
 Formula = Callable[[Values], Tensor]
 
@@ -59,8 +60,9 @@ def formula(text: str, shapes: Mapping[str, tuple[int, ...]]) -> tuple[Formula, 
 def _check(node: ast.expr, text: str, shapes: Mapping[str, tuple[int, ...]]) -> None:
     """Raises TaskError unless the node is one number per world."""
     match node:
-        case ast.Constant(value=value) if type(value) in (int, float):
-            return
+        case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
+            if value > _LARGEST:
+                raise TaskError(f"The fitness `{text:.80}` has a number beyond 3.4e38; write a smaller one.")
         case ast.Name(id=name):
             if name not in shapes:
                 raise TaskError(

@@ -56,7 +56,7 @@ def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[PaidTas
     keywords, left = dealt(settings)
     steps = left.pop("episode_length", "")
     if steps:
-        if not steps.isdigit() or int(steps) < 1:
+        if not steps.isdecimal() or int(steps) < 1:
             raise TaskError(f"`episode_length` of {name} is a number of steps, not `{steps}`.")
         keywords["max_episode_steps"] = int(steps)
     return _task(env, name, json.dumps(keywords), settings.get("fitness", "")), left
