@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import httpx2
 import pytest
@@ -85,6 +86,14 @@ def test_a_stopped_run_goes_on_and_its_log_grows(tmp_path, monkeypatch):
     with FileLock(directory / LOCK):
         answer = client.post("/runs/run/resume")
         assert answer.status_code == 400 and "is at work already" in answer.text
+
+
+def test_a_run_that_is_called_like_a_setting_goes_on(tmp_path, monkeypatch):
+    monkeypatch.setattr(actions, "_EUREKA", [sys.executable, "-c", "import sys; print(sys.argv[1:])"])
+    monkeypatch.chdir(tmp_path)
+    directory = search_in(Path("lr=3"), [reply(1), reply(2)], iteration=1)
+    actions.Launcher(Path()).resume(directory)
+    wait_for(lambda: (directory / LOG).read_text() == f"['resume', '{tmp_path}/lr=3']\n")
 
 
 def test_a_run_that_is_at_work_is_asked_to_stop(tmp_path):

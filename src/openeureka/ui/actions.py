@@ -60,7 +60,7 @@ class Launcher:
         """Continue a search as `eureka resume` does. Raises StoreError when somebody works on it."""
         if is_held(directory):
             raise StoreError(f"The run in {directory} is at work already.")
-        self._eureka(["resume", str(directory)], directory)
+        self._eureka(["resume", str(directory.absolute())], directory)  # a name such as `lr=3` is no setting
 
     def _eureka(self, words: Sequence[str], directory: Path) -> None:
         """Call `eureka` with these words; what it prints ends up in the log of the run."""
