@@ -11,6 +11,7 @@ import pytest
 pytest.importorskip("gymnasium", reason="needs Gymnasium: pip install 'openeureka[gym]'")
 
 from openeureka.cli.main import main
+from openeureka.llm.grammar import offered
 from openeureka.tasks import registry
 from openeureka.training.evaluate import evaluate
 from openeureka.training.population import Population
@@ -92,7 +93,9 @@ def test_the_factory_of_the_page_is_an_environment(carts: None, capsys: pytest.C
         assert line in printed
     typed([*(word.replace("2e5", "4096") for word in train[1:]), "dir=trained"])
     assert "human: F" in capsys.readouterr().out
-    assert "mark" not in registry.get(named(run)[0]).spec  # which F is made of
+    searched = registry.get(named(run)[0]).spec
+    assert "gap" not in searched  # which F is made of
+    assert [variable.name for variable in offered(searched)] == ["place", "speed", "ahead"]  # to the embedded model
     typed(new[1:])
     assert registry.get("mine.py").num_observations == 3
 
