@@ -22,9 +22,10 @@ Runner = Callable[[Mapping[str, Any]], object]
 
 
 def _cosine_similarity(x1: Tensor, x2: Tensor, dim: int = 1, eps: float = 1e-8) -> Tensor:
-    x1, x2 = torch.broadcast_tensors(x1, x2)  # torch's own counts `dim` in the shape of both
+    product = x1 * x2
+    x1, x2 = x1.expand_as(product), x2.expand_as(product)  # torch's own counts `dim` in the shape of both
     lengths = norm(x1, dim=dim).clamp(min=eps) * norm(x2, dim=dim).clamp(min=eps)
-    return (x1 * x2).sum(dim=dim) / lengths
+    return product.sum(dim=dim) / lengths
 
 
 def _cdist(x1: Tensor, x2: Tensor, p: float = 2.0) -> Tensor:
