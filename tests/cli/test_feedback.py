@@ -73,6 +73,12 @@ def test_a_typed_line_may_be_what_another_shell_is_told() -> None:
     assert typed("'it doesn't stop' \"or turn\"") == [remark("it doesn't stop or turn")]
 
 
+def test_a_misspelt_mark_among_words_is_named_and_a_setting_is_not() -> None:
+    with pytest.raises(FeedbackError, match="There is no `favourit=` to say. Did you mean `favourite`?"):
+        typed("too jerky favourit=g0s1")
+    assert typed("it should set gain=2") == [remark("it should set gain=2")]
+
+
 def test_go_in_a_sentence_does_not_end_the_wait() -> None:
     assert typed("veto=g0s1 it must not go so fast") == [remark("veto=g0s1"), remark("it must not go so fast")]
     assert typed('"let it go"') == [remark("let it go")]

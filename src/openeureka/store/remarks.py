@@ -62,7 +62,11 @@ def typed(line: str) -> list[Remark]:
     words = line.split() or ["go"]
     last = words.pop() if words[-1] == "go" else ""
     marks = [word for word in words if _MARK.match(word)]
-    said = _QUOTED.sub(r"\2", " ".join(word for word in words if not _MARK.match(word)))
+    rest = [word for word in words if not _MARK.match(word)]
+    for word in rest:
+        if (setting := _SETTING.match(word)) is not None and nearest(setting[1].lower(), _MARKS):
+            _refuse_unknown_mark(word)
+    said = _QUOTED.sub(r"\2", " ".join(rest))
     return [remark(part) for part in (*marks, said, last) if part]
 
 
