@@ -148,7 +148,7 @@ def test_numbers_of_another_budget_are_not_mixed_in(go):
 def test_the_package_reads_the_summary(go, tmp_path, monkeypatch):
     go("--env", "ant", "--seeds", "2")
     monkeypatch.setattr(shipped, "_shipped", lambda: json.loads((tmp_path / "shipped.json").read_text()))
-    known = shipped.known("ant", "reward")
+    known = shipped.known("ant", played=True)
     assert known is not None
     assert known.human.training == (10.0, 10.01)
     assert known.sparse.held_out == pytest.approx((4.0, 4.01))

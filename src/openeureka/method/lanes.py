@@ -173,7 +173,13 @@ class Lanes:
             budget = dataclasses.replace(whole, until=rung.share)
             for group in _alike(due):
                 hear = partial(self._hear, number=number, sharing=sharing, failed=failed)
-                self._listen(self.trainer.train(self.config.env, group, budget), hear)
+                events, event = self.trainer.train(self.config.env, group, budget), None
+                try:
+                    for event in events:
+                        hear(event)
+                except KeyboardInterrupt as stop:
+                    self._hear_out(events, event, hear, stop)
+                    raise
             # Beside generated rewards alone the trainer has tried the human one.
             all_generated = not any(isinstance(spec.program, str) for spec in due)
             if failed and len(failed) == len(due) and not all_generated and not self._trained(lanes):
@@ -205,21 +211,17 @@ class Lanes:
                 alike.setdefault(f"{lane.seed} {lane.start} {spec.randomise} {program}", []).append(spec)
         return {group[0].id: group for group in alike.values()}
 
-    def _listen(self, events: Iterator[Event], hear: Callable[[Event], None]) -> None:
-        """Hear every event. Where Ctrl-C falls between two, results that have come already are kept first."""
-        event: Event | None = None
-        try:
-            for event in events:
-                hear(event)
-        except KeyboardInterrupt as stop:
-            if isinstance(event, TrainingResult) and event.lane not in self.store.lanes.results():
-                hear(event)  # what was being kept
-            if isinstance(events, Generator):
-                with suppress(StopIteration):
-                    hear(events.throw(stop))
-                    for late in events:
-                        hear(late)
-            raise
+    def _hear_out(
+        self, events: Iterator[Event], last: Event | None, hear: Callable[[Event], None], stop: KeyboardInterrupt
+    ) -> None:
+        """Keep the results that had come when Ctrl-C fell between two of them, or while the last was being kept."""
+        if isinstance(last, TrainingResult) and last.lane not in self.store.lanes.results():
+            hear(last)
+        if isinstance(events, Generator):
+            with suppress(StopIteration):
+                hear(events.throw(stop))
+                for late in events:
+                    hear(late)
 
     def _hear(self, event: Event, number: int, sharing: Sharing, failed: list[TrainingResult]) -> None:
         """Keep what comes of a lane on the way to a rung; those that failed are for the caller to judge together."""
