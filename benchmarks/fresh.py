@@ -27,7 +27,7 @@ def trained(
         The seeds, and the held-out F of each reward.
 
     Raises:
-        SystemExit: where a training has no score: a mean of those that have one would flatter the reward.
+        SystemExit: as `held_out` does.
     """
     run = openeureka.train(
         config.env,
@@ -39,12 +39,21 @@ def trained(
         worlds=config.worlds,
         device=config.device,
     )
+    return list(seeds(run.config)), list(held_out(run, count).values())
+
+
+def held_out(run: openeureka.Run, count: int) -> dict[str, list[float]]:
+    """Held-out F of each given reward by its name, a value of each of so many seeds.
+
+    Raises:
+        SystemExit: where a training has no score: a mean of those that have one would flatter the reward.
+    """
     arms = run.view.given
     for name, arm in arms.items():
         if len(arm.scores) < count:
             unscored = f"{count - len(arm.scores)} of {count} trainings of {name} have no held-out score"
-            raise SystemExit(f"{unscored}, so nothing is compared. `eureka report {directory}` says why.")
-    return list(seeds(run.config)), [list(arm.scores) for arm in arms.values()]
+            raise SystemExit(f"{unscored}, so nothing is compared. `eureka report {run.directory}` says why.")
+    return {name: list(arm.scores) for name, arm in arms.items()}
 
 
 def between(first: Sequence[float], second: Sequence[float], *, claims: int = 1) -> list[float]:

@@ -20,6 +20,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from fresh import held_out
 from records import interval, machine, today, write
 
 import openeureka
@@ -58,13 +59,18 @@ def best(generation: Generation) -> Record | None:
     return {"place": str(entry.sample.place), "fitness": score.fitness, "error": score.error}
 
 
+def scored(leading: list[Record | None]) -> list[Record]:
+    """Those that played, with a defined F."""
+    return [score for score in leading if score is not None and score["fitness"] is not None]
+
+
 def record(run: openeureka.Run) -> Record:
     """What a finished search found."""
     config, outcome = run.config, run.outcome
     if outcome is None:
         raise SystemExit(f"{run.directory} is not finished.")
     leading = [best(generation) for generation in run.history.generations]
-    if sum(entry is not None and entry["fitness"] is not None for entry in leading) < 2:
+    if len(scored(leading)) < 2:
         raise SystemExit(f"{run.directory} has no two generations whose best reward played, so none is compared.")
     return {
         "env": config.env,
@@ -95,9 +101,9 @@ def fresh(run: openeureka.Run, seeds: int) -> Record:
     again = openeureka.train(
         run.config.env, rewards, dir=run.directory.with_name(f"{run.directory.name}_fresh"), **size
     )
-    held_out = {name: list(arm.scores) for name, arm in again.view.given.items()}
-    human = held_out.pop("human")
-    (generated,) = held_out.values()
+    scores = held_out(again, seeds)
+    human = scores.pop("human")
+    (generated,) = scores.values()
     return {"generated": generated, "human": human}
 
 
@@ -136,8 +142,8 @@ def rows(records: list[Record]) -> list[tuple[str, ...]]:
 
 
 def _row(one: Record) -> tuple[str, ...]:
-    known = [score for score in one["best"] if score is not None and score["fitness"] is not None]
-    first, later = known[0], max(known[1:], key=lambda score: score["fitness"])
+    first, *others = scored(one["best"])
+    later = max(others, key=lambda score: score["fitness"])
     error = math.hypot(first["error"] or 0.0, later["error"] or 0.0)  # none where all episodes come to the same
     apart = f"{(later['fitness'] - first['fitness']) / error:+.1f}" if error else "-"
     played = [f"{number(score['fitness'])} ± {number(score['error'], 2)}" for score in (first, later)]

@@ -56,10 +56,10 @@ def measure(seed: int) -> dict[str, Any]:
     if process.returncode:
         raise SystemExit(process.returncode)
     minutes = {"search_minutes": searched / 60, "minutes": (time.monotonic() - began) / 60}
-    return outcome(directory, **dict.fromkeys(minutes) if continued else minutes)
+    return outcome(directory, **({} if continued else minutes))
 
 
-def outcome(directory: Path, **minutes: float | None) -> dict[str, Any]:
+def outcome(directory: Path, **minutes: float) -> dict[str, Any]:
     """What came of a finished run."""
     run = RunView.read(directory)
     found = run.outcome
@@ -68,7 +68,7 @@ def outcome(directory: Path, **minutes: float | None) -> dict[str, Any]:
     winners = [Ranking(History(history[: index + 1])).best for index in range(len(history))]
     return {
         "settings": " ".join(settings()),
-        **{name: round(value, 1) if value is not None else None for name, value in minutes.items()},
+        **{name: round(value, 1) for name, value in minutes.items()},
         "date": today(),
         "best_played_up_to_generation": [winner.score if winner else None for winner in winners],
         "human_played": run.baseline_score("human"),
@@ -100,8 +100,8 @@ def markdown() -> str:
         "sparse reward, F held out": [spread(one["sparse"]) for one in measured.values()],
         "human-normalised score": [number(one["score"], 3) for one in measured.values()],
         "fresh seeds of the generated reward": [str(len(one["generated"])) for one in measured.values()],
-        "minutes of search": [number(one["search_minutes"], 3) for one in measured.values()],
-        "minutes with scoring and report": [number(one["minutes"], 3) for one in measured.values()],
+        "minutes of search": [number(one.get("search_minutes"), 3) for one in measured.values()],
+        "minutes with scoring and report": [number(one.get("minutes"), 3) for one in measured.values()],
     }
     lines = [["", *(f"seed {seed}" for seed in measured)], ["---"] * (len(measured) + 1)]
     return "\n".join(f"| {' | '.join(line)} |" for line in [*lines, *([name, *cells] for name, cells in rows.items())])

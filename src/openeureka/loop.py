@@ -10,7 +10,7 @@ from random import Random
 from .config import RunConfig
 from .llm.client import LanguageModel
 from .method import baselines, hacking, race, screen
-from .method.lanes import Lanes, beside, deal, programs, since_tuning
+from .method.lanes import Lanes, beside, compared, deal, programs
 from .method.person import Desk, EmptyDesk, Hearing
 from .method.reflection import reflect
 from .method.sampling import Checker, Sampler
@@ -136,6 +136,5 @@ def summarise(config: RunConfig, store: Store, history: History) -> Outcome:
     place = store.crown()
     if place is None:
         return Outcome(best=None)
-    later = since_tuning(store.lanes.all())
-    results = {lane: result for lane, result in store.lanes.results().items() if lane not in later}
+    results = compared(store.lanes.all(), store.lanes.results())
     return race.outcome(config, history, place, results, store.lanes.evaluations())

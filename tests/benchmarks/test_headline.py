@@ -97,7 +97,7 @@ def test_a_training_without_a_score_is_told_and_not_left_out(
 ):
     run = headline.archive("cartpole")
     arms = {"human": Arm(held_out=(1.0, 2.0)), "mine": Arm(held_out=(3.0, None))}
-    view = SimpleNamespace(config=run.config, view=SimpleNamespace(given=arms))
+    view = SimpleNamespace(config=run.config, directory=tmp_path, view=SimpleNamespace(given=arms))
     monkeypatch.setattr(headline.fresh.openeureka, "train", lambda *_, **__: view)
     with pytest.raises(SystemExit, match="1 of 2 trainings of mine have no held-out score"):
         headline.fresh.trained(run.config, ["human", "mine"], tmp_path, 2)

@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from openeureka.config import RunConfig
-from openeureka.method.lanes import BASELINES, Lanes, deal, since_tuning
+from openeureka.method.lanes import BASELINES, Lanes, compared, deal
 from openeureka.observer import NullObserver
 from openeureka.store import Store
 from openeureka.store.lane_log import LaneLog
 from openeureka.testing.scripted import ToyTrainer
-from openeureka.types import Lane, LaneSpec, TrainBudget, TrainingProgress, TrainingResult
+from openeureka.types import Lane, LaneSpec, TrainBudget, TrainingProgress, TrainingResult, TrainingState
 
 LANES = deal(BASELINES, [0, 1], "baseline")
 
@@ -77,11 +77,15 @@ def test_a_result_that_was_being_kept_at_ctrl_c_is_kept(tmp_path: Path, monkeypa
         assert len(store.lanes.results()) == 4
 
 
-def test_what_a_tuning_trains_begins_with_the_first_weighting():
+def test_a_search_compares_nothing_that_began_with_the_first_weighting_or_later():
     lanes = {
         "a-s0": Lane("a", 0, "candidate"),
         "a-s1": Lane("a", 1, "final"),
         "b-s0": Lane("b", 0, "tuned"),
         "a-s2": Lane("a", 2, "final"),
     }
-    assert since_tuning(lanes) == {"b-s0", "a-s2"}
+    results = {
+        name: TrainingResult(lane=name, state=TrainingState.FINISHED, fitness=1.0, curves={}, env_steps=1, seconds=0.0)
+        for name in lanes
+    }
+    assert compared(lanes, results).keys() == {"a-s0", "a-s1"}

@@ -184,14 +184,18 @@ def _range(result: TrainingResult) -> float | None:
 
 
 def _learnt(result: TrainingResult, score: Evaluation) -> float | None:
-    """How far F is above that of the untrained policy; None when training gained nothing, or its curves do not begin
-    with that one, as after the first stage of a curriculum."""
-    if result.steps_before:
+    """How far F is above that of the untrained policy; None when training gained nothing, or that is not known."""
+    before = untrained(result)
+    if before is None or score.fitness is None or score.fitness <= before:
         return None
-    untrained = next((value for value in result.curves.get("fitness", ()) if value is not None), None)
-    if untrained is None or score.fitness is None or score.fitness <= untrained:
-        return None
-    return score.fitness - untrained
+    return score.fitness - before
+
+
+def untrained(result: TrainingResult) -> float | None:
+    """F of an almost untrained policy, the first that is defined; None where the curves do not begin with that one, as
+    those of a curriculum's last stage."""
+    curve = result.curves.get("fitness", ()) if not result.steps_before else ()
+    return next((value for value in curve if value is not None), None)
 
 
 def _loss(before: Evaluation, after: Evaluation) -> float | None:

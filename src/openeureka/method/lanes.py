@@ -118,9 +118,10 @@ def final_lanes(
     }
 
 
-def since_tuning(lanes: Mapping[str, Lane]) -> frozenset[str]:
-    """Ids of what began with the first weighting or later, of lanes in their order: no search compares any of it."""
-    return frozenset(dropwhile(lambda name: lanes[name].role != "tuned", lanes))
+def compared(lanes: Mapping[str, Lane], results: Mapping[str, TrainingResult]) -> dict[str, TrainingResult]:
+    """What a search compares: nothing that began with the first weighting of a tuning or later; lanes are in order."""
+    tuning = set(dropwhile(lambda name: lanes[name].role != "tuned", lanes))
+    return {lane: result for lane, result in results.items() if lane not in tuning}
 
 
 def affordable(trained: Collection[TrainingResult], peaks: int) -> int:

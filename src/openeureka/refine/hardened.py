@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
+from ..method.hacking import untrained
 from ..score import breach, mean, pooled, worth
 from ..store import Store, artifacts
 from ..types import NOMINAL, Dynamics, Evaluation, Hardening, Limits, Peak, PolicyId, Ranges, TrainingResult
@@ -175,10 +176,8 @@ def carries(store: Store, lane: str, quantities: Iterable[str]) -> list[Carried]
     """How far a lane's policy carries along each quantity, as far as it was tried."""
     scores, result = store.lanes.trials().get(lane, {}), store.lanes.result(origin(store, lane))
     nominal = scores["sweep"].fitness if "sweep" in scores else None
-    # The curves of a curriculum are those of its last stage, which begins with a trained policy.
-    curve = result.curves.get("fitness", ()) if result is not None and not result.steps_before else ()
-    untrained = next((value for value in curve if value is not None), None)
-    learnt = nominal - untrained if nominal is not None and untrained is not None else 0.0
+    before = untrained(result) if result is not None else None
+    learnt = nominal - before if nominal is not None and before is not None else 0.0
 
     def point(value: float, score: Evaluation | None) -> tuple[float, float | None, float | None]:
         fitness = score.fitness if score is not None else None

@@ -10,7 +10,7 @@ from .. import score, strategies
 from ..config import NO_MODEL, RunConfig
 from ..method import baselines, hacking, race
 from ..method.hacking import Sign, Tried
-from ..method.lanes import BASELINES, beside, final_lanes, final_seeds, since_tuning
+from ..method.lanes import BASELINES, beside, compared, final_lanes, final_seeds
 from ..refine import hardened, polishing, tuned
 from ..refine.hardened import Robust
 from ..refine.polishing import Polished
@@ -233,8 +233,7 @@ class RunView:
     @property
     def _compared(self) -> dict[str, TrainingResult]:
         """Results of what the search itself trained."""
-        later = since_tuning(self.lanes)
-        return {lane: result for lane, result in self.results.items() if lane not in later}
+        return compared(self.lanes, self.results)
 
     @property
     def tried(self) -> tuple[Tried, ...]:

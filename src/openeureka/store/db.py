@@ -113,15 +113,16 @@ def _connect(directory: Path, writable: bool) -> sqlite3.Connection:
             raise StoreError(
                 f"{file} is a link, or no regular file: a run has none; delete it, or choose another dir=."
             )
-    waiting = path.with_name(f"{FILENAME}-wal")
-    if not writable and not os.access(directory, os.W_OK) and not waiting.exists():
+    if not writable and not os.access(directory, os.W_OK):
         # Readers of a file in WAL mode make its index beside it. Where they cannot, nobody writes either.
-        return sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True, isolation_level=None)
-    if not writable and not os.access(directory, os.W_OK) and not path.with_name(f"{FILENAME}-shm").exists():
-        raise StoreError(
-            f"{waiting} holds the last rows of a run that was killed, and cannot be read where nothing can be written; "
-            f"copy {directory}, and look at the copy."
-        )
+        waiting, index = (path.with_name(f"{FILENAME}{suffix}") for suffix in ("-wal", "-shm"))
+        if not waiting.exists():
+            return sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True, isolation_level=None)
+        if not index.exists():
+            raise StoreError(
+                f"{waiting} holds the last rows of a run that was killed, and cannot be read where nothing can be "
+                f"written; copy {directory}, and look at the copy."
+            )
     return sqlite3.connect(path, isolation_level=None, timeout=30.0)
 
 

@@ -16,6 +16,7 @@ from ..worker import framed, unframed
 from . import artifacts
 from .db import Database
 from .rows import (
+    damaged,
     decode_digest,
     decode_evaluation,
     decode_lane,
@@ -102,7 +103,7 @@ class LaneLog:
             return None
         name = f"lanes/{lane}/{policy_name(peak)}.safetensors"
         found = artifacts.read(self._directory, name)
-        if not found or (wanted and digest(found) != wanted):
+        if damaged(found, wanted):
             where = self._directory / name
             raise StoreError(f"{where} is missing or damaged; restore it from a copy, or begin again in another dir=.")
         return found
@@ -269,7 +270,7 @@ class StageFiles:
             result, wanted = decode_result(lane, text), decode_digest(text, "last")
         except DecodeError:
             return None
-        if wanted and (last is None or digest(last) != wanted):
+        if wanted is not None and damaged(last, wanted):
             return None
         return result.holding({"last": last} if last is not None else {})
 

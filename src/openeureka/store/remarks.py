@@ -64,8 +64,7 @@ def typed(line: str) -> list[Remark]:
     marks = [word for word in words if _MARK.match(word)]
     rest = [word for word in words if not _MARK.match(word)]
     for word in rest:
-        if (setting := _SETTING.match(word)) is not None and nearest(setting[1].lower(), _MARKS):
-            _refuse_unknown_mark(word)
+        _refuse_unknown_mark(word, alone=False)
     said = _QUOTED.sub(r"\2", " ".join(rest))
     return [remark(part) for part in (*marks, said, last) if part]
 
@@ -91,13 +90,14 @@ def remark(word: str) -> Remark:
     return Remark(kind=kind, candidate=_place(better), over=_place(worse))
 
 
-def _refuse_unknown_mark(word: str) -> None:
-    """What was meant for the run must not silently become words for the model."""
+def _refuse_unknown_mark(word: str, *, alone: bool = True) -> None:
+    """What was meant for the run must not silently become words for the model; a setting among others may be meant for
+    the model, unless it is nearly a mark."""
     setting = _SETTING.match(word)
     if setting is None:
         return
     guess = nearest(setting[1].lower(), _MARKS)
-    if guess or setting.end() == len(word):
+    if guess or (alone and setting.end() == len(word)):
         raise FeedbackError(
             f"There is no `{setting[1]}=` to say.{guess} Marks are favourite=, veto= and vote=; what is for the model "
             'needs more words around it, such as "set gain=2".'

@@ -118,6 +118,11 @@ def digest(policy: bytes) -> str:
     return hashlib.sha256(policy).hexdigest()
 
 
+def damaged(policy: bytes | None, wanted: str) -> bool:
+    """Whether a policy's file is missing, or not what `decode_digest` says was written."""
+    return not policy or (bool(wanted) and digest(policy) != wanted)
+
+
 def decode_digest(text: str | bytes, peak: Peak) -> str | None:
     """The digest of one of a result's policies; None where it has none, empty where an older version kept none."""
     file: _File | None = getattr(decode(_Files, text), policy_name(peak))
