@@ -55,8 +55,8 @@ class ProgressLine:
         self._console = console or Console()
         self._status = self._console.status("Starting") if redraws(self._console) else None
         self._since: tuple[float, int] | None = None
-        """When the training that is shown was first heard of, and its epoch then."""
-        self._epoch = 0
+        """When the training that is shown was first heard of, and its epochs then, as `_left` counts them."""
+        self._counted = 0
         self._printed, self._pause = 0.0, SECONDS_BETWEEN_LINES
 
     def __enter__(self) -> ProgressLine:
@@ -95,12 +95,12 @@ class ProgressLine:
 
     def _left(self, progress: TrainingProgress) -> float | None:
         """[s] to its end, at the pace of the epochs heard of; after an earlier epoch it is another training."""
-        now = time.monotonic()
-        if self._since is None or progress.epoch < self._epoch:
-            self._since = now, progress.epoch
-        self._epoch = progress.epoch
+        now, counted = time.monotonic(), progress.epoch - progress.resumed
+        if self._since is None or counted < self._counted:
+            self._since = now, counted
+        self._counted = counted
         began, first = self._since
-        done = progress.epoch - first
+        done = counted - first
         return (now - began) / done * (progress.epochs - progress.epoch) if done else None
 
 

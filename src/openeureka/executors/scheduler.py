@@ -89,6 +89,8 @@ class Tally:
 
     populations: int
     running: dict[Population, TrainingProgress] = field(default_factory=dict)
+    began: dict[Population, int] = field(default_factory=dict)
+    """The epoch at which each was first heard of; far from 0 where it goes on from a snapshot."""
     done: int = 0
     fitness: dict[str, float | None] = field(default_factory=dict)
     latest: dict[str, Mapping[str, float | None]] = field(default_factory=dict)
@@ -96,6 +98,7 @@ class Tally:
     def add(self, population: Population, progress: TrainingProgress) -> TrainingProgress:
         """Epochs add up over the populations; the rate is that of all that are under way."""
         self.running[population] = progress
+        self.began.setdefault(population, progress.epoch)
         self.fitness |= progress.fitness
         self.latest |= progress.latest
         return TrainingProgress(
@@ -104,6 +107,7 @@ class Tally:
             env_steps_per_second=sum(part.env_steps_per_second for part in self.running.values()),
             fitness=dict(self.fitness),
             latest=dict(self.latest),
+            resumed=sum(self.began.values()),
             nodes=self._nodes(),
         )
 

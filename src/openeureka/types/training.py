@@ -227,6 +227,8 @@ class TrainingProgress:
     env_steps_per_second: float
     fitness: Mapping[str, Finite | None]
     """Best F so far per lane id."""
+    resumed: int = 0
+    """Of `epoch`, those done before anything was heard of them, by a run that was stopped: they tell no pace."""
     latest: Mapping[str, Mapping[Name, Finite | None]] = field(default_factory=dict[str, Mapping[str, "Finite | None"]])
     """Newest value of `fitness`, `reward` and each `component/<name>` per lane id."""
     nodes: Mapping[str, NodeShare] = field(default_factory=dict[str, NodeShare])
