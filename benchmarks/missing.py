@@ -24,6 +24,7 @@ import headline
 import measurable
 import polish
 import progress
+import prompts
 import tune
 from records import read
 
@@ -57,6 +58,13 @@ def left() -> Iterator[list[str]]:
     yield from (["polish.py", "--env", env] for env in polish.TASKS if env not in known)
     known = read(progress.RESULTS)
     yield from (["progress.py", "--env", env] for env in progress.tasks() if progress.lacks(known.get(env)))
+    known = read(prompts.RESULTS)
+    yield from (
+        ["prompts.py", "--env", env, "--seeds", str(seed)]
+        for seed in prompts.SEEDS
+        for env in prompts.STEPS
+        if not any(lane.endswith(f"-s{seed}") for lane in known.get(env, {}).get("lanes", ()))
+    )
 
 
 def main() -> None:

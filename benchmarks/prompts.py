@@ -30,6 +30,7 @@ REPLIES = FOLDER / "prompts"
 RESULTS = FOLDER / "results" / "prompts.json"
 STEPS = {"ant": 750_000, "anymal": 750_000, "ballbalance": 300_000}
 """Of each lane."""
+SEEDS = (0, 1)
 RECIPES: Mapping[str, Mapping[str, float]] = {
     "ant": {"worlds": 128, "noise": 0.4},
     "anymal": {"noise": 0.4},
@@ -80,7 +81,7 @@ def table(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--env", choices=STEPS, nargs="+", default=list(STEPS))
-    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1])
+    parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
     options = parser.parse_args()
     for seed in options.seeds:
         for env in options.env:

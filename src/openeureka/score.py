@@ -63,10 +63,11 @@ def pooled(looks: Sequence[Evaluation], *, shared: bool = False) -> Evaluation:
         return math.fsum(weighted) / episodes if len(known) == len(defined) else None
 
     errors = [(look.error or 0.0) * look.episodes for look in defined]
+    summed = math.fsum(errors) if shared else math.hypot(*errors)
     return replace(
         looks[0],
         fitness=total([look.fitness for look in defined]),
-        error=(math.fsum(errors) if shared else math.hypot(*errors)) / episodes if looks[0].error is not None else None,
+        error=summed / episodes if defined[0].error is not None else None,
         episode_length=total([look.episode_length for look in defined]) or 0.0,
         episodes=episodes,
         costs={name: total([look.costs.get(name) for look in defined]) or 0.0 for name in looks[0].costs},
@@ -134,7 +135,9 @@ def pearson(xs: Sequence[float | None], ys: Sequence[float | None]) -> float | N
     xy = math.fsum((x - mean_x) * (y - mean_y) for x, y in pairs)
     xx = math.fsum((x - mean_x) ** 2 for x, _ in pairs)
     yy = math.fsum((y - mean_y) ** 2 for _, y in pairs)
-    return xy / math.sqrt(xx * yy) if xx > 0 and yy > 0 else None
+    if xx <= CLOSE**2 * math.fsum(x * x for x, _ in pairs) or yy <= CLOSE**2 * math.fsum(y * y for _, y in pairs):
+        return None
+    return xy / math.sqrt(xx * yy)
 
 
 def midranks(values: Sequence[float] | np.ndarray) -> np.ndarray:
@@ -165,7 +168,7 @@ class Difference:
 CONFIDENCE = 0.95
 MOST_SEEDS = 100
 CLOSE = 1e-9
-"""A spread below this share of the difference is rounding."""
+"""A spread below this share of the value is rounding."""
 
 
 def difference(
@@ -235,6 +238,8 @@ class Estimate:
     high: float | None
     """Ends of the 95 % interval; None where one value has no spread."""
     count: int
+    claims: int = 1
+    """How many such intervals are to hold together."""
 
     @property
     def sure(self) -> bool:
@@ -242,7 +247,7 @@ class Estimate:
         many of one sign are no chance."""
         if self.low is None or self.high is None or self.low <= 0 <= self.high:
             return False
-        return self.low < self.high or 2.0 ** (1 - self.count) <= 1 - CONFIDENCE
+        return self.low < self.high or self.claims * 2.0 ** (1 - self.count) <= 1 - CONFIDENCE
 
 
 def estimate(values: Sequence[float | None], *, claims: int = 1) -> Estimate | None:
@@ -256,10 +261,10 @@ def estimate(values: Sequence[float | None], *, claims: int = 1) -> Estimate | N
     if centre is None:
         return None
     if count < 2:
-        return Estimate(value=centre, low=None, high=None, count=count)
+        return Estimate(value=centre, low=None, high=None, count=count, claims=claims)
     spread = math.sqrt(math.fsum((value - centre) ** 2 for value in defined) / (count - 1))
-    half = _quantile(count - 1, claims) * spread / math.sqrt(count)
-    return Estimate(value=centre, low=centre - half, high=centre + half, count=count)
+    half = _quantile(count - 1, claims) * spread / math.sqrt(count) if spread > CLOSE * abs(centre) else 0.0
+    return Estimate(value=centre, low=centre - half, high=centre + half, count=count, claims=claims)
 
 
 def gain(own: Evaluation, other: Evaluation) -> Estimate | None:

@@ -14,20 +14,22 @@ import measurable
 import missing
 import polish
 import progress
+import prompts
 import tune
 
 
 @pytest.fixture
 def results(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    for script in (claims, greedy, headline, measurable, polish, progress, tune):
+    for script in (claims, greedy, headline, measurable, polish, progress, prompts, tune):
         monkeypatch.setattr(script, "RESULTS", tmp_path / f"{script.__name__}.json")
     return tmp_path
 
 
 def test_where_nothing_is_known_everything_is_missing(results: Path):
     commands = list(missing.left())
-    # 3 tasks of measurable, 31 of the table, 3 x 5 groups, 2 x 2 tunings, 3 of polish, a folder of rewards of progress
-    assert len(commands) == 3 + 31 + 15 + 4 + 3 + len(progress.tasks())
+    # 3 tasks of measurable, 31 of the table, 3 x 5 groups, 2 x 2 tunings, 3 of polish, a folder of rewards of progress,
+    # 3 x 2 of prompts
+    assert len(commands) == 3 + 31 + 15 + 4 + 3 + len(progress.tasks()) + 6
     assert all((missing.FOLDER / script).is_file() for script, *_ in commands)
 
 
@@ -37,6 +39,9 @@ def test_what_is_known_is_not_among_them(results: Path):
     commands = list(missing.left())
     assert [words for script, *words in commands if script == "measurable.py"] == [["--env", "anymal"]]
     assert not any(script == "greedy.py" for script, *_ in commands)
+    (results / "prompts.json").write_text(json.dumps({"ant": {"lanes": {"human-s0": 1.0}}}))
+    asked = [words[1::2] for script, *words in missing.left() if script == "prompts.py"]
+    assert asked == [["anymal", "0"], ["ballbalance", "0"], ["ant", "1"], ["anymal", "1"], ["ballbalance", "1"]]
     tunings = [words[1::2] for script, *words in commands if script == "tune.py"]
     assert tunings == [["ant", "spoiled"], ["shadow_hand_over", "human"], ["shadow_hand_over", "spoiled"]]
 

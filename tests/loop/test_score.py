@@ -51,8 +51,15 @@ def test_pearson_uses_the_pairs_in_which_both_are_defined() -> None:
 
 def test_pearson_is_undefined_for_constants_and_single_pairs() -> None:
     assert pearson([1, 1, 1], [1, 2, 3]) is None
+    assert pearson([0.1] * 3, [0, 1, 2]) is None and pearson([0, 1, 2], [0.7] * 3) is None  # their means round
     assert pearson([1], [2]) is None
     assert pearson([], []) is None
+
+
+def test_a_look_in_which_f_was_undefined_takes_no_error_from_the_others() -> None:
+    undefined = Evaluation(lane="a", fitness=None, episode_length=9.0, episodes=8)
+    known = Evaluation(lane="a", fitness=0.5, error=0.06, episode_length=9.0, episodes=8)
+    assert score.pooled([undefined, known]) == score.pooled([known, undefined]) == known
 
 
 def test_equal_values_share_the_mean_of_their_ranks() -> None:
@@ -114,6 +121,9 @@ def test_seeds_that_do_not_differ_decide_as_soon_as_so_many_are_no_chance() -> N
     # Paired: 2 / 2^5 = 0.0625, 2 / 2^6 = 0.031.
     five, six = (score.estimate([0.2] * count) for count in (5, 6))
     assert five is not None and six is not None and (five.sure, six.sure) == (False, True)
+    # What differs by rounding alone has no spread, and of 9 such intervals 9 * 2 / 2^6 = 0.28.
+    thirds, nine = score.estimate([1 / 3, 2 / 3 - 1 / 3, 1 - 2 / 3]), score.estimate([1.0] * 6, claims=9)
+    assert thirds is not None and nine is not None and not thirds.sure and not nine.sure
 
 
 def test_one_seed_of_each_has_no_interval() -> None:

@@ -261,6 +261,17 @@ def test_fitness_is_the_share_of_episodes_that_open_the_drawer(env: BatchedEnv):
     assert weight.tolist() == [249 * 499 + 1, 499.0, 499.0]
 
 
+def test_an_episode_that_began_in_its_middle_does_not_count():
+    env = BatchedEnv(FrankaCabinet, worlds=3)
+    env.reset(stagger=True)
+    env.sim.bind("qpos")[1:, 12] = 0.395
+    env.sim.forward(torch.arange(3))
+    env.task.progress[:], env._whole[:] = torch.tensor([3, 3, 3]), torch.tensor([False, False, True])
+    score = env.step(torch.zeros(3, 9)).score
+    assert score.weight.tolist() == [0.0, 0.0, 496.0]
+    assert float(score.value[2]) == pytest.approx(499 / 496)
+
+
 def test_human_reward_by_hand(env: BatchedEnv):
     # World 0: 1 m from the handle, sideways (-0.5, 0): 2 / 4 - 0.5 * 0.5 * 0.25 = 0.4375; actions -0.01 * 9.
     # World 1: 0.01 m away, aligned, fingers 0.03 above and 0.02 below, drawer at 0.25: 2 * 2 / 1.0001^2 + 0.5 +

@@ -60,6 +60,14 @@ def test_a_short_episode_is_kept_whole():
     assert states(one, 0) == [0, 1, 2, 3, 4] and states(one, 1) == list(range(12))
 
 
+def test_a_constant_that_is_turned_in_memory_is_written_as_it_reads():
+    turned = torch.arange(6.0).view(3, 2).T
+    recorder = Recorder(StateSpec((*SPEC.variables, StateVar(name="axes", meaning="turned", kind="constant"))), [0], 1)
+    recorder.add(0, {"step": torch.zeros(1), "scale": 2.0, "axes": turned}, torch.ones(1, dtype=torch.bool))
+    (one,) = recorder.read([torch.ones(3, 1, dtype=torch.float64)])
+    assert torch.equal(load(one.states)["axes"], turned)
+
+
 def test_of_a_long_one_steps_are_evenly_apart():
     (one,) = recorded(100, [30, 100])
     # 16 at most: apart by 1 up to step 15, by 2 up to 31, by 4 up to 63, by 8 from there.

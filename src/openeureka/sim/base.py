@@ -79,7 +79,7 @@ class Simulator(Worlds):
     Attributes:
         model: the compiled model; per-world values live in `expand`.
         bad: (N,) bool, worlds whose physics broke down in the last `step` (not finite, faster than `MAX_SPEED`, or a
-            MuJoCo warning); their state is already the default one.
+            MuJoCo warning): whoever steps them resets them.
     """
 
     model: mujoco.MjModel
@@ -90,8 +90,8 @@ class Simulator(Worlds):
 
         Inputs (`ctrl`, `xfrc_applied`, ...) are read at the next `step`; state (`qpos`, `qvel`) is read at the next
         `forward`, for the worlds named there; in others it must not be written. Every bound field is current after
-        `step`, `reset` and `forward`, except that forces and acceleration sensors after `step` are those of its last
-        substep.
+        `step` and `forward`, except that forces and acceleration sensors after `step` are those of its last substep.
+        After `reset` the state is, and the rest once `forward` is called.
         """
 
     @abstractmethod

@@ -167,7 +167,7 @@ class BatchedEnv:
         if not self.scored:
             return mean_over_steps(torch.zeros(len(bad), device=bad.device))
         value, weight = faults.scored(self.task, self.task.fitness(state, ended))
-        weight = torch.where(bad, 0.0, weight)
+        weight = torch.where(bad | ~self._whole if self.task.scores_episodes else bad, 0.0, weight)
         # What is not defined where it has no weight, such as 0 / 0, would else be summed: 0 times NaN is NaN.
         return Score(value.masked_fill((weight == 0) & ~value.isfinite(), 0.0), weight)
 

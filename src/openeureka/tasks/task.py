@@ -111,6 +111,8 @@ class Task(ABC):
     """Least and highest F there can be; None where nothing bounds it."""
     ends: ClassVar[str] = ""
     """When `terminated` ends an episode: a sentence for the language model, which does not say what F wants."""
+    scores_episodes: ClassVar[bool] = False
+    """F tells of whole episodes in every step: those of an episode that began in its middle have no weight."""
     episode_length: ClassVar[int]
     """[steps]"""
     time_out_early: ClassVar[int] = 1

@@ -60,8 +60,9 @@ class Recorder:
         affordable = MAX_BYTES // (self._count * max(1, size))
         self._most = max(2, min(STEPS, affordable) // 2 * 2)
         others = [variable.name for variable in self._spec.variables if variable.kind in ("constant", "float", "int")]
-        # Constants may be parts of one tensor, which safetensors refuses to write.
-        self._numbers = {name: torch.as_tensor(state[name]).cpu().clone() for name in others}
+        # Constants may be parts of one tensor, or turned in memory: safetensors refuses to write either.
+        own = {name: torch.as_tensor(state[name]).cpu() for name in others}
+        self._numbers = {name: value.clone(memory_format=torch.contiguous_format) for name, value in own.items()}
 
     def read(self, sums: Sequence[Tensor]) -> Iterator[Episodes]:
         """What was recorded of each lane.

@@ -17,7 +17,8 @@ from .episodes import Recorder
 from .policy import Player, Policy
 
 HELD_OUT_SEED = 1 << 32
-"""Added to the seed, so that no start state of training is drawn again."""
+"""Added to the seed, so that start states are other draws than those of training. Environments that are seeded
+themselves (`gym:`) have 2^24 seeds: now and then one is met again."""
 EPISODES = 256
 """Of each policy, where nobody says how many."""
 WORLDS = 16384

@@ -62,6 +62,7 @@ class FrankaCabinet(Task):
     human = REWARDS / "franka_cabinet.py"
     memory = ("franka_dof_targets",)
     score_unit, score_range = "share of episodes in which it opens", (0.0, 1.0)
+    scores_episodes = True
     ends = "An episode ends early as soon as the top drawer is pulled out all the way."
     episode_length = 500
     control_dt = 0.0166
