@@ -124,6 +124,24 @@ class Whole(Bits):
         return super().step(actions)
 
 
+class Rated:
+    """Observes how far each action is from the one before, which it holds on to."""
+
+    num_actions = 1
+
+    def __init__(self, worlds):
+        self.last = np.zeros((worlds, 1))
+
+    def reset(self, *, seed, options):
+        self.last = np.zeros_like(self.last)
+        return self.last, {}
+
+    def step(self, actions):
+        change, self.last = actions - self.last, actions
+        flags = np.zeros(len(actions), bool)
+        return change, -np.abs(change[:, 0]), flags, flags, {}
+
+
 def resets_itself(worlds):
     carts = Carts(worlds)
     carts.metadata = {"autoreset_mode": "AutoresetMode.NEXT_STEP"}

@@ -77,6 +77,13 @@ def test_bits_and_choices_that_begin_at_one_cross_over_as_gymnasium_has_them():
     assert state["obs_buf"].tolist() == [[2.0, 7.0]] * 2  # 1 + 1 of {1, 2}, and 5 + 2 of {5, 6, 7}
 
 
+def test_an_action_that_an_environment_holds_on_to_stays_what_it_was():
+    simulation = registry.make(f"python:{HERE / 'carts.py'}:Rated", worlds=1)
+    simulation.reset()
+    seen = [simulation.step(torch.full((1, 1), taken)).observation.item() for taken in (0.5, -0.5, 1.0)]
+    assert seen == [0.5, -1.0, 1.5]
+
+
 def test_whole_numbers_are_rounded_and_the_first_action_is_in_their_range():
     simulation = registry.make(f"python:{HERE / 'carts.py'}:Whole", worlds=2)
     simulation.reset()

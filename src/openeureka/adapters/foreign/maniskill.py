@@ -64,7 +64,7 @@ class Batches:
     def step(self, actions: np.ndarray) -> tuple[Any, ...]:
         torch, paid = sys.modules["torch"], []
         for number, (env, worlds) in enumerate(self._batches()):
-            given = torch.as_tensor(actions[worlds].copy(), device=env.unwrapped.device)
+            given = torch.as_tensor(actions[worlds], device=env.unwrapped.device)
             observation, *told, info = env.step(given)
             self.last[number] = observation, info
             paid.append(told)

@@ -153,7 +153,7 @@ class Scene:
         torch = sys.modules["torch"]
         self.stepping = True
         try:
-            given = torch.as_tensor(actions.reshape(self.worlds, -1).copy(), device=self.env.device)
+            given = torch.as_tensor(actions.reshape(self.worlds, -1), device=self.env.device)
             observation, reward, terminated, truncated, _ = self.env.step(given)
         finally:
             self.stepping = False

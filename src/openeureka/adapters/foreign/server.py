@@ -279,7 +279,8 @@ class Server:
         return {}
 
     def step(self) -> dict[str, Any]:
-        self._memory.write(*self.env.step(self._memory.arrays["actions"]))
+        # An environment may hold on to its actions; the other side writes the next ones over these.
+        self._memory.write(*self.env.step(self._memory.arrays["actions"].copy()))
         return {}
 
 
