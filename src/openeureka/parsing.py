@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import os
 import re
 import shlex
@@ -75,6 +76,18 @@ def whole_number(value: str) -> int:
     if re.fullmatch(r"[+-]?\d+(\.\d*)?[eE]\+?\d{1,2}", value) and float(value).is_integer():
         return int(float(value))
     return int(value)
+
+
+_SPELLED = {"True": True, "False": False, "None": None}
+"""What Python writes otherwise than JSON."""
+
+
+def plain(text: str) -> Any:
+    """A value in JSON or, but for what holds others, as Python writes it; any other text is itself."""
+    try:
+        return _SPELLED[text] if text in _SPELLED else json.loads(text)
+    except ValueError:
+        return text
 
 
 _WANTED = {"int": "a whole number", "float": "a number", "bool": "true or false"}

@@ -57,6 +57,10 @@ def test_what_is_set_reaches_what_makes_it_and_a_formula_names_its_state():
     )
 
 
+def test_what_python_calls_nothing_reaches_what_makes_it_as_none():
+    assert registry.get(f"{CARTS}+fault=None").opened.keywords["settings"] == {"fault": None}
+
+
 def test_choices_and_dictionaries_cross_over():
     simulation = registry.make(f"python:{HERE / 'carts.py'}:Pair", worlds=2)
     simulation.reset()

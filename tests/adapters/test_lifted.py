@@ -154,6 +154,14 @@ def test_the_constructor_decides_and_the_other_prefix_leaves_it_as_it_is():
     assert registry.get("gym-asis:Hopper-v5").draws_itself
 
 
+@pytest.mark.parametrize("spelled", ["false", "False"])
+def test_a_switch_of_the_constructor_may_be_spelled_as_json_or_python_has_it(spelled: str):
+    simulation = registry.make(f"gym:Hopper-v5+terminate_when_unhealthy={spelled}", worlds=4)
+    simulation.reset()
+    ends = [simulation.step(torch.ones(4, 3)).terminated.any() for _ in range(60)]
+    assert not any(ends)
+
+
 class Paid(gymnasium.RewardWrapper):
     def reward(self, reward):
         return -1000.0

@@ -17,6 +17,7 @@ from gymnasium.envs.registration import load_env_creator
 from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker, TimeLimit
 
 from ...errors import TaskError, nearest
+from ...parsing import plain
 from ...tasks.faults import told, told_where
 from ...tasks.task import Task
 from .families import FAMILIES
@@ -36,10 +37,10 @@ def imports(name: str, settings: Mapping[str, str]) -> bool:
 
 
 def dealt(settings: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, str]]:
-    """Those for the environment's constructor, read as JSON where they are, and class attributes of the task."""
+    """Those for the environment's constructor, as values, and class attributes of the task."""
     others = {key: text for key, text in settings.items() if key not in _OWN}
     own = {key: text for key, text in others.items() if hasattr(Task, key) or key in Task.__annotations__}
-    return {key: _value(text) for key, text in others.items() if key not in own}, own
+    return {key: plain(text) for key, text in others.items() if key not in own}, own
 
 
 def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[PaidTask], dict[str, str]]:
@@ -106,13 +107,6 @@ def _lifted(env: Env[Any, Any], found: Survey) -> dict[str, Any]:
         "lags": lags,
         "memory": (*family.memory, "late") if lags else family.memory,
     }
-
-
-def _value(text: str) -> Any:
-    try:
-        return json.loads(text)
-    except ValueError:
-        return text
 
 
 def _make(name: str, **keywords: Any) -> Env[Any, Any]:
