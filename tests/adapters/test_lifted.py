@@ -162,6 +162,11 @@ def test_a_switch_of_the_constructor_may_be_spelled_as_json_or_python_has_it(spe
     assert not any(ends)
 
 
+@pytest.mark.parametrize("body, lifted", [("4", False), ("front_left_leg", False), ("1", True), ("torso", True)])
+def test_an_ant_is_lifted_only_where_its_speed_is_that_of_its_torso(body: str, lifted: bool):
+    assert registry.get(f"gym:Ant-v5+main_body={body}").draws_itself is not lifted
+
+
 class Paid(gymnasium.RewardWrapper):
     def reward(self, reward):
         return -1000.0

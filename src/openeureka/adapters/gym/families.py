@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -88,6 +89,11 @@ class Ant(Runner):
 
     has_y, normal, forces = True, True, True
     fields = ("cfrc_ext",)
+
+    @classmethod
+    def fits(cls, env: Any) -> bool:
+        """Speeds of another `main_body` than the one that positions begin with are in no lifted state."""
+        return env.model.body(env._main_body).id == env.model.jnt_bodyid[0]
 
     def contact_forces(self) -> Tensor:
         """(N, B, 6) clipped."""

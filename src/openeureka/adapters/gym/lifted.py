@@ -57,6 +57,11 @@ class LiftedTask(PaidTask):
         """(N, numbers) `fields` before the last substep, where Gymnasium reads those; NaN until the first step."""
 
     @classmethod
+    def fits(cls, env: Any) -> bool:
+        """Whether its formulas are those of this instance of the family, however that was made."""
+        return True
+
+    @classmethod
     def model(cls) -> mujoco.MjSpec:  # pyright: ignore[reportIncompatibleMethodOverride]  static where a class is one task
         spec = mujoco.MjSpec.from_file(cls.path)
         if "cfrc_ext" in cls.fields:  # which MuJoCo computes for a model with a force sensor alone

@@ -87,8 +87,8 @@ def _task(env: str, name: str, keywords: str, fitness: str) -> type[PaidTask]:
 
 
 def _lifted(env: Env[Any, Any], found: Survey) -> dict[str, Any]:
-    """What a lifted task takes from the instance; nothing for an environment that is none of the families, or that
-    wraps one: its reward, actions or observation may be others."""
+    """What a lifted task takes from the instance; nothing for an environment that is none of the families, that
+    wraps one, or that is made to pay otherwise: its reward, actions or observation may be others."""
     inner: Any = env
     while type(inner) in _BARE:
         inner = inner.env
@@ -96,6 +96,8 @@ def _lifted(env: Env[Any, Any], found: Survey) -> dict[str, Any]:
     if kind.__name__ not in FAMILIES or not re.fullmatch(r"gymnasium\.envs\.mujoco\.\w+_v5", kind.__module__):
         return {}
     family = FAMILIES[kind.__name__]
+    if not family.fits(inner):
+        return {}
     # Euler's rule leaves behind what its last substep began with.
     lags = bool(family.fields) and inner.model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
     return {
