@@ -60,7 +60,7 @@ class Door:
             raise ConfigError(f"There is no file {file}; {self.setting}=FILE.py:Name names what is in a file.")
         try:
             found = import_file(file) if file else importlib.import_module(module)
-        except Exception as error:  # whatever a person's code raises
+        except (Exception, SystemExit) as error:  # whatever a person's code raises
             said = " ".join(f"{type(error).__name__}: {error}".split()).rstrip(".")
             own = isinstance(error, ModuleNotFoundError) and (error.name or "") == module.partition(".")[0]
             where = " Put the folder that holds it on PYTHONPATH: export PYTHONPATH=." if own else ""

@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib.util
+import sys
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import torch
 
 pytest.importorskip("gymnasium", reason="needs Gymnasium: pip install 'openeureka[gym]'")
 
+import gymnasium
 from gymnasium import spaces
 
 from openeureka.adapters.gym.spaces import Actions, parts
@@ -232,6 +234,21 @@ def test_an_environment_that_raises_is_named_with_its_error():
         TaskError, match=r"Faulty-v0` failed: .*/worlds\.py, line \d+, in `step`: ValueError: the battery is empty"
     ):
         registry.get("gym:Openeureka/Faulty-v0")
+
+
+@pytest.mark.parametrize("step", [2, 12])
+def test_an_environment_that_ends_python_is_named_as_one_that_raises(step: int):
+    with pytest.raises(TaskError, match=r"Quitter-v0.* failed: .* in `step`: sys\.exit\('the assets are missing'\)"):
+        simulation = registry.make(f"gym:Openeureka/Quitter-v0+cut={step}", worlds=2)
+        simulation.reset()
+        for _ in range(step):
+            simulation.step(actions(0, 0))
+
+
+def test_an_environment_that_ends_python_while_it_is_made_is_named_too():
+    gymnasium.register("Openeureka/Unmade-v0", entry_point=lambda: sys.exit(0))
+    with pytest.raises(TaskError, match=r"`Openeureka/Unmade-v0` cannot be made: sys\.exit\(0\) was called"):
+        registry.get("gym:Openeureka/Unmade-v0")
 
 
 def test_pictures_and_what_is_no_number_are_refused_before_anything_trains():

@@ -17,6 +17,7 @@ TYPO = ("self.ctrl[:] = actions", "self.ctrl[:] = acions")
 NO_VARIABLE = ('            "actions": self.actions,\n', "")
 SIZE = ("num_observations = 3", "num_observations = 4")
 NO_XML = ("spec = mujoco.MjSpec()", "spec = mujoco.MjSpec.from_file('no_such.xml')")
+EXIT = (TYPO[0], "raise SystemExit(0)")
 IN_A_REWARD = ('return (s["angle"].abs()', 'return (s["angl"].abs()')
 IN_THE_HUMAN = ("upright = torch.cos(angle)", "upright = torch.cos(angl)")
 
@@ -42,6 +43,7 @@ def broken(tmp_path, monkeypatch):
         (TYPO, "line {line}, in `apply_action`: NameError: name 'acions' is not defined."),
         (NO_XML, "line {line}, in `model`: ValueError: ParseXML: Error opening file 'no_such.xml'."),
         (IN_A_REWARD, "line {line}, in `sparse_reward`: KeyError: 'angl'."),
+        (EXIT, "line {line}, in `apply_action`: sys.exit(0) was called; raise an error instead."),
     ],
 )
 @pytest.mark.parametrize(
@@ -61,7 +63,14 @@ def test_an_error_of_the_task_s_own_code_is_one_sentence_with_its_line(broken, c
     assert not Path("out").exists()
 
 
-@pytest.mark.parametrize(("change", "says"), [(IN_A_REWARD, "in `sparse_reward`: KeyError"), (SIZE, "`observe` gives")])
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (IN_A_REWARD, "in `sparse_reward`: KeyError"),
+        (SIZE, "`observe` gives"),
+        (EXIT, "in `apply_action`: sys.exit(0) was called"),
+    ],
+)
 def test_a_training_that_a_broken_task_ends_says_so_and_fails(broken, change, says, capsys):
     file, _ = broken(*change)
     with pytest.raises(SystemExit) as ended:
@@ -125,6 +134,10 @@ def test_a_mesh_that_is_not_there_is_named(broken):
         (
             ("num_actions = 1", "num_actions = ONE"),
             "cannot be imported: line 33: NameError: name 'ONE' is not defined.",
+        ),
+        (
+            ("num_actions = 1", "num_actions = exit(2)"),
+            "cannot be imported: line 33: sys.exit(2) was called; raise an error instead.",
         ),
         (("num_actions = 1", "num_actions = = 1"), "(broken.py, line 33) `num_actions = = 1`."),
     ],

@@ -290,7 +290,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     _print_anything()
     try:
         app(args=_undashed(sys.argv[1:] if argv is None else argv), prog_name="eureka")
-    except Exception as raised:
+    except (Exception, SystemExit) as raised:
         error = _for_a_person(raised)
         if os.environ.get("EUREKA_DEBUG") or error is None:
             raise
@@ -331,10 +331,13 @@ def _print_anything() -> None:
 _DISK = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENAMETOOLONG}
 
 
-def _for_a_person(error: Exception) -> EurekaError | OSError | None:
+def _for_a_person(error: BaseException) -> EurekaError | OSError | None:
     """The error that a person can do something about; None where the program is at fault."""
     if isinstance(error, EurekaError) or (isinstance(error, OSError) and error.errno in _DISK):
         return error
+    # Loading tasks takes long, and a command that loaded none was ended by none.
+    if isinstance(error, SystemExit) and "openeureka.tasks.faults" not in sys.modules:
+        return None
     from ..tasks.faults import fault
 
     return fault(error)

@@ -43,7 +43,7 @@ def main() -> None:
             raise  # one lane's, perhaps: without it the others may find room
         except WorkerError as error:
             sys.exit(str(error))  # who steps the worlds is gone: this process is tried again, as if it had died itself
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             broken = error if isinstance(error, TaskError) else fault(error)
             if broken is None:
                 raise

@@ -14,7 +14,7 @@ from .task import Score, Task
 _OURS = __name__.partition(".")[0]
 
 
-def fault(error: Exception) -> TaskError | None:
+def fault(error: BaseException) -> TaskError | None:
     """What a task's own code did wrong, judged by the innermost call of it that an error came through.
 
     None where it came through none, and for the tasks of this package: those errors are the program's and stay loud.
@@ -49,11 +49,13 @@ def _is_ours(module: Mapping[str, Any]) -> bool:
 
 def told(error: BaseException) -> str:
     """Kind and text of an error, on one line."""
+    if isinstance(error, SystemExit):
+        return f"sys.exit({error.code!r}) was called; raise an error instead."
     text = " ".join(str(error).split()).rstrip(".")
     return f"{type(error).__name__}: {text}." if text else f"{type(error).__name__}."
 
 
-def import_fault(place: str, error: Exception) -> TaskError:
+def import_fault(place: str, error: BaseException) -> TaskError:
     """What went wrong while the module of a dotted name, or the file, was imported."""
     if isinstance(error, SyntaxError):
         shown = f" `{error.text.strip()}`" if error.text else ""

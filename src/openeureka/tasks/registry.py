@@ -162,7 +162,7 @@ def _import(place: str) -> ModuleType:
         raise TaskError(f"There is no file {file}; env=FILE.py names a task in a file.")
     try:
         return import_file(file) if file else importlib.import_module(place)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise faults.import_fault(place, error) from error
 
 

@@ -72,7 +72,7 @@ def _task(env: str, name: str, keywords: str, fitness: str) -> type[PaidTask]:
         lifted = {} if env.startswith(AS_IT_IS) else _lifted(instance, found)
     except TaskError:
         raise
-    except Exception as fault:
+    except (Exception, SystemExit) as fault:
         raise TaskError(f"The environment `{name}` failed: {told_where(fault)}") from fault
     finally:
         instance.close()
@@ -133,7 +133,7 @@ def _make(name: str, **keywords: Any) -> Env[Any, Any]:
             raise TaskError(
                 f"`{name}` needs the module `{fault.name}`: install it, or set PYTHONPATH to its folder."
             ) from None
-        except Exception as fault:
+        except (Exception, SystemExit) as fault:
             raise TaskError(f"The environment `{name}` cannot be made: {told(fault)}") from fault
 
 

@@ -191,5 +191,5 @@ class GymWorlds(Worlds):
             return question()
         except EurekaError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise TaskError(f"The environment `{self._name}` failed: {told_where(error)}") from error
