@@ -3,6 +3,7 @@
 import dataclasses
 import importlib.util
 import sys
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -245,6 +246,17 @@ def test_an_environment_that_ends_python_is_named_as_one_that_raises(step: int):
             simulation.step(actions(0, 0))
 
 
+def test_an_error_of_gymnasiums_while_it_is_made_is_no_word_on_its_name():
+    def made():
+        raise gymnasium.error.ResetNeeded("start the simulator first")
+
+    gymnasium.register("Openeureka/Unready-v0", entry_point=made)
+    with pytest.raises(
+        TaskError, match=r"`Openeureka/Unready-v0` cannot be made: ResetNeeded: start the simulator first"
+    ):
+        registry.get("gym:Openeureka/Unready-v0")
+
+
 def test_an_environment_that_ends_python_while_it_is_made_is_named_too():
     gymnasium.register("Openeureka/Unmade-v0", entry_point=lambda: sys.exit(0))
     with pytest.raises(TaskError, match=r"`Openeureka/Unmade-v0` cannot be made: sys\.exit\(0\) was called"):
@@ -271,6 +283,16 @@ def test_a_whole_number_beyond_its_space_is_no_other_option():
     with pytest.raises(TaskError, match=r"Astray-v0.* failed: ValueError: it observes a number outside 0 to 2, "):
         for _ in range(12):
             simulation.step(actions(0, 0))
+
+
+def test_a_number_of_many_options_takes_memory_for_itself_alone():
+    (part,) = parts(spaces.MultiDiscrete([3, 60_000], start=[1, 0]), "x")
+    tracemalloc.start()
+    rows = part.rows(np.array([[1, 7], [3, 59_999]]))
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert rows.shape == (2, 60_003) and rows.nonzero()[1].tolist() == [0, 10, 2, 60_002]
+    assert most < 10 * rows.nbytes
 
 
 def test_a_name_that_means_something_else_in_a_reward_is_changed():

@@ -127,7 +127,9 @@ def _make(name: str, **keywords: Any) -> Env[Any, Any]:
             raise TaskError(
                 f"{bare} needs a package that is not here ({_line(fault)}): pip install 'openeureka[gym]'."
             ) from None
-        except (error.UnregisteredEnv, error.DeprecatedEnv, error.Error) as fault:
+        except error.Error as fault:
+            if bare in gymnasium.registry:
+                raise TaskError(f"The environment `{name}` cannot be made: {told(fault)}") from fault
             raise TaskError(f"Gymnasium has no `{bare}`.{_hints(package, bare, fault)}") from None
         except ModuleNotFoundError as fault:
             raise TaskError(

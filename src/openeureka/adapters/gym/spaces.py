@@ -55,7 +55,9 @@ def _ones(values: np.ndarray, counts: Sequence[int]) -> np.ndarray:
     for i, count in enumerate(counts):
         if not ((values[:, i] >= 0) & (values[:, i] < count)).all():
             raise ValueError(f"it observes a number outside 0 to {count - 1}, counted from the first of its space")
-    return np.concatenate([np.eye(count, dtype=np.float32)[values[:, i]] for i, count in enumerate(counts)], axis=1)
+    ones = np.zeros((len(values), sum(counts)), np.float32)
+    np.put_along_axis(ones, values + np.cumsum([0, *counts[:-1]]), 1.0, axis=1)
+    return ones
 
 
 def parts(space: Space[Any], env: str) -> tuple[Part, ...]:
