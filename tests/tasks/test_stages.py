@@ -56,6 +56,14 @@ def test_a_stage_may_be_another_task_in_a_file_beside_the_list(written, tmp_path
     assert registry.get(first.env).episode_length == 1000
 
 
+def test_a_stage_may_name_a_file_as_env_does(written, tmp_path: Path):
+    (tmp_path / "alone.py").write_text(OTHER.partition("\nclass Wider")[0])
+    first, _ = written("- {env: alone.py}\n- {}\n")
+    assert first.env == f"{tmp_path}/alone.py" and registry.get(first.env).episode_length == 1000
+    with pytest.raises(ConfigError, match=f"there is no file {tmp_path}/carts.py"):  # and not one called `python:...`
+        written("- {env: 'python:carts.py:Carts'}\n- {}\n")
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [

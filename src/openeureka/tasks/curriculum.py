@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ConfigError, TaskError, nearest
-from ..parsing import read_yaml, whole_number
+from ..parsing import absolute, read_yaml, whole_number
 from .registry import get, variant
 from .task import Stage, Task
 
@@ -64,10 +64,7 @@ def _stage(values: dict, path: Path) -> Stage:
             raise ConfigError(f"A stage in {path} has an unknown `{key}`; it may have {', '.join(FIELDS)}.")
         if type(value) is not kinds[key] or (key == "steps" and value < 0):
             raise ConfigError(f"`{key}: {value}` of a stage in {path} does not fit: `{key}` takes {_WANTED[key]}.")
-    env = values.get("env", "")
-    if ".py:" in env:
-        values = {**values, "env": str(path.parent / env)}
-    return Stage(**values)
+    return Stage(**{**values, "env": absolute("env", values.get("env", ""), path.parent)})
 
 
 def _checked(stage: Stage, env: str, where: str) -> Stage:
