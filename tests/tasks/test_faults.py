@@ -149,6 +149,15 @@ def test_an_error_on_import_has_its_line(broken, change, says):
     assert str(caught.value).endswith(says)
 
 
+def test_a_method_that_is_a_lambda_is_asked_to_be_written_with_def(broken, capsys):
+    old = "num_actions = 1\n"
+    file, line = broken(old, f"{old}    timed_out = lambda self, s: self.progress > 9\n")
+    with pytest.raises(SystemExit) as ended:
+        main(["context", f"env={file}"])
+    (sentence,) = capsys.readouterr().err.splitlines()
+    assert (ended.value.code, sentence) == (2, f"{file}, line {line + 1}: write it with `def` in place of `lambda`.")
+
+
 @pytest.mark.parametrize("change", [TYPO, SIZE, NO_XML])
 def test_opengl_is_not_blamed_for_a_broken_task(broken, change):
     try:

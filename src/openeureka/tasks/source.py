@@ -16,6 +16,7 @@ from functools import cache
 from types import FunctionType, ModuleType
 from typing import Any
 
+from ..errors import TaskError
 from .task import Task
 
 # An allow-list, so that nothing a task adds later (fitness, rewards, thresholds, training defaults) leaks by default.
@@ -209,6 +210,10 @@ def _function(value: Any) -> FunctionType | None:
 
 @cache
 def _parsed(function: Callable[..., Any]) -> ast.FunctionDef:
+    """Raises TaskError for a lambda, whose source is that of the statement around it."""
+    if function.__name__ == "<lambda>":
+        code = function.__code__
+        raise TaskError(f"{code.co_filename}, line {code.co_firstlineno}: write it with `def` in place of `lambda`.")
     node = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
     assert isinstance(node, ast.FunctionDef)
     return node
