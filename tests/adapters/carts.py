@@ -55,7 +55,7 @@ class Carts:
         return np.stack([self.place, self.speed, self.mark], axis=1)
 
     def told(self):
-        return {"place": self.place, "speed": self.speed, "mark": self.mark, "reward_part": self.speed}
+        return {"place": self.place, "speed": self.speed, "mark": self.mark, "reward_part": self.speed, 7: self.speed}
 
 
 class Pair:

@@ -64,7 +64,15 @@ class Teller(Clock):
         *moment, _ = super().step(action)
         half, lap = (1, None) if self.luck % 2 else (0.5, 7)
         touched, late = (np.zeros(number) for number in (self.step_count % 3, 1 + (self.step_count > 11)))
-        return *moment, {"half": half, "luck": self.luck, "lap": lap, "touched": touched, "late": late}
+        return *moment, {"half": half, "luck": self.luck, "lap": lap, "touched": touched, "late": late, 7: 1.0}
+
+
+class Presser(Clock):
+    """Says in `info` what is pressed, in every other step."""
+
+    def step(self, action):
+        *moment, _ = super().step(action)
+        return *moment, {"pressed": np.array([1.0, 2.0])} if self.step_count % 2 else {}
 
 
 class Astray(Clock):
@@ -89,7 +97,7 @@ class Eye(Clock):
     observation_space = spaces.Box(0, 255, (64, 48, 3), np.uint8)
 
 
-for kind in (Void, Eye, Teller, Astray, Quitter):
+for kind in (Void, Eye, Teller, Presser, Astray, Quitter):
     gymnasium.register(f"Openeureka/{kind.__name__}-v0", entry_point=kind, max_episode_steps=20)
 
 

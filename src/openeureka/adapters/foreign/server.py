@@ -138,7 +138,7 @@ class Vector:
         return {
             name: value
             for name, value in told.items()
-            if not name.startswith("_") and _is_state(value, self.worlds) and name.isidentifier()
+            if isinstance(name, str) and name.isidentifier() and name[0] != "_" and _is_state(value, self.worlds)
         }
 
 

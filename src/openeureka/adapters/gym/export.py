@@ -87,7 +87,7 @@ def read(env: str, graph: RewardGraph, known: Iterable[str]) -> tuple[str, ...]:
 
 
 def _place(name: str, place: slice | str, spec: StateSpec) -> Any:
-    return place if isinstance(place, str) else (place.start, place.stop, spec[name].shape)
+    return (place, spec[name].shape) if isinstance(place, str) else (place.start, place.stop, spec[name].shape)
 
 
 def _part(part: Part) -> tuple[Any, ...]:

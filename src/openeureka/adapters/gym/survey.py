@@ -108,11 +108,11 @@ def _play(env: Env[Any, Any]) -> tuple[list[Any], list[dict[str, Any]]]:
     return observed, [*infos, env.reset(seed=1)[1]]
 
 
-def _shapes(infos: Iterable[Mapping[str, Any]]) -> dict[str, tuple[int, ...]]:
+def _shapes(infos: Iterable[Mapping[Any, Any]]) -> dict[str, tuple[int, ...]]:
     """Of what in `info` is numbers, always as many."""
     shapes: dict[str, set[tuple[int, ...] | None]] = {}
     for name, value in (pair for info in infos for pair in info.items()):
-        if value is not None and name.isidentifier():
+        if value is not None and isinstance(name, str) and name.isidentifier():
             shapes.setdefault(name, set()).add(_shape(value))
     return {name: shape for name, (shape, *others) in shapes.items() if shape is not None and not others}
 
