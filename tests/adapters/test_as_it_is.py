@@ -14,6 +14,7 @@ pytest.importorskip("gymnasium", reason="needs Gymnasium: pip install 'openeurek
 import gymnasium
 from gymnasium import spaces
 
+from openeureka.adapters.gym.documents import identifiers
 from openeureka.adapters.gym.spaces import Actions, parts
 from openeureka.errors import TaskError
 from openeureka.method.prompts import facts
@@ -219,7 +220,10 @@ def test_a_strangers_package_is_imported_first():
         ("gym:Hopper-v5+substeps=2", "set what its constructor takes, such as frame_skip=2."),
         ("gym:Hopper-v5+num_actions=4", "decides `num_actions`; set"),
         ("gym:CartPole-v1+episode_length=soon", "is a number of steps, not `soon`"),
-        ("gym:CartPole-v1+fitness=cart_speed", "names `cart_speed`, which the environment does not have. Did you mean"),
+        (
+            "gym:CartPole-v1+fitness=cart_speed",
+            "names `cart_speed`, which a few random steps did not show. Did you mean",
+        ),
         ("gym:Hopper-v5+fitness=__import__('os')", "is not understood"),
         ("gym:CartPole-v1+episode_length=²", "`episode_length` of CartPole-v1 is a number of steps, not `²`."),
     ],
@@ -235,6 +239,11 @@ def test_an_environment_that_raises_is_named_with_its_error():
         TaskError, match=r"Faulty-v0` failed: .*/worlds\.py, line \d+, in `step`: ValueError: the battery is empty"
     ):
         registry.get("gym:Openeureka/Faulty-v0")
+
+
+def test_an_environment_that_cannot_be_reset_as_training_does_is_named_before_any():
+    with pytest.raises(TaskError, match=r"Pointed-v0` failed: .* in `reset`: KeyError: 'goal'"):
+        registry.get("gym:Openeureka/Pointed-v0")
 
 
 @pytest.mark.parametrize("step", [2, 12])
@@ -293,6 +302,10 @@ def test_a_number_of_many_options_takes_memory_for_itself_alone():
     tracemalloc.stop()
     assert rows.shape == (2, 60_003) and rows.nonzero()[1].tolist() == [0, 10, 2, 60_002]
     assert most < 10 * rows.nbytes
+
+
+def test_what_python_takes_for_no_name_is_no_part_of_one():
+    assert identifiers(["x²", "Pole Angle (rad)", "2nd"]) == ["x", "pole_angle", "value_2nd"]
 
 
 def test_a_name_that_means_something_else_in_a_reward_is_changed():

@@ -91,13 +91,22 @@ class Quitter(Clock):
         return super().step(action)
 
 
+class Pointed(Clock):
+    """Wants to be told its goal where it is told anything at a reset."""
+
+    def reset(self, *, seed=None, options=None):
+        if options is not None:
+            options["goal"]
+        return super().reset(seed=seed)
+
+
 class Eye(Clock):
     """Observes a picture."""
 
     observation_space = spaces.Box(0, 255, (64, 48, 3), np.uint8)
 
 
-for kind in (Void, Eye, Teller, Presser, Astray, Quitter):
+for kind in (Void, Eye, Teller, Presser, Astray, Quitter, Pointed):
     gymnasium.register(f"Openeureka/{kind.__name__}-v0", entry_point=kind, max_episode_steps=20)
 
 

@@ -111,7 +111,8 @@ def identifiers(texts: Iterable[str]) -> list[str]:
     found: list[str] = []
     for text in texts:
         bare = re.sub(r"\s\([^()]*\)", "", text)
-        words = re.sub(r"\b(?:the|a)\b|\W+", " ", bare.lower()).split()
+        allowed = "".join(char if f"_{char}".isidentifier() else " " for char in bare.lower())
+        words = re.sub(r"\b(?:the|a)\b", " ", allowed).split()
         name = "_".join(words) or "value"
         taken = name in TAKEN or hasattr(builtins, name)
         name = f"value_{name}" if taken or not name[0].isalpha() else name

@@ -66,8 +66,8 @@ def _check(node: ast.expr, text: str, shapes: Mapping[str, tuple[int, ...]]) -> 
         case ast.Name(id=name):
             if name not in shapes:
                 raise TaskError(
-                    f"The fitness `{text:.80}` names `{name}`, which the environment does not have."
-                    f"{nearest(name, shapes)} It has {', '.join(shapes)}."
+                    f"The fitness `{text:.80}` names `{name}`, which a few random steps did not show."
+                    f"{nearest(name, shapes)} They showed {', '.join(shapes)}."
                 )
             if shapes[name]:
                 raise TaskError(f"`{name}` in the fitness has the shape {shapes[name]}; name a column: {name}[0].")

@@ -97,15 +97,15 @@ def _dt(env: Env[Any, Any]) -> float:
 def _play(env: Env[Any, Any]) -> tuple[list[Any], list[dict[str, Any]]]:
     """What a few random steps show: observations, and `info` of each, with that of the start of another episode."""
     env.action_space.seed(0)
-    seen, info = env.reset(seed=0)
+    seen, info = env.reset(seed=0, options={})  # as worlds are: with options
     observed, infos = [seen], [dict(info)]
     for _ in range(_TRIED):
         seen, _, terminated, truncated, info = env.step(env.action_space.sample())
         observed.append(seen)
         infos.append(dict(info))
         if terminated or truncated:
-            env.reset(seed=0)
-    return observed, [*infos, env.reset(seed=1)[1]]
+            env.reset(seed=0, options={})
+    return observed, [*infos, env.reset(seed=1, options={})[1]]
 
 
 def _shapes(infos: Iterable[Mapping[Any, Any]]) -> dict[str, tuple[int, ...]]:
