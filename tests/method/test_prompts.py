@@ -159,6 +159,13 @@ def test_the_other_rewards_of_the_generation_are_told_by_score_and_terms():
     assert prompts.render(BALANCED, many, "free").messages[-1].content.count("± 1.0") == prompts.MAX_SIBLINGS
 
 
+def test_of_another_reward_whose_training_was_cut_it_is_told_when():
+    cut = replace(DONE, state=TrainingState.CUT, message="after 0.125 of its steps, at place 3 of 4")
+    plan = replace(INFORMED, siblings=(replace(ranked(1, "worth", 7.0), result=cut),))
+    told = prompts.render(BALANCED, plan, "free").messages[-1].content
+    assert "\n- 7, cut after 0.125 of its steps, at place 3 of 4: worth\n" in told
+
+
 def test_the_choice_of_a_person_is_marked_as_such():
     plan = replace(INFORMED, best=OLDER, opinion=Opinion(chosen=True))
     told = [m.content for m in prompts.render(BALANCED, plan, "free").messages if m.role == "user"]
@@ -211,6 +218,16 @@ def test_when_nothing_trained_the_model_is_told_each_reason_once(style):
     last = prompts.render(CONTEXT, plan, style).messages[-1]
     assert last.role == "user" and last.content.count("line 3: no `foo` [unknown-input]") == 1
     assert "None of the programs" in last.content
+
+
+@pytest.mark.parametrize("style", ["free", "grammar"])
+def test_a_generation_whose_trainings_all_ended_early_is_explained(style):
+    diverged = replace(DONE, state=TrainingState.DIVERGED, message="reward is not finite")
+    failed = replace(DONE, state=TrainingState.FAILED, message="out of memory")
+    plan = PromptPlan(count=1, failures=tuple(replace(BEST, result=result) for result in (diverged, diverged, failed)))
+    told = prompts.render(CONTEXT, plan, style).messages[-1].content
+    assert told.count("- The training was stopped early (reward is not finite): keep every part") == 1
+    assert "- No policy could be trained with this reward function.\n" in told and "memory" not in told
 
 
 def test_a_repair_shows_the_reply_and_its_findings():

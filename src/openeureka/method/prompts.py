@@ -20,7 +20,19 @@ from typing import Literal
 from ..llm import grammar
 from ..reward import surface
 from ..text import plain
-from ..types import Evaluation, Message, Opinion, Prompt, PromptPlan, Scored, StateVar, TaskContext, Verdict
+from ..types import (
+    Evaluation,
+    Message,
+    Opinion,
+    Prompt,
+    PromptPlan,
+    Scored,
+    StateVar,
+    TaskContext,
+    TrainingState,
+    Verdict,
+)
+from .reflection import faults
 
 MAX_PROGRAM = 12_000
 """Characters of an earlier program that a prompt shows."""
@@ -209,7 +221,7 @@ def _standing(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"])
 
 
 def _siblings(plan: PromptPlan) -> str:
-    """A line for each other reward of the parent's generation that trained, the best first: its score and its terms."""
+    """A line for each other reward of the parent's generation that trained, the best first: score, end, and terms."""
     trained = [entry for entry in plan.siblings if entry.trained and entry.score is not None]
     trained.sort(key=lambda entry: entry.score or 0.0, reverse=True)
     if not trained:
@@ -217,6 +229,8 @@ def _siblings(plan: PromptPlan) -> str:
     lines = ["The other rewards of its generation, by score and terms:"]
     for entry in trained[:MAX_SIBLINGS]:
         score = with_error(entry.played) if entry.played is not None else f"{entry.score:.4g} in training"
+        if entry.result is not None and entry.result.state is TrainingState.CUT:
+            score += f", cut {entry.result.message}"
         names = (
             [clean(name, MAX_TERM) for name, _ in entry.sample.verdict.graph.components]
             if entry.sample.verdict.graph
@@ -259,7 +273,7 @@ def _with_task(messages: tuple[Message, ...], plan: PromptPlan) -> tuple[Message
     request."""
     if plan.crossover:
         messages = _with_postscript(messages, _template("crossover"))
-    reasons = dict.fromkeys(f"- {f.sentence()}" for entry in plan.failures for f in entry.sample.verdict.findings)
+    reasons = dict.fromkeys(f"- {fault}" for entry in plan.failures for fault in faults(entry))
     if not reasons:
         return messages
     shown = clean("\n".join(list(reasons)[:MAX_REASONS]), MAX_BRIEF_FEEDBACK)

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from ..score import NO_LIMITS
-from ..types import Evaluation, Limits, Sample, TrainingResult, TrainingState, VerdictCode, of_components
+from ..types import Evaluation, Limits, Sample, Scored, TrainingResult, TrainingState, VerdictCode, of_components
 
 Style = Literal["free", "grammar"]
 Curves = Mapping[str, Sequence[float | None]]
@@ -46,7 +46,7 @@ def reflect(
     if result is None:
         return refusal(sample)
     if result.state is TrainingState.FAILED:
-        return "No policy could be trained with this reward function."  # the reason is about this machine, not for it
+        return "\n".join(_ending(result))
     if style == "grammar":
         return "\n".join([*_ending(result), *summary(result.curves, points=4, brief=True), *_costs(played, limits)])
     introduction = _INTRODUCTION.format(
@@ -66,6 +66,13 @@ def refusal(sample: Sample) -> str:
         return f"The reward function was not trained: {sample.verdict.findings[0].message}."
     reasons = [f"- {finding.sentence()}" for finding in sample.verdict.findings]
     return "\n".join(["The reward function could not be used:", *(reasons or [f"- {sample.verdict.code}"])])
+
+
+def faults(entry: Scored) -> list[str]:
+    """Why its program was refused, or its training did not come to the end: a sentence each."""
+    if entry.result is None:
+        return [finding.sentence() for finding in entry.sample.verdict.findings]
+    return _ending(entry.result)
 
 
 def summary(curves: Curves, *, points: int, brief: bool = False) -> list[str]:
@@ -103,6 +110,8 @@ def _ending(result: TrainingResult) -> list[str]:
     """A sentence for a training that was stopped."""
     if result.state is TrainingState.FINISHED:
         return []
+    if result.state is TrainingState.FAILED:
+        return ["No policy could be trained with this reward function."]  # why is about this machine, not for the model
     if result.state is TrainingState.CUT:
         return [f"The training was cut {result.message} rewards; others went on."]
     reason = f" ({result.message})" if result.message else ""

@@ -225,7 +225,7 @@ class PromptPlan:
     turns: tuple[Scored, ...] = ()
     """Each becomes the model's own earlier answer followed by its feedback; empty for the first generation."""
     failures: tuple[Scored, ...] = ()
-    """Refused programs of a generation in which nothing trained: the model is told why."""
+    """Programs of a generation in which nothing trained, refused or not: the model is told why."""
     opinion: Opinion = Opinion()
     informed: bool = False
     """Whether the prompt says what the score is, how high each turn scores, and which is the best."""
