@@ -71,9 +71,7 @@ def run(
             feedback = reflect(sample, result, model.style, played, config.cost_limits)
             entries.append(Scored(sample=sample, result=result, played=played, feedback=feedback))
         history = strategy.tell(history.replayed(scores), entries)
-        best = Ranking(history).best
-        if best is not None:
-            keep(lanes, strategy, best)
+        keep(lanes, strategy, Ranking(history).best)
         store.save_generation(history.generations[-1])
         observer.generation(history.generations[-1])
 
@@ -101,8 +99,8 @@ def conclude(lanes: Lanes, strategy: SearchStrategy, history: History) -> None:
     confirmed = store.crown()
     best = race.crowned(history, confirmed) if confirmed is not None else race.crown(history, lanes, strategy)
     if best is None:
-        score_nearest(lanes, strategy, history)
-        return
+        keep(lanes, strategy, Ranking(history).best)
+        return score_nearest(lanes, strategy, history)
     observer.phase(config.generations, "evaluate")
     finals = lanes.final(race.contenders(history))
     scores = lanes.evaluate(lanes.standing([lane for arm in finals.values() for lane in arm], strategy))
@@ -125,8 +123,10 @@ def score_nearest(lanes: Lanes, strategy: SearchStrategy, history: History) -> N
         lanes.evaluate(lanes.standing([nearest.result.lane], strategy))
 
 
-def keep(lanes: Lanes, strategy: SearchStrategy, best: Scored, lane: str | None = None) -> None:
-    """Leave the best reward in `best/`, with the policy of a lane; None for its lane in the search."""
+def keep(lanes: Lanes, strategy: SearchStrategy, best: Scored | None, lane: str | None = None) -> None:
+    """Leave the best reward, if any, in `best/`, with the policy of a lane; None for its lane in the search."""
+    if best is None:  # who led may be rejected by now
+        return lanes.store.lanes.withdraw("best")
     lane = lane or lane_id(best.sample.verdict.candidate, lanes.config.seed)
     lanes.store.save_best(best.sample.candidate, PolicyId(lane, lanes.standing([lane], strategy)[lane]))
 

@@ -150,6 +150,20 @@ def test_a_vetoed_candidate_is_neither_parent_nor_best_and_the_model_is_told(beg
     assert outcome.best is not None and outcome.best.fitness == 7
 
 
+def test_where_all_candidates_are_vetoed_no_best_is_left(begin) -> None:
+    one = begin(script=[reply(7), reply(8), "no program", "nor this"])
+    outcome, _ = one.heard([veto(0, 0), veto(0, 1)])
+    assert outcome == Outcome(best=None)
+    with Store.view(one.directory) as store:
+        assert store.best() is None and not [*(one.directory / "best").iterdir()]
+
+
+def test_a_veto_after_the_last_generation_takes_the_rejected_reward_out_of_best(begin) -> None:
+    one = begin(judge="votes", iteration=1)
+    assert one.heard([veto(0, 0), veto(0, 1)])[0] == Outcome(best=None)
+    assert not [*(one.directory / "best").iterdir()]
+
+
 def test_votes_choose_parent_and_best_where_they_judge(begin) -> None:
     one = begin(judge="votes")
     outcome, person = one.heard([vote((0, 0), (0, 1))], [vote((1, 0), (0, 0))])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import sqlite3
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -117,10 +117,14 @@ class LaneLog:
         data, kept = self.policy(*policy), f"{folder}/policy.safetensors"
         if data is None or artifacts.read(self._directory, kept) == data:
             return
-        for made in artifacts.names(self._directory, folder):
-            if made not in ("reward.py", "policy.safetensors"):
-                artifacts.remove(self._directory, f"{folder}/{made}")
+        self.withdraw(folder, but=("reward.py", "policy.safetensors"))
         artifacts.write(self._directory, kept, data)
+
+    def withdraw(self, folder: str, *, but: Collection[str] = ()) -> None:
+        """Delete what such a folder holds, all but some files."""
+        for name in artifacts.names(self._directory, folder):
+            if name not in but:
+                artifacts.remove(self._directory, f"{folder}/{name}")
 
     def exposed(self, folder: str) -> list[PolicyId]:
         """Whose policy a folder holds a copy of: several where lanes are equal, as after their first epoch."""
