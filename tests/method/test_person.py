@@ -14,6 +14,7 @@ from openeureka.loop import run
 from openeureka.method.person import EmptyDesk
 from openeureka.score import Outcome
 from openeureka.store import Store, read_replies, say
+from openeureka.store.remarks import RemarkLog
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
 from openeureka.types import Generation, Place, Remark, RemarkKind, TrainingResult
 
@@ -266,6 +267,27 @@ def test_a_replay_repeats_what_was_said_and_asks_nobody(begin) -> None:
     assert two.go(Silent()) == first
     assert two.history() == one.history()
     assert two.model.prompts == one.model.prompts
+
+
+def test_a_replay_repeats_what_was_said_though_something_was_said_to_it_and_only_once(begin) -> None:
+    one = begin()
+    one.heard([words("too jerky")])
+    two = begin(name="replay", model=f"replay:{one.directory}")
+    Store.open(two.directory, two.config).close()
+    with pytest.raises(FeedbackError, match="repeats what was said in another; for words of yours, start one with"):
+        say(two.directory, words("mine"))
+    with Store.visit(two.directory) as store:  # as earlier versions let one
+        store.remarks.say(words("mine"))
+
+    def killed(*_: object) -> None:
+        raise Killed
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(RemarkLog, "hear", killed)
+        with pytest.raises(Killed):
+            two.go(Silent())
+    two.go(Silent())
+    assert two.history().generations[0].remarks == (words("mine"), words("too jerky"), GO)
 
 
 def test_a_replay_that_has_not_the_candidates_that_were_spoken_of_says_so_and_keeps_nothing(begin) -> None:

@@ -66,8 +66,8 @@ class Hearing:
     def _repeat(self, index: int) -> None:
         """Say what was said in the run that is replayed."""
         recorded = read_remarks(self.config.model.removeprefix("replay:")).get(index, ())
-        if self.store.remarks.unheard():
-            return  # they are committed all or none: a replay that was killed here may have them
+        if self.store.remarks.unheard()[-len(recorded) :] == recorded:
+            return  # they are committed all or none: a replay that was killed here has them
         try:
             check(self.store, recorded)
         except FeedbackError as error:

@@ -129,10 +129,16 @@ def say(directory: Path | str, *remarks: Remark) -> None:
     """Commit remarks, all or none, for the next generation that the run asks for.
 
     Raises:
-        FeedbackError: when the run does not wait for a person, is over, or has no such trained candidate.
+        FeedbackError: when the run waits for no person, repeats what was said in another, is over, or has no such
+            trained candidate.
         StoreError: when there is no run.
     """
     with Store.view(directory) as store:
+        if store.config.model.startswith("replay:"):
+            raise FeedbackError(
+                f"The run in {store.directory} repeats what was said in another; for words of yours, start one with "
+                "another model=."
+            )
         check(store, remarks)
     with Store.visit(directory) as store:
         store.remarks.say(*remarks)
