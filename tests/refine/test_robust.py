@@ -312,6 +312,7 @@ def test_a_run_without_a_policy_and_a_reply_that_is_too_long(tmp_path: Path) -> 
     with pytest.raises(ConfigError, match="it has 5000 characters"):
         table_of("x" * 5000)
     assert table_of("```yaml\na: 1\n```\nNo:\n```\nb: 2\n```") == "b: 2\n"
+    assert table_of("Words:\r\n```YAML\r\na: 1\r\n```\r\n") == "a: 1\n"
     assert asked(robot(), [], anew=False).grammar is not None
 
 

@@ -27,7 +27,7 @@ from .hardened import GRID, HARD, KEEPS, LONGER, PEAKS, UNIFORM, Carried, carrie
 SWEEP_EPISODES, CHOOSING_EPISODES, HARD_EPISODES = 32, 16, 64
 PARTS = 2
 """Of a training's steps; a policy that goes on takes one of them where the settings do not say."""
-_BLOCK = re.compile(r"```(?:ya?ml)?[ \t]*\n(.*?)```", re.DOTALL)
+_BLOCK = re.compile(r"```(?:ya?ml)?[ \t]*\n(.*?)```", re.DOTALL | re.IGNORECASE)
 LONGEST = 4000
 """Characters of a table that is read at all."""
 
@@ -192,7 +192,7 @@ def _draw(lanes: Lanes, model: LanguageModel, prompt: Prompt, attempt: int, slot
 
 def table_of(reply: str) -> str:
     """The last code block of a reply, or all of it. Raises ConfigError for what is too long to be a table."""
-    blocks = _BLOCK.findall(reply)
+    blocks = _BLOCK.findall(reply.replace("\r\n", "\n"))
     text = blocks[-1] if blocks else reply
     if len(text) > LONGEST:
         raise ConfigError(f"The reply is no table of ranges: it has {len(text)} characters.")
