@@ -71,6 +71,16 @@ def test_half_of_the_candidates_go_on_at_each_rung_and_baselines_always(tmp_path
     assert not list((tmp_path / "run").rglob("paused.frame"))
 
 
+def test_a_program_that_comes_again_is_at_no_place_in_a_later_race(tmp_path: Path):
+    model = ScriptedModel([reply(worth) for worth in (3, 8, 1, 6, 2, 5, 1, 9)])
+    config = replace(CONFIG, sample=4, iteration=2)
+    with Store.open(tmp_path / "run", config) as store:
+        run(config, store, model, ToyChecker(), ToyTrainer(), TOY, make(config))
+        results = store.lanes.results()
+    assert results[lane(1)].message == "after 0.125 of its steps, at place 4 of 4"
+    assert results[lane(2)].message == "after 0.125 of its steps, at place 3 of 3"  # 9, 5 and 2 raced
+
+
 def test_final_trainings_are_whole(tmp_path: Path):
     trainer = ToyTrainer()
     search(tmp_path / "run", trainer)

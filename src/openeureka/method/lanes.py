@@ -166,7 +166,8 @@ class Lanes:
         self.store.lanes.add(lanes)
         sharing = self._shared(lanes)
         going = {lane: group[0] for lane, group in sharing.items()}
-        rivals = frozenset(lane.id for lane in lanes if lane.role == "candidate")
+        raced = self.store.history().lanes  # a program that comes again does not race again
+        rivals = frozenset(lane.id for lane in lanes if lane.role == "candidate").difference(raced)
         ladder = Ladder(self.store.lanes, rivals, self.config.cost_limits, self._of_the_moment)
         whole = self._budget(steps)
         for number, rung in enumerate((*RUNGS[self.config.schedule], WHOLE), start=1):
