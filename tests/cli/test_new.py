@@ -1,6 +1,8 @@
 import pytest
 
 from openeureka.cli import main as command
+from openeureka.cli import tasks
+from openeureka.errors import TaskError
 from openeureka.film.stage import Stage
 from openeureka.tasks.registry import get
 
@@ -55,6 +57,20 @@ def test_what_f_measures_is_said_to_be_a_guess(robot, capsys):
     )
 
 
+def test_an_empty_intent_says_nothing_and_any_file_name_names_a_class(robot):
+    assert run("new", "x².py", "model=cart.xml", "intent= ") == 0
+    assert get(f"{robot}/x².py").description == "to bring pole to the goal"
+
+
+def test_a_draft_that_cannot_be_tried_leaves_no_file_behind(robot, monkeypatch):
+    def broken(*_: object):
+        raise TaskError("It does not step.")
+
+    monkeypatch.setattr(tasks, "_try", broken)
+    assert run("new", "cart.py", "model=cart.xml") != 0
+    assert not (robot / "cart.py").exists()
+
+
 def test_an_intent_of_several_lines_is_one_sentence(robot):
     assert run("new", "pole.py", "env=gym:CartPole-v1", "intent=to balance\nthe pole") == 0
     assert get(f"{robot}/pole.py").description == "to balance the pole"
@@ -96,6 +112,8 @@ def test_a_robot_that_flies_apart_is_drafted_with_a_warning(robot, capsys, befor
         (["cart.py", "model=cart.xml", "object=cat"], 2, "Did you mean `cart`?"),
         (["cart.py", "model=cart.xml", "floating=true"], 2, "`floating` is for a URDF"),
         (["cart.py", "env=gym:CartPole-v1", "goal=cart"], 2, "leave them out with env="),
+        (['c"art.py', "model=cart.xml"], 2, 'c"art.py has a mark that a draft cannot hold'),
+        (["cart.py", 'model=c"art.xml'], 2, "such as a quote or a backslash; rename it."),
     ],
 )
 def test_what_does_not_fit_is_refused_in_a_sentence_and_nothing_is_written(robot, capsys, words, code, problem):

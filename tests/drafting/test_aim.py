@@ -140,6 +140,9 @@ def test_a_person_may_name_what_shall_be_where():
     [
         ({"thing": "red_cub"}, "no body, site or geom `red_cub`. Did you mean `red_cube`"),
         ({"thing": "table"}, "`table` is fixed to the world"),
+        ({"thing": "green_goal"}, "`green_goal` is fixed to the world, or mocap"),
+        ({"thing": "red_cube", "goal": "red_cube"}, "`red_cube` moves with `red_cube`"),
+        ({"thing": "forearm", "goal": "fingertip"}, "`fingertip` moves with `forearm`, so F would be constant"),
         ({"thing": "red_cube", "goal": "shelf"}, "no body, site or geom `shelf`"),
     ],
 )
@@ -153,6 +156,7 @@ def test_a_goal_is_doubted_that_is_reached_already_or_out_of_reach():
     assert "is there at the start" in find_aim(survey(there), "to push the red cube to the goal").doubt
     far = TABLE.replace('mocap="true" pos="0.4 -0.2 0.03"', 'pos="9 0 0"')
     assert "is the goal within reach?" in find_aim(survey(far), "to reach the goal").doubt
+    assert "is the goal within reach?" in find_aim(survey(TABLE.replace("0.4 -0.2", "9 0")), "to reach the goal").doubt
     assert find_aim(survey(TABLE), "to reach the goal").doubt == ""
 
 

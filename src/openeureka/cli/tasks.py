@@ -7,7 +7,8 @@ import json
 import os
 import shutil
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import torch
@@ -120,7 +121,7 @@ def new(words: Sequence[str]) -> None:
     """Write a task file, see that it steps, and say what to do with it.
 
     Raises:
-        ConfigError: where the file exists, is no Python file, or no model is named.
+        ConfigError: where the file exists, is no Python file, or no model is named; for names that no file can hold.
         TaskError: when a model cannot be read, or nothing can move it.
     """
     settings, paths = split(words)
@@ -131,6 +132,10 @@ def new(words: Sequence[str]) -> None:
         raise ConfigError(f"{path} exists already; choose another name, or delete it.")
     if not path.parent.is_dir():
         raise ConfigError(f"There is no folder {path.parent}; make it first, or choose another place.")
+    model = Path(os.path.expanduser(config.model))
+    for name in map(str, (path, model, model.resolve()) if config.model else (path,)):
+        if not name.isprintable() or set(name) & {'"', "\\"}:
+            raise ConfigError(f"{name} has a mark that a draft cannot hold, such as a quote or a backslash; rename it.")
     if config.env and config.model:
         raise ConfigError("Name a robot with model=, or an environment with env=; not both.")
     if config.env:
@@ -140,16 +145,9 @@ def new(words: Sequence[str]) -> None:
         return
     if not config.model:
         raise ConfigError(f"Name the robot, a MuJoCo XML file, or env=gym:ID; for example: {USAGE}")
-    drafted = draft(
-        path,
-        Path(os.path.expanduser(config.model)),
-        config.intent,
-        thing=config.object,
-        goal=config.goal,
-        floating=config.floating,
-    )
-    write(path.parent, path.name, drafted.text)
-    task, bad = _try(path, 1.0)
+    drafted = draft(path, model, config.intent, thing=config.object, goal=config.goal, floating=config.floating)
+    with _written(path, drafted.text):
+        task, bad = _try(path, 1.0)
     print(f"Wrote {path}: {task.num_observations} observations, {task.num_actions} actions, {task.description}.")
     _say_what_counts(path, drafted)
     if bad > 0:
@@ -162,17 +160,24 @@ def new(words: Sequence[str]) -> None:
 def _adapt(path: Path, env: str, intent: str) -> None:
     """Write the file of an environment of others, and see that it is the same task."""
     base = registry.get(env)
-    write(path.parent, path.name, base.drafted(class_name(path), path.stem, " ".join(intent.split())))
-    try:
+    with _written(path, base.drafted(class_name(path), path.stem, " ".join(intent.split()))):
         task = registry.get(str(path))
-    except Exception:
-        path.unlink()
-        raise
     print(f"Wrote {path}: {task.num_observations} observations, {task.num_actions} actions, {task.description}.")
     print(f"F is the {task.score_unit}; +fitness=EXPRESSION behind the name of the environment says otherwise.")
     print("Rename, reword, hide or add what rewards may read. Then")
     for command in ("context", "train", "run"):
         print(f"  {command_line(command, f'env={path}')}")
+
+
+@contextmanager
+def _written(path: Path, text: str) -> Generator[None]:
+    """A file that stays only if the block ends well: what is there already is not drafted again."""
+    write(path.parent, path.name, text)
+    try:
+        yield
+    except BaseException:
+        path.unlink()
+        raise
 
 
 def _try(path: Path, size: float) -> tuple[Task, int]:

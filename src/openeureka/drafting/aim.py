@@ -56,7 +56,7 @@ def find_aim(survey: Survey, intent: str = "", *, names: Iterable[str] = (), thi
         thing: the body, site or geom to bring to `goal`, another; empty for a guess.
 
     Raises:
-        TaskError: when the model has no such thing or goal, or it is something that does not move.
+        TaskError: when the model has no such thing or goal, the thing does not move, or the goal moves with it.
     """
     if thing or goal:
         return _named_aim(survey, thing, goal)
@@ -66,9 +66,12 @@ def find_aim(survey: Survey, intent: str = "", *, names: Iterable[str] = (), thi
 def _named_aim(survey: Survey, thing: str, goal: str) -> Aim:
     mover = _by_name(survey, thing) if thing else _default_mover(survey)
     if not survey.moves(mover):
-        raise TaskError(f"`{mover.name}` is fixed to the world; object= names something that moves.")
+        raise TaskError(f"`{mover.name}` is fixed to the world, or mocap; object= names something that moves.")
     if goal:
-        return _bring(survey, mover, _by_name(survey, goal))
+        mark = _by_name(survey, goal)
+        if survey.are_one(mover, mark):
+            raise TaskError(f"`{mark.name}` moves with `{mover.name}`, so F would be constant; goal= names another.")
+        return _bring(survey, mover, mark)
     marks = _marks(survey, mover)
     if not marks:
         raise TaskError("The model has no body, site or geom named goal or target; say where with goal=NAME.")
@@ -168,7 +171,7 @@ def _tip(survey: Survey) -> Place:
 
 def _marks(survey: Survey, mover: Place) -> list[Place]:
     """What is called goal or target, but for the mover itself."""
-    return [place for place in survey.places() if "goal" in _words(place.name) and place.body != mover.body]
+    return [p for p in survey.places() if "goal" in _words(p.name) and not survey.are_one(p, mover)]
 
 
 def _fitting(mover: Place, marks: Sequence[Place]) -> Place:
@@ -218,7 +221,7 @@ class _Reader:
         if len(movers) != 1:
             return self._unknown(mover_words, movers)
         mover = movers[0]
-        goals = _mentioned(goal_words, [place for place in survey.places() if place.body != mover.body])
+        goals = _mentioned(goal_words, [place for place in survey.places() if not survey.are_one(place, mover)])
         likeliest = max((_shared(mover, place) for place in goals), default=0)
         if len(goals) > 1 and likeliest:  # a ball and target_ball
             goals = [place for place in goals if _shared(mover, place) == likeliest]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import keyword
 import os
-import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -81,7 +80,7 @@ def draft(
         place=_place(path, robot),
         urdf=urdf,
         floating=floating,
-        description=re.sub(r"\s+", " ", (intent or aim.description)).strip().replace('"', "'").replace("\\", "/"),
+        description=(" ".join(intent.split()) or aim.description).replace('"', "'").replace("\\", "/"),
         aim=aim,
         survey=survey,
         fallen=fallen,
@@ -108,7 +107,8 @@ def draft(
 
 def class_name(path: Path) -> str:
     """`my_robot.py` holds the class MyRobot."""
-    name = "".join(part.capitalize() for part in re.split(r"\W|_", path.stem) if part)
+    allowed = "".join(char if f"_{char}".isidentifier() else "_" for char in path.stem)
+    name = "".join(part.capitalize() for part in allowed.split("_"))
     return name if name.isidentifier() and not keyword.iskeyword(name) else f"Task{name}"
 
 

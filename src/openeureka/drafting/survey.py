@@ -139,7 +139,13 @@ class Survey:
         return [place for place in found if name_of(model, _kind(place), place.index)]
 
     def moves(self, place: Place) -> bool:
-        return bool(self.model.body_weldid[place.body])
+        """Whether physics does: a mocap body stays where it is put."""
+        whole = self.model.body_weldid[place.body]
+        return bool(whole) and bool(self.model.body_mocapid[whole] < 0)
+
+    def are_one(self, place: Place, other: Place) -> bool:
+        """Whether nothing can move between both."""
+        return bool(self.model.body_weldid[place.body] == self.model.body_weldid[other.body])
 
     def is_robots(self, place: Place) -> bool:
         """Whether actuators move it."""
