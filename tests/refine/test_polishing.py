@@ -15,6 +15,7 @@ from openeureka.cli.show import facts, summary
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
 from openeureka.loop import run
+from openeureka.method.lanes import HELD_OUT
 from openeureka.refine import polishing
 from openeureka.refine.polishing import Polished
 from openeureka.report import html
@@ -113,6 +114,32 @@ def test_what_is_better_stands_in_polished_and_best_stays_what_it_was(tmp_path: 
     between = "F 11.02 ± 0.10 against 7.02 ± 0.10 of the policy it began from, held out"
     assert of_polishing(found).startswith(f"The policy carried on is better: {between}; ")
     assert not (plain / "polished").exists() and RunView.read(plain).polished is None
+
+
+def test_both_policies_are_compared_in_episodes_by_which_neither_was_chosen(tmp_path: Path) -> None:
+    class Lucky(Runner):
+        """Each final training's luck in the held-out episodes, the more so the later its seed."""
+
+        def evaluate(self, env, policies, *, seed, **options):
+            for score in super().evaluate(env, policies, seed=seed, **options):
+                luck = float(score.lane[-1]) if seed == HELD_OUT and score.lane[-1].isdigit() else 0.0
+                yield replace(score, fitness=(score.fitness or 0.0) + luck)
+
+    outcome = search(tmp_path, Lucky(gained=0.5))
+    assert outcome.method.held_out == pytest.approx((8.01, 9.02))
+    found = polished(tmp_path)
+    # The policy of seed 2 is in best/, and scores 7.02 where luck counts for nothing.
+    assert found.before is not None and found.before.fitness == pytest.approx(7.02)
+    assert found.gain is not None and found.gain.value == pytest.approx(0.5) and found.better
+
+
+def test_a_polishing_of_an_earlier_version_is_read_by_its_held_out_scores(tmp_path: Path) -> None:
+    search(tmp_path, Runner())
+    view = RunView.read(tmp_path)
+    lane = f"{view.lanes[polished(tmp_path).began.lane].reward}-s3"
+    judged = Evaluation(lane=lane, fitness=9.0, episode_length=1.0, episodes=4)
+    found = replace(view, trials={}, evaluations={**view.evaluations, lane: judged}).polished
+    assert found is not None and found.after == judged and found.before == view.evaluations[found.began.lane]
 
 
 def test_a_policy_that_loses_by_it_stays_the_best(tmp_path: Path) -> None:

@@ -40,8 +40,9 @@ from ..types import (
 )
 from .schedule import RUNGS, WHOLE, Ladder
 
-HELD_OUT, CHOOSING = 1_000_003, 2_000_003
-"""Added to the seed of a run: start states of its final scores, and those it chooses by. No lane trains with them."""
+HELD_OUT, CHOOSING, COMPARING = 1_000_003, 2_000_003, 3_000_003
+"""Added to the seed of a run: start states of its final scores, those it chooses by, and those on which a policy that
+was chosen by its final score is compared. No lane trains with them."""
 EPISODES = (8, 64)
 """Of each policy and look, the least and the most."""
 SHARE = 0.1
@@ -352,15 +353,16 @@ class Lanes:
         known = self.store.lanes.evaluations()
         policies = {lane: self.store.lanes.policy(lane, peak) for lane, peak in ids.items() if lane not in known}
         missing = {lane: policy for lane, policy in policies.items() if policy is not None}
-        scores = self.trainer.evaluate(self.config.env, missing, seed=self._held_out) if missing else ()
+        seed = self.config.seed + HELD_OUT
+        scores = self.trainer.evaluate(self.config.env, missing, seed=seed) if missing else ()
         self.store.lanes.save_evaluations([dataclasses.replace(score, peak=ids[score.lane]) for score in scores])
         return {lane: score for lane, score in self.store.lanes.evaluations().items() if lane in ids}
 
-    def try_out(self, trials: Iterable[Trial], *, choosing: bool = False, episodes: int = 0) -> None:
-        """Take the scores that the store does not hold yet, on the start states of `evaluate`.
+    def try_out(self, trials: Iterable[Trial], *, starts: int = HELD_OUT, episodes: int = 0) -> None:
+        """Take the scores that the store does not hold yet.
 
         Args:
-            choosing: on start states that are kept for choosing instead.
+            starts: whether on the start states of `evaluate`, those for choosing or those for comparing.
             episodes: of each trial; 0 for as many as a final score needs.
         """
         known = self.store.lanes.trials()
@@ -372,13 +374,8 @@ class Lanes:
         dynamics = {key: missing[key].dynamics for key in playing}
         if not playing:
             return
-        seed = self.config.seed + CHOOSING if choosing else self._held_out
+        seed = self.config.seed + starts
         play = self.trainer.evaluate(self.config.env, playing, seed=seed, episodes=episodes, dynamics=dynamics)
         for score in play:
             trial = missing[score.lane]
             self.store.lanes.save_trial(trial.name, dataclasses.replace(score, lane=trial.lane, peak=trial.peak))
-
-    @property
-    def _held_out(self) -> int:
-        """A seed that no lane trained with."""
-        return self.config.seed + HELD_OUT

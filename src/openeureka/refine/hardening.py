@@ -15,7 +15,7 @@ from ..errors import ConfigError, ModelError
 from ..llm import price
 from ..llm.client import LanguageModel
 from ..method import prompts
-from ..method.lanes import BASELINES, Lanes, Wanted, drawn
+from ..method.lanes import BASELINES, CHOOSING, Lanes, Wanted, drawn
 from ..method.sampling import request_seed, rest_of
 from ..parsing import command_line
 from ..score import worth
@@ -63,7 +63,7 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     store.save_hardening(training)
     lanes.observer.phase(config.generations, "evaluate")
     # What a model is shown must not be what judges its ranges; both sweeps are on equal start states, to compare them.
-    lanes.try_out(sweep(began, robot.quantities), choosing=True, episodes=SWEEP_EPISODES)
+    lanes.try_out(sweep(began, robot.quantities), starts=CHOOSING, episodes=SWEEP_EPISODES)
     proposed = propose(lanes, model, robot, training)
     model.close()  # an embedded model must not run while training does: they fight for the same cores
     # As it was trained; from scratch that would be the best policy again.
@@ -83,7 +83,7 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     judged = (began, *(arms[name] for name in beside), arms[ours])
     hard = hard_worlds(robot.quantities)
     lanes.try_out([trial for own in judged for trial in trials(own, hard)], episodes=HARD_EPISODES)
-    lanes.try_out(sweep(arms[ours], robot.quantities), choosing=True, episodes=SWEEP_EPISODES)
+    lanes.try_out(sweep(arms[ours], robot.quantities), starts=CHOOSING, episodes=SWEEP_EPISODES)
     store.save_robust(written(store.lanes.ranges()[ours]), arms[ours])
 
 
@@ -243,7 +243,7 @@ def _peak(lanes: Lanes, lane: Lane, quantities: Sequence[str]) -> Peak:
     hard = hard_worlds(quantities)
     own = [PolicyId(lane.id, peak) for peak in PEAKS]
     choosing = [trial for policy in own for trial in trials(policy, hard, f"choose {policy.peak} ")]
-    lanes.try_out(choosing, choosing=True, episodes=CHOOSING_EPISODES)
+    lanes.try_out(choosing, starts=CHOOSING, episodes=CHOOSING_EPISODES)
     found = chosen(lanes.store.lanes.trials().get(lane.id, {}), lanes.config.cost_limits)
     return (found.peak if found is not None else None) or PEAKS[0]
 

@@ -10,22 +10,24 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..config import RunConfig
-from ..method.lanes import BASELINES, Lanes, Wanted, polish_seeds
+from ..method.lanes import BASELINES, COMPARING, Lanes, Wanted, polish_seeds
 from ..score import Estimate, breach, gain, worth
 from ..store import Store
 from ..strategies import Best
-from ..types import Evaluation, Lane, Limits, PolicyId, RewardGraph, Start, TrainingResult
+from ..types import Evaluation, Lane, Limits, PolicyId, RewardGraph, Start, TrainingResult, Trial
 
 SHARES = (0.0, 0.1, 0.25, 0.5)
 """Of fresh weights in the mixture that a lane begins with."""
+COMPARED = "carried on"
+"""What the trial of both policies is called."""
 PARTS = 8
 """Of a training's steps; a lane takes one of them where the settings do not say."""
 
 
 def polish(lanes: Lanes) -> None:
     """Train lanes from the policy in `best/`, under its own reward and the others that trained again in the end; let
-    them play, and judge the one that plays best on held-out episodes, beside that policy. If it is better, `polished/`
-    holds it.
+    them play, and judge the one that plays best beside that policy, both in new episodes: by its final score that one
+    was chosen among its seeds. If the other is better, `polished/` holds it.
 
     Raises:
         EurekaError: what stopped it; all that was finished is stored, and calling again continues.
@@ -38,13 +40,12 @@ def polish(lanes: Lanes) -> None:
     steps = config.polish_steps or max(1, log.results()[began.lane].env_steps // PARTS)
     observer.phase(config.generations, "polish")
     results = lanes.train(deal(config, began, rewards(store, log.all()[began.lane].reward)), steps=steps)
-    scores = log.evaluations()
-    if not any(lane in scores for lane in results):
-        observer.phase(config.generations, "play")
-        played = lanes.play(results, Best(samples=0))
-        observer.phase(config.generations, "evaluate")
-        leader = _leader(played, config.cost_limits)
-        scores = lanes.evaluate({policy.lane: policy.peak for policy in (began, leader) if policy is not None})
+    observer.phase(config.generations, "play")
+    leader = _leader(lanes.play(results, Best(samples=0)), config.cost_limits)
+    observer.phase(config.generations, "evaluate")
+    both = [policy for policy in (began, leader) if policy is not None]
+    lanes.try_out([Trial(lane=lane, name=COMPARED, peak=peak) for lane, peak in both], starts=COMPARING)
+    scores = _compared(log.trials())
     better = max((began.lane, *results), key=lambda lane: worth(scores.get(lane), config.cost_limits))
     best = PolicyId(better, scores[better].peak or began.peak) if better != began.lane else began
     if best != began:
@@ -77,6 +78,11 @@ def rewards(store: Store, own: str) -> dict[str, RewardGraph]:
         if verdict is not None and verdict.graph is not None:
             found[name] = verdict.graph
     return found
+
+
+def _compared(trials: Mapping[str, Mapping[str, Evaluation]]) -> dict[str, Evaluation]:
+    """What policies scored when they were compared, by lane id."""
+    return {lane: own[COMPARED] for lane, own in trials.items() if COMPARED in own}
 
 
 def _leader(played: Mapping[str, Evaluation], limits: Limits) -> PolicyId | None:
@@ -134,6 +140,7 @@ def read(
     results: Mapping[str, TrainingResult],
     played: Mapping[str, Evaluation],
     evaluations: Mapping[str, Evaluation],
+    trials: Mapping[str, Mapping[str, Evaluation]],
     best: PolicyId | None,
     limits: Limits,
 ) -> Polished | None:
@@ -142,7 +149,8 @@ def read(
     Args:
         lanes: by id, as all that follows.
         played: what lanes scored when they were played to choose by.
-        evaluations: what they scored in held-out episodes.
+        evaluations: what they scored in held-out episodes, by which earlier versions compared both.
+        trials: what else they were tried in, by name.
         best: `LaneLog.best_policy`.
         limits: of the run.
     """
@@ -153,15 +161,15 @@ def read(
     ]
     if not tries:
         return None
-    began = tries[0].start.policy
-    chosen = next((one for one in tries if one.lane.id in evaluations), None)
+    began, scores = tries[0].start.policy, {**evaluations, **_compared(trials)}
+    chosen = next((one for one in tries if one.lane.id in scores), None)
     return Polished(
         tries=tuple(tries),
         began=began,
-        before=evaluations.get(began.lane),
+        before=scores.get(began.lane),
         chosen=chosen,
-        after=evaluations[chosen.lane.id] if chosen is not None else None,
-        breach=breach(evaluations[chosen.lane.id], limits) if chosen is not None else "",
-        breach_before=breach(evaluations.get(began.lane), limits),
+        after=scores[chosen.lane.id] if chosen is not None else None,
+        breach=breach(scores[chosen.lane.id], limits) if chosen is not None else "",
+        breach_before=breach(scores.get(began.lane), limits),
         best=best,
     )

@@ -171,8 +171,8 @@ def polished(run: RunView, found: Polished) -> Table:
     steps = max((one.result.env_steps for one in found.tries if one.result is not None), default=0)
     note = (
         f"Each lane took {steps:,} steps, from that policy's weights mixed with a share of fresh ones. The one that "
-        "plays best is judged held out. ± is the standard error over episodes of one policy, as it is: nothing here "
-        "says how good a reward is."
+        "plays best and that policy are compared in episodes that chose neither. ± is the standard error over episodes "
+        "of one policy, as it is: nothing here says how good a reward is."
     )
     return Table(("policy", "reward", "fresh weights", "F when played", "F held out"), rows, note)
 
