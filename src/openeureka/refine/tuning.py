@@ -193,7 +193,10 @@ def _scores(
 
 
 def _race(lanes: Lanes, last: int, judge: Best) -> PolicyId | None:
-    """Train those that lead and the text as it came with fresh seeds, more of them only while it is undecided."""
+    """Train those that lead and the text as it came with fresh seeds, more of them only while it is undecided.
+
+    After a search those are the seeds that crowned the text as it came: the race leans against the tuning.
+    """
     config, store = lanes.config, lanes.store
     texts = store.texts()
     racing, seeds = _raced(store, texts) or _leading(lanes, texts), list[int]()
