@@ -15,7 +15,7 @@ from ..errors import TaskError, nearest
 from .survey import Place, Survey
 
 NEAR = 0.2
-"""Share of its way to the goal within which something has reached it."""
+"""Share of its way to the goal within which something has reached it, unless `NEAREST` or what both fill is more."""
 NEAREST = 0.01
 """[m] that count as having reached a goal, at least."""
 POSES = 101

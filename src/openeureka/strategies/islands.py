@@ -73,7 +73,11 @@ class Islands(Best):
         return [entry for entry in generation.entries if self.island(entry.sample.slot, slots) == island]
 
     def _starts(self, history: History) -> list[int]:
-        """The generation in which each island began: who was the weakest when, the history tells."""
+        """The generation in which each island began.
+
+        Who was the weakest then is asked of today's scores: a policy that has played again since, or a later vote, may
+        answer otherwise than it was then.
+        """
         starts = [0] * self.count
         for end in range(RENEWAL, len(history.generations) + 1, RENEWAL):
             past = replace(history, generations=history.generations[:end])
