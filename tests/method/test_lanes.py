@@ -77,6 +77,29 @@ def test_a_result_that_was_being_kept_at_ctrl_c_is_kept(tmp_path: Path, monkeypa
         assert len(store.lanes.results()) == 4
 
 
+def test_who_trains_is_told_of_the_end_also_where_somebody_keeps_the_error(tmp_path: Path):
+    class Ends(ToyTrainer):
+        ended = False
+
+        def train(
+            self, env: str, specs: Sequence[LaneSpec], budget: TrainBudget
+        ) -> Iterator[TrainingProgress | TrainingResult]:
+            try:
+                yield from super().train(env, specs, budget)
+            finally:
+                self.ended = True
+
+    class Full(NullObserver):
+        def progress(self, progress: TrainingProgress) -> None:
+            raise ValueError("The disk is full.")
+
+    trainer = Ends()
+    with Store.open(tmp_path, RunConfig()) as store:
+        with pytest.raises(ValueError, match="full") as kept:
+            Lanes(RunConfig(), store, trainer, Full()).train(LANES)
+        assert trainer.ended and kept.tb is not None
+
+
 def test_a_search_compares_nothing_that_began_with_the_first_weighting_or_later():
     lanes = {
         "a-s0": Lane("a", 0, "candidate"),

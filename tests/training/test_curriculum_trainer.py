@@ -1,12 +1,13 @@
 """Lanes go from stage to stage with their policy; what a stage left is kept."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
 import torch
 
+from openeureka.errors import StoreError
 from openeureka.executors.local import LocalExecutor
 from openeureka.store import StageFiles
 from openeureka.tasks import curriculum
@@ -105,6 +106,52 @@ def test_a_finished_stage_is_not_repeated_and_one_that_failed_is(tmp_path: Path)
         ("hard", 100, {"human-s0": b"10.0", "sparse-s0": b"5.0"}),
     ]
     assert found["sparse-s0"].env_steps == 6
+
+
+class Stopped(StagedTrainer):
+    """Notes its end; has all results of a task by the time it is stopped there, as workers whose training has ended."""
+
+    def train(
+        self, env: str, specs: Sequence[LaneSpec], budget: TrainBudget
+    ) -> Iterator[TrainingProgress | TrainingResult]:
+        events = list(super().train(env, specs, budget))
+        try:
+            yield events.pop(0)
+            yield from events
+        except KeyboardInterrupt:
+            yield from events
+            raise
+        finally:
+            self.asked.append((f"{env} ended", 0, {}))
+
+
+@pytest.mark.parametrize("stage", [1, 2])
+def test_results_that_had_come_when_a_stage_was_stopped_are_kept(tmp_path: Path, stage: int):
+    trainer, files = Stopped(), StageFiles(tmp_path)
+    events = CurriculumTrainer(trainer, STAGES, files).train("hard", SPECS, TrainBudget())
+    assert isinstance(events, Generator)
+    for _ in range(stage):
+        next(events)  # the progress of each stage; results of the first are not told
+    late: list[TrainingProgress | TrainingResult] = []
+    with pytest.raises(KeyboardInterrupt):
+        late.append(events.throw(KeyboardInterrupt()))
+        late += events
+    assert [files.read(1, spec.id) is not None for spec in SPECS] == [True, True]
+    assert {lane: result.env_steps for lane, result in results(late).items()} == (
+        {"human-s0": 6, "sparse-s0": 6} if stage == 2 else {}
+    )
+    assert trainer.asked[-1][0] == ("easy ended" if stage == 1 else "hard ended")
+
+
+def test_who_trains_a_stage_that_cannot_be_kept_is_closed_at_once(tmp_path: Path):
+    class Full(StageFiles):
+        def save(self, stage: int, result: TrainingResult) -> None:
+            raise StoreError("The disk is full.")
+
+    trainer = Stopped()
+    with pytest.raises(StoreError) as kept:
+        list(CurriculumTrainer(trainer, STAGES, Full(tmp_path)).train("hard", SPECS, TrainBudget()))
+    assert trainer.asked[-1][0] == "easy ended" and kept.tb is not None
 
 
 class Forgetful:

@@ -183,6 +183,9 @@ class Lanes:
                 except KeyboardInterrupt as stop:
                     self._hear_out(events, event, hear, stop)
                     raise
+                finally:
+                    if isinstance(events, Generator):
+                        events.close()  # an error that somebody keeps would keep it, and its workers, at work
             # Beside generated rewards alone the trainer has tried the human one.
             all_generated = not any(isinstance(spec.program, str) for spec in due)
             if failed and len(failed) == len(due) and not all_generated and not self._trained(lanes):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from contextlib import closing, suppress
+from functools import partial
 
 from ..store.lane_log import StageFiles
 from ..tasks.task import Stage
@@ -19,6 +21,8 @@ from ..types import (
     TrainingResult,
     TrainingState,
 )
+
+Event = TrainingProgress | TrainingResult
 
 
 class CurriculumTrainer:
@@ -38,9 +42,7 @@ class CurriculumTrainer:
     def __init__(self, trainer: Trainer, stages: Sequence[Stage], finished: StageFiles) -> None:
         self._trainer, self._stages, self._finished = trainer, stages, finished
 
-    def train(
-        self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget
-    ) -> Iterator[TrainingProgress | TrainingResult]:
+    def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Iterator[Event]:
         """Train every lane. The budget's steps, if any, are shared out among the stages in proportion to their own."""
         if lanes and all(lane.start is not None for lane in lanes):
             yield from self._trainer.train(env, lanes, budget)
@@ -55,15 +57,7 @@ class CurriculumTrainer:
             if last:
                 lanes = [dataclasses.replace(lane, paused=paused[lane.id]) for lane in lanes]
             train = self._trainer.train(env, lanes, part) if last else self._remembered(number, stage, lanes, part)
-            for event in train:
-                if isinstance(event, TrainingProgress):
-                    yield _overall(event, steps, number)
-                elif last:
-                    yield _summed([*passed[event.lane], event])
-                elif event.last is None:
-                    yield _lost([*passed[event.lane], event])
-                else:
-                    passed[event.lane].append(event)
+            yield from _each(train, partial(self._told, number, steps, passed))
             lanes = [
                 dataclasses.replace(lane, start=passed[lane.id][-1].last)
                 for lane in lanes
@@ -72,17 +66,33 @@ class CurriculumTrainer:
             if not lanes:
                 return
 
-    def _remembered(
-        self, number: int, stage: Stage, lanes: Sequence[LaneSpec], budget: TrainBudget
-    ) -> Iterator[TrainingProgress | TrainingResult]:
+    def _told(
+        self, number: int, steps: Sequence[int], passed: Mapping[str, list[TrainingResult]], event: Event
+    ) -> Event | None:
+        """What an event of one stage is in all of it; nothing where a lane passed the stage."""
+        if isinstance(event, TrainingProgress):
+            return _overall(event, steps, number)
+        before = passed[event.lane]
+        if number == len(self._stages):
+            return _summed([*before, event])
+        if event.last is None:
+            return _lost([*before, event])
+        before.append(event)
+        return None
+
+    def _remembered(self, number: int, stage: Stage, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Iterator[Event]:
         """What is left of a finished stage, then the rest as it is trained."""
         known = {lane.id: self._finished.read(number, lane.id) for lane in lanes}
         yield from (result for result in known.values() if result is not None)
         missing = [lane for lane in lanes if known[lane.id] is None]
-        for event in self._trainer.train(stage.env, missing, budget) if missing else ():
-            if isinstance(event, TrainingResult) and event.state is not TrainingState.FAILED:
-                self._finished.save(number, event)
-            yield event
+        if missing:
+            yield from _each(self._trainer.train(stage.env, missing, budget), partial(self._kept, number))
+
+    def _kept(self, number: int, event: Event) -> Event:
+        """The event, once it is safe: a stage that failed trains again."""
+        if isinstance(event, TrainingResult) and event.state is not TrainingState.FAILED:
+            self._finished.save(number, event)
+        return event
 
     def evaluate(
         self,
@@ -100,6 +110,28 @@ class CurriculumTrainer:
         self, env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]
     ) -> Mapping[str, Sequence[float]]:
         return self._trainer.rewards(env, programs, episodes)
+
+
+def _each(events: Iterator[Event], tell: Callable[[Event], Event | None]) -> Iterator[Event]:
+    """What `tell` makes of each event. Who trains is told of a stop, and still heard, and closed in the end."""
+    if not isinstance(events, Generator):
+        yield from filter(None, map(tell, events))
+        return
+    with closing(events):
+        for event in events:
+            try:
+                if (told := tell(event)) is not None:
+                    yield told
+            except KeyboardInterrupt as stop:
+                yield from _each(_late(events, stop), tell)
+                raise
+
+
+def _late(events: Generator[Event], stop: KeyboardInterrupt) -> Iterator[Event]:
+    """What still comes after a stop."""
+    with suppress(StopIteration):
+        yield events.throw(stop)
+        yield from events
 
 
 def shares(stages: Sequence[Stage], total: int) -> list[int]:
