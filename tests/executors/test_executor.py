@@ -145,15 +145,19 @@ def test_what_is_left_of_a_training_keeps_the_populations_that_left_a_snapshot(
             return ()
 
         monkeypatch.setattr(local.scheduler, "train", train)
-        list(trainer.train("cartpole", [LaneSpec(id=name, program="human") for name in names], TrainBudget(worlds=1)))
+        list(trainer.train("cartpole", [LaneSpec(id=name, program="human") for name in names], budget))
         return found
 
-    def snapshot(env: str, names: str) -> Snapshot:
-        return Snapshot(tmp_path, {"env": env, "lanes": [{"id": name} for name in names]})
+    def snapshot(env: str, names: str, device: str = "cpu") -> Snapshot:
+        lanes = [{"id": name} for name in names]
+        return Snapshot(tmp_path, {**pack_lanes(env, (), budget).header, "lanes": lanes, "device": device})
+
+    budget = TrainBudget(worlds=1)
 
     assert populations("abcdefg") == [["a", "b", "c", "d"], ["e", "f", "g"]]
     snapshot("cartpole", "efg").write(b"state")
     snapshot("ant", "f").write(b"state")
+    snapshot("cartpole", "abcdefg", device="cuda").write(b"state")  # no population on a CPU goes on from it
     assert populations("efg") == [["e", "f", "g"]]
     assert populations("adefg") == [["e", "f", "g"], ["a", "d"]]
     assert populations("aef") == [["e", "f"], ["a"]]  # g has its result
@@ -178,7 +182,8 @@ def test_a_snapshot_serves_those_lanes_of_it_that_are_asked_for_alike(tmp_path: 
     fewer = asked("c", "b", b="x")
     assert fewer.read() == b"state"
     fewer.write(b"later")
-    assert snapshots.groups(tmp_path / "snapshots", "ant") == [["c", "b"]] and asked("a").read() is None
+    assert snapshots.groups(tmp_path / "snapshots", {"env": "ant", "worlds": 2}) == [["c", "b"]]
+    assert snapshots.groups(tmp_path / "snapshots", {"env": "ant", "worlds": 3}) == [] and asked("a").read() is None
     assert asked("b", b="x").read() == b"later"
     fewer.remove()
     assert list(tmp_path.iterdir()) == []

@@ -12,7 +12,7 @@ from ..sim import check_device
 from ..tasks import registry
 from ..types import Dynamics, Episodes, Evaluation, LaneSpec, RewardGraph, TrainBudget
 from ..worker import usable_cores
-from . import retry, scheduler, snapshots
+from . import retry, scheduler
 from .retry import Message, Population
 from .transport import SILENCE, Processes, Slot
 
@@ -100,7 +100,7 @@ class LocalExecutor:
         crew = [slot.device for slot in workers(self._devices, self._threads, len(lanes))]
         room = self._max_worlds // max(map(crew.count, crew))  # of one worker, where several share a device
         count = max(len(crew), math.ceil(len(lanes) / max(1, room // worlds)))
-        dealt = scheduler.deal(lanes, snapshots.groups(self._snapshots, env), count)
+        dealt = scheduler.deal(lanes, retry.together(self._snapshots, env, budget, crew[0]), count)
         populations = [Population(env, share, budget, self._snapshots) for share in dealt]
         return scheduler.train(self._transport, populations, workers(self._devices, self._threads, len(populations)))
 

@@ -18,7 +18,7 @@ from ..errors import ConfigError, TaskError, WorkerError
 from ..tasks import registry
 from ..types import Dynamics, Episodes, Evaluation, LaneSpec, RewardGraph, TrainBudget
 from ..worker import Frame, WorkerDied, framed, unframed
-from . import cluster, ray_node, retry, scheduler, snapshots
+from . import cluster, ray_node, retry, scheduler
 from .cluster import Place
 from .local import MAX_WORLDS
 from .retry import Message, Population
@@ -72,7 +72,7 @@ class RayExecutor:
         """
         worlds = budget.worlds or registry.get(env).recipe.worlds
         count, threads = self._shares(len(lanes), worlds)
-        dealt = scheduler.deal(lanes, snapshots.groups(self._snapshots, env), count)
+        dealt = scheduler.deal(lanes, retry.together(self._snapshots, env, budget, self._device), count)
         populations = [Population(env, share, budget, self._snapshots) for share in dealt]
         # All are submitted at once: Ray knows best when there is room for the next.
         return scheduler.train(self._transport, populations, [self._slot(threads)] * len(populations))

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ..codec import plain
 from ..errors import WorkerError
@@ -24,7 +25,7 @@ from ..types import (
     TrainingState,
 )
 from ..worker import Frame
-from .snapshots import Snapshot, forget
+from .snapshots import Snapshot, forget, groups
 from .transport import FAREWELL, LONGEST_FAREWELL, AnyCall, Call, Slot, Transport, WorkerLost
 
 SNAPSHOT_SECONDS = 300.0
@@ -102,8 +103,7 @@ class Population:
         self._reported, self._apart = 0.0, 0.0
         packed = pack_lanes(self._env, self._attempt.lanes, self._attempt.budget)
         folder = self._snapshots if self.resumable else None
-        about = {**packed.header, "device": device.partition(":")[0]}
-        self._snapshot = Snapshot(folder, about, others=len(self._attempt.lanes) < len(self._left))
+        self._snapshot = Snapshot(folder, _about(packed, device), others=len(self._attempt.lanes) < len(self._left))
         state = self._snapshot.read()
         header = {"do": "train", "snapshot_seconds": SNAPSHOT_SECONDS if folder is not None else 0.0, **packed.header}
         return Frame(header, {**packed.blobs, **({SNAPSHOT: state} if state is not None else {})})
@@ -170,6 +170,16 @@ class Population:
                 lane=lane.id, state=TrainingState.FAILED, fitness=None, curves={}, env_steps=0, seconds=0.0,
                 message=self._reasons[lane.id],
             )  # fmt: skip
+
+
+def together(snapshots: Path | None, env: str, budget: TrainBudget, device: str) -> list[list[str]]:
+    """Lane ids of each population that has left a snapshot from which such a training can go on."""
+    return groups(snapshots, _about(pack_lanes(env, (), budget), device))
+
+
+def _about(asked: Frame, device: str) -> dict[str, Any]:
+    """What a snapshot of it is known by."""
+    return {**asked.header, "device": device.partition(":")[0]}
 
 
 def evaluate(

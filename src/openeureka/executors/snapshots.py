@@ -17,10 +17,11 @@ from ..version import __version__
 ABOUT = ".json"
 
 
-def groups(folder: Path | None, env: str) -> list[list[str]]:
-    """Lane ids of each population of a task that has left a snapshot there. What cannot be read is left out: its
-    training begins anew."""
-    return [about.lanes for about in _left(folder).values() if about.env == env]
+def groups(folder: Path | None, request: Mapping[str, Any]) -> list[list[str]]:
+    """Lane ids of each population that has left a snapshot there of what is requested, whatever its lanes. What cannot
+    be read is left out: its training begins anew."""
+    wanted = _About.of(request).rest
+    return [about.lanes for about in _left(folder).values() if about.rest == wanted]
 
 
 def forget(folder: Path | None, env: str, lanes: Collection[str]) -> None:
