@@ -12,6 +12,7 @@ from openeureka.adapters.foreign import link
 from openeureka.config import RunConfig
 from openeureka.errors import EurekaError, TaskError, WorkerError
 from openeureka.executors.local import LocalExecutor
+from openeureka.executors.transport import SILENCE
 from openeureka.parsing import parse
 from openeureka.tasks import registry
 from openeureka.tasks.context import context
@@ -159,6 +160,10 @@ def test_a_process_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch):
     with pytest.raises(WorkerError) as caught:
         stepped(f"{CARTS}+fault=hang+step=3", 3)
     said(caught.value, "did not come to an end of a step of", "in 0.5 s")
+
+
+def test_who_hangs_is_ended_before_its_worker_is_taken_for_hung():
+    assert max(link.STARTING + link.BEGINNING, 2 * link.STEPPING) <= SILENCE - 60, "a minute for the worker itself"
 
 
 def test_what_it_prints_is_not_taken_for_an_answer():

@@ -182,10 +182,11 @@ def test_each_step_that_is_played_again_is_told(paused: bool):
     told: list[int] = []
     if paused:
         lane = dataclasses.replace(lane, paused=result.paused)
-    after = Population(env, [lane], budget, after_replayed_step=lambda: told.append(1))
+    after = Population(env, [lane], budget, alive=lambda: told.append(1))
     if not paused:
         after.load_state_dict(begun.state_dict())
-    assert len(told) == int(begun.env.sim.memory()["steps"].sum()) > 0
+    steps = int(begun.env.sim.memory()["steps"].sum())
+    assert len(told) == 3 + steps > 3, "the task, its worlds and their start come before"
 
 
 def test_names_come_from_the_documentation_and_no_word_of_what_counts():

@@ -1,6 +1,8 @@
 import dataclasses
+import itertools
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -245,16 +247,33 @@ def test_a_training_that_comes_back_to_where_it_was_gives_signs_of_life(monkeypa
             said.append(header)
 
     class Replaying(population.Population):
-        def __init__(self, *args, after_replayed_step, **options):
+        def __init__(self, *args, alive, **options):
             for _ in range(3):
                 time.sleep(1.01)
-                after_replayed_step()
-            super().__init__(*args, after_replayed_step=after_replayed_step, **options)
+                alive()
+            super().__init__(*args, alive=alive, **options)
 
     monkeypatch.setattr(child, "Channel", Said)
     monkeypatch.setattr(child, "Population", Replaying)
     child.main()
     assert said[:3] == [{}] * 3 and said[-1] == {"done": True}
+
+
+def test_a_training_gives_signs_of_life_however_long_its_epochs_are(monkeypatch: pytest.MonkeyPatch):
+    said: list[dict] = []
+    request = pack_lanes("cartpole", [LaneSpec(id="a", program="human")], TrainBudget(env_steps=64, worlds=4))
+    header = {"do": "train", "device": "cpu", "threads": 0, "snapshot_seconds": 0.0, **request.header}
+    seconds = itertools.count(0.0, 2.0)
+    channel = SimpleNamespace(
+        receive=iter([Frame(header, request.blobs), None]).__next__,
+        ready=lambda: False,
+        send=lambda header, blobs=None: said.append(header),
+    )
+    monkeypatch.setattr(child, "Channel", lambda: channel)
+    monkeypatch.setattr(child, "time", SimpleNamespace(monotonic=lambda: next(seconds)))
+    child.main()
+    # Its task, its worlds and their start, then each of 16 steps, as if each took seconds.
+    assert said.index(next(header for header in said if header)) == 19
 
 
 def test_an_unknown_environment_is_an_error_of_the_caller_and_not_of_the_worker():

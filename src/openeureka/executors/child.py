@@ -25,14 +25,14 @@ def main() -> None:
     channel = Channel()
     while (request := channel.receive()) is not None:
         header = request.header
-        options: dict[str, Any] = {"device": header["device"], "threads": header["threads"]}
+        alive = _signs_of_life(channel)
+        options: dict[str, Any] = {"device": header["device"], "threads": header["threads"], "alive": alive}
         if header["threads"]:
             torch.set_num_threads(header["threads"])
         if header["device"].startswith("cuda"):
             torch.cuda.set_device(header["device"])  # graphs are captured on the current device
         try:
             if header["do"] == "train":
-                options["after_replayed_step"] = _signs_of_life(channel)
                 _train(channel, request, Population(*unpack_lanes(request), **options))
             elif header["do"] == "rewards":
                 for name, paid in rewards(*unpack_question(request)):
@@ -60,7 +60,6 @@ def _evaluate(channel: Channel, request: Frame, options: Mapping[str, Any]) -> N
         episodes=header["episodes"],
         dynamics=shaped(dict[str, Dynamics], header["dynamics"]),
         record=header["record"],
-        after_step=_signs_of_life(channel),
         **options,
     )
     for score in scores:

@@ -39,7 +39,7 @@ def evaluate(
     record: Collection[str] = (),
     device: str = "cpu",
     threads: int = 0,
-    after_step: Callable[[], None] = lambda: None,
+    alive: Callable[[], None] = lambda: None,
 ) -> list[Evaluation]:
     """Score every policy of one task side by side, on the same start states.
 
@@ -52,10 +52,11 @@ def evaluate(
         dynamics: lane ids that play in another world than the task's. Where MuJoCo has no part in it there is no other
             world: they play no episode and have no score.
         record: the lanes some of whose episodes come with the score.
-        after_step: called after every step of all worlds: a long episode takes minutes.
+        alive: called after every step of all worlds, and what else may take minutes.
     """
     others = {lane for lane, world in (dynamics or {}).items() if world != NOMINAL}
     unplayed = others if registry.get(env).draws_itself else set[str]()
+    alive()
     scores = [
         Evaluation(lane=lane, fitness=None, episode_length=0.0, episodes=0) for lane in policies if lane in unplayed
     ]
@@ -75,7 +76,7 @@ def evaluate(
                 record=record,
                 device=device,
                 threads=threads,
-                after_step=after_step,
+                alive=alive,
             )
         return scores
     world = {lane: (dynamics or {}).get(lane, NOMINAL) for lane in policies}
@@ -87,11 +88,12 @@ def evaluate(
         threads=threads,
         ranges=[Ranges(one, one) for one in world.values()] if others - unplayed else (),
     )
+    alive()
     meter = Meter(simulation)
     recorded = [place for place, lane in enumerate(policies) if lane in record]
     recorder = Recorder(simulation.task.spec, recorded, worlds)
     play = Player([Policy.from_bytes(data) for data in policies.values()], simulation.sim.device)
-    total, contributions = _play_once(simulation, play, meter, recorder, after_step)
+    total, contributions = _play_once(simulation, play, meter, recorder, alive)
     sums, parts = (x.unflatten(1, (lanes, worlds)).transpose(0, 1) for x in (total, contributions))
     costs = meter.read(lanes)
     kept = dict(zip(recorded, recorder.read([sums[place] for place in recorded]), strict=True))
@@ -100,11 +102,12 @@ def evaluate(
 
 
 def _play_once(
-    simulation: BatchedEnv, play: Player, meter: Meter, recorder: Recorder, after_step: Callable[[], None]
+    simulation: BatchedEnv, play: Player, meter: Meter, recorder: Recorder, alive: Callable[[], None]
 ) -> tuple[Tensor, Tensor]:
     """One episode in every world: the sums (3, N) of value times weight, weight and steps, and the contributions
     (steps, N) to the first of them."""
     observation = simulation.reset()
+    alive()
     running = torch.ones(simulation.num_worlds, dtype=torch.bool, device=observation.device)
     simulation.sim.playing = running  # changes with it
     total = torch.zeros(3, simulation.num_worlds, dtype=torch.float64, device=observation.device)
@@ -121,7 +124,7 @@ def _play_once(
         recorder.add(number, step.state, running)
         running &= ~step.done
         observation = step.observation
-        after_step()
+        alive()
     simulation.check()
     return total, torch.stack(contributions)
 

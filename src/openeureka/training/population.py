@@ -40,7 +40,7 @@ class Population:
         env: name of the task.
         specs: one a lane.
         budget: steps and worlds of each lane; zeros take the task's recipe.
-        after_replayed_step: as of `sim.base.Worlds`.
+        alive: called after every step of all worlds, also one played again, and what else may take minutes.
 
     Attributes:
         epoch: epochs that are done.
@@ -56,9 +56,10 @@ class Population:
         *,
         device: str = "cpu",
         threads: int = 0,
-        after_replayed_step: Callable[[], object] | None = None,
+        alive: Callable[[], object] = lambda: None,
     ) -> None:
         task = registry.get(env)
+        alive()
         self.env_name, self.specs, self.recipe = env, list(specs), task.recipe
         self.lanes, self.worlds = len(specs), budget.worlds or task.recipe.worlds
         self.horizon = task.recipe.horizon
@@ -70,7 +71,8 @@ class Population:
         self.env = registry.make(
             env, worlds=self.worlds, lane_seeds=seeds, device=device, threads=threads, ranges=ranges
         )
-        self.env.sim.after_replayed_step = after_replayed_step
+        alive()
+        self.env.sim.after_replayed_step = self._alive = alive
         self.device = self.env.sim.device
         self.rewards = LaneRewards(self.env.task, [spec.program for spec in specs], self.worlds, bonus=budget.bonus)
         self.ppo = PPO(
@@ -103,6 +105,7 @@ class Population:
         self.messages = [""] * self.lanes
         self.trained = [self.epochs] * self.lanes  # epochs until the lane ended
         self.epoch, self.observation = 0, self._split(self.env.reset(stagger=True))
+        alive()
         self.clock: list[float] = []
         self._before, self._started = 0.0, time.monotonic()  # [s] in processes before this one; the start of this
         if paused := [pausing.load(spec.paused, self.device) for spec in specs if spec.paused is not None]:
@@ -117,6 +120,7 @@ class Population:
             for t in range(self.horizon):
                 action = self.ppo.act(observation)
                 step = self.env.step(action.action.flatten(0, 1))
+                self._alive()
                 early = (step.episode_length <= self._early).float()
                 own, human, means = self.rewards(step.state, early)
                 # What follows from the state of a world that broke down, and was put back, is nobody's merit.

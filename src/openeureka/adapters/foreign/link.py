@@ -19,9 +19,9 @@ from ...worker import Frame, Stranger, WorkerDied, WorkerTimeout
 SERVER = Path(__file__).with_name("server.py")
 VERSION = 1
 """Of the frames; `server.py` has the same."""
-STARTING, BEGINNING, STEPPING = 60.0, 540.0, 300.0
-"""[s] that the other Python may take to say that it is there, to make an environment, and to step or reset it. All
-together they end before the executor takes the silence of a worker for its death."""
+STARTING, BEGINNING, STEPPING = 60.0, 480.0, 240.0
+"""[s] that the other Python may take to say that it is there, to make an environment, and to step or reset it. To start
+and make, and to step and reset, end before the executor takes the silence of a worker for its death."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
