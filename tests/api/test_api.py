@@ -335,6 +335,17 @@ def test_a_training_that_is_stopped_goes_on(tmp_path, trainer, capsys):
     assert run.best_reward is None  # the human one comes with the task
 
 
+def test_a_training_that_is_stopped_in_its_report_is_done(tmp_path, trainer, capsys, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as once:
+        once.setattr(compose, "build", interrupt)
+        run = openeureka.train(dir=tmp_path / "run")
+    said = f"Stopped; the training is done. Write its report with: eureka report {tmp_path}/run\n"
+    assert run.finished and capsys.readouterr().out == said
+
+
 def test_a_program_of_one_line_is_not_split_at_its_commas():
     with pytest.raises(RewardFileError, match="reward_1 was refused"):
         openeureka.train("cartpole", "def compute_reward(pole_angle, no_such): return pole_angle, {}")

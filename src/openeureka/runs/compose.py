@@ -126,13 +126,24 @@ def search(config: RunConfig, directory: Path, host: Host, model: LanguageModel 
         except KeyboardInterrupt:  # before the search, or a resumed one, was at work
             known = begun or has_begun(directory)
             raise Interrupted(stopped(host.again(directory)) if known else "Stopped before it began.") from None
-        try:
-            # Reports come last: the search is complete without them.
-            with host.working("Writing the report" if config.video == "none" else "Filming, and writing the report"):
-                return build(directory, config.video, config.env)
-        except KeyboardInterrupt:
-            command = command_line("report", directory)
-            raise Interrupted(f"Stopped; the search is done. Write its report with: {command}") from None
+        doing = "Writing the report" if config.video == "none" else "Filming, and writing the report"
+        return _reported(config, directory, host, "search", doing)
+
+
+def _reported(
+    config: RunConfig, directory: Path, host: Host, done: str, doing: str = "Writing the report"
+) -> list[str]:
+    """Sentences that say what of the report could not be made. It comes last: what is done is complete without it.
+
+    Raises:
+        Interrupted: stopped by Ctrl-C.
+    """
+    try:
+        with host.working(doing):
+            return build(directory, config.video, config.env)
+    except KeyboardInterrupt:
+        command = command_line("report", directory)
+        raise Interrupted(f"Stopped; the {done} is done. Write its report with: {command}") from None
 
 
 @contextmanager
@@ -217,8 +228,7 @@ def train(config: RunConfig, directory: Path, rewards: Given | None, host: Host)
             given.keep(lanes.store, rewards)
         given.train(lanes)
         lanes.store.end()
-    with host.working("Writing the report"):
-        return build(directory, config.video, config.env)
+    return _reported(config, directory, host, "training")
 
 
 def tune(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] | None, host: Host) -> list[str]:
@@ -243,8 +253,7 @@ def tune(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] |
                 tuning.keep(lanes.store, *reward)
             tuning.tune(lanes, checker)
             lanes.store.end()
-    with host.working("Writing the report"):
-        return build(directory, config.video, config.env)
+    return _reported(config, directory, host, "tuning")
 
 
 def robust(
@@ -297,8 +306,7 @@ def robust(
         host.view(config, directory, store.talk.usage()) as view,
     ):
         harden(Lanes(config, store, trainer, Observers(*log, view)), model, robot, training)
-    with host.working("Writing the report"):
-        return build(directory, config.video, config.env)
+    return _reported(config, directory, host, "hardening")
 
 
 @contextmanager
