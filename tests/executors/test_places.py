@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from openeureka.errors import ConfigError, WorkerError
+from openeureka.executors import cluster as clusters
 from openeureka.executors import ray, ray_node
 from openeureka.executors.ray import RayExecutor
 from openeureka.training.wire import pack, unpack_lanes
@@ -134,6 +135,20 @@ def test_a_search_waits_for_a_node_and_says_so(monkeypatch: pytest.MonkeyPatch, 
     assert trained(trainer, "b") == ["b"]
     assert cluster.asked == [8, 8]
     assert [record.levelno for record in caplog.records if "waiting for one" in record.message] == [logging.WARNING] * 2
+
+
+def test_a_process_that_is_part_of_one_cluster_is_not_told_that_it_joined_another(monkeypatch: pytest.MonkeyPatch):
+    joined: list[str] = []
+    fake = Cluster(4, script=results)
+    fake.is_initialized = lambda: bool(joined)
+    fake.init = lambda address, **others: joined.append(address)
+    monkeypatch.setattr(clusters, "_imported", lambda address: fake)
+    monkeypatch.setattr(clusters, "_joined", "")
+    for address in ("local", "local", "127.0.0.1:6379"):  # the last is where the fake one is
+        assert clusters.connect(address) is fake
+    with pytest.raises(ConfigError, match=r"at address=local: restart it to join 10\.0\.0\.5:6379\."):
+        clusters.connect("10.0.0.5:6379")
+    assert joined == ["local"]
 
 
 def test_what_no_node_of_a_cluster_has_is_refused(monkeypatch: pytest.MonkeyPatch):

@@ -48,14 +48,23 @@ class Place:
         return Place(int(has.get("CPU", 0)), int(has.get("GPU", 0)), has.get("memory", math.inf))
 
 
+_joined = ""
+"""The `address=` by which this process is part of a cluster; empty where it is of none, or was by itself."""
+
+
 def connect(address: str) -> Any:
     """The module `ray`, part of the cluster from here on; a process is part of one cluster for as long as it lives.
 
     Raises:
-        ConfigError: when there is no such cluster, Ray is missing or another one, or anybody could give it orders.
+        ConfigError: when there is no such cluster, Ray is missing or another one, this process is part of another
+            cluster, or anybody could give it orders.
     """
+    global _joined
     ray = _imported(address)
-    if not ray.is_initialized():
+    if ray.is_initialized():
+        if address not in (_joined or address, ray.get_runtime_context().gcs_address):
+            raise ConfigError(f"This Python is part of the cluster at address={_joined}: restart it to join {address}.")
+    else:
         options: dict[str, Any] = {"include_dashboard": False, "object_store_memory": OBJECT_STORE}
         options = options if address == "local" else {}
         try:
@@ -66,6 +75,7 @@ def connect(address: str) -> Any:
                 f"There is no cluster to join at address={address} ({said}); start one with `ray start --head`, or "
                 "write address=local."
             ) from None
+        _joined = address
     if exposed(ray) and os.environ.get("RAY_AUTH_MODE", "").lower() != "token":
         raise _open(ray.get_runtime_context().gcs_address)
     return ray
