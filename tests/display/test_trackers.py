@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from report.scripted import search_in
 from tensorboard.backend.event_processing.event_file_loader import EventFileLoader
+from tensorboard.compat.tensorflow_stub.errors import DataLossError
 
 from openeureka.config import RunConfig
 from openeureka.display import tensorboard, trackers
@@ -40,6 +42,7 @@ class FakeWandb(ModuleType):
         self.Table = lambda columns, data: ("table", data[0][0])
         self.Video = lambda path, format: ("video", Path(path).read_bytes()[4:8])
         self.summary: dict[str, float] = {}
+        self.id = "abc"
 
     def init(self, **settings: Any) -> FakeWandb:
         self.calls.append(("init", settings))
@@ -108,6 +111,20 @@ def test_tensorboard_reads_curves_texts_and_moving_pictures(tmp_path: Path):
     assert pictures and any(b"GIF89a" in value.SerializeToString() for value in pictures)
 
 
+def test_a_record_that_a_kill_tore_hides_nothing_that_a_resumed_run_tells(tmp_path: Path):
+    for step in range(3):
+        board = tensorboard.TensorBoard(tmp_path, RunConfig(env="toy"))
+        board.numbers({f"of process {step}": 1.0}, step)
+        board.close()
+        if step == 0:
+            (tmp_path / tensorboard.EVENTS).write_bytes((tmp_path / tensorboard.EVENTS).read_bytes()[:-5])
+    told: list[str] = []
+    for file in sorted(tmp_path.iterdir()):
+        with suppress(DataLossError):
+            told += [value.tag for event in EventFileLoader(str(file)).Load() for value in event.summary.value]
+    assert told[-2:] == ["of process 1", "of process 2"] and told.count("settings") <= 1
+
+
 def test_a_tracker_that_fails_ends_its_mirror_and_not_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
@@ -116,6 +133,15 @@ def test_a_tracker_that_fails_ends_its_mirror_and_not_the_run(
     monkeypatch.setitem(sys.modules, "wandb", fake)
     mirror(tmp_path / "run", "wandb")
     assert capsys.readouterr().out == "log=wandb hears no more of this run: division by zero\n"
+    assert [kind for kind, _ in fake.calls] == ["init", "finish"], "the next run begins one of its own"
+
+
+def test_wandb_goes_on_with_the_run_that_it_says_it_began(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    fake = FakeWandb()
+    fake.id = "of a notebook"
+    monkeypatch.setitem(sys.modules, "wandb", fake)
+    trackers.Wandb(tmp_path, RunConfig(env="toy"))
+    assert "of a notebook" in (tmp_path / trackers.MEMORY).read_text()
 
 
 @pytest.mark.parametrize("name", ["wandb", "mlflow"])

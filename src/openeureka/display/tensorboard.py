@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import time
 from collections.abc import Mapping
@@ -20,17 +21,22 @@ from ..parsing import as_dict
 from ..store import artifacts
 
 EVENTS = "events.out.tfevents.0"
+"""The first; TensorBoard reads them in the order of their names."""
 
 
 class TensorBoard:
-    """A file of events in the run directory that grows: `tensorboard --logdir DIR`. Films are moving pictures there."""
+    """Events in the run directory: `tensorboard --logdir DIR`. Films are moving pictures there.
+
+    Each process begins a file. A record that a kill tore hides all that follows it in the same.
+    """
 
     def __init__(self, directory: Path, config: RunConfig) -> None:
-        new = not artifacts.exists(directory, EVENTS)
-        self._file = artifacts.appended(directory, EVENTS)
+        names = itertools.chain([EVENTS], (f"{EVENTS}{number:04}" for number in itertools.count(1)))
+        name = next(name for name in names if not artifacts.exists(directory, name))
+        self._file = artifacts.appended(directory, name)
         self._writer = RecordWriter(self._file)
-        if new:
-            self._writer.write(Event(file_version="brain.Event:2").SerializeToString())
+        self._writer.write(Event(file_version="brain.Event:2").SerializeToString())
+        if name == EVENTS:
             self.text("settings", json.dumps(as_dict(config), indent=1))
 
     def numbers(self, values: Mapping[str, float], step: int | None = None) -> None:

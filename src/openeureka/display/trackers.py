@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 import json
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -53,7 +53,7 @@ class Wandb:
             id=known,
             resume="allow",
         )
-        _remember(directory, "wandb", known)
+        _remember(directory, "wandb", self._run.id)
         self._run.define_metric("epoch")
         self._run.define_metric("*", step_metric="epoch")
 
@@ -161,8 +161,11 @@ class Mirror(NullObserver):
             if self._tracker is not None:
                 getattr(self._tracker, verb)(*said)
         except Exception as error:
-            self._tracker = None
+            failed, self._tracker = self._tracker, None
             print(f"log={self._name} hears no more of this run: {plain(str(error))[:300]}", flush=True)
+            if failed is not None and verb != "close":
+                with suppress(Exception):  # open, it would hear what the next run of this process says
+                    failed.close()
 
 
 @contextmanager
