@@ -89,8 +89,9 @@ class Door:
 
 
 def import_file(path: Path) -> ModuleType:
-    """Import a file once a process, under a name that no other module has."""
-    name = f"openeureka_file_{hashlib.sha256(bytes(path)).hexdigest()[:12]}"
+    """Import a file as it is now, once a process, under a name that no other module has: nothing remembered of what it
+    was before an edit is taken for it."""
+    name = f"openeureka_file_{hashlib.sha256(bytes(path) + bytes(1) + path.read_bytes()).hexdigest()[:12]}"
     if name not in sys.modules:
         spec = importlib.util.spec_from_file_location(name, path)
         assert spec is not None and spec.loader is not None

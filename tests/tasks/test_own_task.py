@@ -34,6 +34,14 @@ def test_a_file_is_imported_once_and_its_source_can_be_read(monkeypatch):
     assert "def apply_action" in context(ENV).source and "sparse_reward" not in context(ENV).source
 
 
+def test_a_file_that_was_edited_is_another_task_from_then_on(tmp_path):
+    file = tmp_path / "pendulum.py"
+    for length in (9, 10):
+        file.write_text(FILE.read_text().replace("episode_length = 200", f"episode_length = {length}"))
+        assert get(str(file)).episode_length == length
+        assert f"episode_length = {length}" in inspect.getsource(get(str(file)))
+
+
 def test_files_of_the_same_name_are_different_tasks(tmp_path):
     (tmp_path / "pendulum.py").write_text(FILE.read_text().replace("episode_length = 200", "episode_length = 9"))
     assert get(f"{tmp_path}/pendulum.py:Pendulum").episode_length == 9
