@@ -46,6 +46,18 @@ def test_epochs_that_a_stopped_run_had_done_tell_no_pace(monkeypatch):
     assert told == ["starting", "starting", "2 min 50 s left", "1 min 28 s left"]
 
 
+def test_the_stage_after_one_that_was_resumed_tells_its_own_pace(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    line, told = ProgressLine(Console(file=io.StringIO(), width=200)), list[str]()
+    # An epoch a second, of two stages of 100; the first went on at its 90th.
+    for second, epoch, resumed in ((0.0, 90, 90), (10.0, 100, 90), (11.0, 101, 1), (13.0, 103, 1)):
+        now[0] = second
+        at = dataclasses.replace(PROGRESS, epoch=epoch, epochs=200, resumed=resumed)
+        told.append(line._sentence(at).split(", ")[2].partition(";")[0])
+    assert told == ["starting", "1 min 40 s left", "starting", "1 min 37 s left"]
+
+
 def test_the_nodes_of_a_cluster_follow_with_what_each_trains():
     nodes = {
         "beta": NodeShare(lanes=4, env_steps_per_second=2000.4),

@@ -56,7 +56,7 @@ class ProgressLine:
         self._status = self._console.status("Starting") if redraws(self._console) else None
         self._since: tuple[float, int] | None = None
         """When the training that is shown was first heard of, and its epochs then, as `_left` counts them."""
-        self._counted = 0
+        self._counted = self._resumed = 0
         self._printed, self._pause = 0.0, SECONDS_BETWEEN_LINES
 
     def __enter__(self) -> ProgressLine:
@@ -94,11 +94,12 @@ class ProgressLine:
         )
 
     def _left(self, progress: TrainingProgress) -> float | None:
-        """[s] to its end, at the pace of the epochs heard of; after an earlier epoch it is another training."""
+        """[s] to its end, at the pace of the epochs heard of; after an earlier epoch it is another training, and where
+        fewer are known to have been done before, another stage of a curriculum."""
         now, counted = time.monotonic(), progress.epoch - progress.resumed
-        if self._since is None or counted < self._counted:
+        if self._since is None or counted < self._counted or progress.resumed < self._resumed:
             self._since = now, counted
-        self._counted = counted
+        self._counted, self._resumed = counted, progress.resumed
         began, first = self._since
         done = counted - first
         return (now - began) / done * (progress.epochs - progress.epoch) if done else None
