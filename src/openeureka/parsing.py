@@ -22,7 +22,7 @@ _LONGEST = 4096
 """Characters of a setting: those of the longest path."""
 _CODE = r"()(.+\.py)(:.*)?"
 _FILES = {
-    "env": r"((?:python:)?)(.+\.py)([:+].*)?",
+    "env": r"((?:python:)?)(?!gym(?:-asis)?:)(.+\.py)([:+].*)?",
     "search": _CODE,
     "executor": _CODE,
     "init": r"()(?!human\Z)(.+)()",

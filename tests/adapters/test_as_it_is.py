@@ -216,6 +216,7 @@ def test_a_strangers_package_is_imported_first():
     [
         ("gym:Hoper-v5", "Gymnasium has no `Hoper-v5`. Did you mean `Hopper-v5`?"),
         ("gym:no_such_package:X-v0", "needs the module `no_such_package`: install it, or set PYTHONPATH"),
+        ("gym:my_env.py:My-v0", "gym: takes a module, no file: say gym:my_env:My-v0, with its folder on PYTHONPATH."),
         ("gym:CartPole-v1+gravity=3", "cannot be made"),
         ("gym:CartPole-v1+control_dt=0.1", "`gym:CartPole-v1+control_dt=0.1` decides `control_dt`; set"),
         ("gym:Hopper-v5+substeps=2", "set what its constructor takes, such as frame_skip=2."),

@@ -126,6 +126,7 @@ def test_settings_keep_the_whole_path_and_outputs_a_short_name(monkeypatch, tmp_
     assert parse(RunConfig, ["env=mine.py+gain=2"]).env == f"{tmp_path.resolve()}/mine.py+gain=2"
     assert parse(RunConfig, ["env=my_package.mine:Mine"]).env == "my_package.mine:Mine"
     assert parse(RunConfig, ["env=ant"]).env == "ant"
+    assert parse(RunConfig, ["env=gym:mine.py:My-v0"]).env == "gym:mine.py:My-v0"
     assert [
         short_name(env) for env in ("a b/c:d/mine.py:Mine", "c:d/mine.py", "my_package.mine:Mine", "ant", "lab/ant-2")
     ] == [

@@ -8,6 +8,7 @@ import json
 import re
 import warnings
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, cast
 
 import gymnasium
@@ -114,6 +115,9 @@ def _lifted(env: Env[Any, Any], found: Survey) -> dict[str, Any]:
 def _make(name: str, **keywords: Any) -> Env[Any, Any]:
     """One instance, which can draw itself if it knows how. Raises TaskError, which says what to type instead."""
     package, _, bare = name.rpartition(":")
+    if package.endswith(".py"):
+        module = Path(package).stem
+        raise TaskError(f"gym: takes a module, no file: say gym:{module}:{bare}, with its folder on PYTHONPATH.")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # old versions, bounds of spaces: nothing that a person asked about
         try:
