@@ -150,12 +150,12 @@ def test_an_error_on_import_has_its_line(broken, change, says):
 
 
 def test_a_method_that_is_a_lambda_is_asked_to_be_written_with_def(broken, capsys):
-    old = "num_actions = 1\n"
-    file, line = broken(old, f"{old}    timed_out = lambda self, s: self.progress > 9\n")
+    old = "    def reset("
+    file, line = broken(old, f"    terminated = lambda self, s: s['angle'] > 9\n\n{old}")
     with pytest.raises(SystemExit) as ended:
         main(["context", f"env={file}"])
     (sentence,) = capsys.readouterr().err.splitlines()
-    assert (ended.value.code, sentence) == (2, f"{file}, line {line + 1}: write it with `def` in place of `lambda`.")
+    assert (ended.value.code, sentence) == (2, f"{file}, line {line}: write it with `def` in place of `lambda`.")
 
 
 @pytest.mark.parametrize("change", [TYPO, SIZE, NO_XML])
