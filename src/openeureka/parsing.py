@@ -82,7 +82,7 @@ _SPELLED = {"True": True, "False": False, "None": None}
 """What Python writes otherwise than JSON."""
 
 
-def plain(text: str) -> Any:
+def literal(text: str) -> Any:
     """A value in JSON or, but for what holds others, as Python writes it; any other text is itself."""
     try:
         return _SPELLED[text] if text in _SPELLED else json.loads(text)

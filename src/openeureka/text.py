@@ -40,3 +40,8 @@ def visible(text: str) -> str:
 def safe_text(text: str) -> str:
     """For a store: what UTF-8 and SQLite can hold, capped, without lone surrogates and NUL."""
     return text[:MAX_TEXT].encode("utf-8", "replace").decode().replace("\0", "\N{REPLACEMENT CHARACTER}")
+
+
+def nameable(text: str) -> str:
+    """A text with a space for each character that no name in Python may hold."""
+    return "".join(char if f"_{char}".isidentifier() else " " for char in text)

@@ -18,6 +18,7 @@ import mujoco
 from ..errors import TaskError
 from ..tasks.anatomy import SWAY, columns, home, named, scalar_joints
 from ..tasks.urdf import read_urdf
+from ..text import nameable
 from .aim import Aim, find_aim
 from .source import declared, template
 from .survey import Survey, Variable
@@ -107,8 +108,7 @@ def draft(
 
 def class_name(path: Path) -> str:
     """`my_robot.py` holds the class MyRobot."""
-    allowed = "".join(char if f"_{char}".isidentifier() else "_" for char in path.stem)
-    name = "".join(part.capitalize() for part in allowed.split("_"))
+    name = "".join(part.capitalize() for part in nameable(path.stem).replace("_", " ").split())
     return name if name.isidentifier() and not keyword.iskeyword(name) else f"Task{name}"
 
 

@@ -16,7 +16,7 @@ from types import ModuleType
 from typing import Any
 
 from ..errors import TaskError, nearest
-from ..parsing import plain
+from ..parsing import literal
 from ..plugins import import_file
 from ..types import Ranges
 from . import faults
@@ -105,7 +105,7 @@ def _changed(task: type[Task], settings: Mapping[str, str]) -> type[Task]:
             raise TaskError(f"`{task.env}` decides `{name}`; set what its constructor takes, such as frame_skip=2.")
         if name not in known:
             raise TaskError(f"`{task.env}` has no `{name}` to set.{nearest(name, known)} It has {', '.join(known)}.")
-        value = plain(text)
+        value = literal(text)
         kind = type(known[name])
         values[name] = float(value) if kind is float and type(value) is int else value
         if type(values[name]) is not kind:

@@ -8,6 +8,7 @@ import keyword
 import re
 from collections.abc import Iterable
 
+from ...text import nameable
 from ...types.tasks import StateUse
 
 WHOLE = ("obs_buf", "previous_obs_buf", "actions")
@@ -111,8 +112,7 @@ def identifiers(texts: Iterable[str]) -> list[str]:
     found: list[str] = []
     for text in texts:
         bare = re.sub(r"\s\([^()]*\)", "", text)
-        allowed = "".join(char if f"_{char}".isidentifier() else " " for char in bare.lower())
-        words = re.sub(r"\b(?:the|a)\b", " ", allowed).split()
+        words = re.sub(r"\b(?:the|a)\b", " ", nameable(bare.lower())).split()
         name = "_".join(words) or "value"
         taken = name in TAKEN or hasattr(builtins, name)
         name = f"value_{name}" if taken or not name[0].isalpha() else name

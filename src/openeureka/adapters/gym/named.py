@@ -18,7 +18,7 @@ from gymnasium.envs.registration import load_env_creator
 from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker, TimeLimit
 
 from ...errors import TaskError, nearest
-from ...parsing import plain
+from ...parsing import literal
 from ...tasks.faults import told, told_where
 from ...tasks.task import Task
 from .families import FAMILIES
@@ -41,7 +41,7 @@ def dealt(settings: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, str]]:
     """Those for the environment's constructor, as values, and class attributes of the task."""
     others = {key: text for key, text in settings.items() if key not in _OWN}
     own = {key: text for key, text in others.items() if hasattr(Task, key) or key in Task.__annotations__}
-    return {key: plain(text) for key, text in others.items() if key not in own}, own
+    return {key: literal(text) for key, text in others.items() if key not in own}, own
 
 
 def task(env: str, name: str, settings: Mapping[str, str]) -> tuple[type[PaidTask], dict[str, str]]:
