@@ -10,7 +10,7 @@ from random import Random
 from .config import RunConfig
 from .llm.client import LanguageModel
 from .method import baselines, hacking, race, screen
-from .method.lanes import Lanes, beside, compared, deal, programs
+from .method.lanes import Lanes, beside, deal, programs
 from .method.person import Desk, EmptyDesk, Hearing
 from .method.reflection import reflect
 from .method.sampling import Checker, Sampler
@@ -136,5 +136,4 @@ def summarise(config: RunConfig, store: Store, history: History) -> Outcome:
     place = store.crown()
     if place is None:
         return Outcome(best=None)
-    results = compared(store.lanes.all(), store.lanes.results())
-    return race.outcome(config, history, place, results, store.lanes.evaluations())
+    return race.outcome(config, history, place, store.lanes.results(), store.lanes.evaluations())

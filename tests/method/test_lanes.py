@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from openeureka.config import RunConfig
-from openeureka.method.lanes import BASELINES, Lanes, compared, deal
+from openeureka.method.lanes import BASELINES, Lanes, deal
 from openeureka.observer import NullObserver
 from openeureka.store import Store
 from openeureka.store.lane_log import LaneLog
 from openeureka.testing.scripted import ToyTrainer
-from openeureka.types import Lane, LaneSpec, TrainBudget, TrainingProgress, TrainingResult, TrainingState
+from openeureka.types import LaneSpec, TrainBudget, TrainingProgress, TrainingResult
 
 LANES = deal(BASELINES, [0, 1], "baseline")
 
@@ -98,17 +98,3 @@ def test_who_trains_is_told_of_the_end_also_where_somebody_keeps_the_error(tmp_p
         with pytest.raises(ValueError, match="full") as kept:
             Lanes(RunConfig(), store, trainer, Full()).train(LANES)
         assert trainer.ended and kept.tb is not None
-
-
-def test_a_search_compares_nothing_that_began_with_the_first_weighting_or_later():
-    lanes = {
-        "a-s0": Lane("a", 0, "candidate"),
-        "a-s1": Lane("a", 1, "final"),
-        "b-s0": Lane("b", 0, "tuned"),
-        "a-s2": Lane("a", 2, "final"),
-    }
-    results = {
-        name: TrainingResult(lane=name, state=TrainingState.FINISHED, fitness=1.0, curves={}, env_steps=1, seconds=0.0)
-        for name in lanes
-    }
-    assert compared(lanes, results).keys() == {"a-s0", "a-s1"}

@@ -8,7 +8,7 @@ from itertools import accumulate
 from pathlib import Path
 
 from ..method import race
-from ..method.lanes import final_seeds, polish_seeds
+from ..method.lanes import final_seeds, polish_seeds, tuning_seeds
 from ..refine import tuned
 from ..report.view import RunView
 from ..runs.run import finished
@@ -105,20 +105,16 @@ def _seconds(run: RunView) -> float:
         return {name for name, lane in run.lanes.items() if lane.role == role and lane.seed in seeds}
 
     config, texts = run.config, list(run.texts.values())
-    weightings = {text.id for text in texts[1:]}
-    fitted = {name for name, lane in run.lanes.items() if lane.reward in weightings}
-    finals = [lanes("final", seeds) for seeds in race.rounds(final_seeds(config), raced=run.ranks == "played")]
-
     rounds = [
         {slot.result.lane for slot in generation.candidates if slot.result is not None}
         for generation in run.generations
     ]
     rounds[0] |= lanes("baseline", [config.seed])
-    rounds += [own - fitted for own in finals]
+    rounds += [lanes("final", seeds) for seeds in race.rounds(final_seeds(config), raced=run.ranks == "played")]
     rounds += [
         {lane_id(text.id, config.seed) for text in texts[part.start : part.stop]} for part in tuned.rounds(config)
     ]
-    rounds += [own & fitted for own in finals]
+    rounds += [lanes("final", seeds) for seeds in race.rounds(tuning_seeds(config), raced=True)]
     rounds.append(lanes("polish", polish_seeds(config)))
     seconds, known = 0.0, set[str]()
     for own in rounds:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Collection, Container, Generator, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from itertools import dropwhile
 from typing import cast
 
 from ..config import NO_RANGES, RunConfig
@@ -89,9 +88,17 @@ def polish_seeds(config: RunConfig) -> range:
     return range(config.seed + 1 + config.seeds, config.seed + 1 + config.seeds + config.polish)
 
 
+def tuning_seeds(config: RunConfig) -> range:
+    """Seeds that the race of a tuning may take: after a search, none that crowned the text as it came."""
+    if not config.generations:
+        return final_seeds(config)
+    first = polish_seeds(config).stop
+    return range(first, first + config.seeds)
+
+
 def unused_seed(config: RunConfig) -> int:
-    """The first seed after those of a search: what trains with it and later ones chose nothing there."""
-    return polish_seeds(config).stop
+    """The first seed after those of a run: what trains with it and later ones chose nothing there."""
+    return (tuning_seeds(config) if config.tune else polish_seeds(config)).stop
 
 
 def final_lanes(
@@ -117,12 +124,6 @@ def final_lanes(
         ]
         for name, own in fresh.items()
     }
-
-
-def compared(lanes: Mapping[str, Lane], results: Mapping[str, TrainingResult]) -> dict[str, TrainingResult]:
-    """What a search compares: nothing that began with the first weighting of a tuning or later; lanes are in order."""
-    tuning = set(dropwhile(lambda name: lanes[name].role != "tuned", lanes))
-    return {lane: result for lane, result in results.items() if lane not in tuning}
 
 
 def affordable(trained: Collection[TrainingResult], peaks: int) -> int:

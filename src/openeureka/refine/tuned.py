@@ -9,7 +9,7 @@ from statistics import NormalDist
 
 from ..config import FEWEST_TUNED, RunConfig
 from ..method import race
-from ..method.lanes import final_seeds
+from ..method.lanes import tuning_seeds
 from ..reward.weights import Weight, values, weights
 from ..score import CONFIDENCE, Arm, Difference, breach, difference, lawful, mean, midranks, pearson, pooled, rank
 from ..types import COMPONENT, Candidate, Evaluation, Limits, TrainingResult, lane_id, of_components
@@ -211,7 +211,7 @@ def final_lanes(
     Args:
         seeds: those to look for; None for all that a run may take.
     """
-    wanted = final_seeds(config) if seeds is None else seeds
+    wanted = tuning_seeds(config) if seeds is None else seeds
     found = {
         name: [lane for seed in wanted if (lane := lane_id(candidate.id, seed)) in results]
         for name, candidate in distinct(texts).items()

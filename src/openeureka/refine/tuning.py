@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import StoreError
 from ..method import race
-from ..method.lanes import Lanes, deal, final_seeds
+from ..method.lanes import Lanes, deal, tuning_seeds
 from ..method.sampling import Checker
 from ..reward.weights import Weight, values, weighed, weights
 from ..score import lawful, rank, worth
@@ -113,7 +113,7 @@ def tune(lanes: Lanes, checker: Checker, judge: Best = JUDGE) -> PolicyId | None
         kept = store.texts()
         candidates = [kept[name] for name in names]
         last = own is every[-1]
-        over = bool(_raced(store, kept)) if last else _name(own.stop) in kept
+        over = bool(_raced(lanes, kept)) if last else _name(own.stop) in kept
         _train(lanes, index, candidates, judge, over=over)
         if not last:
             optimiser.tell(*_scores(lanes, candidates, origin))
@@ -193,17 +193,14 @@ def _scores(
 
 
 def _race(lanes: Lanes, last: int, judge: Best) -> PolicyId | None:
-    """Train those that lead and the text as it came with fresh seeds, more of them only while it is undecided.
-
-    After a search those are the seeds that crowned the text as it came: the race leans against the tuning.
-    """
+    """Train those that lead and the text as it came with fresh seeds, more of them only while it is undecided."""
     config, store = lanes.config, lanes.store
     texts = store.texts()
-    racing, seeds = _raced(store, texts) or _leading(lanes, texts), list[int]()
+    racing, seeds = _raced(lanes, texts) or _leading(lanes, texts), list[int]()
     arms = {name: texts[name] for name in (ORIGINAL, *racing)}
     claims = len(arms) - 1
     lanes.observer.phase(last, "final")
-    for more in race.rounds(final_seeds(config), raced=True):
+    for more in race.rounds(tuning_seeds(config), raced=True):
         seeds += more
         lanes.train(deal(_graphs(store, [arms[name] for name in (ORIGINAL, *racing)]), more, "final"))
         own = tuned.final_lanes(config, arms, store.lanes.results(), seeds)
@@ -217,9 +214,10 @@ def _race(lanes: Lanes, last: int, judge: Best) -> PolicyId | None:
     return _conclude(lanes, texts, judge)
 
 
-def _raced(store: Store, texts: tuned.Texts) -> list[str]:
+def _raced(lanes: Lanes, texts: tuned.Texts) -> list[str]:
     """Names of the weightings that were chosen to race; none before that."""
-    final = {lane.reward for lane in store.lanes.all().values() if lane.role == "final"}
+    seeds = tuning_seeds(lanes.config)
+    final = {lane.reward for lane in lanes.store.lanes.all().values() if lane.role == "final" and lane.seed in seeds}
     return [name for name, candidate in tuned.distinct(texts).items() if name != ORIGINAL and candidate.id in final]
 
 

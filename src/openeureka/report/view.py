@@ -10,7 +10,7 @@ from .. import score, strategies
 from ..config import NO_MODEL, RunConfig
 from ..method import baselines, hacking, race
 from ..method.hacking import Sign, Tried
-from ..method.lanes import BASELINES, beside, compared, final_lanes, final_seeds
+from ..method.lanes import BASELINES, beside, final_lanes, final_seeds
 from ..refine import hardened, polishing, tuned
 from ..refine.hardened import Robust
 from ..refine.polishing import Polished
@@ -218,7 +218,7 @@ class RunView:
         """The final comparison; None before all its trainings are done."""
         if self.crown is None and not self._unraced:
             return None
-        return race.outcome(self.config, self.history, self.crown, self._compared, self.evaluations)
+        return race.outcome(self.config, self.history, self.crown, self.results, self.evaluations)
 
     @property
     def _unraced(self) -> bool:
@@ -231,17 +231,12 @@ class RunView:
         return self.ranks == "training" and judged and all(lane in self.results for lane in lanes)
 
     @property
-    def _compared(self) -> dict[str, TrainingResult]:
-        """Results of what the search itself trained."""
-        return compared(self.lanes, self.results)
-
-    @property
     def tried(self) -> tuple[Tried, ...]:
         """The best reward's final trainings with all their held-out scores; empty before those are taken."""
         best = race.crowned(self.history, self.crown)
         if best is None or self.outcome is None or not self.trials:
             return ()
-        arms = final_lanes(self.config, [best], self._compared, self.evaluations)
+        arms = final_lanes(self.config, [best], self.results, self.evaluations)
         final = {lane: self.results[lane] for lane in arms[best.sample.verdict.candidate]}
         unsaid: Peak = "fitness" if self.config.search == "eureka" else "reward"  # by versions before
         return tuple(hacking.tried(final, self.evaluations, self.trials, unsaid))

@@ -48,7 +48,10 @@ _GLANCE = """
 WITH finished AS (SELECT lane FROM entries UNION SELECT lane FROM lanes WHERE role IN ('given', 'tuned')),
     -- As `method.lanes.final_lanes` has it: a baseline's training beside the first generation counts as well.
     judged AS (
-        SELECT reward, fitness FROM evaluations JOIN lanes USING (lane) WHERE role IN ('final', 'baseline', 'given'))
+        SELECT reward, fitness FROM evaluations JOIN lanes USING (lane) WHERE role IN ('final', 'baseline', 'given')
+            -- What trained after a search's first weighting compares numbers, not rewards.
+            AND (lanes.rowid < COALESCE((SELECT MIN(rowid) FROM lanes WHERE role = 'tuned'), lanes.rowid + 1)
+                OR NOT EXISTS (SELECT 1 FROM entries)))
 SELECT
     (SELECT COUNT(DISTINCT generation) FROM entries) AS generations,
     COALESCE(
