@@ -67,7 +67,8 @@ def markdown() -> str:
         "| --- " * 4 + "|",
     ]
     for name in sorted(held_out, key=lambda name: -(mean(held_out[name]) or 0.0)):
-        found = difference(held_out[name], held_out["human"], list(held_out.values()), claims=len(held_out) - 1)
+        rivals = [held_out[other] for other in held_out if other not in (name, "human")]
+        found = difference(held_out[name], held_out["human"], rivals, claims=len(held_out) - 1)
         between = f"{found.value:+.0f} ({found.low:+.0f} to {found.high:+.0f})" if found and name != "human" else ""
         seeds = ", ".join(number(value, 3) for value in held_out[name])
         lines.append(f"| {AUTHORS[name]} | **{number(mean(held_out[name]), 3)}** | {seeds} | {between} |")

@@ -62,6 +62,6 @@ def between(first: Sequence[float], second: Sequence[float], *, claims: int = 1)
     Args:
         claims: how many such intervals are to hold together (Bonferroni).
     """
-    found = difference(second, first, [second, first], claims=claims)
+    found = difference(second, first, claims=claims)
     assert found is not None
     return [found.value, found.low, found.high]

@@ -131,7 +131,7 @@ def _gym_row(one: Record) -> tuple[str, ...]:
 def _further(again: Record | None) -> tuple[str, str, str]:
     if again is None:
         return "-", "-", "-"
-    apart = difference(again["generated"], again["human"], [again["generated"], again["human"]])
+    apart = difference(again["generated"], again["human"])
     assert apart is not None
     return spread(again["generated"]), spread(again["human"]), interval(apart.value, apart.low, apart.high)
 

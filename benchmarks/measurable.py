@@ -50,7 +50,7 @@ def rows(measured: Mapping[str, Record]) -> list[list[str]]:
 
 def _row(env: str, found: Record) -> list[str]:
     everything, sensed = (found["held_out"][sight] for sight in SIGHTS)
-    apart = difference(sensed, everything, [sensed, everything])
+    apart = difference(sensed, everything)
     before, after = mean(everything), mean(sensed)
     between = interval(apart.value, apart.low, apart.high, digits=3) if apart else "-"
     share = f"{(after - before) / abs(before):+.0%}" if before and after is not None else "-"

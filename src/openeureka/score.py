@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 from typing import TYPE_CHECKING
@@ -172,40 +172,56 @@ CLOSE = 1e-9
 
 
 def difference(
-    own: Sequence[float], other: Sequence[float], among: Sequence[Sequence[float]], *, claims: float = 1
+    own: Sequence[float], other: Sequence[float], rivals: Iterable[Sequence[float]] = (), *, claims: float = 1
 ) -> Difference | None:
     """Student's interval of mean(own) - mean(other), a value a seed; None where either has fewer than two.
 
-    With two or three seeds each a spread of its own is worth little: that of all rewards `among` is pooled, as if they
-    were equally noisy. All play the same start states, so what those share is no part of it.
+    With two or three seeds each a spread of its own is worth little: that of all rewards is pooled, as if they were
+    equally noisy. All play the same start states, so what those share is no part of it.
 
-    Where no seed of a reward differs from another, as where F is 0 or 1, nothing tells the spread. Then the interval
-    begins at zero until there are seeds enough for Fisher's exact test.
+    Where the two rewards have but two values, as where F is 0 or 1, no spread tells what chance does. Then the interval
+    ends at zero at the least, until Fisher's exact test is sure as well.
 
     Args:
+        rivals: scores of the others in the race, for the spread. Those that score the same with every seed tell nothing
+            of it: they would make two noisy rewards look steady.
         claims: how many such intervals are to hold together (Bonferroni), as where the best of several is compared.
     """
     if len(own) < 2 or len(other) < 2:
         return None
-    freedom = sum(len(values) - 1 for values in among if values)
+    among = [own, other, *(values for values in rivals if len({*values}) > 1)]
+    freedom = sum(len(values) - 1 for values in among)
     squares = [(x - math.fsum(values) / len(values)) ** 2 for values in among for x in values]
     spread = math.sqrt(math.fsum(squares) / freedom)
     value = math.fsum(own) / len(own) - math.fsum(other) / len(other)
     half = _quantile(freedom, claims) * spread * math.sqrt(1 / len(own) + 1 / len(other))
-    alike = spread <= CLOSE * abs(value)
-    if alike and claims * _exact(len(own), len(other)) > 1 - CONFIDENCE:
-        half = abs(value)
+    rates = _rates(own, other)
+    if rates is not None and claims * _exact(rates, len(own), len(other)) > 1 - CONFIDENCE:
+        half = max(half, abs(value))
     enough = (
         n
         for n in range(2, MOST_SEEDS + 1)
-        if _quantile(2 * n - 2) * spread * (2 / n) ** 0.5 < abs(value) and (not alike or _exact(n, n) <= 1 - CONFIDENCE)
+        if _quantile(2 * n - 2) * spread * (2 / n) ** 0.5 < abs(value)
+        and (rates is None or _exact(rates, n, n) <= 1 - CONFIDENCE)
     )
     return Difference(value=value, low=value - half, high=value + half, seeds=next(enough, None))
 
 
-def _exact(own: int, other: int) -> float:
-    """How likely chance alone deals two values so that one reward has only the one, and the other only the other."""
-    return (1 + (own == other)) / math.comb(own + other, own)
+def _rates(own: Sequence[float], other: Sequence[float]) -> tuple[float, float] | None:
+    """How often each has the higher of two values; None where there are more values than two."""
+    low, high = min(*own, *other), max(*own, *other)
+    rounding = CLOSE * max(abs(low), abs(high))
+    if any(min(x - low, high - x) > rounding for x in (*own, *other)):
+        return None
+    one, two = (sum(high - x <= rounding for x in values) / len(values) for values in (own, other))
+    return one, two
+
+
+def _exact(rates: tuple[float, float], own: int, other: int) -> float:
+    """Fisher's exact test, of two sides: how likely chance alone deals two values as unevenly, or more."""
+    one, two = round(rates[0] * own), round(rates[1] * other)
+    ways = [math.comb(own, k) * math.comb(other, one + two - k) for k in range(min(own, one + two) + 1)]
+    return sum(way for way in ways if way <= ways[one]) / sum(ways)
 
 
 EARLY = 0.1
@@ -353,9 +369,9 @@ class Outcome:
     def difference(self) -> Difference | None:
         """To the human reward, held out. It allows for the best having been picked among several, and for every look
         at which the race might have stopped."""
-        arms = [self.method, self.human, *self.rivals.values()]
-        claims = (1 + len(self.rivals)) / self.share
-        return difference(self.method.scores, self.human.scores, [arm.scores for arm in arms], claims=claims)
+        rivals = [arm.scores for arm in self.rivals.values()]
+        claims = (1 + len(rivals)) / self.share
+        return difference(self.method.scores, self.human.scores, rivals, claims=claims)
 
 
 def compare(

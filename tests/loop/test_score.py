@@ -1,4 +1,5 @@
 import math
+from itertools import product
 from random import Random
 
 import pytest
@@ -91,7 +92,7 @@ def test_an_outcome_is_normalised_by_means_over_seeds() -> None:
 def test_the_interval_of_a_difference_by_hand() -> None:
     # Means 10 and 4; squares 2 + 2 + 0.5 + 0.5 over 2 + 1 degrees of freedom: spread sqrt(5 / 3) = 1.291.
     # t(3) at 97.5 % is 3.182: half = 3.182 * 1.291 * sqrt(1/3 + 1/2) = 3.750.
-    found = score.difference([10.0, 8.586, 11.414], [4.707, 3.293], [[10.0, 8.586, 11.414], [4.707, 3.293]])
+    found = score.difference([10.0, 8.586, 11.414], [4.707, 3.293])
     assert found is not None
     assert (found.value, found.low, found.high) == pytest.approx((6.0, 2.250, 9.750), abs=2e-3)
     assert found.sure
@@ -99,7 +100,7 @@ def test_the_interval_of_a_difference_by_hand() -> None:
 
 def test_the_best_of_several_needs_a_wider_interval() -> None:
     arms = [[10.0, 11.0], [4.0, 5.0], [9.0, 8.0]]
-    one, both = (score.difference(arms[0], arms[1], arms, claims=claims) for claims in (1, 2))
+    one, both = (score.difference(arms[0], arms[1], arms[2:], claims=claims) for claims in (1, 2))
     assert one is not None and both is not None
     # t(3): 3.182 at 97.5 %, 4.177 at 98.75 %.
     assert (both.high - both.value) / (one.high - one.value) == pytest.approx(4.177 / 3.182, abs=1e-3)
@@ -107,8 +108,7 @@ def test_the_best_of_several_needs_a_wider_interval() -> None:
 
 def test_seeds_that_do_not_differ_decide_as_soon_as_so_many_are_no_chance() -> None:
     def apart(own: int, other: int, claims: float = 1) -> score.Difference:
-        arms = [1.0] * own, [0.0] * other
-        found = score.difference(*arms, arms, claims=claims)
+        found = score.difference([1.0] * own, [0.0] * other, claims=claims)
         assert found is not None and found.value == 1.0 and found.low >= 0.0
         return found
 
@@ -117,7 +117,7 @@ def test_seeds_that_do_not_differ_decide_as_soon_as_so_many_are_no_chance() -> N
     assert not apart(4, 4, claims=2).sure
     assert apart(2, 2).seeds == 4
     assert (apart(3, 3).low, apart(3, 3).high) == (0.0, 2.0)
-    assert score.difference([0.1] * 3, [0.3] * 3, [[0.1] * 3, [0.3] * 3]).low < -0.3  # type: ignore[union-attr]
+    assert score.difference([0.1] * 3, [0.3] * 3).low < -0.3  # type: ignore[union-attr]
     # Paired: 2 / 2^5 = 0.0625, 2 / 2^6 = 0.031.
     five, six = (score.estimate([0.2] * count) for count in (5, 6))
     assert five is not None and six is not None and (five.sure, six.sure) == (False, True)
@@ -127,9 +127,9 @@ def test_seeds_that_do_not_differ_decide_as_soon_as_so_many_are_no_chance() -> N
 
 
 def test_one_seed_of_each_has_no_interval() -> None:
-    assert score.difference([1.0], [2.0], [[1.0], [2.0]]) is None
-    assert score.difference([], [2.0, 3.0], [[2.0, 3.0]]) is None
-    assert score.difference([9.0], [2.0, 2.1, 1.9], [[9.0], [2.0, 2.1, 1.9]]) is None  # the others may have diverged
+    assert score.difference([1.0], [2.0]) is None
+    assert score.difference([], [2.0, 3.0]) is None
+    assert score.difference([9.0], [2.0, 2.1, 1.9]) is None  # the others may have diverged
 
 
 def test_the_looks_of_a_race_share_its_errors() -> None:
@@ -138,11 +138,10 @@ def test_the_looks_of_a_race_share_its_errors() -> None:
 
 
 def test_how_many_seeds_would_decide() -> None:
-    arms = [[10.0, 8.0, 12.0], [9.0, 7.0, 11.0]]  # a difference of 1 in a spread of 2
-    found = score.difference(*arms, arms)
+    found = score.difference([10.0, 8.0, 12.0], [9.0, 7.0, 11.0])  # a difference of 1 in a spread of 2
     # n with t(2 n - 2) * 2 * sqrt(2 / n) < 1: 32 gives 0.9996 (t(62) = 1.9990), 31 gives 1.016.
     assert found is not None and not found.sure and found.seeds == 32
-    assert score.difference([1.0, 2.0], [1.0, 2.0], [[1.0, 2.0], [1.0, 2.0]]).seeds is None  # type: ignore[union-attr]
+    assert score.difference([1.0, 2.0], [1.0, 2.0]).seeds is None  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -152,7 +151,50 @@ def test_intervals_hold_as_often_as_they_say(seed: int) -> None:
     missed = 0
     for _ in range(1000):
         arms = [[random.gauss(0, 1) for _ in range(3)] for _ in range(4)]
-        best = max(arms[:3], key=mean)
-        found = score.difference(best, arms[3], arms, claims=3)
+        best = max(range(3), key=lambda arm: mean(arms[arm]))
+        rivals = [arms[arm] for arm in range(3) if arm != best]
+        found = score.difference(arms[best], arms[3], rivals, claims=3)
         missed += found is not None and found.sure and found.value > 0
     assert missed < 50  # 25 of 1000 a side if none were picked; Bonferroni keeps the best of three below that
+
+
+@pytest.mark.parametrize("rate", [0.5, 0.6, 0.7, 0.8, 0.9])
+@pytest.mark.parametrize("never", [0, 1, 2])
+def test_intervals_of_successes_hold_as_often_as_they_say(rate: float, never: int) -> None:
+    """The best of some rewards that succeed as often as the human one, beside others that never do, by their binomial
+    chances: either side is sure in 2.5 of 100 races at most."""
+    able, missed = 3 - never, {True: 0.0, False: 0.0}
+    arms = [[1.0] * k + [0.0] * (3 - k) for k in range(4)]
+    for counts in product(range(4), repeat=able):
+        best = arms[max(counts)]
+        rivals = [arms[k] for k in sorted(counts)[:-1]] + [arms[0]] * never
+        for human in range(5):
+            chance = math.prod(_binomial(3, k, rate) for k in counts) * _binomial(4, human, rate)
+            found = score.difference(best, [1.0] * human + [0.0] * (4 - human), rivals, claims=3 / 0.9)
+            assert found is not None
+            if found.sure:
+                missed[found.value > 0] += chance
+    assert max(missed.values()) < 0.025
+
+
+def _binomial(seeds: int, successes: int, rate: float) -> float:
+    return math.comb(seeds, successes) * rate**successes * (1 - rate) ** (seeds - successes)
+
+
+def test_more_successes_are_no_weaker_evidence() -> None:
+    """Rivals that succeed with every seed say nothing of the spread of those that do not."""
+    always = [[1.0] * 3]
+    none, one = (score.difference([1.0] * 3, [1.0] * k + [0.0] * (4 - k), always) for k in (0, 1))
+    assert none is not None and one is not None
+    assert none.sure and not one.sure  # Fisher: 1 / 35 = 0.029, and 4 / 35 = 0.114
+    assert score.difference([1.0] * 3, [1.0, 0.0, 0.0, 0.0], always) == score.difference(
+        [1.0] * 3, [1.0, 0.0, 0.0, 0.0]
+    )
+
+
+def test_fishers_test_of_counts_by_hand() -> None:
+    """9 of 9 against 3 of 9: C(9, 3) ways of C(18, 12) put all six failures in one, 84 / 18564, doubled."""
+    nine, three = [1.0] * 9, [1.0] * 3 + [0.0] * 6
+    found, fourth = score.difference(three, nine), score.difference(three, nine, claims=6)
+    assert found is not None and fourth is not None
+    assert found.sure and not fourth.sure  # 6 * 0.00905 = 0.054

@@ -144,6 +144,6 @@ def running(scores: Scores, names: Sequence[str]) -> list[str]:
 
 def sure(scores: Scores, own: str, other: str, claims: float = 1) -> bool:
     """Whether the difference of two rewards is beyond doubt."""
-    arms = [values for name, values in scores.items() if name != "sparse"]
-    found = difference(scores[own], scores.get(other, ()), arms, claims=claims)
+    rivals = [values for name, values in scores.items() if name not in (own, other, "sparse")]
+    found = difference(scores[own], scores.get(other, ()), rivals, claims=claims)
     return found is not None and found.sure

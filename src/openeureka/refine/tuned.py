@@ -120,8 +120,8 @@ class Tuned:
         if not self.after:
             return None
         own, other = self.arms[self.after].scores, self.arms[ORIGINAL].scores
-        claims = (len(self.arms) - 1) / self.share
-        return difference(own, other, [arm.scores for arm in self.arms.values()], claims=claims)
+        rivals = [arm.scores for name, arm in self.arms.items() if name not in (self.after, ORIGINAL)]
+        return difference(own, other, rivals, claims=(len(self.arms) - 1) / self.share)
 
 
 def read(

@@ -94,8 +94,8 @@ def _ordered(arms: Mapping[str, Arm]) -> list[str]:
 
 
 def _of_two(arms: Mapping[str, Arm], best: str, next_: str) -> Difference | None:
-    scores = [arm.scores for arm in arms.values()]
-    return difference(arms[best].scores, arms[next_].scores, scores, claims=len(arms) - 1)
+    rivals = [arm.scores for name, arm in arms.items() if name not in (best, next_)]
+    return difference(arms[best].scores, arms[next_].scores, rivals, claims=len(arms) - 1)
 
 
 def _of_search(run: RunView) -> str:
