@@ -18,8 +18,8 @@ class Observer(Protocol):
     """
 
     def phase(self, generation: int, name: Phase) -> None:
-        """A phase begins; `final`, `polish` and `evaluate` come with the number of generations, `feedback` waits for a
-        person."""
+        """A phase begins: of a generation, of a round of `tune` (counted on from the last generation), or of what
+        follows both. `feedback` waits for a person."""
         ...
 
     def asked(self, slots: Sequence[int]) -> None:

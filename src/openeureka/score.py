@@ -157,7 +157,8 @@ class Difference:
     high: float
     """Ends of the 95 % interval."""
     seeds: int | None
-    """Of each of the two alone, about as many as would decide a difference of this size; None beyond `MOST_SEEDS`."""
+    """Of each of the two alone, about as many as would decide a difference of this size every other time; None beyond
+    `MOST_SEEDS`."""
 
     @property
     def sure(self) -> bool:

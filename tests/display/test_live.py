@@ -167,6 +167,26 @@ def test_training_is_not_expected_to_be_shorter_because_the_model_takes_its_time
     assert tally.remaining() is None  # how long the final trainings take, nobody says
 
 
+def test_a_tuning_after_a_search_is_told_as_such_and_not_as_a_new_search():
+    wanted = RunConfig(env="cartpole", sample=8, iteration=3, tune=16)
+    tally = live.Tally(wanted, Usage())
+    tally.generation_done(Generation(0, ()))
+    told = []
+    for index, name in [(2, "train"), (3, "final"), (3, "evaluate"), (3, "check"), (4, "train"), (5, "final")]:
+        tally.phase(index, name)
+        told.append(tally.stage)
+    assert told == ["generation 2 (0 to 2)", "final", "final", "round 0 (0 to 1)", "round 1 (0 to 1)", "final"]
+    assert tally.remaining() is None
+    with view(wanted, Usage(), Console(file=io.StringIO(), force_terminal=True, width=160)) as shown:
+        assert isinstance(shown, TerminalView)
+        shown.phase(3, "evaluate")
+        shown.result(RESULT)
+        shown.phase(3, "check")
+        frame = Console(file=io.StringIO(), width=160)
+        frame.print(shown.render())
+        assert isinstance(frame.file, io.StringIO) and LANE not in frame.file.getvalue()
+
+
 def shown_rows(shown: TerminalView) -> dict[str, str]:
     frame = Console(file=io.StringIO(), width=160)
     frame.print(shown.render())

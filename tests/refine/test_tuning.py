@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -19,7 +20,7 @@ from openeureka.config import NO_MODEL, RunConfig
 from openeureka.errors import StoreError
 from openeureka.loop import run
 from openeureka.method.lanes import Lanes, unused_seed
-from openeureka.observer import NullObserver
+from openeureka.observer import NullObserver, Phase
 from openeureka.refine import tuned, tuning
 from openeureka.refine.tuned import ORIGINAL, Tuned, distinct, final_lanes
 from openeureka.report import fitted, html, tables
@@ -232,18 +233,28 @@ def reply(worth: float) -> str:
     return f"```python\n{program(worth).replace(str(worth), f'{worth} * x')}```\n"
 
 
+class Phases(NullObserver):
+    def __init__(self) -> None:
+        self.indices: dict[str, list[int]] = {}
+
+    def phase(self, generation: int, name: Phase) -> None:
+        self.indices.setdefault(name, []).append(generation)
+
+
 def test_a_search_fits_the_numbers_of_its_winner(tmp_path: Path) -> None:
     wanted = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2, tune=8)
+    phases = Phases()
 
     def search(trainer: ToyTrainer):
         with Store.open(tmp_path, wanted) as store:
             model = ScriptedModel([reply(7.0), reply(8.0)])
             model.said = len(store.talk.replies())
-            return run(wanted, store, model, ToyChecker(), trainer, TOY, strategies.make(wanted))
+            return run(wanted, store, model, ToyChecker(), trainer, TOY, strategies.make(wanted), phases)
 
     trainer = ToyTrainer()
     outcome = search(trainer)
     assert outcome.best is not None and outcome.best.fitness == 8.0  # the search's own result stays what it is
+    assert phases.indices["train"] == [0, 1, 2] and phases.indices["final"] == [1, 3]  # two rounds follow a generation
     found = RunView.read(tmp_path).tuned
     assert found is not None and found.difference is not None and found.difference.sure
     own = outcome.best.sample.verdict.candidate
@@ -252,6 +263,9 @@ def test_a_search_fits_the_numbers_of_its_winner(tmp_path: Path) -> None:
     view = RunView.read(tmp_path)
     for text in ("\n".join(summary(view)), html.report(view, tmp_path)):
         assert "The best reward with fitted numbers" in text and of_tuning(found) in text
+    assert view.fitted is not None and view.fitted.source.splitlines()[1] in re.sub("<[^>]+>", "", text)
+    with Store.view(tmp_path) as store:
+        assert store.glance().fitness == view.ranking.best.score, "fitted numbers are no candidates"
     assert Run(tmp_path).finished
     told = figures.read(Cell("cartpole", "fitted", 0), tmp_path)  # a bench compares what is handed over
     assert told is not None and told.held_out == mean(found.arms[found.better].held_out) != mean(

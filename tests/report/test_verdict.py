@@ -11,6 +11,8 @@ from openeureka.report.tables import on_scale, scale
 from openeureka.report.verdict import meaning, nexts, verdict
 from openeureka.report.view import RunView
 from openeureka.score import Arm, Outcome
+from openeureka.store import Store
+from openeureka.strategies import Ranking
 from openeureka.testing.scripted import ToyTrainer, reply
 from openeureka.types import Candidate, Evaluation, Generation, History, Place, Remark, RemarkKind
 
@@ -20,7 +22,7 @@ from .search import BASELINES, BEST, HISTORY, finished, refused, result, run
 AGAIN = "eureka train env=cartpole reward=human,DIR/best/reward.py"
 
 
-def ended(generated: Sequence[float | None], human: Sequence[float]) -> RunView:
+def ended(generated: Sequence[float | None], human: Sequence[float | None]) -> RunView:
     """HISTORY with these held-out scores of fresh seeds."""
     best = Candidate.of(BEST).id
     scores: dict[str, float | None] = {f"{best}-s{seed}": value for seed, value in enumerate(generated, start=1)}
@@ -56,17 +58,21 @@ def ended(generated: Sequence[float | None], human: Sequence[float]) -> RunView:
         ),
         ([41.0], [], "The generated reward reaches F 41 (1 seed), held out; there is no human reward to compare with."),
         ([1.0, 1.0], [1.0, 1.0, 1.0], "No difference: both rewards reach F 1 with every seed, held out."),
+        ([1.0, None, 1.0], [1.0, 1.0], "Not decided: F 1 (2 seeds, 1 more without a score) against 1 (2 seeds)"),
+        ([1.0, 1.0], [None, None], "The generated reward reaches F 1 (2 seeds), held out; of the human reward's, none"),
         ([], [40.0, 41.0], "The generated reward lost: none of its final trainings left a policy"),
     ],
 )
-def test_the_verdict_follows_from_the_interval(generated: list[float | None], human: list[float], says: str) -> None:
+def test_the_verdict_follows_from_the_interval(
+    generated: list[float | None], human: list[float | None], says: str
+) -> None:
     assert verdict(ended(generated, human)).startswith(says)
 
 
 def test_an_open_verdict_says_how_many_seeds_would_close_it() -> None:
     # n with t(2 n - 2) * 1.414 * sqrt(2 / n) < 1: 18 gives 0.958 (t(34) = 2.032), 17 gives 0.988, 16 gives 1.021.
     assert verdict(ended([40.0, 42.0], [39.0, 41.0])).endswith(
-        "About 17 seeds of each would decide a difference of this size."
+        "About 17 new seeds of each would decide a difference of this size every other time."
     )
     assert "more than 100 seeds" in verdict(ended([40.01, 42.0], [39.0, 43.0]))
 
@@ -113,6 +119,17 @@ def test_a_person_who_rejects_all_that_trained_is_the_reason_that_nothing_was_fo
     vetoes = [Remark(kind=RemarkKind.VETO, candidate=Place(0, slot)) for slot in (0, 1)]
     rejected = replace(view, history=view.history.heard(vetoes), crown=None)
     assert verdict(rejected) == "No reward was found: every one that has a score was rejected."
+
+
+def test_the_best_f_in_lists_of_runs_is_none_of_a_rejected_reward(tmp_path: Path) -> None:
+    directory = search_in(tmp_path, [reply(7), reply(8)])
+    with Store.open(directory, RunView.read(directory).config) as store:
+        before = store.glance().fitness
+        store.remarks.say(Remark(kind=RemarkKind.VETO, candidate=Place(0, 1)))
+        assert store.glance().fitness == before, "nobody has heard it yet"
+        store.remarks.hear(0)
+        ranking = Ranking(store.history())
+        assert ranking.best is not None and store.glance().fitness == ranking.best.score != before
 
 
 def test_before_the_end_nothing_is_claimed() -> None:

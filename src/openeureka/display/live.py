@@ -14,7 +14,7 @@ from rich.text import Text
 from ..config import RunConfig, short_name
 from ..method.lanes import BASELINES
 from ..observer import Phase
-from ..refine.tuned import rounds
+from ..refine.tuned import last_index
 from ..report.numbers import duration, number, scored, sparkline
 from ..score import Outcome
 from ..text import one_line
@@ -45,6 +45,8 @@ _PHASES: dict[Phase, str] = {
 
 _PARTS: dict[Phase, str] = {"sample": "ask", "check": "ask", "train": "train"}
 """What the time of a generation goes to; waiting for a person is nobody's to foresee."""
+_TRIED: tuple[Phase, ...] = ("check", "train", "play")
+"""What a round of a tuning does; the rest of a search comes with the index of the first round too."""
 
 
 class Tally:
@@ -53,7 +55,7 @@ class Tally:
     def __init__(self, config: RunConfig, usage: Usage) -> None:
         self.config = config
         self.usage = usage
-        self.index = 0
+        self.index, self._phase = 0, ""
         self.doing = "starting"
         self.started = time.monotonic()
         self.durations: list[dict[str, float]] = []
@@ -65,7 +67,7 @@ class Tally:
         self._clock()
         if generation != self.index:
             self.index, self._spent = generation, {}
-        self._part = _PARTS.get(name, "")
+        self._part, self._phase = _PARTS.get(name, ""), name
         self.doing = _PHASES[name]
 
     def _clock(self) -> None:
@@ -101,11 +103,9 @@ class Tally:
     def headline(self) -> str:
         left = self.remaining()
         spent = self.usage.prompt_tokens + self.usage.completion_tokens
-        last = self.config.generations - 1
-        final = "final" if self.config.generations else self._round()
         parts = (
             short_name(self.config.env),
-            f"generation {self.index} (0 to {last})" if self.index <= last else final,
+            self.stage,
             self.doing,
             duration(time.monotonic() - self.started),
             f"about {duration(left)} of search left" if left else "",
@@ -114,10 +114,15 @@ class Tally:
         )
         return " · ".join(part for part in parts if part)
 
-    def _round(self) -> str:
-        """Of a tuning, as far as one is under way."""
-        every = len(rounds(self.config))
-        return "" if not every else f"round {self.index} (0 to {every - 1})" if self.index < every else "final"
+    @property
+    def stage(self) -> str:
+        """The generation, or the round of a tuning; empty where given rewards train."""
+        done, last = self.config.generations, last_index(self.config)
+        if self.index < done:
+            return f"generation {self.index} (0 to {done - 1})"
+        if self._phase in _TRIED and self.index < last:
+            return f"round {self.index - done} (0 to {last - done - 1})"
+        return "final" if last else ""
 
 
 def verdict_line(sample: Sample) -> str:
@@ -211,14 +216,15 @@ class TerminalView:
         self._live.stop()
 
     def phase(self, generation: int, name: Phase) -> None:
-        if generation != self._tally.index or name in ("final", "polish"):
+        stage = self._tally.stage
+        self._tally.phase(generation, name)
+        if self._tally.stage != stage or name in ("final", "polish"):
             self._samples.clear()
             self._replied.clear()
             self._asked.clear()
             self._fitness.clear()
             self._curves.clear()
         self._epochs, self._nodes = "", ""
-        self._tally.phase(generation, name)
         if name == "feedback":
             self._live.stop()  # the terminal is the person's
         else:

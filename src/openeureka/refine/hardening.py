@@ -23,6 +23,7 @@ from ..store import Store
 from ..types import NOMINAL, Dynamics, Hardening, Lane, Peak, PolicyId, Prompt, Ranges, RewardProgram, Start, Trial
 from ..types.dynamics import SCALES
 from .hardened import GRID, HARD, KEEPS, LONGER, PEAKS, UNIFORM, Carried, carries, chosen, hardening, origin
+from .tuned import last_index
 
 SWEEP_EPISODES, CHOOSING_EPISODES, HARD_EPISODES = 32, 16, 64
 PARTS = 2
@@ -61,7 +62,7 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     """
     config, store, began = lanes.config, lanes.store, training.policy
     store.save_hardening(training)
-    lanes.observer.phase(config.generations, "evaluate")
+    lanes.observer.phase(last_index(config), "evaluate")
     # What a model is shown must not be what judges its ranges; both sweeps are on equal start states, to compare them.
     lanes.try_out(sweep(began, robot.quantities), starts=CHOOSING, episodes=SWEEP_EPISODES)
     proposed = propose(lanes, model, robot, training)
@@ -73,11 +74,11 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     graph = program(store, reward)
     names = store.lanes.ranges()
     wanted: list[Wanted] = [(Lane(reward, config.seed, "robust", start, ranges=name), graph) for name in names]
-    lanes.observer.phase(config.generations, "train")
+    lanes.observer.phase(last_index(config), "train")
     lanes.train(wanted, steps=training.steps)
-    lanes.observer.phase(config.generations, "play")
+    lanes.observer.phase(last_index(config), "play")
     arms = {lane.ranges: PolicyId(lane.id, _peak(lanes, lane, robot.quantities)) for lane, _ in wanted}
-    lanes.observer.phase(config.generations, "evaluate")
+    lanes.observer.phase(last_index(config), "evaluate")
     beside = [name for name in (LONGER, UNIFORM) if name in arms]
     ours = max((name for name in arms if name not in beside), key=lambda name: _worth(lanes, arms[name].lane))
     judged = (began, *(arms[name] for name in beside), arms[ours])
@@ -180,7 +181,7 @@ def _draw(lanes: Lanes, model: LanguageModel, prompt: Prompt, attempt: int, slot
     missing = [slot for slot in slots if (slot, attempt) not in store.talk.proposals()]
     if not missing:
         return
-    lanes.observer.phase(config.generations, "sample")
+    lanes.observer.phase(last_index(config), "sample")
     if config.max_cost:
         paid = [*store.talk.replies(), *store.talk.proposals().values()]
         price.afford(config.max_cost, paid, price.find(config.model, config.price), prompt, len(missing))

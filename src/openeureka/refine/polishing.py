@@ -15,6 +15,7 @@ from ..score import Estimate, breach, gain, worth
 from ..store import Store
 from ..strategies import Best
 from ..types import Evaluation, Lane, Limits, PolicyId, RewardGraph, Start, TrainingResult, Trial
+from .tuned import last_index
 
 SHARES = (0.0, 0.1, 0.25, 0.5)
 """Of fresh weights in the mixture that a lane begins with."""
@@ -38,11 +39,12 @@ def polish(lanes: Lanes) -> None:
     if began is None or log.best_policy() is not None:
         return
     steps = config.polish_steps or max(1, log.results()[began.lane].env_steps // PARTS)
-    observer.phase(config.generations, "polish")
+    index = last_index(config)
+    observer.phase(index, "polish")
     results = lanes.train(deal(config, began, rewards(store, log.all()[began.lane].reward)), steps=steps)
-    observer.phase(config.generations, "play")
+    observer.phase(index, "play")
     leader = _leader(lanes.play(results, Best(samples=0)), config.cost_limits)
-    observer.phase(config.generations, "evaluate")
+    observer.phase(index, "evaluate")
     both = [policy for policy in (began, leader) if policy is not None]
     lanes.try_out([Trial(lane=lane, name=COMPARED, peak=peak) for lane, peak in both], starts=COMPARING)
     scores = _compared(log.trials())

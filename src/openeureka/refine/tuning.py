@@ -153,7 +153,7 @@ def _propose(lanes: Lanes, checker: Checker, index: int, texts: Mapping[str, str
     store, known = lanes.store, lanes.store.given()
     fresh = {name: Candidate.of(text) for name, text in texts.items() if name not in known}
     if fresh:
-        lanes.observer.phase(index, "check")
+        lanes.observer.phase(lanes.config.generations + index, "check")
     for candidate in fresh.values():
         if store.verdict(candidate.id) is None:
             store.save_verdict(candidate, checker.check(candidate), Reply(text=candidate.source, model=GIVEN))
@@ -174,10 +174,10 @@ def _train(lanes: Lanes, index: int, candidates: Iterable[Candidate], judge: Bes
     Args:
         over: the next round is proposed already: what this one scored is what that follows from.
     """
-    lanes.observer.phase(index, "train")
+    lanes.observer.phase(lanes.config.generations + index, "train")
     results = lanes.train(deal(_graphs(lanes.store, candidates), [lanes.config.seed], "tuned"))
     if not over:
-        lanes.observer.phase(index, "play")
+        lanes.observer.phase(lanes.config.generations + index, "play")
         lanes.play(results, judge)
 
 
@@ -199,7 +199,7 @@ def _race(lanes: Lanes, last: int, judge: Best) -> PolicyId | None:
     racing, seeds = _raced(lanes, texts) or _leading(lanes, texts), list[int]()
     arms = {name: texts[name] for name in (ORIGINAL, *racing)}
     claims = len(arms) - 1
-    lanes.observer.phase(last, "final")
+    lanes.observer.phase(tuned.last_index(config), "final")
     for more in race.rounds(tuning_seeds(config), raced=True):
         seeds += more
         lanes.train(deal(_graphs(store, [arms[name] for name in (ORIGINAL, *racing)]), more, "final"))
@@ -210,7 +210,7 @@ def _race(lanes: Lanes, last: int, judge: Best) -> PolicyId | None:
         strict = claims / race.share(config, len(seeds))
         if len(racing) < 2 and (not racing or race.sure(scores, racing[0], ORIGINAL, strict)):
             break
-    lanes.observer.phase(last, "evaluate")
+    lanes.observer.phase(tuned.last_index(config), "evaluate")
     return _conclude(lanes, texts, judge)
 
 

@@ -22,6 +22,9 @@ from .view import RunView
 WORTH_REPEATING = ("curriculum", "randomise", "observe", "steps", "worlds", "bonus", "device", "executor", "address")
 """Settings of a search that its reward trains with again, where they are not the task's own."""
 
+FEWEST = 3
+"""Seeds that are worth a training of their own."""
+
 
 def verdict(run: RunView) -> str:
     """Which reward is better: the generated or the human one, of given ones the first or the second, or a tuned one
@@ -35,7 +38,7 @@ def of_tuning(found: Tuned | None) -> str:
     """Whether the fitted numbers are better than those that came."""
     if found is not None and found.alone:
         return "The numbers stay as they came: no other weighting trained to a policy that could be scored."
-    if found is None or not found.judged:
+    if found is None or not found.judged or not found.after:
         return "Not decided yet: the final trainings are not done."
     before, after = found.arms[ORIGINAL], found.arms[found.after]
     if not before.scores or not after.scores:
@@ -50,7 +53,7 @@ def of_tuning(found: Tuned | None) -> str:
     if difference is None:
         return f"Not decided: {between}. {_one_seed(before, after)}"
     told = decided(difference, "The tuned numbers are {} than those before", between)
-    return told if difference.sure else f"{told} {_needed(difference, len(after.scores))}"
+    return told if difference.sure else f"{told} {_needed(difference)}"
 
 
 def of_polishing(found: Polished) -> str:
@@ -86,7 +89,7 @@ def _of_given(arms: Mapping[str, Arm]) -> str:
         return f"Not decided between {ordered[0]} and {ordered[1]}: {between}. One seed says nothing of the next."
     unless = f"Not decided between {ordered[0]} and {ordered[1]}"
     told = decided(found, f"{ordered[0]} is {{}} than {ordered[1]}", between, unless)
-    return told if found.sure else f"{told} {_needed(found, len(best.scores))}"
+    return told if found.sure else f"{told} {_needed(found)}"
 
 
 def _ordered(arms: Mapping[str, Arm]) -> list[str]:
@@ -111,8 +114,10 @@ def _of_search(run: RunView) -> str:
     if not generated.scores:
         return "The generated reward lost: none of its final trainings left a policy that could be scored."
     if not human.scores:
-        return f"The generated reward reaches F {_arm(generated)}, held out; there is no human reward to compare with."
-    if len({*generated.scores, *human.scores}) == 1 and min(len(generated.scores), len(human.scores)) > 1:
+        lost = "of the human reward's, none left a policy that could be scored"
+        none = lost if human.held_out else "there is no human reward to compare with"
+        return f"The generated reward reaches F {_arm(generated)}, held out; {none}."
+    if len({*generated.held_out, *human.held_out}) == 1 and min(len(generated.scores), len(human.scores)) > 1:
         return f"No difference: both rewards reach F {number(human.scores[0])} with every seed, held out."
     between = f"F {_arm(generated)} against {_arm(human)}, held out"
     found = outcome.difference
@@ -121,7 +126,7 @@ def _of_search(run: RunView) -> str:
     if found is None:
         return f"Not decided: {between}. {_one_seed(generated, human)}"
     told = decided(found, "The generated reward is {} than the human one", between)
-    return told if found.sure else f"{told} {_needed(found, len(generated.scores))}"
+    return told if found.sure else f"{told} {_needed(found)}"
 
 
 def none_found(run: RunView) -> str:
@@ -164,7 +169,7 @@ def nexts(run: RunView, directory: str = "DIR") -> list[tuple[str, str]]:
         return [(command_line("resume", directory), "go on where it was")]
     found, command = run.polished, deciding(run, directory)
     told = [
-        (command, "about enough to decide it"),
+        (command, "an even chance to decide it"),
         (command_line("play", directory), "watch the best reward's policy"),
         (command_line("play", directory, "policy=polished"), "watch the best policy"),
     ]
@@ -187,7 +192,7 @@ def deciding(run: RunView, directory: str = "DIR") -> str:
         "reward": ",".join(rewards),
         **{key: own for key in WORTH_REPEATING if (own := getattr(config, key)) != getattr(usual, key)},
         "seed": unused_seed(config),
-        "seeds": max(3, found.seeds or 0) if found is not None else 3,
+        "seeds": _enough(found.seeds) if found is not None and found.seeds is not None else FEWEST,
     }
     return command_line("train", *(f"{key}={value}" for key, value in settings.items()))
 
@@ -198,7 +203,7 @@ def _left_open(run: RunView, directory: str) -> tuple[Difference | None, tuple[s
     """
     if run.searched:
         ended, own = run.outcome, run.best.candidate if run.best is not None else None
-        if ended is None or own is None or not ended.method.scores or not beside(run.config):
+        if ended is None or own is None or not beside(run.config) or not (ended.method.scores and ended.human.scores):
             return None
         kept = "best" if run.fitted is None else f"candidates/{own.id}"  # with fitted numbers it is another reward
         return ended.difference, ("human", f"{directory}/{kept}/reward.py")
@@ -253,7 +258,12 @@ def interval(found: Difference | Estimate) -> str:
     return f"difference {found.value:+.3g}, 95 % interval {found.low:+.3g} to {found.high:+.3g}"
 
 
-def _needed(found: Difference, seeds: int) -> str:
+def _needed(found: Difference) -> str:
     if found.seeds is None:
         return "So small a difference would take more than 100 seeds of each to decide."
-    return f"About {max(found.seeds, seeds + 1)} seeds of each would decide a difference of this size."
+    return f"About {_enough(found.seeds)} new seeds of each would decide a difference of this size every other time."
+
+
+def _enough(seeds: int) -> int:
+    """Of two alone, as new seeds train them."""
+    return max(FEWEST, seeds)

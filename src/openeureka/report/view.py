@@ -132,10 +132,7 @@ class RunView:
         if not self.config.tune:
             return None
         found = tuned.read(self.config, self.texts, self.results, self.played, self.evaluations)
-        if found is None or self.ended:
-            return found and replace(found, judged=True)
-        # A search has trained and scored the text as it came with fresh seeds before the first round of other numbers.
-        return replace(found, alone=False) if self.searched else replace(found, judged=bool(self.evaluations))
+        return replace(found, judged=True) if found is not None and self.ended else found
 
     @property
     def polished(self) -> Polished | None:

@@ -32,8 +32,8 @@ class Started:
 
 @dataclass(frozen=True, slots=True)
 class Began:
-    """A phase begins; `final`, `polish` and `evaluate` come with the number of generations, `feedback` waits for a
-    person."""
+    """A phase begins: of a generation, of a round of `tune` (counted on from the last generation), or of what follows
+    both. `feedback` waits for a person."""
 
     generation: int
     phase: Phase

@@ -44,8 +44,16 @@ _NAMES = {"lane", "candidate", "start_lane"}
 _COUNTS = {"generation", "slot", "attempt", "attempts", "over_generation", "over_slot"}
 _TYPES: Mapping[str, tuple[type, ...]] = {"TEXT": (str,), "INTEGER": (int,), "REAL": (float, int)}
 
-_GLANCE = """
-WITH finished AS (SELECT lane FROM entries UNION SELECT lane FROM lanes WHERE role IN ('given', 'tuned')),
+_FINISHED = """
+WITH rejected AS (
+        SELECT entries.candidate FROM remarks JOIN entries USING (generation, slot)
+        WHERE kind = 'veto' AND remarks.id <= (SELECT MAX(remarks) FROM heard) AND entries.candidate IS NOT NULL),
+    finished AS (
+        SELECT lane FROM entries WHERE lane IS NOT NULL AND candidate NOT IN rejected
+        -- Fitted numbers are no candidates of a search.
+        UNION SELECT lane FROM lanes WHERE role = 'given' OR (role = 'tuned' AND NOT EXISTS (SELECT 1 FROM entries)))
+"""
+_GLANCE = f"""{_FINISHED},
     -- As `method.lanes.final_lanes` has it: a baseline's training beside the first generation counts as well.
     judged AS (
         SELECT reward, fitness FROM evaluations JOIN lanes USING (lane) WHERE role IN ('final', 'baseline', 'given')
@@ -288,6 +296,11 @@ class Database:
             return decode(*values)
         except (DecodeError, KeyError, TypeError) as error:
             raise changed_row(self.directory, error) from None
+
+    def finished(self) -> set[str]:
+        """Lanes of all that may lead the run."""
+        with explained(self.directory):
+            return {row["lane"] for row in self._connection.execute(f"{_FINISHED} SELECT lane FROM finished")}
 
     def glance(self) -> sqlite3.Row:
         """Counts and sums over the run, without its texts and curves."""

@@ -311,9 +311,7 @@ class Store:
 
     def _lawful(self) -> float | None:
         """The best F of a policy that keeps the limits."""
-        finished = {row["lane"] for row in self._database.rows("entries")}
-        finished |= {lane.id for lane in self.lanes.all().values() if lane.role in ("given", "tuned")}
-        limits = self.config.cost_limits
+        finished, limits = self._database.finished(), self.config.cost_limits
         scores = [played(own, limits) for lane, own in self.lanes.plays().items() if lane in finished]
         return max((s.fitness for s in scores if s.fitness is not None and not s.broken(limits)), default=None)
 
