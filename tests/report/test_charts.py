@@ -84,6 +84,12 @@ def test_steps_hold_what_was_reached_until_more_is():
     assert [line.values for line in chart.lines] == [(1.0, 1.0, 2.0), (None, 5.0, 5.0), (4.0, 4.0, 4.0)]
 
 
+def test_a_level_has_a_colour_that_no_line_has():
+    lines = {name: [(1e6, 1.0), (3e6, 2.0)] for name in ("a", "b", "c")}
+    chart = charts.spending("", lines, {"human": 4.0})
+    assert chart is not None and len({line.color for line in chart.lines}) == 4
+
+
 def test_a_family_stands_in_columns_with_shades_from_the_lowest_f_to_the_highest():
     parent, other = trained(0, 0, 10.0), trained(0, 1, 30.0)
     child = dataclasses.replace(view(trained(1, 0, 20.0)), parent=other.sample)

@@ -178,8 +178,8 @@ def spending(title: str, lines: Mapping[str, Sequence[Point]], levels: Mapping[s
         for color, (name, points) in enumerate(lines.items())
     ]
     drawn += [
-        Line(name=name, values=_rounded([value] * len(places)), color=2, kind="dashed")
-        for name, value in levels.items()
+        Line(name=name, values=_rounded([value] * len(places)), color=color % MAX_LINES, kind="dashed")
+        for color, (name, value) in enumerate(levels.items(), start=len(lines))
     ]
     return _chart(title, "million environment steps", [steps / 1e6 for steps in places], drawn)
 
