@@ -1,4 +1,4 @@
-"""The method on one screen: ask, sample, check, train, play, reflect, tell; in the end, confirm the best reward.
+"""The method on one screen: ask, sample, check, train, play, reflect; in the end, confirm the best reward.
 
 Every step goes through the store: what is there is read, what is missing is done. To resume is to run again.
 """
@@ -70,7 +70,7 @@ def run(
             result, played = results.get(lane), scores.get(lane)
             feedback = reflect(sample, result, model.style, played, config.cost_limits)
             entries.append(Scored(sample=sample, result=result, played=played, feedback=feedback))
-        history = strategy.tell(history.replayed(scores), entries)
+        history = history.replayed(scores).grown(entries)
         keep(lanes, strategy, Ranking(history).best)
         store.save_generation(history.generations[-1])
         observer.generation(history.generations[-1])

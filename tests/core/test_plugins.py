@@ -25,8 +25,6 @@ class Tournament:
 
     def ask(self, history, rng): ...
 
-    def tell(self, history, entries): ...
-
 
 class Half:
     judge = "played"
@@ -153,7 +151,7 @@ def test_only_a_name_that_is_listed_counts_as_installed():
         ("bracket:Turnament", "There is no class or function `Turnament` in bracket. Did you mean `Tournament`?"),
         ("bracket:samples", "There is no class or function `samples` in bracket."),
         ("bracket:Bare", "`search=bracket:Bare` cannot be called with (RunConfig)"),
-        ("bracket:Half", "What `search=bracket:Half` makes is not complete: it has no peaks, ask, tell."),
+        ("bracket:Half", "What `search=bracket:Half` makes is not complete: it has no peaks, ask."),
     ],
 )
 def test_what_is_none_is_one_sentence(name, says):

@@ -7,8 +7,8 @@ from typing import Any
 
 from openeureka.config import RunConfig
 from openeureka.strategies import SearchStrategy
-from openeureka.testing.conformance.search import SearchConformance, entries
-from openeureka.types import History, Place, Remark, RemarkKind
+from openeureka.testing.conformance.search import SearchConformance, grown
+from openeureka.types import Place, Remark, RemarkKind
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guides" / "your-own-search.md"
 
@@ -28,6 +28,6 @@ def test_it_tells_the_model_what_a_person_said_and_improves_nothing_that_was_vet
     search = tournament()
     veto = Remark(kind=RemarkKind.VETO, candidate=Place(0, 1))
     said = [Remark(kind=RemarkKind.WORDS, text="too jerky"), veto]
-    plans = search.ask(search.tell(History(), entries(0, [1.0, 2.0])).heard(said), Random(0))
+    plans = search.ask(grown([1.0, 2.0]).heard(said), Random(0))
     assert [plan.opinion.words for plan in plans] == [("too jerky",)] * 4
     assert {turn.fitness for plan in plans for turn in plan.turns} == {1.0}

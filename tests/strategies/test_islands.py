@@ -9,7 +9,7 @@ from openeureka.method import prompts
 from openeureka.store import Store, read_replies
 from openeureka.strategies import make
 from openeureka.strategies.islands import RENEWAL, Islands, islands
-from openeureka.testing.conformance.search import SearchConformance, entries
+from openeureka.testing.conformance.search import SearchConformance, entries, grown
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
 from openeureka.types import Evaluation, History, Place, PromptPlan, Remark, RemarkKind
 
@@ -22,13 +22,6 @@ class TestIslands(SearchConformance):
 SEARCH = "openeureka.strategies.islands:islands"
 TWO = Islands(samples=4)
 """Slots 0 and 1 are one island, 2 and 3 the other."""
-
-
-def grown(*scores: list[float | None]) -> History:
-    history = History()
-    for index, own in enumerate(scores):
-        history = TWO.tell(history, entries(index, own))
-    return history
 
 
 def parents(plans: list[PromptPlan]) -> list[Place]:
@@ -78,10 +71,10 @@ def test_the_weakest_island_begins_anew_from_the_best_of_another() -> None:
     renewed = asked(history)
     assert parents(renewed) == [Place(0, 0), Place(0, 0)]
     # Its children alone are its line from there, even where they are worse than what it had.
-    later = TWO.tell(history, entries(RENEWAL, [0.0, 0.0, 0.5, 0.25]))
+    later = history.grown(entries(RENEWAL, [0.0, 0.0, 0.5, 0.25]))
     assert parents(asked(later)) == [Place(0, 0), Place(RENEWAL, 2)]
     # Where none of them trained, it is begun again.
-    lost = TWO.tell(history, entries(RENEWAL, [0.0, 0.0, None, None]))
+    lost = history.grown(entries(RENEWAL, [0.0, 0.0, None, None]))
     assert parents(asked(lost)) == [Place(0, 0), Place(0, 0)]
 
 
@@ -96,7 +89,7 @@ def test_an_island_whose_policies_break_a_limit_is_the_weakest() -> None:
     }  # fmt: skip
     limited = replace(history.replayed(played), limits={"torque": 40.0})
     assert parents(asked(limited)) == [Place(0, 0), Place(0, 0)]
-    later = TWO.tell(limited, entries(RENEWAL, [0.0, 0.0, 0.5, 0.25]))
+    later = limited.grown(entries(RENEWAL, [0.0, 0.0, 0.5, 0.25]))
     assert parents(asked(later)) == [Place(0, 0), Place(RENEWAL, 2)]
 
 

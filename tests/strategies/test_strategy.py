@@ -4,15 +4,8 @@ import pytest
 
 from openeureka.config import RunConfig
 from openeureka.strategies import Best, Eureka, make, sized
-from openeureka.testing.conformance.search import entries
+from openeureka.testing.conformance.search import entries, grown
 from openeureka.types import History
-
-
-def history(strategy, *generations) -> History:
-    told = History()
-    for index, scores in enumerate(generations):
-        told = strategy.tell(told, entries(index, scores))
-    return told
 
 
 def shown(strategy, told: History) -> list[float | None]:
@@ -20,57 +13,67 @@ def shown(strategy, told: History) -> list[float | None]:
     return [turn.fitness for turn in plan.turns]
 
 
+def test_a_history_grows_by_one_generation_and_the_given_one_is_left_alone() -> None:
+    empty = History()
+    one = empty.grown(entries(0, [1.0, None]))
+    two = one.grown(entries(1, [2.0]))
+    assert (len(empty.generations), len(one.generations), len(two.generations)) == (0, 1, 2)
+    assert [generation.index for generation in two.generations] == [0, 1]
+    assert two.generations[0] == one.generations[0]
+    assert two.generations[1].entries == tuple(entries(1, [2.0]))
+
+
 def test_eureka_shows_the_best_of_the_last_generation_even_if_worse() -> None:
     strategy = Eureka(samples=3)
-    assert shown(strategy, history(strategy, [1.0, 5.0], [2.0, 3.0])) == [3.0]
+    assert shown(strategy, grown([1.0, 5.0], [2.0, 3.0])) == [3.0]
 
 
 def test_eureka_goes_back_to_the_last_generation_in_which_something_trained() -> None:
     strategy = Eureka(samples=3)
-    assert shown(strategy, history(strategy, [1.0, 5.0], [2.0], [None, None])) == [2.0]
+    assert shown(strategy, grown([1.0, 5.0], [2.0], [None, None])) == [2.0]
 
 
 def test_best_shows_the_best_so_far_last_after_up_to_three_other_winners() -> None:
     strategy = Best(samples=3)
-    assert shown(strategy, history(strategy, [5.0, 4.0])) == [5.0]
-    assert shown(strategy, history(strategy, [1.0], [5.0], [2.0])) == [1.0, 2.0, 5.0]
-    assert shown(strategy, history(strategy, [5.0], [1.0], [2.0], [3.0], [4.0])) == [2.0, 3.0, 4.0, 5.0]
+    assert shown(strategy, grown([5.0, 4.0])) == [5.0]
+    assert shown(strategy, grown([1.0], [5.0], [2.0])) == [1.0, 2.0, 5.0]
+    assert shown(strategy, grown([5.0], [1.0], [2.0], [3.0], [4.0])) == [2.0, 3.0, 4.0, 5.0]
 
 
 def test_best_shows_a_program_that_won_twice_once() -> None:
     strategy = Best(samples=1)
-    told = strategy.tell(strategy.tell(History(), entries(0, [5.0])), entries(0, [5.0]))
+    told = History().grown(entries(0, [5.0])).grown(entries(0, [5.0]))
     assert shown(strategy, told) == [5.0]
 
 
 def test_negative_scores_win_as_others_do() -> None:
     for strategy in (Eureka(samples=1), Best(samples=1)):
-        assert shown(strategy, history(strategy, [-3.0, -0.5, None])) == [-0.5]
+        assert shown(strategy, grown([-3.0, -0.5, None])) == [-0.5]
 
 
 def test_best_tells_the_model_what_counts_and_eureka_as_little_as_published() -> None:
     for strategy, informed in ((Best(samples=1), True), (Eureka(samples=1), False)):
         (first,) = strategy.ask(History(), Random(0))
-        (later,) = strategy.ask(history(strategy, [5.0], [2.0]), Random(0))
+        (later,) = strategy.ask(grown([5.0], [2.0]), Random(0))
         assert (first.informed, later.informed, first.best) == (informed, informed, None)
         assert (later.best.fitness if later.best else None) == (5.0 if informed else None)
 
 
 def test_best_tells_of_the_other_rewards_of_the_parents_generation() -> None:
     strategy = Best(samples=1)
-    (plan,) = strategy.ask(history(strategy, [5.0, 4.0, None], [2.0, 3.0]), Random(0))
+    (plan,) = strategy.ask(grown([5.0, 4.0, None], [2.0, 3.0]), Random(0))
     assert [entry.fitness for entry in plan.siblings] == [4.0, None]
-    (plan,) = Eureka(samples=1).ask(history(strategy, [5.0, 4.0]), Random(0))
+    (plan,) = Eureka(samples=1).ask(grown([5.0, 4.0]), Random(0))
     assert plan.siblings == ()
 
 
 def test_failures_are_told_only_of_a_last_generation_in_which_nothing_trained() -> None:
     for strategy in (Eureka(samples=1), Best(samples=1)):
-        told = strategy.tell(history(strategy, [1.0]), entries(1, [0.0, 0.0], refused=True))
+        told = grown([1.0]).grown(entries(1, [0.0, 0.0], refused=True))
         (plan,) = strategy.ask(told, Random(0))
         assert [turn.fitness for turn in plan.turns] == [1.0]
         assert plan.failures == told.generations[-1].entries
-        (plan,) = strategy.ask(strategy.tell(told, entries(2, [2.0])), Random(0))
+        (plan,) = strategy.ask(told.grown(entries(2, [2.0])), Random(0))
         assert plan.failures == ()
 
 

@@ -1,4 +1,4 @@
-"""Search strategies: ask which prompts to send, tell what came of them."""
+"""Search strategies: which rewards the next prompts show and ask to improve."""
 
 from .ranking import Ranking
 from .strategy import SEARCHES, Best, Eureka, SearchStrategy, asked, make, prompt_plan, sized

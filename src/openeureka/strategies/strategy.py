@@ -31,10 +31,6 @@ class SearchStrategy(Protocol):
         """The prompts of the next generation; their counts add up to its slots."""
         ...
 
-    def tell(self, history: History, entries: Sequence[Scored]) -> History:
-        """The history with one more generation; the one given stays as it is."""
-        ...
-
 
 _EARLIER_TURNS = 3
 """Winners that `best` shows before the parent: four turns in all."""
@@ -52,9 +48,6 @@ class Eureka:
         ranking = Ranking(history)
         parents = [*ranking.winners[-1:]] if ranking.favourite is None else [ranking.favourite]
         return [prompt_plan(self.samples, parents, history, ranking)]
-
-    def tell(self, history: History, entries: Sequence[Scored]) -> History:
-        return history.grown(entries)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,9 +69,6 @@ class Best:
         siblings = _siblings(parent, history)
         return [replace(plan, informed=True, best=ranking.best, siblings=siblings)]
 
-    def tell(self, history: History, entries: Sequence[Scored]) -> History:
-        return history.grown(entries)
-
 
 def eureka(config: RunConfig) -> Eureka:
     return Eureka(config.sample)
@@ -92,7 +82,7 @@ SEARCHES = Door(
     setting="search",
     group="openeureka.searches",
     built_in={"best": f"{__name__}:best", "eureka": f"{__name__}:eureka"},
-    members=("judge", "peaks", "ask", "tell"),
+    members=("judge", "peaks", "ask"),
 )
 """Each is called with the settings of the run, in which `sample` is filled in; what it makes is a `SearchStrategy`."""
 

@@ -39,6 +39,17 @@ def entries(generation: int, scores: Sequence[float | None], *, refused: bool = 
     return made
 
 
+def grown(*generations: Sequence[float | None]) -> History:
+    """Generations with these F."""
+    history = History()
+    for index, scores in enumerate(generations):
+        history = history.grown(entries(index, scores))
+    return history
+
+
+SCORES = ([1.0, 3.0, None], [2.0, None, -1.0], [-4.0, 2.5])
+
+
 class SearchConformance:
     """Checks that hold for any strategy; whom it makes a parent is for its own tests."""
 
@@ -50,34 +61,24 @@ class SearchConformance:
         assert plans
         assert all(plan.count > 0 and not plan.turns and not plan.failures for plan in plans)
 
-    def test_telling_adds_one_generation_and_leaves_the_given_history_alone(self) -> None:
-        strategy, empty = self.make(), History()
-        one = strategy.tell(empty, entries(0, [1.0, None]))
-        two = strategy.tell(one, entries(1, [2.0]))
-        assert (len(empty.generations), len(one.generations), len(two.generations)) == (0, 1, 2)
-        assert [generation.index for generation in two.generations] == [0, 1]
-        assert two.generations[0] == one.generations[0]
-        assert two.generations[1].entries == tuple(entries(1, [2.0]))
-
     def test_all_its_state_is_in_the_history(self) -> None:
         # A resumed run has a new strategy, the stored history and a generator of the same seed.
         old = self.make()
-        history = self._history(old)
+        for index in range(len(SCORES)):
+            old.ask(grown(*SCORES[:index]), Random(f"0/{index}"))
+        history = grown(*SCORES)
         assert list(self.make().ask(history, Random("0/3"))) == list(old.ask(history, Random("0/3")))
 
     def test_parents_are_entries_of_the_history_that_trained(self) -> None:
-        strategy = self.make()
-        history = self._history(strategy)
+        history = grown(*SCORES)
         known = [entry for generation in history.generations for entry in generation.entries]
-        for plan in strategy.ask(history, Random(0)):
+        for plan in self.make().ask(history, Random(0)):
             assert plan.turns, "a strategy that knows trained rewards shows one"
             assert all(turn in known and turn.fitness is not None for turn in plan.turns)
 
     def test_when_nothing_trained_the_next_prompts_say_why(self) -> None:
-        strategy = self.make()
         failed = entries(0, [0.0, 0.0], refused=True)
-        history = strategy.tell(History(), failed)
-        for plan in strategy.ask(history, Random(0)):
+        for plan in self.make().ask(History().grown(failed), Random(0)):
             assert plan.count > 0 and not plan.turns
             assert set(plan.failures) <= set(failed) and plan.failures
 
@@ -85,9 +86,3 @@ class SearchConformance:
         strategy = self.make()
         assert strategy.judge in ("played", "training")
         assert strategy.peaks and set(strategy.peaks) <= {"fitness", "reward", "last"}
-
-    def _history(self, strategy: SearchStrategy) -> History:
-        history = History()
-        for index, scores in enumerate(([1.0, 3.0, None], [2.0, None, -1.0], [-4.0, 2.5])):
-            history = strategy.tell(history, entries(index, scores))
-        return history
