@@ -3,24 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from functools import partial
 
 from ..store.lane_log import StageFiles
 from ..tasks.task import Stage
-from ..types import (
-    Dynamics,
-    Episodes,
-    Evaluation,
-    LaneSpec,
-    RewardGraph,
-    TrainBudget,
-    Trainer,
-    TrainingProgress,
-    TrainingResult,
-    TrainingState,
-)
+from ..types import LaneSpec, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainingState
 
 Event = TrainingProgress | TrainingResult
 
@@ -41,6 +30,7 @@ class CurriculumTrainer:
 
     def __init__(self, trainer: Trainer, stages: Sequence[Stage], finished: StageFiles) -> None:
         self._trainer, self._stages, self._finished = trainer, stages, finished
+        self.evaluate, self.rewards = trainer.evaluate, trainer.rewards
 
     def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Iterator[Event]:
         """Train every lane. The budget's steps, if any, are shared out among the stages in proportion to their own."""
@@ -93,23 +83,6 @@ class CurriculumTrainer:
         if isinstance(event, TrainingResult) and event.state is not TrainingState.FAILED:
             self._finished.save(number, event)
         return event
-
-    def evaluate(
-        self,
-        env: str,
-        policies: Mapping[str, bytes],
-        *,
-        seed: int,
-        episodes: int = 0,
-        dynamics: Mapping[str, Dynamics] | None = None,
-        record: Collection[str] = (),
-    ) -> Iterator[Evaluation]:
-        return self._trainer.evaluate(env, policies, seed=seed, episodes=episodes, dynamics=dynamics, record=record)
-
-    def rewards(
-        self, env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]
-    ) -> Mapping[str, Sequence[float]]:
-        return self._trainer.rewards(env, programs, episodes)
 
 
 def _each(events: Iterator[Event], tell: Callable[[Event], Event | None]) -> Iterator[Event]:
