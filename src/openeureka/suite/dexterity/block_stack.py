@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ...tasks.task import State, View
 from ..assets import REWARDS
-from .common import dexterity_recipe, distance
+from .common import distance
 from .handles import HAND_VARIABLES, Handles
 from .objects import CUBE_START, Cube
 from .scene import Placed, Pose, Scene, Table
@@ -64,7 +64,6 @@ class ShadowHandBlockStack(Handles):
         *point_variables("block_right_handle", "right block"),
         *point_variables("block_left_handle", "left block"),
     )
-    recipe = dexterity_recipe(env_steps=5_000_000)
 
     def __init__(self, *args) -> None:
         super().__init__(*args)

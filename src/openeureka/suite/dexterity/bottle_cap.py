@@ -11,7 +11,7 @@ from torch import Tensor
 from ...tasks.task import State
 from ...types import StateVar
 from ..assets import REWARDS
-from .common import TwoHands, dexterity_recipe, distance
+from .common import TwoHands, distance
 from .objects import Bottle
 from .scene import SIDES, Placed, Pose, Scene, Table
 from .variables import FINGERTIPS, PALMS, RIGHT_FINGERS, goal_variables, thing_variables, two_handed
@@ -70,7 +70,6 @@ class ShadowHandBottleCap(TwoHands):
             use="point",
         ),
     )
-    recipe = dexterity_recipe(env_steps=5_000_000)
 
     def compute_state(self) -> dict[str, Any]:
         return {**super().compute_state(), "bottle_cap_up": self.frames.read()["bottle_cap_up_pos"]}

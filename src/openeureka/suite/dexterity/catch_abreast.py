@@ -9,7 +9,6 @@ from ...tasks.rotations import rotate
 from ...tasks.task import State, View
 from ..assets import REWARDS
 from .catch import EGG_VARIABLES, Catch, strayed
-from .common import dexterity_recipe
 from .objects import Egg
 from .scene import PALM_POINT, Placed, Pose, Scene
 from .variables import PALMS, two_handed
@@ -36,7 +35,6 @@ class ShadowHandCatchAbreast(Catch):
     )
     drop_height = 0.2
     spec = two_handed(scene, num_observations, *EGG_VARIABLES, *PALMS)
-    recipe = dexterity_recipe(env_steps=5_000_000)
 
     def __init__(self, *args) -> None:
         super().__init__(*args)

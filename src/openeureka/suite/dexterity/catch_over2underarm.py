@@ -10,7 +10,6 @@ from torch import Tensor
 from ...tasks.task import State
 from ..assets import REWARDS
 from .catch import EGG_VARIABLES, Catch, strayed
-from .common import dexterity_recipe
 from .objects import Egg
 from .scene import Placed, Pose, Scene
 from .variables import two_handed
@@ -40,7 +39,6 @@ class ShadowHandCatchOver2Underarm(Catch):
     )
     drop_height = 0.3
     spec = two_handed(scene, num_observations, *EGG_VARIABLES)
-    recipe = dexterity_recipe(env_steps=5_000_000)
 
     def __init__(self, *args) -> None:
         super().__init__(*args)

@@ -6,7 +6,6 @@ from torch import Tensor
 
 from ...tasks.task import State
 from ..assets import REWARDS
-from .common import dexterity_recipe
 from .door import DOOR_VARIABLES, GAP, SIDEWAYS, Doors, door_scene
 from .variables import two_handed
 
@@ -17,7 +16,6 @@ class ShadowHandDoorCloseInward(Doors):
     human = REWARDS / "shadow_hand_door_close_inward.py"
     scene = door_scene(towards_hands=True, angle=SIDEWAYS, hand_x=0.9, hand_y=0.5)
     spec = two_handed(scene, Doors.num_observations, *DOOR_VARIABLES)
-    recipe = dexterity_recipe(env_steps=5_000_000)
 
     def success(self, s: State) -> Tensor:
         return self.handle_gap(s) < GAP

@@ -6,7 +6,6 @@ from torch import Tensor
 
 from ...tasks.task import State
 from ..assets import REWARDS
-from .common import dexterity_recipe
 from .door import DOOR_VARIABLES, GAP, SIDEWAYS, Doors, door_scene
 from .variables import two_handed
 
@@ -19,7 +18,6 @@ class ShadowHandDoorCloseOutward(Doors):
     reach = 3.0  # the hands start far from the handles
     ends = "An episode ends early when the distances of a hand's five fingertips from its door handle add up to 3 m."
     spec = two_handed(scene, Doors.num_observations, *DOOR_VARIABLES)
-    recipe = dexterity_recipe(env_steps=5_000_000)
 
     def success(self, s: State) -> Tensor:
         return self.handle_gap(s) < GAP

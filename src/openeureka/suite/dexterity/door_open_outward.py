@@ -6,7 +6,6 @@ from torch import Tensor
 
 from ...tasks.task import State
 from ..assets import REWARDS
-from .common import dexterity_recipe
 from .door import DOOR_VARIABLES, GAP, Doors, door_scene
 from .variables import two_handed
 
@@ -17,7 +16,6 @@ class ShadowHandDoorOpenOutward(Doors):
     human = REWARDS / "door_open.py"
     scene = door_scene(towards_hands=False, goal_z=5.7)
     spec = two_handed(scene, Doors.num_observations, *DOOR_VARIABLES)
-    recipe = dexterity_recipe(env_steps=5_000_000)
 
     def success(self, s: State) -> Tensor:
         return self.handle_gap(s) > GAP

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from ...tasks.task import State
 from ..assets import REWARDS
-from .common import dexterity_recipe, distance
+from .common import distance
 from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
 from .objects import CUBE_START, Bucket, Cube
 from .scene import Placed, Pose, Scene, Table
@@ -50,7 +50,6 @@ class ShadowHandGraspAndPlace(Handles):
         *point_variables("block_right_handle", "bucket"),
         *point_variables("block_left_handle", "block"),
     )
-    recipe = dexterity_recipe(env_steps=5_000_000)
 
     def observe(self, s: State) -> Tensor:
         bucket = s["block_right_handle_pos"], s["block_right_handle_rot"]

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ...tasks.task import State
 from ..assets import REWARDS
-from .common import dexterity_recipe, distance
+from .common import distance
 from .handles import HAND_VARIABLES, Handles
 from .objects import Bucket, Kettle
 from .scene import Placed, Pose, Scene, Table
@@ -54,7 +54,6 @@ class ShadowHandKettle(Handles):
         *point_variables("kettle_spout", "end of the kettle's spout"),
         *point_variables("bucket_handle", "point 5 cm below the bucket"),
     )
-    recipe = dexterity_recipe(env_steps=5_000_000)
 
     def observe(self, s: State) -> Tensor:
         return torch.cat((super().observe(s), s["kettle_handle_pos"], s["bucket_handle_pos"]), dim=-1)

@@ -10,7 +10,7 @@ from torch import Tensor
 from ...tasks.task import State
 from ...types import StateVar
 from ..assets import REWARDS
-from .common import TwoHands, dexterity_recipe, distance
+from .common import TwoHands, distance
 from .objects import Pot
 from .scene import SIDES, Placed, Pose, Scene, Table
 from .variables import FINGERTIPS, PALMS, goal_variables, thing_variables, two_handed
@@ -59,7 +59,6 @@ class ShadowHandLiftUnderarm(TwoHands):
             for side in SIDES
         ),
     )
-    recipe = dexterity_recipe(env_steps=5_000_000)
 
     def observe(self, s: State) -> Tensor:
         return torch.cat((super().observe(s), s["pot_right_handle_pos"], s["pot_left_handle_pos"]), dim=-1)

@@ -6,7 +6,6 @@ import math
 
 from ..assets import REWARDS
 from .catch import EGG_VARIABLES, Catch
-from .common import dexterity_recipe
 from .objects import Egg
 from .scene import Placed, Pose, Scene
 from .variables import two_handed
@@ -31,4 +30,3 @@ class ShadowHandOver(Catch):
     position_noise = 0.01
     drop_height = 0.2
     spec = two_handed(scene, num_observations, *EGG_VARIABLES)
-    recipe = dexterity_recipe(env_steps=5_000_000)

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ...tasks.task import State
 from ..assets import REWARDS
-from .common import dexterity_recipe, distance
+from .common import distance
 from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
 from .objects import CappedPen
 from .scene import Placed, Pose, Scene, Table
@@ -54,7 +54,6 @@ class ShadowHandPen(Handles):
         *point_variables("pen_right_handle", "point to grasp on the cap"),
         *point_variables("pen_left_handle", "point to grasp on the pen"),
     )
-    recipe = dexterity_recipe(env_steps=5_000_000)
 
     def observe(self, s: State) -> Tensor:
         return torch.cat((super().observe(s), s["pen_right_handle_pos"], s["pen_left_handle_pos"]), dim=-1)

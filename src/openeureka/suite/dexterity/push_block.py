@@ -7,7 +7,7 @@ from torch import Tensor
 
 from ...tasks.task import State
 from ..assets import REWARDS
-from .common import dexterity_recipe, distance
+from .common import distance
 from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
 from .objects import CUBE_START, Cube
 from .scene import Placed, Pose, Scene, Table
@@ -54,7 +54,6 @@ class ShadowHandPushBlock(Handles):
         *point_variables("left_goal", "where the left block should go"),
         *point_variables("right_goal", "where the right block should go"),
     )
-    recipe = dexterity_recipe(env_steps=5_000_000)
 
     def observe(self, s: State) -> Tensor:
         seen = (

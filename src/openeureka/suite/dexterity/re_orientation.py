@@ -10,7 +10,6 @@ from torch import Tensor
 from ...tasks.rotations import tumble
 from ...tasks.task import Score, State, mean_over_episodes
 from ..assets import REWARDS
-from .common import dexterity_recipe
 from .objects import Cube
 from .pair import Pair, pair_variables
 from .scene import Placed, Pose, Scene
@@ -45,7 +44,6 @@ class ShadowHandReOrientation(Pair):
     position_noise = 0.01
     drop_height = 0.2
     spec = two_handed(scene, num_observations, *pair_variables("cube", "pose to hold"))
-    recipe = dexterity_recipe(env_steps=5_000_000)
 
     def __init__(self, *args) -> None:
         super().__init__(*args)

@@ -10,7 +10,6 @@ from torch import Tensor
 from ...tasks.rotations import conjugate, multiply
 from ...tasks.task import State
 from ..assets import REWARDS
-from .common import dexterity_recipe
 from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
 from .objects import Scissors
 from .scene import Placed, Pose, Scene, Table
@@ -48,7 +47,6 @@ class ShadowHandScissors(Handles):
         *point_variables("scissors_right_handle", "handle of the right half"),
         *point_variables("scissors_left_handle", "handle of the left half"),
     )
-    recipe = dexterity_recipe(env_steps=5_000_000)
 
     def observe(self, s: State) -> Tensor:
         return torch.cat((super().observe(s), s["scissors_right_handle_pos"], s["scissors_left_handle_pos"]), dim=-1)

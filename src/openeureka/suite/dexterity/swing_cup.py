@@ -10,7 +10,6 @@ from torch import Tensor
 
 from ...tasks.task import State
 from ..assets import REWARDS
-from .common import dexterity_recipe
 from .handles import HAND_VARIABLES, Handles
 from .objects import Cup
 from .scene import Placed, Pose, Scene, Table
@@ -60,7 +59,6 @@ class ShadowHandSwingCup(Handles):
         *point_variables("cup_right_handle", "right handle of the cup"),
         *point_variables("cup_left_handle", "left handle of the cup"),
     )
-    recipe = dexterity_recipe(env_steps=5_000_000)
 
     def observe(self, s: State) -> Tensor:
         return torch.cat((super().observe(s), s["cup_right_handle_pos"], s["cup_left_handle_pos"]), dim=-1)

@@ -11,7 +11,6 @@ from torch import Tensor
 
 from ...tasks.task import State
 from ..assets import REWARDS
-from .common import dexterity_recipe
 from .handles import HAND_VARIABLES, PALM_DOWN_LEFT, PALM_DOWN_RIGHT, Handles
 from .objects import RockerSwitch
 from .scene import Placed, Pose, Scene, Table
@@ -53,7 +52,6 @@ class ShadowHandSwitch(Handles):
         *point_variables("switch_right_handle", "end of the right switch to press"),
         *point_variables("switch_left_handle", "end of the left switch to press"),
     )
-    recipe = dexterity_recipe(env_steps=5_000_000)
 
     def observe(self, s: State) -> Tensor:
         return torch.cat((super().observe(s), s["switch_right_handle_pos"], s["switch_left_handle_pos"]), dim=-1)

@@ -9,7 +9,6 @@ from torch import Tensor
 from ...tasks.task import State
 from ..assets import REWARDS
 from .catch import CAUGHT
-from .common import dexterity_recipe
 from .objects import Egg
 from .pair import Pair, pair_variables
 from .scene import Placed, Pose, Scene
@@ -39,7 +38,6 @@ class ShadowHandTwoCatchUnderarm(Pair):
     position_noise = 0.01
     drop_height = 0.2
     spec = two_handed(scene, num_observations, *pair_variables("egg", "where it should come to rest, goal"))
-    recipe = dexterity_recipe(env_steps=5_000_000)
 
     def success(self, s: State) -> Tensor:
         first, second = self.distances(s)
