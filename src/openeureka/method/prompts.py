@@ -11,7 +11,6 @@ What programs, models and trainings wrote is data: it is cleaned and capped befo
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from importlib.resources import files
@@ -73,66 +72,14 @@ def render(
 def repair(prompt: Prompt, reply: str, verdict: Verdict) -> Prompt:
     """The prompt, the refused reply, and why it was refused."""
     findings = "\n".join(f"- {finding.sentence()}" for finding in verdict.findings[:MAX_REASONS])
-    request = _template("repair").format(findings=clean(findings or f"- {verdict.code}", MAX_FEEDBACK))
-    return _asked_again(prompt, reply, request)
+    request = template("repair").format(findings=clean(findings or f"- {verdict.code}", MAX_FEEDBACK))
+    return asked_again(prompt, reply, request)
 
 
-def ranges(
-    *,
-    task: str,
-    robot: str,
-    note: str,
-    sweep: Sequence[str],
-    quantities: Mapping[str, tuple[str, float, float]],
-    ends: Mapping[str, tuple[Sequence[float], Sequence[float]]],
-    anew: bool,
-) -> Prompt:
-    """What asks for ranges that worlds of training are drawn from.
-
-    Args:
-        robot: its description, in lines.
-        note: how to read the lines of `sweep`, which say where a policy still works.
-        quantities: unit, least and most by name.
-        ends: what the grammar offers for the lowest and for the highest value of each.
-        anew: whether training begins from scratch and not with that policy.
-    """
-    text = _template("robust").format(
-        how="again from scratch" if anew else "on",
-        task=task,
-        robot=plain(robot),
-        note=note,
-        sweep="\n".join(sweep),
-        quantities="\n".join(
-            f"- {name} [{unit}], {low:g} to {high:g}" for name, (unit, low, high) in quantities.items()
-        ),
-        example="\n".join(f"{name}: [{low[-2:][0]:g}, {high[:2][-1]:g}]" for name, (low, high) in [*ends.items()][:3]),
-    )
-    return Prompt(messages=(Message("user", text),), grammar=_table(ends))
-
-
-def ranges_again(prompt: Prompt, reply: str, reason: str) -> Prompt:
-    """The prompt, ranges that were refused, and why."""
-    request = f"These ranges cannot be used: {clean(reason, MAX_BRIEF_FEEDBACK)}\n\nAnswer with the whole table."
-    return _asked_again(prompt, reply, request)
-
-
-def _asked_again(prompt: Prompt, reply: str, request: str) -> Prompt:
+def asked_again(prompt: Prompt, reply: str, request: str) -> Prompt:
+    """The prompt, a reply to it, and what is asked next."""
     turn = (Message("assistant", clean(reply, MAX_PROGRAM)), Message("user", request))
     return replace(prompt, messages=(*prompt.messages, *turn))
-
-
-def _table(ends: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> str:
-    """GBNF of a table with a line for each quantity."""
-    names = {name: name.replace("_", "-") for name in ends}
-    rules = [f"root ::= {' '.join(names.values())}"]
-    for name, (low, high) in ends.items():
-        rule = names[name]
-        rules.append(f'{rule} ::= "{name}: [" {rule}-low ", " {rule}-high "]\\n"')
-        rules += [
-            f"{rule}-{end} ::= " + " | ".join(f'"{v:g}"' for v in own)
-            for end, own in zip(("low", "high"), (low, high), strict=True)
-        ]
-    return "\n".join(rules) + "\n"
 
 
 def clean(text: str, limit: int) -> str:
@@ -146,14 +93,14 @@ def clean(text: str, limit: int) -> str:
 
 
 def _free(context: TaskContext, plan: PromptPlan, progress: bool) -> Prompt:
-    system = _template("free_system").format(
+    system = template("free_system").format(
         signature=", ".join(f"{v.name}: {_annotation(v)}" for v in context.state.variables[:2]) + ", ...",
         torch=_words(surface.TORCH - surface.DTYPES),
         functional=_words(surface.FUNCTIONAL),
         helpers=_words(surface.HELPERS),
-        progress=_template("free_progress") if progress else "",
+        progress=template("free_progress") if progress else "",
     )
-    task = _template("free_task").format(
+    task = template("free_task").format(
         description=context.description,
         source=context.source.strip(),
         variables="\n".join(f"- `{v.name}`: {_annotation(v)}{_shape(v)}. {v.meaning}" for v in context.state.variables),
@@ -165,14 +112,14 @@ def _free(context: TaskContext, plan: PromptPlan, progress: bool) -> Prompt:
 
 
 def _grammar(context: TaskContext, plan: PromptPlan, progress: bool) -> Prompt:
-    task = _template("grammar_task").format(
+    task = template("grammar_task").format(
         description=context.description,
         variables="\n".join(
             f"- {v.name}{_shape(v)}: {v.meaning}{_USES[v.use]}" for v in grammar.offered(context.state)
         ),
     )
-    rules = _template("grammar_system") + (_template("grammar_progress") if progress else "")
-    system = f"{rules}\n{_template('grammar_examples')}"
+    rules = template("grammar_system") + (template("grammar_progress") if progress else "")
+    system = f"{rules}\n{template('grammar_examples')}"
     # Parents only: the newest is the best reward, and a longer prompt costs each of the parallel samples its memory.
     shown = plan.turns[-2:] if plan.crossover else plan.turns[-1:]
     turns = [message for turn in shown for message in _turn(turn, plan, "grammar")]
@@ -188,11 +135,11 @@ def _turn(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"]) -> 
     """An earlier answer and what became of it."""
     candidate = turn.sample.candidate
     program = clean(candidate.source, MAX_PROGRAM).strip() if candidate is not None else ""
-    feedback = _template(f"{style}_feedback").format(
+    feedback = template(f"{style}_feedback").format(
         standing=_standing(turn, plan, style) if plan.informed else "",
         feedback=clean(turn.feedback, MAX_FEEDBACK if style == "free" else MAX_BRIEF_FEEDBACK),
         siblings=_siblings(plan) if turn is plan.turns[-1] else "",
-        tips=_template("free_tips") if turn is plan.turns[-1] else "",
+        tips=template("free_tips") if turn is plan.turns[-1] else "",
     )
     return Message("assistant", f"```python\n{program}\n```"), Message("user", feedback)
 
@@ -272,12 +219,12 @@ def _with_task(messages: tuple[Message, ...], plan: PromptPlan) -> tuple[Message
     """That two parents are to be combined, or the reasons for which nothing trained, each once, at the end of the last
     request."""
     if plan.crossover:
-        messages = _with_postscript(messages, _template("crossover"))
+        messages = _with_postscript(messages, template("crossover"))
     reasons = dict.fromkeys(f"- {fault}" for entry in plan.failures for fault in faults(entry))
     if not reasons:
         return messages
     shown = clean("\n".join(list(reasons)[:MAX_REASONS]), MAX_BRIEF_FEEDBACK)
-    return _with_postscript(messages, _template("failures").format(reasons=shown))
+    return _with_postscript(messages, template("failures").format(reasons=shown))
 
 
 def _with_opinion(messages: tuple[Message, ...], opinion: Opinion, limit: int, rejected: int) -> tuple[Message, ...]:
@@ -293,7 +240,7 @@ def _with_opinion(messages: tuple[Message, ...], opinion: Opinion, limit: int, r
     for entry in opinion.vetoed[-rejected:] if rejected else ():
         program = clean(entry.sample.candidate.source, MAX_BRIEF_FEEDBACK) if entry.sample.candidate else ""
         lines.append(f"They rejected the policy of this reward function:\n```python\n{program.strip()}\n```")
-    return _with_postscript(messages, _template("person").format(opinion="\n".join(lines))) if lines else messages
+    return _with_postscript(messages, template("person").format(opinion="\n".join(lines))) if lines else messages
 
 
 def _with_postscript(messages: tuple[Message, ...], text: str) -> tuple[Message, ...]:
@@ -318,6 +265,6 @@ def _words(names: frozenset[str]) -> str:
 
 
 @cache
-def _template(name: str) -> str:
+def template(name: str) -> str:
     """A template's text; a backslash at the end of a line joins it with the next."""
     return (files("openeureka") / "templates" / f"{name}.md").read_text(encoding="utf-8").replace("\\\n", "")

@@ -20,7 +20,21 @@ from ..method.sampling import request_seed, rest_of
 from ..parsing import command_line
 from ..score import worth
 from ..store import Store
-from ..types import NOMINAL, Dynamics, Hardening, Lane, Peak, PolicyId, Prompt, Ranges, RewardProgram, Start, Trial
+from ..text import plain
+from ..types import (
+    NOMINAL,
+    Dynamics,
+    Hardening,
+    Lane,
+    Message,
+    Peak,
+    PolicyId,
+    Prompt,
+    Ranges,
+    RewardProgram,
+    Start,
+    Trial,
+)
 from ..types.dynamics import SCALES
 from .hardened import GRID, HARD, KEEPS, LONGER, PEAKS, UNIFORM, Carried, carries, chosen, hardening, origin
 from .tuned import last_index
@@ -170,7 +184,9 @@ def propose(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardenin
                 found[f"r{slot}"] = robot.read(table_of(reply))
             except ConfigError as error:
                 reason = str(error)
-                wrong[slot] = prompts.ranges_again(wrong.get(slot, prompt), reply, reason)
+                said = prompts.clean(reason, prompts.MAX_BRIEF_FEEDBACK)
+                request = f"These ranges cannot be used: {said}\n\nAnswer with the whole table."
+                wrong[slot] = prompts.asked_again(wrong.get(slot, prompt), reply, request)
     if not found:
         raise ModelError(f"No reply holds ranges that can be used: {reason} Ask another model, or add repair=4.")
     return dict(sorted(found.items(), key=lambda item: int(item[0][1:])))
@@ -207,21 +223,38 @@ def asked(robot: Robot, carried: Sequence[Carried], *, anew: bool) -> Prompt:
         scores = ", ".join(f"{value:g}: {_share(share, fitness)}" for value, fitness, share in one.points)
         works = f"; works from {one.low:g} to {one.high:g}" if one.low is not None and one.high is not None else ""
         lines.append(f"- {one.name}: {scores}{works}")
-    return prompts.ranges(
+    scales = {name: SCALES[name] for name in robot.quantities}
+    ends = {name: _ends(name) for name in robot.quantities}
+    text = prompts.template("robust").format(
+        how="again from scratch" if anew else "on",
         task=robot.task,
-        robot=robot.description,
-        note=f"in brackets, the share of what was learnt that is left; works: at least {KEEPS:.0%}",
-        sweep=lines,
-        quantities={name: (SCALES[name].unit, SCALES[name].least, SCALES[name].most) for name in robot.quantities},
-        ends={name: _ends(name) for name in robot.quantities},
-        anew=anew,
+        robot=plain(robot.description),
+        keeps=KEEPS,
+        sweep="\n".join(lines),
+        quantities="\n".join(f"- {name} [{of.unit}], {of.least:g} to {of.most:g}" for name, of in scales.items()),
+        example="\n".join(f"{name}: [{low[-2:][0]:g}, {high[:2][-1]:g}]" for name, (low, high) in [*ends.items()][:3]),
     )
+    return Prompt(messages=(Message("user", text),), grammar=_table(ends))
 
 
 def _ends(name: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Values that the grammar offers for the lowest and the highest end: those of the grid about the task's own."""
     own = float(getattr(NOMINAL, name))
     return (*(v for v in GRID[name] if v < own), own), (own, *(v for v in GRID[name] if v > own))
+
+
+def _table(ends: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> str:
+    """GBNF of a table with a line for each quantity."""
+    names = {name: name.replace("_", "-") for name in ends}
+    rules = [f"root ::= {' '.join(names.values())}"]
+    for name, (low, high) in ends.items():
+        rule = names[name]
+        rules.append(f'{rule} ::= "{name}: [" {rule}-low ", " {rule}-high "]\\n"')
+        rules += [
+            f"{rule}-{end} ::= " + " | ".join(f'"{v:g}"' for v in own)
+            for end, own in zip(("low", "high"), (low, high), strict=True)
+        ]
+    return "\n".join(rules) + "\n"
 
 
 def _share(share: float | None, fitness: float | None) -> str:
