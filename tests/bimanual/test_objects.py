@@ -6,7 +6,8 @@ import pytest
 
 from openeureka.suite.dexterity import objects
 from openeureka.suite.dexterity.objects import Thing
-from openeureka.suite.dexterity.shapes import MATTER, quaternion
+from openeureka.suite.dexterity.shapes import MATTER
+from openeureka.suite.turns import quaternion
 
 ALL = (
     objects.Egg(),

@@ -16,9 +16,9 @@ from ...tasks.sensors import contact_wrenches
 from ...tasks.task import Recipe, Score, State, Task, View, mean_over_episodes
 from ..joints import scaled, unscaled
 from ..shadow import FINGERS
+from ..turns import quaternion
 from .frames import Bodies, Frames
 from .scene import HAND_BODIES, SIDES, TIPS, Pose, Scene
-from .shapes import quaternion
 
 JOINTS = 24  # of one hand
 DRIVES = 20

@@ -14,6 +14,7 @@ from typing import ClassVar, Protocol
 
 import mujoco
 
+from ..turns import quaternion
 from .shapes import (
     EGGSHELL,
     LINK,
@@ -27,7 +28,6 @@ from .shapes import (
     add_loop,
     add_rod,
     add_slide,
-    quaternion,
     set_inertia,
 )
 

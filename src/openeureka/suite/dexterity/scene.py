@@ -9,9 +9,10 @@ import mujoco
 
 from ...tasks.sensors import add_wrench_sensors
 from ..shadow import FINGERS, FINGERTIPS, add_shadow_hand
+from ..turns import quaternion
 from .frames import add_body_sensors, add_site_sensors
 from .objects import Thing
-from .shapes import LINK, MATTER, Vector, quaternion
+from .shapes import LINK, MATTER, Vector
 
 SIDES = ("right", "left")
 TIPS = tuple(f"{side}_{tip}" for side in SIDES for tip in FINGERTIPS)

@@ -6,21 +6,12 @@ import math
 
 import mujoco
 
+from ..turns import quaternion
+
 Vector = tuple[float, float, float]
 
 MATTER = {"contype": 2, "conaffinity": 3}
 """Objects and tables touch one another and the hands, whose geoms have contype 1."""
-
-
-def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """Turn about x, then y, then z of the world, w x y z."""
-    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a / 2), math.sin(a / 2)) for a in (roll, pitch, yaw))
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )
 
 
 LINK = quaternion(math.pi / 2, 0, -math.pi / 2)  # frame of the original's links (y up) in the base frame (z up)

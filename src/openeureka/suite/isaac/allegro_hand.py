@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from itertools import combinations
 from typing import NamedTuple
 
@@ -10,6 +9,7 @@ import mujoco
 
 from ...types import StateSpec
 from ..assets import REWARDS
+from ..turns import quaternion
 from .reorientation import Reorientation, Vector, add_cube, hand_variables, reorientation_recipe
 
 STIFFNESS = 3.0  # [N m/rad]
@@ -121,9 +121,7 @@ class AllegroHand(Reorientation):
             inertia=[1e-4] * 3,
             explicitinertial=True,
         )
-        palm = mount.add_body(
-            name="palm", pos=[-0.008219, -0.02063, 0.08086], quat=quaternion((0.0, -1.5708, 0.785398))
-        )
+        palm = mount.add_body(name="palm", pos=[-0.008219, -0.02063, 0.08086], quat=quaternion(0.0, -1.5708, 0.785398))
         add_shape(palm, "palm", Shape(0.4154, half=(0.050, 0.0585, 0.049), at=(-0.008, 0.0085, -0.049)))
         for finger, links in FINGERS.items():
             parent = palm
@@ -137,7 +135,7 @@ class AllegroHand(Reorientation):
 
 def add_link(spec: mujoco.MjSpec, parent: mujoco.MjsBody, name: str, link: Link) -> mujoco.MjsBody:
     """A body with its hinge, drive and shapes."""
-    body = parent.add_body(name=name, pos=link.offset, quat=quaternion(link.turn), gravcomp=1)
+    body = parent.add_body(name=name, pos=link.offset, quat=quaternion(*link.turn), gravcomp=1)
     body.add_joint(
         name=name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
@@ -177,14 +175,3 @@ def add_finger_contacts(spec: mujoco.MjSpec, one: str, other: str) -> None:
     for a in outer:
         for b in outer:
             spec.add_pair(name=f"{one}_{a} {other}_{b}", geomname1=f"{one}_{a}", geomname2=f"{other}_{b}", condim=1)
-
-
-def quaternion(turn: Vector) -> list[float]:
-    """Roll, pitch and yaw [rad] about fixed axes, in this order, as w x y z."""
-    (cr, cp, cy), (sr, sp, sy) = ([f(angle / 2) for angle in turn] for f in (math.cos, math.sin))
-    return [
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    ]
