@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Sequence
 from pathlib import Path
 
 import torch
 
 from ..sim import check_device
 from ..tasks import registry
-from ..types import Dynamics, Episodes, Evaluation, LaneSpec, RewardGraph, TrainBudget
+from ..types import LaneSpec, TrainBudget
 from ..worker import usable_cores
 from . import retry, scheduler
 from .retry import Message, Population
@@ -54,7 +54,7 @@ def workers(devices: Sequence[str], threads: int, populations: int) -> tuple[Slo
     return (Slot(CPU, available // count),) * count
 
 
-class LocalExecutor:
+class LocalExecutor(retry.Questions):
     """A `types.Trainer`: the lanes of a call are one population a worker, or several in turn when they are too many for
     one simulation.
 
@@ -83,7 +83,7 @@ class LocalExecutor:
     ) -> None:
         self._devices = devices(device)
         self._threads, self._snapshots = threads, snapshots
-        self._transport = Processes(module, silence)
+        super().__init__(Processes(module, silence), Slot(self._devices[0], threads))
         kind = "cuda" if self._devices[0].startswith("cuda") else "cpu"
         self._max_worlds = max_worlds or MAX_WORLDS[kind]
 
@@ -103,30 +103,3 @@ class LocalExecutor:
         dealt = scheduler.deal(lanes, retry.together(self._snapshots, env, budget, crew[0]), count)
         populations = [Population(env, share, budget, self._snapshots) for share in dealt]
         return scheduler.train(self._transport, populations, workers(self._devices, self._threads, len(populations)))
-
-    def evaluate(
-        self,
-        env: str,
-        policies: Mapping[str, bytes],
-        *,
-        seed: int,
-        episodes: int = 0,
-        dynamics: Mapping[str, Dynamics] | None = None,
-        record: Collection[str] = (),
-    ) -> Iterator[Evaluation]:
-        """Score of each policy, on the first device. A worker that dies is started again once.
-
-        Raises:
-            TaskError: when the task's own code fails.
-            WorkerError: when it dies again.
-        """
-        slot = Slot(self._devices[0], self._threads)
-        return retry.evaluate(
-            self._transport, slot, env, policies, seed=seed, episodes=episodes, dynamics=dynamics or {}, record=record
-        )
-
-    def rewards(
-        self, env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]
-    ) -> Mapping[str, Sequence[float]]:
-        """What each program pays in each recorded state, in a process of its own: see `retry.rewards`."""
-        return retry.rewards(self._transport, Slot("cpu", self._threads), env, programs, episodes)

@@ -9,14 +9,14 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from ..errors import ConfigError, TaskError, WorkerError
 from ..tasks import registry
-from ..types import Dynamics, Episodes, Evaluation, LaneSpec, RewardGraph, TrainBudget
+from ..types import LaneSpec, TrainBudget
 from ..worker import Frame, WorkerDied, framed, unframed
 from . import cluster, ray_node, retry, scheduler
 from .cluster import Place
@@ -30,7 +30,7 @@ POLL = 1.0
 _log = logging.getLogger(__name__)
 
 
-class RayExecutor:
+class RayExecutor(retry.Questions):
     """A `types.Trainer` whose lanes are dealt by what the nodes of a cluster have.
 
     Args:
@@ -60,7 +60,10 @@ class RayExecutor:
             raise ConfigError(f"On a cluster device= is {' or '.join(MAX_WORLDS)}, not `{device}`.")
         self._device, self._threads, self._snapshots, self._address = device, threads, snapshots, address
         self._ray = cluster.connect(address)
-        self._transport = Actors(self._ray, module, silence, exact=threads > 0)
+        self._actors = Actors(self._ray, module, silence, exact=threads > 0)
+        # Questions wait for one core of a node, and then take what the others there leave: waiting for a whole node may
+        # take for ever where several searches share a cluster, and they are brief.
+        super().__init__(self._actors, Slot("cuda:0" if device == "cuda" else "cpu", threads))
         self._had_room = False
 
     def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Generator[Message]:
@@ -75,7 +78,7 @@ class RayExecutor:
         dealt = scheduler.deal(lanes, retry.together(self._snapshots, env, budget, self._device), count)
         populations = [Population(env, share, budget, self._snapshots) for share in dealt]
         # All are submitted at once: Ray knows best when there is room for the next.
-        return scheduler.train(self._transport, populations, [self._slot(threads)] * len(populations))
+        return scheduler.train(self._transport, populations, [self._slot._replace(threads=threads)] * len(populations))
 
     def _shares(self, lanes: int, worlds: int) -> tuple[int, int]:
         """See `cluster.shares`. A cluster that had room, or has neither cores nor GPUs yet, is waited for."""
@@ -83,43 +86,14 @@ class RayExecutor:
             places = cluster.living(self._ray)
             count, threads = cluster.shares(places, lanes, worlds, self._device, self._threads)
             if count:
-                self._transport.tell(waiting=False)
+                self._actors.tell(waiting=False)
                 self._had_room = True
                 return count, threads
             if not self._had_room and any(place.cores or place.gpus for place in places):
                 asked = f"device={self._device}" + (f" threads={self._threads}" if self._threads else "")
                 raise ConfigError(f"No node of the cluster at address={self._address} has room for {asked}.")
-            self._transport.tell(waiting=True)
+            self._actors.tell(waiting=True)
             time.sleep(POLL)
-
-    def evaluate(
-        self,
-        env: str,
-        policies: Mapping[str, bytes],
-        *,
-        seed: int,
-        episodes: int = 0,
-        dynamics: Mapping[str, Dynamics] | None = None,
-        record: Collection[str] = (),
-    ) -> Iterator[Evaluation]:
-        """Score of each policy, on one node: see `local.LocalExecutor.evaluate`.
-
-        It waits for one core of a node, and then takes what the others there leave: waiting for a whole node may take
-        for ever where several searches share a cluster, and it is brief.
-        """
-        slot = self._slot(self._threads)
-        return retry.evaluate(
-            self._transport, slot, env, policies, seed=seed, episodes=episodes, dynamics=dynamics or {}, record=record
-        )
-
-    def rewards(
-        self, env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]
-    ) -> Mapping[str, Sequence[float]]:
-        """What each program pays in each recorded state, on one node: see `retry.rewards`."""
-        return retry.rewards(self._transport, Slot("cpu", self._threads), env, programs, episodes)
-
-    def _slot(self, threads: int) -> Slot:
-        return Slot("cuda:0" if self._device == "cuda" else "cpu", threads)
 
 
 class Actors:

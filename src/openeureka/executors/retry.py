@@ -26,7 +26,7 @@ from ..types import (
 )
 from ..worker import Frame
 from .snapshots import Snapshot, forget, groups
-from .transport import FAREWELL, LONGEST_FAREWELL, AnyCall, Call, Slot, Transport, WorkerLost
+from .transport import FAREWELL, LONGEST_FAREWELL, Call, Slot, Transport, WorkerLost
 
 SNAPSHOT_SECONDS = 300.0
 """[s] between two snapshots of a training; one takes a fraction of a second."""
@@ -182,72 +182,76 @@ def _about(asked: Frame, device: str) -> dict[str, Any]:
     return {**asked.header, "device": device.partition(":")[0]}
 
 
-def evaluate(
-    transport: Transport[AnyCall],
-    slot: Slot,
-    env: str,
-    policies: Mapping[str, bytes],
-    *,
-    seed: int,
-    episodes: int,
-    dynamics: Mapping[str, Dynamics],
-    record: Collection[str],
-) -> Iterator[Evaluation]:
-    """Score of each policy; a worker that dies is replaced once, by one that scores what is left, and one whose machine
-    left more often.
+class Questions:
+    """What one worker answers of a `types.Trainer`: a class that inherits it adds `train`.
 
-    Raises:
-        TaskError: when the task's own code fails.
-        WorkerError: when it dies again.
+    Args:
+        slot: of the worker; what rewards pay is computed on its cores.
     """
-    header = {"do": "evaluate", "env": env, "seed": seed, "episodes": episodes}
-    header |= {"dynamics": plain(dynamics), "record": list(record)}
-    left, deaths, losses = dict(policies), 0, 0
-    while left and deaths < 2:
-        with closing(transport.call(Frame(header, left), slot)) as call:
-            try:
+
+    def __init__(self, transport: Transport[Any], slot: Slot) -> None:
+        self._transport, self._slot = transport, slot
+
+    def evaluate(
+        self,
+        env: str,
+        policies: Mapping[str, bytes],
+        *,
+        seed: int,
+        episodes: int = 0,
+        dynamics: Mapping[str, Dynamics] | None = None,
+        record: Collection[str] = (),
+    ) -> Iterator[Evaluation]:
+        """Score of each policy; a worker that dies is replaced once, by one that scores what is left, and one whose
+        machine left more often.
+
+        Raises:
+            TaskError: when the task's own code fails.
+            WorkerError: when it dies again.
+        """
+        header = {"do": "evaluate", "env": env, "seed": seed, "episodes": episodes}
+        header |= {"dynamics": plain(dynamics or {}), "record": list(record)}
+        left, deaths, losses = dict(policies), 0, 0
+        while left and deaths < 2:
+            with closing(self._transport.call(Frame(header, left), self._slot)) as call:
+                try:
+                    while not (frame := call.receive()).header.get("done"):
+                        if "score" in frame.header:
+                            score = unpack_score(frame)
+                            del left[score.lane]
+                            yield score
+                except WorkerLost:
+                    losses += 1
+                    if losses > LOSSES:
+                        raise
+                except WorkerError:
+                    deaths += 1
+                    if deaths > 1 and left:
+                        raise
+                else:
+                    deaths += 1  # it was done, and left some out
+
+    def rewards(
+        self, env: str, programs: Mapping[str, RewardGraph], episodes: Sequence[Episodes]
+    ) -> dict[str, Sequence[float]]:
+        """What each program pays in each recorded state, from one worker, or a second one where that dies. What neither
+        came to is left out. The second begins behind the program that may have ended the first.
+
+        Raises:
+            TaskError: when the task's own code fails.
+        """
+        paid: dict[str, Sequence[float]] = {}
+        names, cores = list(programs), self._slot._replace(device="cpu")
+        for _ in range(2):
+            if not (left := {name: programs[name] for name in names if name not in paid}):
+                break
+            question, behind = pack_question(env, left, episodes), 1
+            with closing(self._transport.call(question, cores)) as call, suppress(WorkerError):
                 while not (frame := call.receive()).header.get("done"):
-                    if "score" in frame.header:
-                        score = unpack_score(frame)
-                        del left[score.lane]
-                        yield score
-            except WorkerLost:
-                losses += 1
-                if losses > LOSSES:
-                    raise
-            except WorkerError:
-                deaths += 1
-                if deaths > 1 and left:
-                    raise
-            else:
-                deaths += 1  # it was done, and left some out
-
-
-def rewards(
-    transport: Transport[AnyCall],
-    slot: Slot,
-    env: str,
-    programs: Mapping[str, RewardGraph],
-    episodes: Sequence[Episodes],
-) -> dict[str, Sequence[float]]:
-    """What each program pays in each recorded state, from one worker, or a second one where that dies. What neither
-    came to is left out. The second begins behind the program that may have ended the first.
-
-    Raises:
-        TaskError: when the task's own code fails.
-    """
-    paid: dict[str, Sequence[float]] = {}
-    names = list(programs)
-    for _ in range(2):
-        if not (left := {name: programs[name] for name in names if name not in paid}):
-            break
-        behind = 1
-        with closing(transport.call(pack_question(env, left, episodes), slot)) as call, suppress(WorkerError):
-            while not (frame := call.receive()).header.get("done"):
-                if "program" in frame.header:
-                    name = frame.header["program"]
-                    paid[name] = frame.header["paid"]
-                    behind = names.index(name) + 2
-            break
-        names = names[behind:] + names[:behind]
-    return paid
+                    if "program" in frame.header:
+                        name = frame.header["program"]
+                        paid[name] = frame.header["paid"]
+                        behind = names.index(name) + 2
+                break
+            names = names[behind:] + names[:behind]
+        return paid
