@@ -81,12 +81,18 @@ def of_given(store: Store) -> dict[str, Lane]:
 def programs(store: Store) -> dict[str, RewardProgram]:
     """What the given rewards train under, by name."""
     found: dict[str, RewardProgram] = {}
-    for name, candidate in store.given().items():
-        verdict = store.verdict(candidate) if candidate is not None else None
-        program = verdict.graph if verdict is not None else dict(BASELINES)[name]
-        assert program is not None  # what was refused is never kept
-        found[name] = program
+    for name in store.given():
+        own = program(store, name)
+        assert own is not None  # what was refused is never kept
+        found[name] = own
     return found
+
+
+def program(store: Store, reward: str) -> RewardProgram | None:
+    """What a reward trains under: a candidate, a given one, or one of the task's own; None for one that was refused."""
+    name = store.given().get(reward) or reward
+    verdict = store.verdict(name)
+    return dict(BASELINES).get(name) if verdict is None else verdict.graph
 
 
 def seeds(config: RunConfig) -> range:

@@ -14,8 +14,8 @@ from ..config import BEST, SCRATCH
 from ..errors import ConfigError, ModelError
 from ..llm import price
 from ..llm.client import LanguageModel
-from ..method import prompts
-from ..method.lanes import BASELINES, CHOOSING, Lanes, Wanted, drawn
+from ..method import given, prompts
+from ..method.lanes import CHOOSING, Lanes, Wanted, drawn
 from ..method.sampling import request_seed, rest_of
 from ..parsing import command_line
 from ..score import worth
@@ -31,7 +31,6 @@ from ..types import (
     PolicyId,
     Prompt,
     Ranges,
-    RewardProgram,
     Start,
     Trial,
 )
@@ -85,9 +84,11 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     as_it_was = {LONGER: drawn(config) or Ranges(NOMINAL, NOMINAL)} if not training.anew else {}
     store.lanes.save_ranges({**as_it_was, UNIFORM: robot.uniform, **proposed})
     reward, start = store.lanes.all()[began.lane].reward, Start(began, 0.0) if not training.anew else None
-    graph = program(store, reward)
+    program = given.program(store, reward)
+    if program is None:
+        raise ConfigError(f"{store.directory} holds no program of the reward {reward}.")
     names = store.lanes.ranges()
-    wanted: list[Wanted] = [(Lane(reward, config.seed, "robust", start, ranges=name), graph) for name in names]
+    wanted: list[Wanted] = [(Lane(reward, config.seed, "robust", start, ranges=name), program) for name in names]
     lanes.observer.phase(last_index(config), "train")
     lanes.train(wanted, steps=training.steps)
     lanes.observer.phase(last_index(config), "play")
@@ -260,16 +261,6 @@ def _table(ends: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> str:
 def _share(share: float | None, fitness: float | None) -> str:
     text = "undefined" if fitness is None else f"{fitness:.3g}"
     return text if share is None else f"{text} ({share:.0%})"
-
-
-def program(store: Store, reward: str) -> RewardProgram:
-    """What a lane of this reward trains under."""
-    if reward in dict(BASELINES):
-        return dict(BASELINES)[reward]
-    verdict = store.verdict(store.given().get(reward) or reward)
-    if verdict is None or verdict.graph is None:
-        raise ConfigError(f"{store.directory} holds no program of the reward {reward}.")
-    return verdict.graph
 
 
 def _peak(lanes: Lanes, lane: Lane, quantities: Sequence[str]) -> Peak:

@@ -10,7 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..config import RunConfig
-from ..method.lanes import BASELINES, COMPARING, Lanes, Wanted, polish_seeds
+from ..method import given
+from ..method.lanes import COMPARING, Lanes, Wanted, polish_seeds
 from ..score import Estimate, breach, gain, worth
 from ..store import Store
 from ..strategies import Best
@@ -74,12 +75,8 @@ def deal(config: RunConfig, began: PolicyId, rewards: Mapping[str, RewardGraph])
 def rewards(store: Store, own: str) -> dict[str, RewardGraph]:
     """One reward, then the others that trained with fresh seeds: the contenders for the crown, and fitted ones."""
     final = [lane.reward for lane in store.lanes.all().values() if lane.role == "final"]
-    found: dict[str, RewardGraph] = {}
-    for name in dict.fromkeys((own, *final)):
-        verdict = store.verdict(name) if name not in dict(BASELINES) else None
-        if verdict is not None and verdict.graph is not None:
-            found[name] = verdict.graph
-    return found
+    programs = {name: given.program(store, name) for name in (own, *final)}
+    return {name: program for name, program in programs.items() if isinstance(program, RewardGraph)}
 
 
 def _compared(trials: Mapping[str, Mapping[str, Evaluation]]) -> dict[str, Evaluation]:

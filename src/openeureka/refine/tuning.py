@@ -8,19 +8,19 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from ..errors import StoreError
-from ..method import race
+from ..method import given, race
 from ..method.lanes import Lanes, deal, tuning_seeds
 from ..method.sampling import Checker
 from ..reward.weights import Weight, values, weighed, weights
 from ..score import lawful, rank, worth
 from ..store import Store
 from ..strategies import Best
-from ..types import GIVEN, Candidate, Peak, PolicyId, Reply, RewardGraph, Scored, Verdict, lane_id
+from ..types import GIVEN, Candidate, Peak, PolicyId, Reply, RewardProgram, Scored, Verdict, lane_id
 from . import tuned
 from .tuned import ORIGINAL
 
@@ -160,12 +160,9 @@ def _propose(lanes: Lanes, checker: Checker, index: int, texts: Mapping[str, str
     store.save_given({name: candidate.id for name, candidate in fresh.items()})
 
 
-def _graphs(store: Store, candidates: Iterable[Candidate]) -> Iterator[tuple[str, RewardGraph]]:
+def _programs(store: Store, candidates: Iterable[Candidate]) -> list[tuple[str, RewardProgram]]:
     """What the accepted ones train under, by id."""
-    for candidate in candidates:
-        verdict = store.verdict(candidate.id)
-        if verdict is not None and verdict.graph is not None:
-            yield candidate.id, verdict.graph
+    return [(own.id, program) for own in candidates if (program := given.program(store, own.id)) is not None]
 
 
 def _train(lanes: Lanes, index: int, candidates: Iterable[Candidate], judge: Best, *, over: bool) -> None:
@@ -175,7 +172,7 @@ def _train(lanes: Lanes, index: int, candidates: Iterable[Candidate], judge: Bes
         over: the next round is proposed already: what this one scored is what that follows from.
     """
     lanes.observer.phase(lanes.config.generations + index, "train")
-    results = lanes.train(deal(_graphs(lanes.store, candidates), [lanes.config.seed], "tuned"))
+    results = lanes.train(deal(_programs(lanes.store, candidates), [lanes.config.seed], "tuned"))
     if not over:
         lanes.observer.phase(lanes.config.generations + index, "play")
         lanes.play(results, judge)
@@ -202,7 +199,7 @@ def _race(lanes: Lanes, last: int, judge: Best) -> PolicyId | None:
     lanes.observer.phase(tuned.last_index(config), "final")
     for more in race.rounds(tuning_seeds(config), raced=True):
         seeds += more
-        lanes.train(deal(_graphs(store, [arms[name] for name in (ORIGINAL, *racing)]), more, "final"))
+        lanes.train(deal(_programs(store, [arms[name] for name in (ORIGINAL, *racing)]), more, "final"))
         own = tuned.final_lanes(config, arms, store.lanes.results(), seeds)
         looks, scores = race.play_finals(lanes, own, judge)
         racing = [name for name in racing if name in looks and lawful(looks[name], config.cost_limits)]
