@@ -173,13 +173,5 @@ class ForeignTask(GymTask):
         """Raises TaskError for any device but the CPU: what the other Python simulates on is its own setting."""
         if device != "cpu":
             raise TaskError(f"`{cls.env}` steps elsewhere; leave device={device} out, and say env={cls.env}+device=...")
-        found = cls.found
-        return ForeignWorlds(
-            functools.partial(cls.opened, threads=threads),
-            num_worlds,
-            name=cls.env,
-            parts=found.parts,
-            actions=found.actions,
-            infos=found.infos,
-            episode=cls.episode_length,
-        )
+        make = functools.partial(cls.opened, threads=threads)
+        return ForeignWorlds(make, num_worlds, cls.found, name=cls.env, episode=cls.episode_length)

@@ -131,16 +131,7 @@ class GymTask(PaidTask):
         """Raises TaskError for any device but the CPU, where Gymnasium steps."""
         if device != "cpu":
             raise TaskError(f"`{cls.env}` steps itself, on the CPU alone; leave device={device} out.")
-        found = cls.found
-        return GymWorlds(
-            cls.make,
-            num_worlds,
-            name=cls.env,
-            parts=found.parts,
-            actions=found.actions,
-            infos=found.infos,
-            episode=cls.episode_length,
-        )
+        return GymWorlds(cls.make, num_worlds, cls.found, name=cls.env, episode=cls.episode_length)
 
     def apply_action(self, actions: Tensor) -> None:
         self.gym.action.copy_(actions)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from torch import Tensor
 from ...errors import EurekaError, TaskError
 from ...sim import Worlds
 from ...tasks.faults import told_where
-from .spaces import Actions, Part
+from .survey import Survey
 
 
 class Together(SyncVectorEnv):
@@ -49,9 +49,8 @@ class GymWorlds(Worlds):
 
     Args:
         make: makes one environment.
+        found: what one tells of itself.
         name: of it, for sentences.
-        parts, actions: of its spaces.
-        infos: numbers of `info` that are kept, with their shapes.
         episode: [steps] that one lasts at most.
 
     Attributes:
@@ -62,27 +61,17 @@ class GymWorlds(Worlds):
         info: by name (N, *shape) float32; 0 where the environment says nothing.
     """
 
-    def __init__(
-        self,
-        make: Callable[..., Any],
-        num_worlds: int,
-        *,
-        name: str,
-        parts: Sequence[Part],
-        actions: Actions,
-        infos: Mapping[str, tuple[int, ...]],
-        episode: int,
-    ) -> None:
+    def __init__(self, make: Callable[..., Any], num_worlds: int, found: Survey, *, name: str, episode: int) -> None:
         self.num_worlds, self.device = num_worlds, torch.device("cpu")
         self.bad = torch.zeros(num_worlds, dtype=torch.bool)
-        self._name, self._parts, self._actions = name, parts, actions
-        self.info = {name: torch.zeros(num_worlds, *shape) for name, shape in infos.items()}
+        self._name, self._parts, self._actions = name, found.parts, found.actions
+        self.info = {name: torch.zeros(num_worlds, *shape) for name, shape in found.infos.items()}
         self._vector = self._ask(lambda: self._opened(make, num_worlds))
         self.seeds = torch.zeros(num_worlds, dtype=torch.int64)
-        self.action = torch.zeros(num_worlds, actions.size)
-        self._taken = torch.zeros(num_worlds, episode, actions.size)
+        self.action = torch.zeros(num_worlds, found.actions.size)
+        self._taken = torch.zeros(num_worlds, episode, found.actions.size)
         self._steps = torch.zeros(num_worlds, dtype=torch.int64)
-        self.observation = torch.zeros(num_worlds, sum(part.size for part in parts))
+        self.observation = torch.zeros(num_worlds, found.size)
         self.previous = self.observation.clone()
         self.reward = torch.zeros(num_worlds)
         self.terminated, self.truncated = self.bad.clone(), self.bad.clone()
