@@ -41,7 +41,7 @@ os.environ |= {
 from openeureka.executors import ray_node, retry, scheduler
 from openeureka.executors.local import LocalExecutor
 from openeureka.executors.ray import ActorCall, RayExecutor
-from openeureka.executors.retry import Population
+from openeureka.executors.retry import Errand
 from openeureka.executors.transport import Slot, WorkerLost
 from openeureka.training.wire import pack, unpack_lanes
 from openeureka.types import LaneSpec, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainingState
@@ -314,12 +314,12 @@ def scale(tiny: bool) -> dict[str, object]:
         ray = RayExecutor(threads=1, address=made.address)._ray
         hosts = Hosts(ray, 5.0)
         specs = lanes(count)
-        populations = [Population("cartpole", specs[at : at + TOGETHER], TrainBudget(), None)
+        errands = [Errand("cartpole", specs[at : at + TOGETHER], TrainBudget(), None)
                        for at in range(0, count, TOGETHER)]  # fmt: skip
         begun, cpu = time.monotonic(), time.process_time()
         results: list[str] = []
         messages = 0
-        for message in scheduler.train(hosts, populations, [Slot("cpu", 1)] * SLOTS):
+        for message in scheduler.train(hosts, errands, [Slot("cpu", 1)] * SLOTS):
             messages += 1
             if isinstance(message, TrainingResult) and message.state is TrainingState.FINISHED:
                 results.append(message.lane)

@@ -7,7 +7,7 @@ from openeureka.config import RunConfig
 from openeureka.display import progress
 from openeureka.display.live import PlainView, view
 from openeureka.display.progress import ProgressLine, by_node
-from openeureka.executors.scheduler import Tally
+from openeureka.executors.scheduler import JointProgress
 from openeureka.types import NodeShare, TrainingProgress, Usage
 
 PROGRESS = TrainingProgress(
@@ -37,12 +37,12 @@ def test_the_time_left_is_that_of_the_training_shown_and_not_of_one_before_it_or
 def test_epochs_that_a_stopped_run_had_done_tell_no_pace(monkeypatch):
     now = [100.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
-    tally, populations = Tally(2), (object(), object())
+    joint, errands = JointProgress(2), (object(), object())
     line, told = ProgressLine(Console(file=io.StringIO(), width=200, force_terminal=True)), []
     for second, which, epoch in ((100.0, 0, 10), (101.0, 1, 12), (110.0, 0, 11), (111.0, 1, 13)):
         now[0] = second
         part = dataclasses.replace(PROGRESS, epoch=epoch)
-        told.append(line._sentence(tally.add(populations[which], part)).split(", ")[2].partition(";")[0])
+        told.append(line._sentence(joint.add(errands[which], part)).split(", ")[2].partition(";")[0])
     assert told == ["starting", "starting", "2 min 50 s left", "1 min 28 s left"]
 
 

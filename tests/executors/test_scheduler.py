@@ -9,7 +9,7 @@ import pytest
 
 from openeureka.errors import StoreError, TaskError, WorkerError
 from openeureka.executors import retry
-from openeureka.executors.retry import LOSSES, Population
+from openeureka.executors.retry import LOSSES, Errand
 from openeureka.executors.scheduler import deal, train
 from openeureka.executors.transport import Slot, WorkerLost, farewell
 from openeureka.training.wire import SNAPSHOT, pack, unpack, unpack_lanes
@@ -96,16 +96,15 @@ def until(name: str) -> Callable[[list[str]], Said]:
     return script
 
 
-def populations(*names: str, folder: Path | None = None, generated: bool = False) -> list[Population]:
+def errands(*names: str, folder: Path | None = None, generated: bool = False) -> list[Errand]:
     """One of lanes `a` and `b` for `ab`."""
     program = GRAPH if generated else "human"
     return [
-        Population("cartpole", [LaneSpec(id=name, program=program) for name in of], TrainBudget(), folder)
-        for of in names
+        Errand("cartpole", [LaneSpec(id=name, program=program) for name in of], TrainBudget(), folder) for of in names
     ]
 
 
-def trained(transport: Scripted, shares: Sequence[Population], devices: str = "0") -> list[str]:
+def trained(transport: Scripted, shares: Sequence[Errand], devices: str = "0") -> list[str]:
     """Lanes in the order of their results; those that failed with a `!`."""
     found = train(transport, shares, [Slot(device, 1) for device in devices])
     results = [message for message in found if isinstance(message, TrainingResult)]
@@ -128,7 +127,7 @@ def test_lanes_are_dealt_in_order_and_those_of_a_snapshot_stay_together():
 def test_a_free_slot_takes_the_next_population():
     transport = Scripted(until("nobody"))
     # Each round every worker says one thing. The first slot is free in the second round, and again in the fourth.
-    assert trained(transport, populations("a", "bcdef", "g", "h"), "01") == ["a", "b", "c", "d", "g", "e", "f", "h"]
+    assert trained(transport, errands("a", "bcdef", "g", "h"), "01") == ["a", "b", "c", "d", "g", "e", "f", "h"]
     assert [(device, "".join(names)) for device, names in transport.asked] == [
         ("0", "a"), ("1", "bcdef"), ("0", "g"), ("0", "h"),
     ]  # fmt: skip
@@ -138,14 +137,14 @@ def test_progress_of_one_population_after_another_counts_on():
     def script(names: list[str]) -> Said:
         yield from (progress(names), *map(result, names), DONE)
 
-    found = train(Scripted(script), populations("a", "b"), [Slot("0", 1)])
+    found = train(Scripted(script), errands("a", "b"), [Slot("0", 1)])
     seen = [message for message in found if isinstance(message, TrainingProgress)]
     assert [(m.epoch, m.epochs) for m in seen] == [(2, 8), (6, 8)]
 
 
 def test_what_ends_a_worker_is_tried_together_once_more_then_alone():
     transport = Scripted(until("x"))
-    assert trained(transport, populations("axcd", "e")) == ["a", "c", "d", "x!", "e"]
+    assert trained(transport, errands("axcd", "e")) == ["a", "c", "d", "x!", "e"]
     assert [names for _, names in transport.asked] == [
         ["a", "x", "c", "d"], ["x", "c", "d"], ["x"], ["c"], ["d"], ["e"],
     ]  # fmt: skip
@@ -162,13 +161,13 @@ def test_a_machine_that_leaves_is_no_attempt_of_its_lanes():
         yield from (*map(result, names[1:]), DONE)
 
     transport = Scripted(script)
-    assert trained(transport, populations("abc")) == ["a", "b", "c"]  # each once, who tells it again
+    assert trained(transport, errands("abc")) == ["a", "b", "c"]  # each once, who tells it again
     assert [names for _, names in transport.asked] == [["a", "b", "c"]] * (LOSSES + 1)
 
 
 def test_machines_that_leave_one_after_the_other_count_at_last():
     transport = Scripted(lambda names: iter([WorkerLost("It left.")]))
-    assert trained(transport, populations("ab")) == ["a!", "b!"]
+    assert trained(transport, errands("ab")) == ["a!", "b!"]
     assert len(transport.asked) == LOSSES + 2 + 2  # the last loss counts as one of two attempts together, then alone
 
 
@@ -178,7 +177,7 @@ def test_progress_adds_up_over_the_shares_of_a_node():
         part = TrainingProgress(epoch=1, epochs=2, env_steps_per_second=10.0, fitness={}, nodes={names[0][0]: share})
         yield from (pack(part), pack(part), *map(result, names), DONE)
 
-    found = train(Scripted(script), populations("nm", "nop", "x"), [Slot("0", 1), Slot("1", 1), Slot("2", 1)])
+    found = train(Scripted(script), errands("nm", "nop", "x"), [Slot("0", 1), Slot("1", 1), Slot("2", 1)])
     seen = [message.nodes for message in found if isinstance(message, TrainingProgress)]
     assert seen[2] == {
         "n": NodeShare(lanes=5, env_steps_per_second=20.0),
@@ -188,18 +187,18 @@ def test_progress_adds_up_over_the_shares_of_a_node():
 
 def test_where_no_generated_reward_trains_the_human_one_says_who_is_at_fault():
     rewards = Scripted(lambda names: until("x")(names) if names != ["control"] else until("nobody")(names))
-    assert trained(rewards, populations("x", generated=True)) == ["x!"]
+    assert trained(rewards, errands("x", generated=True)) == ["x!"]
     assert [names for _, names in rewards.asked] == [["x"], ["x"], ["x"], ["control"]]
     machine = Scripted(lambda names: iter([WorkerError(f"{names[0]} died.")]))
     with pytest.raises(WorkerError, match="x died"):
-        trained(machine, populations("x", generated=True))
+        trained(machine, errands("x", generated=True))
 
 
 def test_a_worker_that_leaves_lanes_out_is_asked_again():
     transport = Scripted(lambda names: iter([result(names[0]), DONE]))
-    assert trained(transport, populations("abcd")) == ["a", "b", "c", "d"]
+    assert trained(transport, errands("abcd")) == ["a", "b", "c", "d"]
     silent = Scripted(lambda names: iter([DONE]))
-    assert trained(silent, populations("ab")) == ["a!", "b!"]
+    assert trained(silent, errands("ab")) == ["a!", "b!"]
 
 
 def test_a_task_that_fails_stops_all_and_leaves_the_state_of_the_others(tmp_path: Path):
@@ -209,7 +208,7 @@ def test_a_task_that_fails_stops_all_and_leaves_the_state_of_the_others(tmp_path
 
     transport = Scripted(script)
     with pytest.raises(TaskError):
-        trained(transport, populations("a", "b", folder=tmp_path / "snapshots"), "01")
+        trained(transport, errands("a", "b", folder=tmp_path / "snapshots"), "01")
     assert all(call.closed for call in transport.calls)
     assert b"1" in [file.read_bytes() for file in (tmp_path / "snapshots").glob("*.pt")]
 
@@ -219,7 +218,7 @@ def test_who_stops_listening_is_left_the_state_of_every_population(tmp_path: Pat
         yield progress(names)
 
     transport = Scripted(script)
-    stream = train(transport, populations("a", "b", "c", folder=tmp_path / "snapshots"), [Slot("0", 1), Slot("1", 1)])
+    stream = train(transport, errands("a", "b", "c", folder=tmp_path / "snapshots"), [Slot("0", 1), Slot("1", 1)])
     assert isinstance(next(stream), TrainingProgress)
     stream.close()
     assert sorted(file.read_bytes() for file in (tmp_path / "snapshots").glob("*.pt")) == [b"0", b"1"]
@@ -227,19 +226,19 @@ def test_who_stops_listening_is_left_the_state_of_every_population(tmp_path: Pat
 
 
 def test_a_state_from_which_a_worker_went_on_is_kept_when_it_dies_before_the_next(tmp_path: Path):
-    (population,) = populations("ab", folder=tmp_path / "snapshots")
+    (errand,) = errands("ab", folder=tmp_path / "snapshots")
 
     def begun(*frames: Frame | Exception) -> bytes | None:
-        state = population.request("cpu").blobs.get(SNAPSHOT)
+        state = errand.request("cpu").blobs.get(SNAPSHOT)
         call = ScriptedCall("cpu", iter(frames))
-        while not population.hear(call)[1]:
+        while not errand.hear(call)[1]:
             pass
         return state
 
     assert begun(Frame({}, {SNAPSHOT: b"of hours"}), WorkerError("It was killed.")) is None
     assert begun(progress("ab"), WorkerError("It was killed.")) == b"of hours"
     assert begun(result("a"), DONE) == begun(WorkerError("It cannot read that.")) == b"of hours"
-    assert [lost.lane for lost in population.failed()] == ["b"] and list(tmp_path.iterdir()) == []
+    assert [lost.lane for lost in errand.failed()] == ["b"] and list(tmp_path.iterdir()) == []
 
 
 def test_results_that_were_under_way_at_ctrl_c_are_told(tmp_path: Path):
@@ -257,7 +256,7 @@ def test_results_that_were_under_way_at_ctrl_c_are_told(tmp_path: Path):
     found: list[TrainingResult | TrainingProgress] = []
     transport = Interrupted(lambda names: iter([Frame({}, {SNAPSHOT: b"state"}), result("a"), DONE]))
     with pytest.raises(KeyboardInterrupt):
-        for message in train(transport, populations("a", folder=tmp_path / "snapshots"), [Slot("0", 1)]):
+        for message in train(transport, errands("a", folder=tmp_path / "snapshots"), [Slot("0", 1)]):
             found.append(message)
     assert [message.lane for message in found if isinstance(message, TrainingResult)] == ["a"]
     assert transport.calls[0].closed and list(tmp_path.iterdir()) == []
@@ -267,24 +266,24 @@ def test_a_full_disk_is_told_by_who_hears_it_first_and_by_nobody_else(tmp_path: 
     def full(*_: object) -> NoReturn:
         raise StoreError("The disk is full.")
 
-    monkeypatch.setattr(Population, "keep", full)
+    monkeypatch.setattr(Errand, "keep", full)
     transport = Scripted(lambda names: iter([progress(names)]))
-    stream = train(transport, populations("a", folder=tmp_path / "snapshots"), [Slot("0", 1)])
-    monkeypatch.setattr(Population, "hear", lambda *_: (unpack(progress("a")), False))
+    stream = train(transport, errands("a", folder=tmp_path / "snapshots"), [Slot("0", 1)])
+    monkeypatch.setattr(Errand, "hear", lambda *_: (unpack(progress("a")), False))
     next(stream)
     stream.close()  # a traceback would be printed of what it raises where nobody closes it
     assert all(call.closed for call in transport.calls)
 
 
 def test_a_worker_may_end_its_epoch_before_it_leaves_its_state(monkeypatch: pytest.MonkeyPatch):
-    (population,) = populations("a")
-    population.request("cpu")
+    (errand,) = errands("a")
+    errand.request("cpu")
     call = ScriptedCall("cpu", (progress("a") for _ in range(4)))
-    allowed = [population.farewell]
+    allowed = [errand.farewell]
     for now in (100.0, 101.0, 121.0, 221.0):  # epochs of 1, 20 and 100 seconds
         monkeypatch.setattr(retry, "time", SimpleNamespace(monotonic=lambda now=now: now))
-        population.hear(call)
-        allowed.append(population.farewell)
+        errand.hear(call)
+        allowed.append(errand.farewell)
     assert allowed == [10.0, 10.0, 10.0, 40.0, 100.0]
 
 
@@ -297,8 +296,8 @@ def test_who_is_silent_for_longer_than_its_time_is_left_behind():
 
     said: list[None] = []
     transport = Polled(lambda names: iter([]))
-    for population in populations("a", "b"):
-        transport.call(population.request("cpu"), Slot(population.lanes[0].id, 1)).stop = lambda: None
+    for errand in errands("a", "b"):
+        transport.call(errand.request("cpu"), Slot(errand.lanes[0].id, 1)).stop = lambda: None
     first, second = transport.calls
     assert [call.device for call, _ in farewell(transport, {first: 0.05, second: 60.0})] == ["b", "b"]
 
@@ -306,7 +305,7 @@ def test_who_is_silent_for_longer_than_its_time_is_left_behind():
 def test_lanes_that_are_tried_one_by_one_go_on_from_the_state_of_all(tmp_path: Path):
     """It stays until the last of them has begun; then nothing is left."""
     folder = tmp_path / "snapshots"
-    (population,) = populations("abc", folder=folder)
+    (errand,) = errands("abc", folder=folder)
     state = [b"of all", b"of all, later", b"of a alone"]
     said: list[list[Frame | Exception]] = [
         [Frame({}, {SNAPSHOT: state[0]}), WorkerError("It died.")],
@@ -317,9 +316,9 @@ def test_lanes_that_are_tried_one_by_one_go_on_from_the_state_of_all(tmp_path: P
     ]
     begun: list[bytes | None] = []
     for frames in said:
-        begun.append(population.request("cpu").blobs.get(SNAPSHOT))
+        begun.append(errand.request("cpu").blobs.get(SNAPSHOT))
         call = ScriptedCall("cpu", iter(frames))
-        while not population.hear(call)[1]:
+        while not errand.hear(call)[1]:
             pass
     assert begun == [None, state[0], state[1], state[1], state[1]]
-    assert [lost.lane for lost in population.failed()] == ["a"] and list(tmp_path.iterdir()) == []
+    assert [lost.lane for lost in errand.failed()] == ["a"] and list(tmp_path.iterdir()) == []

@@ -13,7 +13,7 @@ from ..tasks import registry
 from ..types import LaneSpec, TrainBudget
 from ..worker import usable_cores
 from . import retry, scheduler
-from .retry import Message, Population
+from .retry import Errand, Message
 from .transport import SILENCE, Processes, Slot
 
 CPU = "cpu"
@@ -101,5 +101,5 @@ class LocalExecutor(retry.Questions):
         room = self._max_worlds // max(map(crew.count, crew))  # of one worker, where several share a device
         count = max(len(crew), math.ceil(len(lanes) / max(1, room // worlds)))
         dealt = scheduler.deal(lanes, retry.together(self._snapshots, env, budget, crew[0]), count)
-        populations = [Population(env, share, budget, self._snapshots) for share in dealt]
-        return scheduler.train(self._transport, populations, workers(self._devices, self._threads, len(populations)))
+        errands = [Errand(env, share, budget, self._snapshots) for share in dealt]
+        return scheduler.train(self._transport, errands, workers(self._devices, self._threads, len(errands)))

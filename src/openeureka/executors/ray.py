@@ -21,7 +21,7 @@ from ..worker import Frame, WorkerDied, framed, unframed
 from . import cluster, ray_node, retry, scheduler
 from .cluster import Place
 from .local import MAX_WORLDS
-from .retry import Message, Population
+from .retry import Errand, Message
 from .transport import SILENCE, Slot, WorkerLost
 
 POLL = 1.0
@@ -76,9 +76,9 @@ class RayExecutor(retry.Questions):
         worlds = budget.worlds or registry.get(env).recipe.worlds
         count, threads = self._shares(len(lanes), worlds)
         dealt = scheduler.deal(lanes, retry.together(self._snapshots, env, budget, self._device), count)
-        populations = [Population(env, share, budget, self._snapshots) for share in dealt]
+        errands = [Errand(env, share, budget, self._snapshots) for share in dealt]
         # All are submitted at once: Ray knows best when there is room for the next.
-        return scheduler.train(self._transport, populations, [self._slot._replace(threads=threads)] * len(populations))
+        return scheduler.train(self._transport, errands, [self._slot._replace(threads=threads)] * len(errands))
 
     def _shares(self, lanes: int, worlds: int) -> tuple[int, int]:
         """See `cluster.shares`. A cluster that had room, or has neither cores nor GPUs yet, is waited for."""

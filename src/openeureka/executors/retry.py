@@ -48,8 +48,8 @@ class Attempt:
     """Only whether it trains is of interest."""
 
 
-class Population:
-    """Lanes that train in one simulation, until each has a result.
+class Errand:
+    """Lanes that train as one population, until each has a result.
 
     They train together, together once more, then one by one: a lane that kills its process takes no other with it. Each
     attempt goes on from where the one before it was, as far as a snapshot tells. One whose machine left does not count.

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from ..errors import StoreError
 from ..types import LaneSpec, NodeShare, TrainingProgress, TrainingResult
 from ..worker import Frame
-from .retry import Message, Population
+from .retry import Errand, Message
 from .transport import AnyCall, Slot, Transport, farewell
 
 
@@ -25,48 +25,46 @@ def deal(lanes: Sequence[LaneSpec], kept: Sequence[Sequence[str]], count: int) -
     return [*together, *(rest[start : start + size] for start in range(0, len(rest), size))]
 
 
-def train(
-    transport: Transport[AnyCall], populations: Sequence[Population], slots: Sequence[Slot]
-) -> Generator[Message]:
-    """Train every population, as many side by side as there are slots; messages as they come.
+def train(transport: Transport[AnyCall], errands: Sequence[Errand], slots: Sequence[Slot]) -> Generator[Message]:
+    """Train every errand, as many side by side as there are slots; messages as they come.
 
-    A slot that is free takes the next population in turn. Where training is stopped, by Ctrl-C, by an error or as
-    nobody wants more, what is under way leaves its state. Where somebody still listens, results that come until then
-    are told before the error.
+    A slot that is free takes the next errand in turn. Where training is stopped, by Ctrl-C, by an error or as nobody
+    wants more, what is under way leaves its state. Where somebody still listens, results that come until then are told
+    before the error.
 
     Raises:
-        TaskError, WorkerError: see `Population.hear`.
+        TaskError, WorkerError: see `Errand.hear`.
     """
-    waiting, free = deque(populations), deque(slots)
-    running: dict[AnyCall, tuple[Population, Slot]] = {}
-    tally = Tally(len(populations))
+    waiting, free = deque(errands), deque(slots)
+    running: dict[AnyCall, tuple[Errand, Slot]] = {}
+    joint = JointProgress(len(errands))
     try:
         while waiting or running:
             while waiting and free:
-                population, slot = waiting.popleft(), free.popleft()
-                running[transport.call(population.request(slot.device), slot)] = population, slot
+                errand, slot = waiting.popleft(), free.popleft()
+                running[transport.call(errand.request(slot.device), slot)] = errand, slot
             for call in transport.wait(list(running)):
-                population, slot = running[call]
-                message, ended = population.hear(call)
+                errand, slot = running[call]
+                message, ended = errand.hear(call)
                 if message is not None:
-                    yield tally.add(population, message) if isinstance(message, TrainingProgress) else message
+                    yield joint.add(errand, message) if isinstance(message, TrainingProgress) else message
                 if ended:
                     call.close()
                     del running[call]
                     free.appendleft(slot)
-                    if population.over:
-                        yield from population.failed()
-                        tally.close(population)
+                    if errand.over:
+                        yield from errand.failed()
+                        joint.close(errand)
                     else:
-                        waiting.appendleft(population)  # its lanes without a result go before anybody else's
+                        waiting.appendleft(errand)  # its lanes without a result go before anybody else's
     except GeneratorExit:  # nobody listens
-        for population, frame in _stopped(transport, running):
+        for errand, frame in _stopped(transport, running):
             with suppress(StoreError):  # a full disk has been told, or is about to be
-                population.keep(frame)
+                errand.keep(frame)
         raise
     except BaseException:
-        for population, frame in _stopped(transport, running):
-            if isinstance(message := population.told(frame), TrainingResult):
+        for errand, frame in _stopped(transport, running):
+            if isinstance(message := errand.told(frame), TrainingResult):
                 yield message
         raise
     finally:
@@ -75,35 +73,35 @@ def train(
 
 
 def _stopped(
-    transport: Transport[AnyCall], running: Mapping[AnyCall, tuple[Population, Slot]]
-) -> Iterator[tuple[Population, Frame]]:
+    transport: Transport[AnyCall], running: Mapping[AnyCall, tuple[Errand, Slot]]
+) -> Iterator[tuple[Errand, Frame]]:
     """What trainings that may go on later still say: their state, and results of those that end meanwhile."""
-    resumable = {call: population.farewell for call, (population, _) in running.items() if population.resumable}
+    resumable = {call: errand.farewell for call, (errand, _) in running.items() if errand.resumable}
     for call, frame in farewell(transport, resumable):
         yield running[call][0], frame
 
 
 @dataclass
-class Tally:
-    """Progress of populations, side by side or in turn, as if they were one."""
+class JointProgress:
+    """Progress of errands, side by side or in turn, as if they were one."""
 
-    populations: int
-    running: dict[Population, TrainingProgress] = field(default_factory=dict)
-    began: dict[Population, int] = field(default_factory=dict)
+    errands: int
+    running: dict[Errand, TrainingProgress] = field(default_factory=dict)
+    began: dict[Errand, int] = field(default_factory=dict)
     """The epoch at which each was first heard of; far from 0 where it goes on from a snapshot."""
     done: int = 0
     fitness: dict[str, float | None] = field(default_factory=dict)
     latest: dict[str, Mapping[str, float | None]] = field(default_factory=dict)
 
-    def add(self, population: Population, progress: TrainingProgress) -> TrainingProgress:
-        """Epochs add up over the populations; the rate is that of all that are under way."""
-        self.running[population] = progress
-        self.began.setdefault(population, progress.epoch)
+    def add(self, errand: Errand, progress: TrainingProgress) -> TrainingProgress:
+        """Epochs add up over the errands; the rate is that of all that are under way."""
+        self.running[errand] = progress
+        self.began.setdefault(errand, progress.epoch)
         self.fitness |= progress.fitness
         self.latest |= progress.latest
         return TrainingProgress(
             epoch=self.done * progress.epochs + sum(part.epoch for part in self.running.values()),
-            epochs=self.populations * progress.epochs,
+            epochs=self.errands * progress.epochs,
             env_steps_per_second=sum(part.env_steps_per_second for part in self.running.values()),
             fitness=dict(self.fitness),
             latest=dict(self.latest),
@@ -120,7 +118,7 @@ class Tally:
                 found[name] = NodeShare(lanes=before.lanes + share.lanes, env_steps_per_second=rate)
         return found
 
-    def close(self, population: Population) -> None:
-        """The population has its results."""
-        self.running.pop(population, None)
+    def close(self, errand: Errand) -> None:
+        """The errand has its results."""
+        self.running.pop(errand, None)
         self.done += 1
