@@ -53,8 +53,7 @@ class Suite:
             env = self.envs[world]
             env.task.random.seed(int(seeds[world]))
             self.moments[world] = env.reset()
-        none = np.zeros(self.worlds)
-        return self._seen(), none, none, none, self._state()
+        return self._seen(), self._state()
 
     def step(self, actions: np.ndarray) -> tuple[Any, ...]:
         reward, terminated, truncated = np.zeros((3, self.worlds))

@@ -58,8 +58,7 @@ class Batches:
             elif len(begun):
                 which = torch.as_tensor(begun, device=env.unwrapped.device)
                 self.last[number] = env.reset(options={"env_idx": which})
-        none = np.zeros(self.worlds)
-        return self._seen(), none, none, none, self._state()
+        return self._seen(), self._state()
 
     def step(self, actions: np.ndarray) -> tuple[Any, ...]:
         torch, paid = sys.modules["torch"], []

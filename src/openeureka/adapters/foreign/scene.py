@@ -146,8 +146,7 @@ class Scene:
             env.scene.write_data_to_sim()
             env.sim.forward()
             observation = env._get_observations()
-        none = np.zeros(self.worlds)
-        return self._seen(observation), none, none, none, self._read()
+        return self._seen(observation), self._read()
 
     def step(self, actions: np.ndarray) -> tuple[Any, ...]:
         torch = sys.modules["torch"]

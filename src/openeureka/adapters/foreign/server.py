@@ -108,8 +108,7 @@ class Vector:
 
     def reset(self, mask: np.ndarray, seeds: np.ndarray) -> tuple[Any, ...]:
         observation, info = self.env.reset(seed=seeds.tolist(), options={"reset_mask": mask.copy()})
-        none = np.zeros(self.worlds)
-        return self._parts(observation), none, none, none, self._state(info)
+        return self._parts(observation), self._state(info)
 
     def step(self, actions: np.ndarray) -> tuple[Any, ...]:
         actions = actions.reshape((self.worlds, *self.shape))
@@ -244,7 +243,7 @@ class Server:
         self.env: Any = make(name, worlds, settings)
         about = self.env.about()
         everywhere, seeds = np.ones(worlds, bool), np.arange(worlds)
-        parts, *_, state = self.env.reset(everywhere, seeds)
+        parts, state = self.env.reset(everywhere, seeds)
         acting = about["actions"]
         choices = acting.get("choices")
         if choices:
@@ -275,7 +274,8 @@ class Server:
 
     def reset(self) -> dict[str, Any]:
         arrays = self._memory.arrays
-        self._memory.write(*self.env.reset(arrays["mask"], arrays["seeds"]))
+        parts, state = self.env.reset(arrays["mask"], arrays["seeds"])
+        self._memory.write(parts, 0.0, False, False, state)
         return {}
 
     def step(self) -> dict[str, Any]:
