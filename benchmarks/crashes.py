@@ -34,11 +34,11 @@ from records import today, write
 
 from openeureka import strategies
 from openeureka.config import NO_MODEL, RunConfig
+from openeureka.events import Event, Tell
 from openeureka.loop import run
 from openeureka.method import given
 from openeureka.method.lanes import Lanes
 from openeureka.method.person import EmptyDesk
-from openeureka.observer import NullObserver
 from openeureka.refine import tuning
 from openeureka.store import Store, artifacts, say
 from openeureka.store.db import FILENAME, Database
@@ -135,9 +135,16 @@ def within(countdown: Countdown) -> None:
     os.replace = counted
 
 
+LISTENERS: list[Tell] = []
+
+
+def tell(event: Event) -> None:
+    for listener in LISTENERS:
+        listener(event)
+
+
 def between(countdown: Countdown) -> None:
-    for name in ("phase", "reply", "verdict", "progress", "result", "generation", "outcome"):
-        setattr(NullObserver, name, countdown)
+    LISTENERS.append(lambda event: countdown())
 
 
 MODES: Mapping[str, Callable[[Countdown], None]] = {"around": around, "within": within, "between": between}
@@ -148,7 +155,7 @@ def whole_run(directory: Path, config: RunConfig = CONFIG) -> None:
     with Store.open(directory, config) as store:
         model = MeteredModel(SCRIPT, store=store)
         trainer, strategy = ToyTrainer(error=0.5), strategies.make(config)
-        run(config, store, model, ToyChecker(), trainer, TOY, strategy, None, Person(store))
+        run(config, store, model, ToyChecker(), trainer, TOY, strategy, tell, Person(store))
 
 
 HALVING = replace(CONFIG, iteration=1, schedule="halving")
@@ -162,7 +169,7 @@ def whole_screen(directory: Path) -> None:
     """Two generations, of the second of which one of two programs trains."""
     with Store.open(directory, SCREEN) as store:
         model, strategy = MeteredModel(SCREENED, store=store), strategies.make(SCREEN)
-        run(SCREEN, store, model, ToyChecker(), ToyTrainer(), TOY, strategy)
+        run(SCREEN, store, model, ToyChecker(), ToyTrainer(), TOY, strategy, tell)
 
 
 POLISH = replace(CONFIG, iteration=1, polish=3)
@@ -186,7 +193,7 @@ def whole_training(directory: Path) -> None:
     candidate = Candidate.of("def compute_reward():\n    return 3.0, {}\n")
     with Store.open(directory, GIVEN) as store:
         given.keep(store, {"human": None, "mine": (candidate, ToyChecker().check(candidate)), "sparse": None})
-        given.train(Lanes(GIVEN, store, ToyTrainer(error=0.5), NullObserver()))
+        given.train(Lanes(GIVEN, store, ToyTrainer(error=0.5), tell))
 
 
 TUNED = replace(GIVEN, tune=10, sample=4, seeds=3)
@@ -198,7 +205,7 @@ def whole_tuning(directory: Path) -> None:
     candidate = Candidate.of("def compute_reward(x):\n    y = 2.0 * x\n    return 3.0 * y\n")
     with Store.open(directory, TUNED) as store:
         tuning.keep(store, candidate, ToyChecker().check(candidate))
-        tuning.tune(Lanes(TUNED, store, ToyTrainer(error=0.5), NullObserver()), ToyChecker())
+        tuning.tune(Lanes(TUNED, store, ToyTrainer(error=0.5), tell), ToyChecker())
 
 
 WHOLE: Mapping[str, Callable[[Path], None]] = {

@@ -26,8 +26,9 @@ if TYPE_CHECKING:
         TaskError,
         WorkerError,
     )
+    from .events import Asked, Began, Checked, Played, Replied
     from .runs.api import check, open_run, robust, search, searching, train, tune
-    from .runs.program import Asked, Began, Checked, Event, Played, Replied, Started
+    from .runs.program import Event, Started
     from .runs.run import LaneView, Run, TrainedPolicy
     from .score import Outcome
     from .types import Generation, TrainingProgress, TrainingResult, Verdict
@@ -88,8 +89,9 @@ _MODULES = {
         "TaskError",
         "WorkerError",
     ),
+    "events": ("Asked", "Began", "Checked", "Played", "Replied"),
     "runs.api": ("check", "open_run", "robust", "search", "searching", "train", "tune"),
-    "runs.program": ("Asked", "Began", "Checked", "Event", "Played", "Replied", "Started"),
+    "runs.program": ("Event", "Started"),
     "runs.run": ("LaneView", "Run", "TrainedPolicy"),
     "score": ("Outcome",),
     "types": ("Generation", "TrainingProgress", "TrainingResult", "Verdict"),

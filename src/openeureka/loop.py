@@ -8,13 +8,13 @@ from __future__ import annotations
 from random import Random
 
 from .config import RunConfig
+from .events import Began, Tell, nobody
 from .llm.client import LanguageModel
 from .method import baselines, hacking, race, screen
 from .method.lanes import Lanes, beside, deal, programs
 from .method.person import Desk, EmptyDesk, Hearing
 from .method.reflection import reflect
 from .method.sampling import Checker, Sampler
-from .observer import NullObserver, Observer
 from .refine import polishing, tuning
 from .score import Outcome, worth
 from .store import Store
@@ -30,7 +30,7 @@ def run(
     trainer: Trainer,
     context: TaskContext,
     strategy: SearchStrategy,
-    observer: Observer | None = None,
+    tell: Tell = nobody,
     desk: Desk | None = None,
 ) -> Outcome:
     """Search for `config.generations` generations, less those in the store, then confirm the best reward. Fit its
@@ -39,14 +39,13 @@ def run(
     Raises:
         EurekaError: what stopped the run; all that was finished is stored, and running again continues.
     """
-    observer = observer or NullObserver()
     baselines.chosen(config)  # refuses before anything is paid for
-    sampler = Sampler(config, store, model, checker, context, observer)
-    lanes = Lanes(config, store, trainer, observer)
-    hearing = Hearing(config, store, desk or EmptyDesk(), observer)
+    sampler = Sampler(config, store, model, checker, context, tell)
+    lanes = Lanes(config, store, trainer, tell)
+    hearing = Hearing(config, store, desk or EmptyDesk(), tell)
     history = store.history()
     for generation in history.generations:
-        observer.generation(generation)
+        tell(generation)
     history = history.replayed(lanes.play(history.lanes, strategy))  # only if it was stopped while they played
 
     for index in range(len(history.generations), config.generations):
@@ -55,13 +54,13 @@ def run(
         samples = sampler.given() if config.init and index == 0 else screen.fill(index, plans, sampler, lanes, history)
         model.close()  # an embedded model must not run while training does: they fight for the same cores
 
-        observer.phase(index, "train")
+        tell(Began(index, "train"))
         wanted = deal(programs(samples), [config.seed], "candidate")
         if index == 0:
             wanted += deal(beside(config), [config.seed], "baseline")
         results = lanes.train(wanted)
         if strategy.judge == "played":
-            observer.phase(index, "play")
+            tell(Began(index, "play"))
         scores = lanes.play([*history.lanes, *results], strategy)
 
         entries: list[Scored] = []
@@ -73,7 +72,7 @@ def run(
         history = history.replayed(scores).grown(entries)
         keep(lanes, strategy, Ranking(history).best)
         store.save_generation(history.generations[-1])
-        observer.generation(history.generations[-1])
+        tell(history.generations[-1])
 
     history = hearing.hear(history)  # where votes decide, the last generation needs some too
     if not tuning.begun(store):
@@ -84,7 +83,7 @@ def run(
         polishing.polish(lanes)
     store.end()
     outcome = summarise(config, store, history)
-    observer.outcome(outcome)
+    tell(outcome)
     return outcome
 
 
@@ -94,14 +93,14 @@ def conclude(lanes: Lanes, strategy: SearchStrategy, history: History) -> None:
 
     The search's own scores are the best of many tries; only fresh seeds and fresh episodes say what a reward is worth.
     """
-    config, store, observer = lanes.config, lanes.store, lanes.observer
-    observer.phase(config.generations, "final")
+    config, store, tell = lanes.config, lanes.store, lanes.tell
+    tell(Began(config.generations, "final"))
     confirmed = store.crown()
     best = race.crowned(history, confirmed) if confirmed is not None else race.crown(history, lanes, strategy)
     if best is None:
         keep(lanes, strategy, Ranking(history).best)
         return score_nearest(lanes, strategy, history)
-    observer.phase(config.generations, "evaluate")
+    tell(Began(config.generations, "evaluate"))
     finals = lanes.final(race.contenders(history))
     scores = lanes.evaluate(lanes.standing([lane for arm in finals.values() for lane in arm], strategy))
     results = store.lanes.results()
@@ -119,7 +118,7 @@ def score_nearest(lanes: Lanes, strategy: SearchStrategy, history: History) -> N
     ranking = Ranking(history)
     nearest = ranking.nearest or ranking.best
     if nearest is not None and nearest.result is not None:
-        lanes.observer.phase(lanes.config.generations, "evaluate")
+        lanes.tell(Began(lanes.config.generations, "evaluate"))
         lanes.evaluate(lanes.standing([nearest.result.lane], strategy))
 
 

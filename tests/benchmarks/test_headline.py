@@ -13,10 +13,10 @@ import pytest
 
 from openeureka import strategies
 from openeureka.benchmark.plan import load
+from openeureka.events import nobody
 from openeureka.llm.registry import archived
 from openeureka.method import race
 from openeureka.method.lanes import Lanes
-from openeureka.observer import NullObserver
 from openeureka.score import Arm
 from openeureka.store import Store
 from openeureka.store.db import FILENAME
@@ -187,6 +187,6 @@ def test_a_race_of_today_crowns_what_the_table_says(headline: ModuleType, env: s
     """The rule may have changed since a row was measured; then the row has to be measured again."""
     (tmp_path / FILENAME).write_bytes(lzma.decompress((headline.ARCHIVE / f"{env}.sqlite.xz").read_bytes()))
     with Store.visit(tmp_path) as store:
-        lanes = Lanes(store.config, store, Idle(), NullObserver())
+        lanes = Lanes(store.config, store, Idle(), nobody)
         best = race.crown(store.history(), lanes, strategies.make(store.config, store.ranks))
     assert best is not None and str(best.sample.place) == headline.read(headline.RESULTS)[env]["crowned"]

@@ -7,6 +7,7 @@ from rich.console import Console
 from openeureka.config import RunConfig
 from openeureka.display import live
 from openeureka.display.live import PlainView, TerminalView, view
+from openeureka.events import Asked, Began, Checked, Played, Replied
 from openeureka.types import (
     Candidate,
     Evaluation,
@@ -44,19 +45,19 @@ PLAYED = Evaluation(lane=LANE, fitness=300.0, error=12.0, episode_length=300.0, 
 
 def play(shown: PlainView | TerminalView) -> None:
     """One generation, as the loop reports it."""
-    shown.phase(0, "sample")
-    shown.reply(0, 0, Reply(text="x", model="m", usage=Usage(prompt_tokens=1000, completion_tokens=234)))
-    shown.verdict(ACCEPTED)
-    shown.verdict(REFUSED)
-    shown.phase(0, "train")
-    shown.progress(TrainingProgress(epoch=1, epochs=4, env_steps_per_second=5000.0, fitness={LANE: 12.5}))
-    shown.result(RESULT)
-    shown.played({LANE: PLAYED})
+    shown(Began(0, "sample"))
+    shown(Replied(0, 0, Reply(text="x", model="m", usage=Usage(prompt_tokens=1000, completion_tokens=234))))
+    shown(Checked(ACCEPTED))
+    shown(Checked(REFUSED))
+    shown(Began(0, "train"))
+    shown(TrainingProgress(epoch=1, epochs=4, env_steps_per_second=5000.0, fitness={LANE: 12.5}))
+    shown(RESULT)
+    shown(Played({LANE: PLAYED}))
     entries = (
         Scored(sample=ACCEPTED, result=RESULT, feedback="", played=PLAYED),
         Scored(sample=REFUSED, result=None, feedback=""),
     )
-    shown.generation(Generation(0, entries))
+    shown(Generation(0, entries))
 
 
 def plain_text() -> str:
@@ -103,9 +104,7 @@ def test_the_table_fits_and_shows_how_f_went(width):
     with view(CONFIG, Usage(), console) as shown:
         play(shown)
         for epoch in range(100):
-            shown.progress(
-                TrainingProgress(epoch=epoch, epochs=100, env_steps_per_second=1.0, fitness={LANE: float(epoch)})
-            )
+            shown(TrainingProgress(epoch=epoch, epochs=100, env_steps_per_second=1.0, fitness={LANE: float(epoch)}))
         frame = Console(file=io.StringIO(), width=width)
         frame.print(shown.render())
     assert isinstance(frame.file, io.StringIO)
@@ -119,7 +118,7 @@ def test_the_log_of_a_long_training_is_short(monkeypatch):
     with view(CONFIG, Usage(), Console(file=out, width=60)) as shown:
         for second in range(4 * 3600):
             now[0] = 1.0 + second
-            shown.progress(TrainingProgress(epoch=1 + second, epochs=14400, env_steps_per_second=1.0, fitness={}))
+            shown(TrainingProgress(epoch=1 + second, epochs=14400, env_steps_per_second=1.0, fitness={}))
     assert 10 < len(out.getvalue().splitlines()) < 50
 
 
@@ -179,9 +178,9 @@ def test_a_tuning_after_a_search_is_told_as_such_and_not_as_a_new_search():
     assert tally.remaining() is None
     with view(wanted, Usage(), Console(file=io.StringIO(), force_terminal=True, width=160)) as shown:
         assert isinstance(shown, TerminalView)
-        shown.phase(3, "evaluate")
-        shown.result(RESULT)
-        shown.phase(3, "check")
+        shown(Began(3, "evaluate"))
+        shown(RESULT)
+        shown(Began(3, "check"))
         frame = Console(file=io.StringIO(), width=160)
         frame.print(shown.render())
         assert isinstance(frame.file, io.StringIO) and LANE not in frame.file.getvalue()
@@ -199,15 +198,15 @@ def test_a_slot_that_the_model_writes_for_says_so_and_for_how_long(monkeypatch):
     monkeypatch.setattr(live.time, "monotonic", lambda: now[0])
     with view(CONFIG, Usage(), Console(file=io.StringIO(), force_terminal=True, width=160)) as shown:
         assert isinstance(shown, TerminalView)
-        shown.phase(0, "sample")
-        shown.asked([0, 1])
+        shown(Began(0, "sample"))
+        shown(Asked((0, 1)))
         now[0] = 75.0
         assert "being written, 1 min 15 s" in shown_rows(shown)["1"]
-        shown.reply(0, 0, Reply(text="x", model="m"))
+        shown(Replied(0, 0, Reply(text="x", model="m")))
         assert "replied" in shown_rows(shown)["0"]
-        shown.verdict(ACCEPTED)
-        shown.verdict(REFUSED)
-        shown.asked([0, 1])
+        shown(Checked(ACCEPTED))
+        shown(Checked(REFUSED))
+        shown(Asked((0, 1)))
         rows = shown_rows(shown)
     assert "being written again, as it repeated a reward, 0 s" in rows["0"] and "accepted" not in rows["0"]
     assert "being written again, as it was refused" in rows["1"]
@@ -216,6 +215,6 @@ def test_a_slot_that_the_model_writes_for_says_so_and_for_how_long(monkeypatch):
 def test_a_log_names_the_slots_that_are_asked_for():
     out = io.StringIO()
     with view(CONFIG, Usage(), Console(file=out, width=60)) as shown:
-        shown.asked([1])
-        shown.asked([0, 1])
+        shown(Asked((1,)))
+        shown(Asked((0, 1)))
     assert out.getvalue() == "  asked for 1 reward: slot 1\n  asked for 2 rewards: slot 0, 1\n"

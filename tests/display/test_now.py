@@ -2,6 +2,7 @@ import pytest
 
 from openeureka.config import RunConfig
 from openeureka.display import outside
+from openeureka.events import Asked, Began, Replied
 from openeureka.store.db import NOW
 from openeureka.types import NodeShare, Reply, TrainingProgress, Usage
 
@@ -26,32 +27,32 @@ def recorder(tmp_path, monkeypatch):
 
 
 def test_what_is_written_is_read_back(recorder, tmp_path):
-    recorder.phase(0, "sample")
-    recorder.asked([0, 1])
-    recorder.reply(0, 1, Reply(text="x", model="m", usage=Usage(prompt_tokens=100, completion_tokens=10)))
+    recorder(Began(0, "sample"))
+    recorder(Asked((0, 1)))
+    recorder(Replied(0, 1, Reply(text="x", model="m", usage=Usage(prompt_tokens=100, completion_tokens=10))))
     found = outside.read(tmp_path)
     assert found is not None
     assert (found.doing, found.writing, found.usage.prompt_tokens) == ("asking the model", 1, 100)
 
 
 def test_every_lane_has_a_value_at_each_place_whenever_it_began(recorder, tmp_path):
-    recorder.phase(0, "train")
-    recorder.progress(told(1, a=0.5))
-    recorder.progress(told(2, a=0.75, b=None))
+    recorder(Began(0, "train"))
+    recorder(told(1, a=0.5))
+    recorder(told(2, a=0.75, b=None))
     found = outside.read(tmp_path)
     assert found is not None
     assert (found.epoch, found.epochs, found.places) == (2, 1000, (1, 2))
     assert found.curves["a"] == {"fitness": (0.5, 0.75), "component/up": (2.0, 2.0)}
     assert found.curves["b"] == {"fitness": (None, None), "component/up": (None, 2.0)}
-    recorder.phase(0, "play")
+    recorder(Began(0, "play"))
     found = outside.read(tmp_path)
     assert found is not None and not found.curves
 
 
 def test_a_long_training_keeps_few_values_over_its_whole_length(recorder, tmp_path):
-    recorder.phase(0, "train")
+    recorder(Began(0, "train"))
     for epoch in range(1000):
-        recorder.progress(told(epoch, a=float(epoch)))
+        recorder(told(epoch, a=float(epoch)))
     found = outside.read(tmp_path)
     assert found is not None
     assert outside.MOST / 2 <= len(found.places) <= outside.MOST
@@ -62,10 +63,10 @@ def test_a_long_training_keeps_few_values_over_its_whole_length(recorder, tmp_pa
 
 
 def test_lanes_of_the_next_round_take_the_place_of_those_before(recorder, tmp_path):
-    recorder.phase(2, "final")
+    recorder(Began(2, "final"))
     for epoch in range(100):
-        recorder.progress(told(epoch, first=1.0))
-    recorder.progress(told(0, second=2.0))
+        recorder(told(epoch, first=1.0))
+    recorder(told(0, second=2.0))
     found = outside.read(tmp_path)
     assert found is not None
     assert (found.places, set(found.curves)) == ((0,), {"second"})

@@ -17,8 +17,8 @@ from tensorboard.compat.tensorflow_stub.errors import DataLossError
 from openeureka.config import RunConfig
 from openeureka.display import tensorboard, trackers
 from openeureka.errors import ConfigError
+from openeureka.events import everyone
 from openeureka.film.mp4 import encode
-from openeureka.observer import Observers
 from openeureka.report.view import VIDEO
 from openeureka.testing.scripted import reply
 
@@ -27,7 +27,7 @@ def mirror(directory: Path, log: str) -> Path:
     """A toy search that is mirrored, with a film of each candidate."""
     config = RunConfig(env="toy", sample=2, iteration=1, refill=0, seeds=1, log=log)
     with trackers.mirrored(directory, config) as mirrors:
-        search_in(directory, [reply(7), reply(8)], observer=Observers(*mirrors), log=log)
+        search_in(directory, [reply(7), reply(8)], tell=everyone(*mirrors), log=log)
         for lane in (directory / "lanes").iterdir():
             pictures = (np.full((48, 64, 3), 50 * shade, np.uint8) for shade in range(5))
             (lane / VIDEO).write_bytes(encode(pictures, rate=10))

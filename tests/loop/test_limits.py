@@ -13,8 +13,8 @@ from report.scripted import search_in
 from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
+from openeureka.events import Event
 from openeureka.method.hacking import Kind
-from openeureka.observer import NullObserver
 from openeureka.report import costs, html, tables
 from openeureka.report.verdict import nexts, of_tuning, verdict
 from openeureka.report.view import RunView
@@ -88,15 +88,11 @@ def test_where_all_break_a_limit_nobody_wins_and_the_nearest_is_improved(tmp_pat
 
 def test_a_reward_that_breaks_a_limit_with_fresh_seeds_does_not_win(tmp_path: Path) -> None:
     """Seed 1 adds 0.01 to the worth: 7.495 keeps 75 in the search, and 7.505 does not."""
-    told: list[Outcome] = []
-
-    class Ear(NullObserver):
-        def outcome(self, outcome: Outcome) -> None:
-            told.append(outcome)
+    told: list[Event] = []
 
     script, trainer = [reply(7.495), reply(5)], Costly()
-    run = RunView.read(search_in(tmp_path / "run", script, trainer=trainer, observer=Ear(), limits="torque=75"))
-    assert told == [Outcome(best=None)]
+    run = RunView.read(search_in(tmp_path / "run", script, trainer=trainer, tell=told.append, limits="torque=75"))
+    assert told[-1] == Outcome(best=None)
     assert run.crown is None and "trained again with fresh seeds" in verdict(run)
     assert [command for command, _ in nexts(run)] == ["eureka show DIR"]
     assert not verdict(replace(run, ended=False)).startswith("No reward won")  # a winner may be judged just now

@@ -13,18 +13,27 @@ from sandbox.states import recorded
 from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.errors import BudgetError, ConfigError, ModelError, WorkerError
+from openeureka.events import Began, Checked, Event, Tell, nobody
 from openeureka.llm.random import RandomModel
 from openeureka.loop import run, summarise
 from openeureka.method import baselines
 from openeureka.method.sampling import Sampler, request_seed
-from openeureka.observer import NullObserver
 from openeureka.sandbox import confine
 from openeureka.sandbox.client import Sandbox
 from openeureka.score import Arm, Baselines, Outcome
 from openeureka.store import Store, read_replies
 from openeureka.testing.hostile import CORPUS, STATE
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
-from openeureka.types import Candidate, PromptPlan, StateSpec, StateVar, TrainingResult, TrainingState, VerdictCode
+from openeureka.types import (
+    Candidate,
+    Generation,
+    PromptPlan,
+    StateSpec,
+    StateVar,
+    TrainingResult,
+    TrainingState,
+    VerdictCode,
+)
 
 REFUSED = "```python\ndef compute_reward(x):\n    return x\n```"
 CONFIG = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2)
@@ -39,12 +48,12 @@ class Search:
     model: ScriptedModel
     checker: ToyChecker = field(default_factory=ToyChecker)
     trainer: ToyTrainer = field(default_factory=ToyTrainer)
-    observer: Any = field(default_factory=NullObserver)
+    tell: Tell = nobody
 
     def go(self) -> Outcome:
         with Store.open(self.directory, self.config) as store:
             strategy = strategies.make(self.config)
-            return run(self.config, store, self.model, self.checker, self.trainer, TOY, strategy, self.observer)
+            return run(self.config, store, self.model, self.checker, self.trainer, TOY, strategy, self.tell)
 
     def history(self):
         with Store.view(self.directory) as store:
@@ -273,7 +282,7 @@ def test_chance_draws_the_rest_of_an_interrupted_request_as_it_would_have(tmp_pa
 
     def draw(name: str, model: RandomModel) -> list[str]:
         with Store.open(tmp_path / name, config) as store:
-            Sampler(config, store, model, ToyChecker(), context, NullObserver()).fill(0, [PromptPlan(count=5)])
+            Sampler(config, store, model, ToyChecker(), context, nobody).fill(0, [PromptPlan(count=5)])
         return [one.text for one in read_replies(tmp_path / name)]
 
     with pytest.raises(KeyboardInterrupt):
@@ -455,35 +464,29 @@ def test_a_run_goes_on_after_hostile_replies_with_verdicts_that_say_why(begin, s
     assert rules == list(HOSTILE_REPLIES.values()) and one.model.said == len(texts)
 
 
-class Log(NullObserver):
-    def __init__(self) -> None:
-        self.events: list[str] = []
+def test_who_listens_is_told_what_happens_and_after_a_resumption_what_had_happened(begin) -> None:
+    one, told = begin([reply(7), "prose"]), list[str]()
 
-    def phase(self, generation, name):
-        self.events.append(f"{name} {generation}")
+    def listen(event: Event) -> None:
+        match event:
+            case Began(generation, phase):
+                told.append(f"{phase} {generation}")
+            case Checked(sample):
+                told.append(sample.verdict.code)
+            case Generation():
+                told.append(f"generation {event.index}")
+            case Outcome():
+                told.append("outcome")
+            case _:
+                pass
 
-    def verdict(self, sample):
-        self.events.append(sample.verdict.code)
-
-    def generation(self, generation):
-        self.events.append(f"generation {generation.index}")
-
-    def outcome(self, outcome):
-        self.events.append("outcome")
-
-
-def test_an_observer_is_told_what_happens_and_after_a_resumption_what_had_happened(begin) -> None:
-    one = begin([reply(7), "prose"])
-    one.observer = Log()
+    one.tell = listen
     one.go()
     end = ["final 1", "evaluate 1", "outcome"]
-    assert one.observer.events == [
-        *("sample 0", "check 0", "accepted", "no_program", "train 0", "play 0", "generation 0"),
-        *end,
-    ]
-    one.observer = Log()
+    assert told == ["sample 0", "check 0", "accepted", "no_program", "train 0", "play 0", "generation 0", *end]
+    told.clear()
     one.go()
-    assert one.observer.events == ["generation 0", *end]
+    assert told == ["generation 0", *end]
 
 
 def test_messages_json_holds_the_conversation_of_each_generation(begin) -> None:

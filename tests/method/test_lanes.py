@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from openeureka.config import RunConfig
+from openeureka.events import Event, nobody
 from openeureka.method.lanes import BASELINES, Lanes, deal
-from openeureka.observer import NullObserver
 from openeureka.store import Store
 from openeureka.store.lane_log import LaneLog
 from openeureka.testing.scripted import ToyTrainer
@@ -42,13 +42,13 @@ class Listed(ToyTrainer):
         return iter(list(super().train(env, specs, budget)))
 
 
-class StopsOnce(NullObserver):
+class StopsOnce:
     """Somebody presses Ctrl-C when the first result is told."""
 
     stopped = False
 
-    def result(self, result: TrainingResult) -> None:
-        if not self.stopped:
+    def __call__(self, event: Event) -> None:
+        if isinstance(event, TrainingResult) and not self.stopped:
             self.stopped = True
             raise KeyboardInterrupt
 
@@ -73,7 +73,7 @@ def test_a_result_that_was_being_kept_at_ctrl_c_is_kept(tmp_path: Path, monkeypa
     monkeypatch.setattr(LaneLog, "save_results", interrupted)
     with Store.open(tmp_path, RunConfig()) as store:
         with pytest.raises(KeyboardInterrupt):
-            Lanes(RunConfig(), store, Sends(), NullObserver()).train(LANES)
+            Lanes(RunConfig(), store, Sends(), nobody).train(LANES)
         assert len(store.lanes.results()) == 4
 
 
@@ -89,12 +89,12 @@ def test_who_trains_is_told_of_the_end_also_where_somebody_keeps_the_error(tmp_p
             finally:
                 self.ended = True
 
-    class Full(NullObserver):
-        def progress(self, progress: TrainingProgress) -> None:
+    def full(event: Event) -> None:
+        if isinstance(event, TrainingProgress):
             raise ValueError("The disk is full.")
 
     trainer = Ends()
     with Store.open(tmp_path, RunConfig()) as store:
         with pytest.raises(ValueError, match="full") as kept:
-            Lanes(RunConfig(), store, trainer, Full()).train(LANES)
+            Lanes(RunConfig(), store, trainer, full).train(LANES)
         assert trainer.ended and kept.tb is not None

@@ -8,10 +8,10 @@ import pytest
 
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
+from openeureka.events import nobody
 from openeureka.loop import run
 from openeureka.method.lanes import Lanes, affordable, deal
 from openeureka.method.schedule import Rung, leaders, why
-from openeureka.observer import NullObserver
 from openeureka.report.candidates import CandidateState
 from openeureka.report.view import RunView
 from openeureka.store import Store
@@ -183,7 +183,7 @@ def test_a_single_candidate_is_not_stopped_on_the_way(tmp_path: Path):
     config = replace(CONFIG, iteration=0)
     with Store.open(tmp_path / "run", config) as store:
         trainer = ToyTrainer()
-        lanes = Lanes(config, store, trainer, NullObserver())
+        lanes = Lanes(config, store, trainer, nobody)
         graph = ToyChecker().check(Candidate.of(program(3))).graph
         assert graph is not None
         lanes.train(deal([("one", graph)], [0], "candidate"))

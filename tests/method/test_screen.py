@@ -13,11 +13,11 @@ import pytest
 
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
+from openeureka.events import nobody
 from openeureka.loop import run
 from openeureka.method.lanes import Lanes
 from openeureka.method.sampling import Sampler
 from openeureka.method.screen import Rated, choose, fill, rate
-from openeureka.observer import NullObserver
 from openeureka.report.candidates import CandidateState
 from openeureka.report.view import RunView
 from openeureka.store import Store
@@ -218,8 +218,8 @@ def test_damaged_episodes_are_no_evidence(tmp_path: Path):
         assert store.lanes.episodes("human-s0") is not None
     (tmp_path / "run" / "lanes" / "human-s0" / "episodes.frame").write_bytes(b"torn")
     with Store.open(tmp_path / "run", config) as store:
-        model, lanes = ScriptedModel([reply(worth) for worth in SECOND]), Lanes(config, store, Spoils(), NullObserver())
-        sampler = Sampler(config, store, model, ToyChecker(), TOY, NullObserver())
+        model, lanes = ScriptedModel([reply(worth) for worth in SECOND]), Lanes(config, store, Spoils(), nobody)
+        sampler = Sampler(config, store, model, ToyChecker(), TOY, nobody)
         history = store.history()
         samples = fill(1, make(config).ask(history, Random(0)), sampler, lanes, history)
     # Nothing is known of any, so nobody is held to be wrong, and the earlier slots train.

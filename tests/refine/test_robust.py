@@ -11,10 +11,10 @@ import pytest
 from report.scripted import search_in
 
 from openeureka.errors import ConfigError, ModelError
+from openeureka.events import nobody
 from openeureka.llm.client import LanguageModel
 from openeureka.llm.random import RandomModel
 from openeureka.method.lanes import CHOOSING, HELD_OUT, Lanes
-from openeureka.observer import NullObserver
 from openeureka.refine.hardened import chosen
 from openeureka.refine.hardening import Robot, asked, hard_worlds, harden, planned, table_of
 from openeureka.report import charts, html
@@ -72,7 +72,7 @@ def make(
 ) -> RunView:
     with Store.open(directory, RunView.read(directory).config) as store:
         config = replace(store.config, sample=sample, repair=1)
-        harden(Lanes(config, store, trainer, NullObserver()), model, robot(), planned(store, start, steps))
+        harden(Lanes(config, store, trainer, nobody), model, robot(), planned(store, start, steps))
     return RunView.read(directory)
 
 

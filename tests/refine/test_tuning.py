@@ -18,9 +18,9 @@ from openeureka.benchmark.plan import Cell
 from openeureka.cli.show import summary
 from openeureka.config import NO_MODEL, RunConfig
 from openeureka.errors import StoreError
+from openeureka.events import Began, Event, nobody
 from openeureka.loop import run
 from openeureka.method.lanes import Lanes, unused_seed
-from openeureka.observer import NullObserver, Phase
 from openeureka.refine import tuned, tuning
 from openeureka.refine.tuned import ORIGINAL, Tuned, distinct, final_lanes
 from openeureka.report import fitted, html, tables
@@ -99,7 +99,7 @@ def go(directory: Path, trainer: ToyTrainer, text: str, **settings) -> Tuned:
     with Store.open(directory, wanted) as store:
         candidate = Candidate.of(text)
         tuning.keep(store, candidate, Reader().check(candidate))
-        tuning.tune(Lanes(wanted, store, trainer, NullObserver()), Reader())
+        tuning.tune(Lanes(wanted, store, trainer, nobody), Reader())
     found = RunView.read(directory).tuned
     assert found is not None
     return found
@@ -198,7 +198,7 @@ def test_a_tuning_of_another_reward_is_refused(tmp_path: Path) -> None:
 
 def test_one_that_was_killed_before_it_had_its_reward_says_what_to_type(tmp_path: Path) -> None:
     with Store.open(tmp_path, config()) as store, pytest.raises(StoreError, match="the same `eureka tune` command"):
-        tuning.tune(Lanes(config(), store, Hill(), NullObserver()), Reader())
+        tuning.tune(Lanes(config(), store, Hill(), nobody), Reader())
 
 
 def test_a_single_number_is_fitted_too(tmp_path: Path) -> None:
@@ -233,28 +233,24 @@ def reply(worth: float) -> str:
     return f"```python\n{program(worth).replace(str(worth), f'{worth} * x')}```\n"
 
 
-class Phases(NullObserver):
-    def __init__(self) -> None:
-        self.indices: dict[str, list[int]] = {}
-
-    def phase(self, generation: int, name: Phase) -> None:
-        self.indices.setdefault(name, []).append(generation)
-
-
 def test_a_search_fits_the_numbers_of_its_winner(tmp_path: Path) -> None:
     wanted = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2, tune=8)
-    phases = Phases()
+    told: list[Event] = []
 
     def search(trainer: ToyTrainer):
         with Store.open(tmp_path, wanted) as store:
             model = ScriptedModel([reply(7.0), reply(8.0)])
             model.said = len(store.talk.replies())
-            return run(wanted, store, model, ToyChecker(), trainer, TOY, strategies.make(wanted), phases)
+            return run(wanted, store, model, ToyChecker(), trainer, TOY, strategies.make(wanted), told.append)
 
     trainer = ToyTrainer()
     outcome = search(trainer)
     assert outcome.best is not None and outcome.best.fitness == 8.0  # the search's own result stays what it is
-    assert phases.indices["train"] == [0, 1, 2] and phases.indices["final"] == [1, 3]  # two rounds follow a generation
+    began = [(event.phase, event.generation) for event in told if isinstance(event, Began)]
+    # Two rounds follow the generation.
+    assert [one for one in began if one[0] in ("train", "final")] == [
+        *(("train", 0), ("final", 1), ("train", 1), ("train", 2), ("final", 3))
+    ]
     found = RunView.read(tmp_path).tuned
     assert found is not None and found.difference is not None and found.difference.sure
     own = outcome.best.sample.verdict.candidate
@@ -330,7 +326,7 @@ def test_a_tuning_that_has_begun_goes_on_with_its_text_whoever_leads_by_then(tmp
         run(wanted, store, ScriptedModel([reply(7.0), reply(8.0)]), ToyChecker(), ToyTrainer(), TOY,
             strategies.make(wanted))  # fmt: skip
         (entries,) = (generation.entries for generation in store.history().generations)
-        lanes, began = Lanes(wanted, store, ToyTrainer(), NullObserver()), dict(store.given())
+        lanes, began = Lanes(wanted, store, ToyTrainer(), nobody), dict(store.given())
         other = next(entry for entry in entries if entry.sample.verdict.candidate != began[ORIGINAL])
         assert tuning.tune_winner(lanes, ToyChecker(), other, ("fitness", "reward", "last")) is not None
         assert tuning.tune_winner(lanes, ToyChecker(), None, ("fitness", "reward", "last")) is not None

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from openeureka import strategies
 from openeureka.config import RunConfig
+from openeureka.events import Tell, nobody
 from openeureka.llm.client import LanguageModel
 from openeureka.loop import run
-from openeureka.observer import Observer
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer
 from openeureka.types import Trainer
@@ -21,12 +21,12 @@ def search_in(
     *,
     model: LanguageModel | None = None,
     trainer: Trainer | None = None,
-    observer: Observer | None = None,
+    tell: Tell = nobody,
     **settings: object,
 ) -> Path:
     """Run a toy search of two slots; what stops the model or the trainer stops it there."""
     config = RunConfig(**{"env": "toy", "sample": 2, "iteration": 1, "refill": 0, "seeds": 1, **settings})  # type: ignore[arg-type]
     with Store.open(directory, config) as store:
         model, trainer = model or ScriptedModel(script), trainer or ToyTrainer()
-        run(config, store, model, ToyChecker(), trainer, TOY, strategies.make(config), observer)
+        run(config, store, model, ToyChecker(), trainer, TOY, strategies.make(config), tell)
     return directory

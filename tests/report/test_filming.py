@@ -31,7 +31,7 @@ def camera(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def test_every_lane_of_the_search_is_filmed_and_no_final_one(camera, tmp_path):
     with Filming(tmp_path, CONFIG) as films:
-        search_in(tmp_path, [reply(7), reply(8)], observer=films)
+        search_in(tmp_path, [reply(7), reply(8)], tell=films)
     made = {path.parent.name for path in tmp_path.glob("lanes/*/video.mp4")}
     assert made == {f"{SEVEN}-s0", f"{EIGHT}-s0", "human-s0", "sparse-s0"}
     assert (tmp_path / f"lanes/{SEVEN}-s0/video.mp4").read_bytes() == b"mp4 of 7.0"
@@ -41,7 +41,7 @@ def test_the_search_goes_on_while_a_film_takes_its_time(monkeypatch, tmp_path):
     developed = Event()
     monkeypatch.setattr(video, "render", lambda *_, **__: developed.wait(60) and b"mp4")
     with Filming(tmp_path, CONFIG) as films:
-        search_in(tmp_path, [reply(7), reply(8)], observer=films)
+        search_in(tmp_path, [reply(7), reply(8)], tell=films)
         assert RunView.read(tmp_path).outcome is not None  # finished, and not one film is
         assert not list(tmp_path.glob("lanes/*/video.mp4"))
         developed.set()
@@ -69,9 +69,9 @@ def test_a_stopped_search_leaves_at_once_and_resuming_films_the_rest(camera, mon
         patch.setattr(video, "render", lambda *_, **__: stuck.wait(60) and b"late")
         with pytest.raises(KeyboardInterrupt), Filming(tmp_path, CONFIG) as films:
             model = Stopping([reply(7), reply(8)])
-            search_in(tmp_path, [], model=model, iteration=2, observer=films)
+            search_in(tmp_path, [], model=model, iteration=2, tell=films)
     with Filming(tmp_path, CONFIG) as films:
-        search_in(tmp_path, [reply(9), reply(6)], iteration=2, observer=films)
+        search_in(tmp_path, [reply(9), reply(6)], iteration=2, tell=films)
     stuck.set()
     assert {"7.0", "8.0", "9.0", "6.0"} <= set(camera)
 

@@ -9,8 +9,8 @@ import torch
 
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
+from openeureka.events import nobody
 from openeureka.method.lanes import Lanes
-from openeureka.observer import NullObserver
 from openeureka.store import Store
 from openeureka.tasks import registry
 from openeureka.tasks.randomise import RandomisedEnv
@@ -222,7 +222,7 @@ def test_every_lane_of_a_run_has_its_ranges(tmp_path: Path):
     config = RunConfig(env="cartpole", model="random", randomise="mild")
     with Store.open(tmp_path / "run", config) as store:
         lane = Lane("human", 0, "baseline")
-        assert Lanes(config, store, Noting(), NullObserver()).train([(lane, "human")])
+        assert Lanes(config, store, Noting(), nobody).train([(lane, "human")])
 
 
 def test_a_name_takes_what_the_task_has():

@@ -12,7 +12,7 @@ from report.scripted import search_in
 from report.test_html import ELEMENTS, HOSTILE, NamesComponents, Page
 from starlette.requests import Request
 
-from openeureka.observer import NullObserver
+from openeureka.events import Began
 from openeureka.report.view import RunView
 from openeureka.store import Store
 from openeureka.store.db import LOCK, LOG
@@ -211,13 +211,12 @@ def test_a_run_that_cannot_be_read_is_explained(tmp_path):
 
 
 def test_words_are_stored_and_shown_and_refused_ones_explained(tmp_path):
-    class Leaves(NullObserver):
-        def phase(self, generation, name):
-            if name == "feedback":
-                raise KeyboardInterrupt
+    def leave(event):
+        if isinstance(event, Began) and event.phase == "feedback":
+            raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        search_in(tmp_path / "run", [reply(7), reply(8)], observer=Leaves(), iteration=2, feedback="human")
+        search_in(tmp_path / "run", [reply(7), reply(8)], tell=leave, iteration=2, feedback="human")
     client = visitor(tmp_path)
     for form in ({"words": f"too jerky {HOSTILE}"}, {"favourite": "g0s0"}, {"vote": "g0s1:g0s0"}):
         answer = client.post("/runs/run/remarks", data=form)

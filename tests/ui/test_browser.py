@@ -215,7 +215,7 @@ def test_lanes_are_followed_while_they_train(page: Page, tmp_path: Path):
 
     directory, config = tmp_path / "run", RunConfig(env="toy", sample=2, iteration=1)
     recorder = outside.Recorder(directory, config, Usage())
-    settings = {"trainer": Trains(), "observer": recorder}
+    settings = {"trainer": Trains(), "tell": recorder}
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(outside, "PAUSE", 0.0)
         thread = threading.Thread(target=search_in, args=(directory, [reply(7), reply(8)]), kwargs=settings)

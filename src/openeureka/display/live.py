@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
 from types import TracebackType
 
 from rich.console import Console, Group
@@ -12,8 +11,8 @@ from rich.table import Table
 from rich.text import Text
 
 from ..config import RunConfig, short_name
+from ..events import Asked, Began, Checked, Event, Phase, Played, Replied
 from ..method.lanes import BASELINES
-from ..observer import Phase
 from ..refine.tuned import last_index
 from ..report.numbers import duration, number, scored, sparkline
 from ..score import Outcome
@@ -21,7 +20,6 @@ from ..text import one_line
 from ..types import (
     Evaluation,
     Generation,
-    Reply,
     Sample,
     TrainingProgress,
     TrainingResult,
@@ -150,37 +148,34 @@ class PlainView:
     def _say(self, text: str) -> None:
         self._console.print(Text(text), soft_wrap=True)
 
-    def phase(self, generation: int, name: Phase) -> None:
-        self._tally.phase(generation, name)
-        self._say(self._tally.headline())
-        self._line = ProgressLine(self._console)
-
-    def asked(self, slots: Sequence[int]) -> None:
-        self._say(f"  asked for {len(slots)} reward{'s' if len(slots) > 1 else ''}: slot {', '.join(map(str, slots))}")
-
-    def reply(self, generation: int, slot: int, reply: Reply) -> None:
-        self._tally.usage += reply.usage
-
-    def verdict(self, sample: Sample) -> None:
-        name = sample.candidate.id if sample.candidate else "-"
-        self._say(f"  slot {sample.slot}, try {sample.attempts}, {name}: {verdict_line(sample)}")
-
-    def progress(self, progress: TrainingProgress) -> None:
-        self._line.show(progress)
-
-    def result(self, result: TrainingResult) -> None:
-        state = "" if result.state is TrainingState.FINISHED else f", {result.state}: {one_line(result.message, 80)}"
-        self._say(f"  {result.lane}: F {number(result.fitness)} in training{state}")
-
-    def played(self, scores: Mapping[str, Evaluation]) -> None:
-        for lane in scores.keys() - self._played.keys():
-            self._say(f"  {lane}: F {scored(scores[lane])} played")
-        self._played |= scores
-
-    def generation(self, generation: Generation) -> None:
-        self._say(self._tally.generation_done(generation))
-
-    def outcome(self, outcome: Outcome) -> None: ...
+    def __call__(self, event: Event) -> None:
+        match event:
+            case Began(generation, phase):
+                self._tally.phase(generation, phase)
+                self._say(self._tally.headline())
+                self._line = ProgressLine(self._console)
+            case Asked(slots):
+                wanted = "1 reward" if len(slots) == 1 else f"{len(slots)} rewards"
+                self._say(f"  asked for {wanted}: slot {', '.join(map(str, slots))}")
+            case Replied(reply=reply):
+                self._tally.usage += reply.usage
+            case Checked(sample):
+                name = sample.candidate.id if sample.candidate else "-"
+                self._say(f"  slot {sample.slot}, try {sample.attempts}, {name}: {verdict_line(sample)}")
+            case TrainingProgress():
+                self._line.show(event)
+            case TrainingResult():
+                done = event.state is TrainingState.FINISHED
+                state = "" if done else f", {event.state}: {one_line(event.message, 80)}"
+                self._say(f"  {event.lane}: F {number(event.fitness)} in training{state}")
+            case Played(scores):
+                for lane in scores.keys() - self._played.keys():
+                    self._say(f"  {lane}: F {scored(scores[lane])} played")
+                self._played |= scores
+            case Generation():
+                self._say(self._tally.generation_done(event))
+            case Outcome():
+                pass
 
 
 SCORES = ("training", "F", "F played")
@@ -215,50 +210,50 @@ class TerminalView:
     ) -> None:
         self._live.stop()
 
-    def phase(self, generation: int, name: Phase) -> None:
+    def __call__(self, event: Event) -> None:
+        match event:
+            case Began(generation, phase):
+                self._begin(generation, phase)
+            case Asked(slots):
+                self._asked = dict.fromkeys(slots, time.monotonic())
+            case Replied(slot=slot, reply=reply):
+                self._tally.usage += reply.usage
+                self._asked.pop(slot, None)
+                self._replied.add(slot)
+            case Checked(sample):
+                self._samples[sample.slot] = sample
+            case TrainingProgress():
+                self._progress(event)
+            case TrainingResult():
+                self._fitness[event.lane] = event.fitness
+            case Played(scores):
+                self._played |= scores
+            case Generation():  # its line stays above the table: a screen is too low for all of them in it
+                self._live.console.print(Text(self._tally.generation_done(event)))
+            case Outcome():
+                pass
+
+    def _begin(self, generation: int, phase: Phase) -> None:
         stage = self._tally.stage
-        self._tally.phase(generation, name)
-        if self._tally.stage != stage or name in ("final", "polish"):
+        self._tally.phase(generation, phase)
+        if self._tally.stage != stage or phase in ("final", "polish"):
             self._samples.clear()
             self._replied.clear()
             self._asked.clear()
             self._fitness.clear()
             self._curves.clear()
         self._epochs, self._nodes = "", ""
-        if name == "feedback":
+        if phase == "feedback":
             self._live.stop()  # the terminal is the person's
         else:
             self._live.start()
 
-    def asked(self, slots: Sequence[int]) -> None:
-        self._asked = dict.fromkeys(slots, time.monotonic())
-
-    def reply(self, generation: int, slot: int, reply: Reply) -> None:
-        self._tally.usage += reply.usage
-        self._asked.pop(slot, None)
-        self._replied.add(slot)
-
-    def verdict(self, sample: Sample) -> None:
-        self._samples[sample.slot] = sample
-
-    def progress(self, progress: TrainingProgress) -> None:
+    def _progress(self, progress: TrainingProgress) -> None:
         self._fitness |= progress.fitness
         for lane, best in progress.fitness.items():
             self._curves.setdefault(lane, []).append(progress.latest.get(lane, {}).get("fitness", best))
         self._epochs = f"epoch {progress.epoch} of {progress.epochs}, {progress.env_steps_per_second:,.0f} steps/s"
         self._nodes = by_node(progress)
-
-    def result(self, result: TrainingResult) -> None:
-        self._fitness[result.lane] = result.fitness
-
-    def played(self, scores: Mapping[str, Evaluation]) -> None:
-        self._played |= scores
-
-    def generation(self, generation: Generation) -> None:
-        """Its line stays above the table: a screen is too low for all of them in it."""
-        self._live.console.print(Text(self._tally.generation_done(generation)))
-
-    def outcome(self, outcome: Outcome) -> None: ...
 
     def render(self) -> Group:
         lines = [Text(line) for line in (self._tally.headline(), self._epochs, self._nodes) if line]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,11 +21,11 @@ from rich.console import Console
 from ..codec import DecodeError, decode, defined, encode
 from ..config import RunConfig
 from ..errors import EurekaError, StoreError
-from ..observer import NullObserver, Observer, Phase
+from ..events import Asked, Began, Event, Replied, Tell
 from ..store import artifacts
 from ..store.db import LOG, NOW
 from ..text import plain
-from ..types import Generation, NodeShare, Reply, TrainingProgress, Usage
+from ..types import Generation, NodeShare, TrainingProgress, Usage
 from ..types.bounds import Count, Finite, Name
 from .live import PlainView, Tally
 
@@ -54,8 +54,8 @@ class _LogFile(io.TextIOWrapper):
 
 
 @contextmanager
-def logged(directory: Path, config: RunConfig, usage: Usage) -> Iterator[list[Observer]]:
-    """Observers that keep what the run is doing while it is at work, and write `run.log`, where that can be written and
+def logged(directory: Path, config: RunConfig, usage: Usage) -> Iterator[list[Tell]]:
+    """Listeners that keep what the run is doing while it is at work, and write `run.log`, where that can be written and
     the process does not print to it already."""
     recorder = Recorder(directory, config, usage)
     try:
@@ -67,7 +67,7 @@ def logged(directory: Path, config: RunConfig, usage: Usage) -> Iterator[list[Ob
 
 
 @contextmanager
-def _lines(directory: Path, config: RunConfig, usage: Usage) -> Iterator[list[Observer]]:
+def _lines(directory: Path, config: RunConfig, usage: Usage) -> Iterator[list[Tell]]:
     raw = _opened(directory)
     if raw is None:
         yield []
@@ -131,7 +131,7 @@ def read(directory: Path) -> Now | None:
         return None
 
 
-class Recorder(NullObserver):
+class Recorder:
     """Keeps the file. A search does not stop for it where the disk is full: the store will speak of that."""
 
     def __init__(self, directory: Path, config: RunConfig, usage: Usage) -> None:
@@ -147,22 +147,28 @@ class Recorder(NullObserver):
         self._curves: dict[str, dict[str, list[float | None]]] = {}
         self._apart = 1
 
-    def phase(self, generation: int, name: Phase) -> None:
-        self._tally.phase(generation, name)
-        self._asked.clear()
-        self._clear()
-        self._write()
+    def __call__(self, event: Event) -> None:
+        match event:
+            case Began(generation, phase):
+                self._tally.phase(generation, phase)
+                self._asked.clear()
+                self._clear()
+                self._write()
+            case Asked(slots):
+                self._asked = set(slots)
+                self._write()
+            case Replied(slot=slot, reply=reply):
+                self._tally.usage += reply.usage
+                self._asked.discard(slot)
+                self._write()
+            case TrainingProgress():
+                self._follow(event)
+            case Generation():
+                self._tally.generation_done(event)
+            case _:
+                pass
 
-    def asked(self, slots: Sequence[int]) -> None:
-        self._asked = set(slots)
-        self._write()
-
-    def reply(self, generation: int, slot: int, reply: Reply) -> None:
-        self._tally.usage += reply.usage
-        self._asked.discard(slot)
-        self._write()
-
-    def progress(self, progress: TrainingProgress) -> None:
+    def _follow(self, progress: TrainingProgress) -> None:
         if self._progress is not None and progress.epoch < self._progress.epoch:
             self._clear()  # other lanes have begun, as in each round of the final trainings
         self._progress = progress
@@ -170,9 +176,6 @@ class Recorder(NullObserver):
             self._add(progress)
         if time.monotonic() - self._written >= PAUSE:
             self._write()
-
-    def generation(self, generation: Generation) -> None:
-        self._tally.generation_done(generation)
 
     def _add(self, progress: TrainingProgress) -> None:
         """A value of each curve; one that begins late has none before."""

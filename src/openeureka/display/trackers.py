@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 from ..config import RunConfig
 from ..errors import ConfigError, EurekaError
-from ..observer import NullObserver, Phase
+from ..events import Began, Event
 from ..parsing import as_dict
 from ..report.view import RunView
 from ..score import Outcome
@@ -111,7 +111,7 @@ TRACKERS: Mapping[str, Callable[[Path, RunConfig], Tracker]] = {
 }
 
 
-class Mirror(NullObserver):
+class Mirror:
     """Tells a tracker what a run finishes."""
 
     def __init__(self, name: str, directory: Path, config: RunConfig) -> None:
@@ -119,29 +119,34 @@ class Mirror(NullObserver):
         self._tracker: Tracker | None = None
         self._begun = self._under_way = False
 
-    def phase(self, generation: int, name: Phase) -> None:
-        self._under_way = True
+    def __call__(self, event: Event) -> None:
+        match event:
+            case Began():
+                self._under_way = True
+            case TrainingResult():
+                self._curves(event)
+            case Generation() if self._under_way:  # a run that goes on begins with what the tracker was told before
+                self._generation(event)
+            case Outcome():
+                scores = [score for score in event.method.scores if score is not None]
+                if scores:
+                    self._tell("numbers", {"held-out F": sum(scores) / len(scores)})
+            case _:
+                pass
 
-    def result(self, result: TrainingResult) -> None:
+    def _curves(self, result: TrainingResult) -> None:
         for epoch in range(max(map(len, result.over_epochs.values()), default=0)):
             found = {name: curve[epoch] for name, curve in result.over_epochs.items() if epoch < len(curve)}
             values = {f"{result.lane}/{name}": value for name, value in found.items() if value is not None}
             if values:
                 self._tell("numbers", values, epoch)
 
-    def generation(self, generation: Generation) -> None:
-        if not self._under_way:  # a run that goes on begins with what the tracker was told before
-            return
+    def _generation(self, generation: Generation) -> None:
         if generation.best is not None and generation.best.score is not None:
             self._tell("numbers", {"best F": generation.best.score}, generation.index)
         for entry in generation.entries:
             if entry.sample.candidate is not None:
                 self._tell("text", f"programs/{entry.sample.place}", plain(entry.sample.candidate.source))
-
-    def outcome(self, outcome: Outcome) -> None:
-        scores = [score for score in outcome.method.scores if score is not None]
-        if scores:
-            self._tell("numbers", {"held-out F": sum(scores) / len(scores)})
 
     def films(self) -> None:
         """All that there are, once the run is done."""

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 
 from ..config import RunConfig
 from ..errors import StoreError
+from ..events import Began
 from ..score import mean, rank
 from ..store import Store
 from ..strategies import Best
@@ -56,11 +57,11 @@ def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
     known = of_given(store).values()
     wanted: list[Wanted] = [(lane, rewards[lane.reward]) for lane in known if lane.reward in rewards]
     wanted += deal(rewards.items(), seeds(lanes.config), "given") if more is None else more
-    lanes.observer.phase(0, "train")
+    lanes.tell(Began(0, "train"))
     results = lanes.train(wanted)
-    lanes.observer.phase(0, "play")
+    lanes.tell(Began(0, "play"))
     lanes.play(results, strategy)
-    lanes.observer.phase(0, "evaluate")
+    lanes.tell(Began(0, "evaluate"))
     standing = lanes.standing(results, strategy)
     scores = lanes.evaluate(standing)
     fitness = {lane: score.fitness for lane, score in scores.items()}

@@ -11,7 +11,7 @@ from typing import cast
 
 from ..config import NO_RANGES, RunConfig
 from ..errors import WorkerError
-from ..observer import Observer
+from ..events import Played, Tell
 from ..score import level, played, standing
 from ..store import Store
 from ..strategies import SearchStrategy
@@ -152,7 +152,7 @@ class Lanes:
     config: RunConfig
     store: Store
     trainer: Trainer
-    observer: Observer
+    tell: Tell
 
     def train(self, wanted: Iterable[Wanted], *, steps: int = 0) -> dict[str, TrainingResult]:
         """Results of all these lanes, by id; those that the store holds are not trained again.
@@ -233,7 +233,7 @@ class Lanes:
     def _hear(self, event: Event, number: int, sharing: Sharing, failed: list[TrainingResult]) -> None:
         """Keep what comes of a lane on the way to a rung; those that failed are for the caller to judge together."""
         if isinstance(event, TrainingProgress):
-            self.observer.progress(event)
+            self.tell(event)
         elif event.state is TrainingState.PAUSED:
             self.store.lanes.pause(number, event)
         elif event.state is TrainingState.FAILED:
@@ -271,7 +271,7 @@ class Lanes:
         self.store.lanes.save_results(own)
         self.store.lanes.forget(result.lane)
         for each in own:
-            self.observer.result(each)
+            self.tell(each)
 
     def final(self, arms: Iterable[Scored], seeds: Sequence[int] | None = None) -> dict[str, list[str]]:
         """Lane ids of the final trainings by reward, as far as they are done: see `final_lanes`."""
@@ -293,7 +293,7 @@ class Lanes:
         lawful = {lane: s for lane, s in self.first_looks(rivals).items() if not s.broken(self.config.cost_limits)}
         self._look(1, level(lawful), strategy.peaks)
         scores = self._scores(ids)
-        self.observer.played(scores)
+        self.tell(Played(scores))
         return scores
 
     def first_looks(self, ids: Iterable[str]) -> dict[str, Evaluation]:

@@ -9,7 +9,7 @@ from typing import Protocol
 
 from ..config import RunConfig
 from ..errors import FeedbackError, ModelError
-from ..observer import Observer
+from ..events import Began, Tell
 from ..store import Store, read_remarks
 from ..store.directory import check
 from ..types import Generation, History, RemarkKind
@@ -50,7 +50,7 @@ class Hearing:
     config: RunConfig
     store: Store
     desk: Desk
-    observer: Observer
+    tell: Tell
 
     def hear(self, history: History) -> History:
         """The history with the remarks on its last generation, where a person is to be heard and was not yet."""
@@ -79,7 +79,7 @@ class Hearing:
 
     def _wait(self, generation: Generation) -> None:
         """Until somebody says `go`, or nobody did for too long."""
-        self.observer.phase(generation.index, "feedback")
+        self.tell(Began(generation.index, "feedback"))
         self.desk.invite(generation)
         end = time.monotonic() + (self.config.feedback_timeout or math.inf)
         while (

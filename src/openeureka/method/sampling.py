@@ -11,10 +11,10 @@ from typing import Protocol
 
 from ..config import RunConfig
 from ..errors import RewardFileError
+from ..events import Asked, Began, Checked, Replied, Tell
 from ..llm import price
 from ..llm.client import LanguageModel
 from ..llm.random import RandomModel
-from ..observer import Observer
 from ..reward import extract
 from ..store import Store
 from ..types import (
@@ -69,7 +69,7 @@ class Sampler:
     model: LanguageModel
     checker: Checker
     context: TaskContext
-    observer: Observer
+    tell: Tell
 
     def fill(self, generation: int, plans: Sequence[PromptPlan]) -> tuple[Sample, ...]:
         """One sample per slot; slots are numbered through the plans in order."""
@@ -113,7 +113,7 @@ class Sampler:
                     shown[slot] = repair.messages[len(prompt.messages) :]
                     self._draw(repair, generation, attempt, [slot])
             if vacant:
-                self.observer.phase(generation, "check")
+                self.tell(Began(generation, "check"))
             for slot in vacant:
                 sample = self._check(generation, attempt, slot, shown.get(slot, ()))
                 if slot not in filled or sample.verdict.accepted or not filled[slot].verdict.accepted:
@@ -127,22 +127,22 @@ class Sampler:
         missing = [slot for slot in slots if self.store.talk.reply(generation, attempt, slot) is None]
         if not missing:
             return
-        self.observer.phase(generation, "sample")
+        self.tell(Began(generation, "sample"))
         if self.config.max_cost:
             known = price.find(self.config.model, self.config.price)
             price.afford(self.config.max_cost, self.store.talk.replies(), known, prompt, len(missing))
-        self.observer.asked(missing)
+        self.tell(Asked(tuple(missing)))
         seed = request_seed(self.config.seed, generation, attempt, slots[0])
         rest = rest_of(self.model, prompt, seed=seed, held=slots.index(missing[0]), missing=len(missing))
         for slot, reply in zip(missing, rest, strict=True):
             self.store.talk.save_reply(generation, attempt, slot, reply)
-            self.observer.reply(generation, slot, reply)
+            self.tell(Replied(generation, slot, reply))
 
     def _check(self, generation: int, attempt: int, slot: int, repair: Sequence[Message] = ()) -> Sample:
         candidate, verdict = self._judged(self._reply(generation, attempt, slot))
         self.store.save_attempt(generation, attempt, slot, candidate.id if candidate is not None else None, repair)
         sample = Sample(generation=generation, slot=slot, candidate=candidate, verdict=verdict, attempts=attempt + 1)
-        self.observer.verdict(sample)
+        self.tell(Checked(sample))
         return sample
 
     def _judged(self, reply: Reply) -> tuple[Candidate | None, Verdict]:

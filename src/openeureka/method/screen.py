@@ -20,6 +20,7 @@ from statistics import median
 
 import numpy as np
 
+from ..events import Checked
 from ..score import ERRORS, midranks
 from ..types import CandidateId, Episodes, Finding, History, Place, PromptPlan, Sample, Screened, Verdict, VerdictCode
 from .lanes import Lanes, programs
@@ -58,7 +59,7 @@ def _told(sample: Sample, decision: Screened | None, lanes: Lanes) -> Sample:
     if decision is None or decision.kept:
         return sample
     screened = replace(sample, verdict=verdict(sample.verdict.candidate, decision))
-    lanes.observer.verdict(screened)
+    lanes.tell(Checked(screened))
     return screened
 
 

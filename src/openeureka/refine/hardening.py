@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from ..config import BEST, SCRATCH
 from ..errors import ConfigError, ModelError
+from ..events import Began
 from ..llm import price
 from ..llm.client import LanguageModel
 from ..method import given, prompts
@@ -75,7 +76,7 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     """
     config, store, began = lanes.config, lanes.store, training.policy
     store.save_hardening(training)
-    lanes.observer.phase(last_index(config), "evaluate")
+    lanes.tell(Began(last_index(config), "evaluate"))
     # What a model is shown must not be what judges its ranges; both sweeps are on equal start states, to compare them.
     lanes.try_out(sweep(began, robot.quantities), starts=CHOOSING, episodes=SWEEP_EPISODES)
     proposed = propose(lanes, model, robot, training)
@@ -89,11 +90,11 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
         raise ConfigError(f"{store.directory} holds no program of the reward {reward}.")
     names = store.lanes.ranges()
     wanted: list[Wanted] = [(Lane(reward, config.seed, "robust", start, ranges=name), program) for name in names]
-    lanes.observer.phase(last_index(config), "train")
+    lanes.tell(Began(last_index(config), "train"))
     lanes.train(wanted, steps=training.steps)
-    lanes.observer.phase(last_index(config), "play")
+    lanes.tell(Began(last_index(config), "play"))
     arms = {lane.ranges: PolicyId(lane.id, _peak(lanes, lane, robot.quantities)) for lane, _ in wanted}
-    lanes.observer.phase(last_index(config), "evaluate")
+    lanes.tell(Began(last_index(config), "evaluate"))
     beside = [name for name in (LONGER, UNIFORM) if name in arms]
     ours = max((name for name in arms if name not in beside), key=lambda name: _worth(lanes, arms[name].lane))
     judged = (began, *(arms[name] for name in beside), arms[ours])
@@ -198,7 +199,7 @@ def _draw(lanes: Lanes, model: LanguageModel, prompt: Prompt, attempt: int, slot
     missing = [slot for slot in slots if (slot, attempt) not in store.talk.proposals()]
     if not missing:
         return
-    lanes.observer.phase(last_index(config), "sample")
+    lanes.tell(Began(last_index(config), "sample"))
     if config.max_cost:
         paid = [*store.talk.replies(), *store.talk.proposals().values()]
         price.afford(config.max_cost, paid, price.find(config.model, config.price), prompt, len(missing))

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..config import RunConfig
+from ..events import Began
 from ..method import given
 from ..method.lanes import COMPARING, Lanes, Wanted, polish_seeds
 from ..score import Estimate, breach, gain, worth
@@ -34,18 +35,18 @@ def polish(lanes: Lanes) -> None:
     Raises:
         EurekaError: what stopped it; all that was finished is stored, and calling again continues.
     """
-    config, store, log, observer = lanes.config, lanes.store, lanes.store.lanes, lanes.observer
+    config, store, log, tell = lanes.config, lanes.store, lanes.store.lanes, lanes.tell
     starts = (lane.start.policy for lane in log.all().values() if lane.role == "polish" and lane.start is not None)
     began = next(starts, None) or store.best()
     if began is None or log.best_policy() is not None:
         return
     steps = config.polish_steps or max(1, log.results()[began.lane].env_steps // PARTS)
     index = last_index(config)
-    observer.phase(index, "polish")
+    tell(Began(index, "polish"))
     results = lanes.train(deal(config, began, rewards(store, log.all()[began.lane].reward)), steps=steps)
-    observer.phase(index, "play")
+    tell(Began(index, "play"))
     leader = _leader(lanes.play(results, Best(samples=0)), config.cost_limits)
-    observer.phase(index, "evaluate")
+    tell(Began(index, "evaluate"))
     both = [policy for policy in (began, leader) if policy is not None]
     lanes.try_out([Trial(lane=lane, name=COMPARED, peak=peak) for lane, peak in both], starts=COMPARING)
     scores = _compared(log.trials())

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from ..errors import StoreError
+from ..events import Began
 from ..method import given, race
 from ..method.lanes import Lanes, deal, tuning_seeds
 from ..method.sampling import Checker
@@ -117,7 +118,7 @@ def tune(lanes: Lanes, checker: Checker, judge: Best = JUDGE) -> PolicyId | None
         _train(lanes, index, candidates, judge, over=over)
         if not last:
             optimiser.tell(*_scores(lanes, candidates, origin))
-    return _race(lanes, len(every), judge)
+    return _race(lanes, judge)
 
 
 def tune_winner(lanes: Lanes, checker: Checker, winner: Scored | None, peaks: tuple[Peak, ...]) -> PolicyId | None:
@@ -153,7 +154,7 @@ def _propose(lanes: Lanes, checker: Checker, index: int, texts: Mapping[str, str
     store, known = lanes.store, lanes.store.given()
     fresh = {name: Candidate.of(text) for name, text in texts.items() if name not in known}
     if fresh:
-        lanes.observer.phase(lanes.config.generations + index, "check")
+        lanes.tell(Began(lanes.config.generations + index, "check"))
     for candidate in fresh.values():
         if store.verdict(candidate.id) is None:
             store.save_verdict(candidate, checker.check(candidate), Reply(text=candidate.source, model=GIVEN))
@@ -171,10 +172,10 @@ def _train(lanes: Lanes, index: int, candidates: Iterable[Candidate], judge: Bes
     Args:
         over: the next round is proposed already: what this one scored is what that follows from.
     """
-    lanes.observer.phase(lanes.config.generations + index, "train")
+    lanes.tell(Began(lanes.config.generations + index, "train"))
     results = lanes.train(deal(_programs(lanes.store, candidates), [lanes.config.seed], "tuned"))
     if not over:
-        lanes.observer.phase(lanes.config.generations + index, "play")
+        lanes.tell(Began(lanes.config.generations + index, "play"))
         lanes.play(results, judge)
 
 
@@ -189,14 +190,14 @@ def _scores(
     return [own for own in numbers if own is not None], [kept.get(lane) for lane in ids]
 
 
-def _race(lanes: Lanes, last: int, judge: Best) -> PolicyId | None:
+def _race(lanes: Lanes, judge: Best) -> PolicyId | None:
     """Train those that lead and the text as it came with fresh seeds, more of them only while it is undecided."""
     config, store = lanes.config, lanes.store
     texts = store.texts()
     racing, seeds = _raced(lanes, texts) or _leading(lanes, texts), list[int]()
     arms = {name: texts[name] for name in (ORIGINAL, *racing)}
     claims = len(arms) - 1
-    lanes.observer.phase(tuned.last_index(config), "final")
+    lanes.tell(Began(tuned.last_index(config), "final"))
     for more in race.rounds(tuning_seeds(config), raced=True):
         seeds += more
         lanes.train(deal(_programs(store, [arms[name] for name in (ORIGINAL, *racing)]), more, "final"))
@@ -207,7 +208,7 @@ def _race(lanes: Lanes, last: int, judge: Best) -> PolicyId | None:
         strict = claims / race.share(config, len(seeds))
         if len(racing) < 2 and (not racing or race.sure(scores, racing[0], ORIGINAL, strict)):
             break
-    lanes.observer.phase(tuned.last_index(config), "evaluate")
+    lanes.tell(Began(tuned.last_index(config), "evaluate"))
     return _conclude(lanes, texts, judge)
 
 

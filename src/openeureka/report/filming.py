@@ -16,8 +16,8 @@ from types import TracebackType
 
 from ..config import RunConfig
 from ..errors import EurekaError
+from ..events import Event
 from ..film import video
-from ..observer import NullObserver
 from ..score import standing
 from ..store import Store, artifacts, is_run
 from ..types import Generation
@@ -77,7 +77,7 @@ def _place(lane: str) -> str:
     return f"lanes/{lane}/{VIDEO}"
 
 
-class Filming(NullObserver):
+class Filming:
     """Films what a search tells of as it ends a training; a context that ends with the search."""
 
     def __init__(self, directory: Path, config: RunConfig) -> None:
@@ -108,8 +108,9 @@ class Filming(NullObserver):
         """Policies that nobody has begun to film."""
         return self._policies.qsize()
 
-    def generation(self, generation: Generation) -> None:
-        self._queue()  # which policy of a lane counts is known when all have played
+    def __call__(self, event: Event) -> None:
+        if isinstance(event, Generation):
+            self._queue()  # which policy of a lane counts is known when all have played
 
     def _queue(self) -> None:
         left = missing(self._directory) if is_run(self._directory) else {}

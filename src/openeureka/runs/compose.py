@@ -13,6 +13,7 @@ from ..config import NO_MODEL, RobustConfig, RunConfig
 from ..display.outside import logged
 from ..display.trackers import mirrored
 from ..errors import ConfigError, Interrupted
+from ..events import Tell, everyone
 from ..executors import EXECUTORS
 from ..llm import expect, open_model
 from ..llm.client import LanguageModel
@@ -21,7 +22,6 @@ from ..method import baselines, given, sampling
 from ..method.given import Given
 from ..method.lanes import Lanes
 from ..method.person import Desk
-from ..observer import Observer, Observers
 from ..parsing import command_line
 from ..refine import tuning
 from ..refine.hardened import GRID
@@ -40,9 +40,7 @@ from ..types import Candidate, Ranks, TaskContext, Trainer, Usage, Verdict
 from . import inputs, trust
 from .stopping import continuable, stoppable, stopped
 
-Parts = tuple[
-    RunConfig, Store, LanguageModel, Sandbox, Trainer, TaskContext, strategies.SearchStrategy, Observers, Desk
-]
+Parts = tuple[RunConfig, Store, LanguageModel, Sandbox, Trainer, TaskContext, strategies.SearchStrategy, Tell, Desk]
 """Arguments of `loop.run`."""
 MOST_EPOCHS = 100_000
 """Of a training: its curves are stored whole, in a row of at most 64 MiB."""
@@ -59,7 +57,7 @@ class Host(Protocol):
         """Around what takes long and tells nothing of itself."""
         ...
 
-    def view(self, config: RunConfig, directory: Path, usage: Usage) -> AbstractContextManager[Observer]:
+    def view(self, config: RunConfig, directory: Path, usage: Usage) -> AbstractContextManager[Tell]:
         """Entered when the run is at work; `usage` is what earlier processes spent on it."""
         ...
 
@@ -148,7 +146,7 @@ def _reported(
 
 @contextmanager
 def _parts(
-    config: RunConfig, directory: Path, host: Host, model: LanguageModel | None, mirrors: Sequence[Observer]
+    config: RunConfig, directory: Path, host: Host, model: LanguageModel | None, mirrors: Sequence[Tell]
 ) -> Iterator[Parts]:
     """What a search is made of, as long as it is at work."""
     known = context(config.env)
@@ -183,8 +181,8 @@ def _parts(
             ):
                 desk = host.desk(config, directory, films)
                 strategy = strategies.make(config, store.ranks)
-                observers = Observers(*log, *films, *mirrors, view)
-                yield config, store, model, checker, trainer, known, strategy, observers, desk
+                tell = everyone(*log, *films, *mirrors, view)
+                yield config, store, model, checker, trainer, known, strategy, tell, desk
     finally:
         model.close()
 
@@ -305,7 +303,7 @@ def robust(
         logged(directory, config, store.talk.usage()) as log,
         host.view(config, directory, store.talk.usage()) as view,
     ):
-        harden(Lanes(config, store, trainer, Observers(*log, view)), model, robot, training)
+        harden(Lanes(config, store, trainer, everyone(*log, view)), model, robot, training)
     return _reported(config, directory, host, "hardening")
 
 
@@ -322,7 +320,7 @@ def comparing(config: RunConfig, directory: Path, host: Host) -> Iterator[Lanes]
         logged(directory, config, Usage()) as log,
         host.view(config, directory, Usage()) as view,
     ):
-        yield Lanes(config, store, trainer, Observers(*log, *mirrors, view))
+        yield Lanes(config, store, trainer, everyone(*log, *mirrors, view))
 
 
 @contextmanager

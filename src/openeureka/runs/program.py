@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 
+from .. import events
 from ..config import RunConfig
 from ..errors import Interrupted
 from ..method.person import Desk
-from ..observer import Phase
 from ..report.filming import Filming
-from ..score import Outcome
 from ..store import has_begun
 from ..store.directory import is_asked_to_stop
-from ..types import Evaluation, Generation, Reply, Sample, TrainingProgress, TrainingResult, Usage
+from ..types import Generation, TrainingResult, Usage
 from . import compose
 from .run import Run
 
@@ -30,83 +29,8 @@ class Started:
     run: Run
 
 
-@dataclass(frozen=True, slots=True)
-class Began:
-    """A phase begins: of a generation, of a round of `tune` (counted on from the last generation), or of what follows
-    both. `feedback` waits for a person."""
-
-    generation: int
-    phase: Phase
-
-
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """The model begins to write for these slots; some of them for another time."""
-
-    slots: tuple[int, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Replied:
-    """A reply arrived and is stored."""
-
-    generation: int
-    slot: int
-    reply: Reply
-
-
-@dataclass(frozen=True, slots=True)
-class Checked:
-    """A slot's newest program was checked; a refused one may be followed by another for the same slot."""
-
-    sample: Sample
-
-
-@dataclass(frozen=True, slots=True)
-class Played:
-    """What lanes score by now, by id, since their policies were played; the stored ones come again."""
-
-    scores: Mapping[str, Evaluation]
-
-
-Event = Started | Began | Asked | Replied | Checked | TrainingProgress | TrainingResult | Played | Generation | Outcome
-"""In the order in which it happens, and after it is stored. `TrainingProgress` comes about once a second while lanes
-train, a `TrainingResult` when one of them is done, a `Generation` when all of it is, the `Outcome` when a search is."""
-
-
-class Teller:
-    """An observer that makes an event of all it sees."""
-
-    def __init__(self, tell: Callable[[Event], object]) -> None:
-        self._tell = tell
-
-    def phase(self, generation: int, name: Phase) -> None:
-        self._tell(Began(generation, name))
-
-    def asked(self, slots: Sequence[int]) -> None:
-        self._tell(Asked(tuple(slots)))
-
-    def reply(self, generation: int, slot: int, reply: Reply) -> None:
-        self._tell(Replied(generation, slot, reply))
-
-    def verdict(self, sample: Sample) -> None:
-        self._tell(Checked(sample))
-
-    def progress(self, progress: TrainingProgress) -> None:
-        self._tell(progress)
-
-    def result(self, result: TrainingResult) -> None:
-        self._tell(result)
-
-    def played(self, scores: Mapping[str, Evaluation]) -> None:
-        self._tell(Played(dict(scores)))
-
-    def generation(self, generation: Generation) -> None:
-        self._tell(generation)
-
-    def outcome(self, outcome: Outcome) -> None:
-        self._tell(outcome)
-
+Event = Started | events.Event
+"""What a program hears: first that the run has its directory, then all that the run tells."""
 
 Tell = Callable[[Event], object]
 Work = Callable[[compose.Host], object]
@@ -132,14 +56,14 @@ class Program:
         return nullcontext()
 
     @contextmanager
-    def view(self, config: RunConfig, directory: Path, usage: Usage) -> Iterator[Teller]:
+    def view(self, config: RunConfig, directory: Path, usage: Usage) -> Iterator[events.Tell]:
         def tell(event: Event) -> None:
             self.tell(event)
             if not isinstance(event, TrainingResult):  # the next one may be waiting: it is to be kept first
                 self.obey(directory)
 
         tell(Started(Run(directory)))
-        yield Teller(tell)
+        yield tell
 
     def obey(self, directory: Path) -> None:
         """Raises KeyboardInterrupt where the run is to stop and no signal says so."""
@@ -186,22 +110,22 @@ def done(directory: Path, on_event: Tell | None, work: Work, *, own: bool = Fals
 
 def followed(work: Work, *, own: bool = False) -> Generator[Event]:
     """The events of a run at work in a thread of its own."""
-    events: SimpleQueue[Event | None] = SimpleQueue()
+    told: SimpleQueue[Event | None] = SimpleQueue()
     leaving = threading.Event()
     failures: list[BaseException] = []
 
     def run() -> None:
         try:
-            work(Program(events.put, leaving, own))
+            work(Program(told.put, leaving, own))
         except BaseException as error:  # whatever it is, it is raised where somebody looks
             failures.append(error)
         finally:
-            events.put(None)
+            told.put(None)
 
     thread = threading.Thread(target=run, name="openeureka", daemon=True)
     thread.start()
     try:
-        while (event := events.get()) is not None:
+        while (event := told.get()) is not None:
             yield event
     except KeyboardInterrupt:
         leaving.set()
