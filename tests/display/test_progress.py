@@ -17,20 +17,19 @@ PROGRESS = TrainingProgress(
 
 def test_without_a_terminal_lines_are_plain_and_rare():
     out = io.StringIO()
-    with ProgressLine(Console(file=out, width=200)) as line:
-        line.show(PROGRESS)
-        line.show(PROGRESS)
+    line = ProgressLine(Console(file=out, width=200))
+    line.show(PROGRESS)
+    line.show(PROGRESS)
     assert out.getvalue() == "Training: epoch 5 of 20, 12,346 steps/s, starting; best F: [red] 321, sparse-s0 5\n"
 
 
 def test_the_time_left_is_that_of_the_training_shown_and_not_of_one_before_it_or_of_epochs_of_another_day(monkeypatch):
-    now, out = [100.0], io.StringIO()
+    now = [100.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
-    with ProgressLine(Console(file=out, width=200, force_terminal=True)) as line:
-        told: list[str] = []
-        for second, epoch in ((100.0, 1), (110.0, 11), (200.0, 2), (204.0, 4)):
-            now[0] = second
-            told.append(line._sentence(dataclasses.replace(PROGRESS, epoch=epoch)).split(", ")[2].partition(";")[0])
+    line, told = ProgressLine(Console(file=io.StringIO(), width=200)), list[str]()
+    for second, epoch in ((100.0, 1), (110.0, 11), (200.0, 2), (204.0, 4)):
+        now[0] = second
+        told.append(line._sentence(dataclasses.replace(PROGRESS, epoch=epoch)).split(", ")[2].partition(";")[0])
     assert told == ["starting", "9 s left", "starting", "32 s left"]
 
 
@@ -38,7 +37,7 @@ def test_epochs_that_a_stopped_run_had_done_tell_no_pace(monkeypatch):
     now = [100.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
     joint, errands = JointProgress(2), (object(), object())
-    line, told = ProgressLine(Console(file=io.StringIO(), width=200, force_terminal=True)), []
+    line, told = ProgressLine(Console(file=io.StringIO(), width=200)), list[str]()
     for second, which, epoch in ((100.0, 0, 10), (101.0, 1, 12), (110.0, 0, 11), (111.0, 1, 13)):
         now[0] = second
         part = dataclasses.replace(PROGRESS, epoch=epoch)
@@ -66,8 +65,7 @@ def test_the_nodes_of_a_cluster_follow_with_what_each_trains():
     placed = dataclasses.replace(PROGRESS, nodes=nodes)
     assert by_node(placed) == "alp ha 8 lanes at 10,000 steps/s, beta 4 lanes at 2,000 steps/s"
     out = io.StringIO()
-    with ProgressLine(Console(file=out, width=300)) as line:
-        line.show(placed)
+    ProgressLine(Console(file=out, width=300)).show(placed)
     assert out.getvalue().endswith(f"sparse-s0 5; {by_node(placed)}\n")
     assert by_node(PROGRESS) == ""
 
@@ -75,16 +73,16 @@ def test_the_nodes_of_a_cluster_follow_with_what_each_trains():
 def test_a_terminal_that_cannot_redraw_is_given_lines():
     out = io.StringIO()
     dumb = Console(file=out, width=200, force_terminal=True, _environ={"TERM": "dumb"})
-    with progress.working("Filming", dumb), ProgressLine(dumb) as line:
-        line.show(PROGRESS)
+    with progress.working("Filming", dumb):
+        ProgressLine(dumb).show(PROGRESS)
     assert out.getvalue().splitlines()[0] == "Filming" and "epoch 5 of 20" in out.getvalue()
     assert isinstance(view(RunConfig(), Usage(), dumb), PlainView)
 
 
-def test_on_a_terminal_the_line_is_redrawn():
+def test_on_a_terminal_the_clock_is_redrawn():
     out = io.StringIO()
-    with ProgressLine(Console(file=out, width=200, force_terminal=True)) as line:
-        line.show(PROGRESS)
+    with progress.working("Filming", Console(file=out, width=200, force_terminal=True, _environ={"TERM": "xterm"})):
+        pass
     assert "\x1b[?25l" in out.getvalue()  # the cursor was hidden, so a live display ran
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import TracebackType
 
 from rich.console import Console
 from rich.text import Text
@@ -15,7 +14,7 @@ from ..text import one_line
 from ..types import TrainingProgress
 
 SECONDS_BETWEEN_LINES = 10.0
-"""Where there is no terminal to redraw; each pause is longer than the one before, so that a log stays short."""
+"""Each pause is longer than the one before, so that a log stays short."""
 LONGER, LONGEST = 1.5, 600.0
 SHOWN = 3
 """Lanes named in the line."""
@@ -49,33 +48,19 @@ def working(text: str, console: Console | None = None) -> Iterator[None]:
 
 
 class ProgressLine:
-    """A line that is redrawn on a terminal, and now and then a new one elsewhere."""
+    """A new line now and then, for where none can be redrawn."""
 
-    def __init__(self, console: Console | None = None) -> None:
-        self._console = console or Console()
-        self._status = self._console.status("Starting") if redraws(self._console) else None
+    def __init__(self, console: Console) -> None:
+        self._console = console
         self._since: tuple[float, int] | None = None
         """When the training that is shown was first heard of, and its epochs then, as `_left` counts them."""
         self._counted = self._resumed = 0
         self._printed, self._pause = 0.0, SECONDS_BETWEEN_LINES
 
-    def __enter__(self) -> ProgressLine:
-        if self._status is not None:
-            self._status.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        if self._status is not None:
-            self._status.stop()
-
     def show(self, progress: TrainingProgress) -> None:
         text = self._sentence(progress)
         now = time.monotonic()
-        if self._status is not None:
-            self._status.update(Text(text))
-        elif now - self._printed >= self._pause:
+        if now - self._printed >= self._pause:
             self._console.print(Text(text), soft_wrap=True)
             self._pause = min(LONGEST, self._pause * LONGER) if self._printed else self._pause
             self._printed = now
