@@ -1,30 +1,40 @@
 from dataclasses import replace
 
-import pytest
-
-from openeureka.report.tables import by_generation, tiles, trained_share
-from openeureka.types import Evaluation, Generation, History, VerdictCode
+from openeureka.report.tables import generations, tiles
+from openeureka.types import Evaluation, Generation, History, TrainingState
 
 from .search import BASELINES, HISTORY, run, trained
 from .test_verdict import ended
 
 
 def test_a_generation_counts_slots_verdicts_replies_and_trained_slots():
-    first = by_generation(HISTORY)[0]
-    assert (first.slots, first.trained) == (3, 2)
-    assert first.verdicts == {VerdictCode.ACCEPTED: 2, VerdictCode.REFUSED: 1}
-    assert first.replies == 1 + 2 + 3
-    assert (first.best, first.mean) == (30.0, 20.0)  # (10 + 30) / 2
+    found = generations(run(HISTORY))
+    first = dict(zip(found.titles, found.rows[0], strict=True))
+    assert (first["slots"], first["trained"]) == ("3", "2")
+    assert first["verdicts"] == "2 accepted, 1 refused"
+    assert first["replies"] == "6"  # 1 + 2 + 3
+    assert (first["best F"], first["mean F"]) == ("30", "20")  # (10 + 30) / 2
+    assert first["environment steps"] == "200"  # 100 of each training
+    assert found.note == "Of all slots, 67% trained."  # 4 of 6
 
 
-def test_a_diverged_slot_counts_in_no_mean():
-    second = by_generation(HISTORY)[1]
-    assert (second.trained, second.best, second.mean) == (1, 20.0, 20.0)
+def test_before_the_first_generation_no_share_trained():
+    assert generations(run(History())).note == ""
 
 
-def test_trained_share_is_of_all_slots():
-    assert trained_share(HISTORY) == pytest.approx(4 / 6)
-    assert trained_share(History()) is None
+def test_a_diverged_slot_without_a_score_counts_in_no_mean():
+    assert generations(run(HISTORY)).rows[1][-4:] == ("1", "200", "20", "20")
+
+
+def test_the_mean_of_a_generation_is_of_the_slots_that_its_best_is_one_of():
+    """Of 40, 30 and 10, the 40 diverged and the 10 breaks a limit: its falls are 0.9."""
+    entries = [trained(0, slot, fitness) for slot, fitness in enumerate((40.0, 30.0, 10.0))]
+    assert entries[0].result is not None
+    entries[0] = replace(entries[0], result=replace(entries[0].result, state=TrainingState.DIVERGED))
+    fallen = Evaluation(lane="x", fitness=10.0, episode_length=9.0, episodes=4, costs={"falls": 0.9})
+    entries[2] = replace(entries[2], played=fallen)
+    own = History((Generation(0, tuple(entries), limits={"falls": 0.5}),))
+    assert generations(run(own)).rows[0][-4:] == ("2", "300", "40", "35")  # (40 + 30) / 2
 
 
 def test_lanes_that_share_a_training_spend_its_steps_once():

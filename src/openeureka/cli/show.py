@@ -85,8 +85,11 @@ def _slot(entry: Scored, strengths: Mapping[CandidateId, float]) -> tuple[str, .
 def summary(run: RunView) -> list[str]:
     """The result in a few lines."""
     how = "played" if run.ranks == "played" else "in training"
-    lines = [f"Generation {g.index}: best F {how} {number(g.best)}, {g.trained} of {g.slots} trained"
-             for g in tables.by_generation(run.history)]  # fmt: skip
+    lines = [
+        f"Generation {g.index}: best F {how} {number(g.best.score if g.best else None)}, "
+        f"{g.trained} of {len(g.entries)} trained"
+        for g in run.history.generations
+    ]
     lines += [f"{name.capitalize()} reward: F {how} {number(run.baseline_score(name))}" for name in run.baselines]
     if run.outcome is not None:
         lines += final(run.outcome)

@@ -14,7 +14,7 @@ from ..parsing import as_dict
 from ..refine.polishing import Polished, Try
 from ..refine.tuned import ORIGINAL, Tuned
 from ..score import Arm, Baselines, Outcome, human_normalised, mean
-from ..types import Evaluation, Generation, Glance, History, Remark, RemarkKind, VerdictCode
+from ..types import Evaluation, Glance, Remark, RemarkKind
 from .candidates import CandidateView
 from .numbers import dollars, duration, number, scored, spread
 from .view import RunView
@@ -268,23 +268,27 @@ def worlds(run: RunView) -> Table:
 
 
 def generations(run: RunView) -> Table:
-    """A row per finished generation."""
+    """A row per finished generation. Its mean F is of the slots that its best is one of: those with a score, whose
+    policies keep the limits."""
+    done, steps = run.history.generations, Counter[int]()
+    for entry, added in run.history.spent():
+        steps[entry.sample.generation] += added
     rows = [
         (
             str(g.index),
-            str(g.slots),
-            ", ".join(f"{count} {code}" for code, count in g.verdicts.items()),
-            str(g.replies),
+            str(len(g.entries)),
+            ", ".join(f"{n} {code}" for code, n in Counter(e.sample.verdict.code for e in g.entries).items()),
+            str(sum(entry.sample.attempts for entry in g.entries)),
             str(g.trained),
-            f"{g.env_steps:,}",
-            number(g.best),
-            number(g.mean),
+            f"{steps[g.index]:,}",
+            number(g.best.score if g.best else None),
+            number(mean(g.scores)),
         )
-        for g in by_generation(run.history)
+        for g in done
     ]
     titles = ("generation", "slots", "verdicts", "replies", "trained", "environment steps", "best F", "mean F")
-    share = trained_share(run.history)
-    return Table(titles, rows, f"Of all slots, {share:.0%} trained." if share is not None else "")
+    slots, trained = sum(len(g.entries) for g in done), sum(g.trained for g in done)
+    return Table(titles, rows, f"Of all slots, {trained / slots:.0%} trained." if slots else "")
 
 
 def facts(candidate: CandidateView) -> Table:
@@ -347,49 +351,3 @@ def spent(run: RunView) -> str:
     usage = run.usage
     tokens = f"{usage.prompt_tokens} prompt tokens and {usage.completion_tokens} completion tokens"
     return f"{tokens}, US$ {dollars(usage.cost_usd)}."
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GenerationStats:
-    """One generation in numbers."""
-
-    index: int
-    slots: int
-    verdicts: Mapping[VerdictCode, int]
-    replies: int
-    """Replies spent, repairs and refills included."""
-    trained: int
-    """Slots whose training came to its end, or was cut."""
-    env_steps: int
-    """Of the trainings of its slots; see `History.spent`."""
-    best: float | None
-    mean: float | None
-    """Over the slots with a score."""
-
-
-def by_generation(history: History) -> tuple[GenerationStats, ...]:
-    """Statistics of each generation, in order."""
-    steps = Counter[int]()
-    for entry, added in history.spent():
-        steps[entry.sample.generation] += added
-    return tuple(_of(generation, steps[generation.index]) for generation in history.generations)
-
-
-def _of(generation: Generation, env_steps: int) -> GenerationStats:
-    return GenerationStats(
-        index=generation.index,
-        slots=len(generation.entries),
-        verdicts=Counter(entry.sample.verdict.code for entry in generation.entries),
-        replies=sum(entry.sample.attempts for entry in generation.entries),
-        trained=generation.trained,
-        env_steps=env_steps,
-        best=generation.best.score if generation.best else None,
-        mean=mean(generation.scores),
-    )
-
-
-def trained_share(history: History) -> float | None:
-    """Slots that trained, over all slots. None before the first generation."""
-    stats = by_generation(history)
-    slots = sum(generation.slots for generation in stats)
-    return sum(generation.trained for generation in stats) / slots if slots else None

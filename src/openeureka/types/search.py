@@ -132,14 +132,18 @@ class Generation:
 
     @property
     def scores(self) -> list[float]:
-        """Of the entries whose training came to its end, or was cut, with a score."""
-        return [entry.score for entry in self.entries if entry.trained and entry.score is not None]
+        """Of the entries that `best` is one of."""
+        return [entry.score for entry in self._scored if entry.score is not None]
 
     @property
     def best(self) -> Scored | None:
         """The entry of highest score that keeps the limits; an undefined one never wins, of equals the earlier does."""
-        scored = [entry for entry in self.entries if entry.score is not None and not entry.breaks(self.limits)]
-        return max(scored, key=lambda entry: entry.score or 0.0, default=None)
+        return max(self._scored, key=lambda entry: entry.score or 0.0, default=None)
+
+    @property
+    def _scored(self) -> list[Scored]:
+        """The entries with a score that keep the limits, however their training ended."""
+        return [entry for entry in self.entries if entry.score is not None and not entry.breaks(self.limits)]
 
 
 @dataclass(frozen=True, slots=True)
