@@ -80,6 +80,13 @@ def test_a_task_that_is_not_installed_is_never_imported_to_be_played(tmp_path: P
     assert visitor(tmp_path).get("/runs/run/play/g0s0").status_code == 404
 
 
+def test_candidates_of_a_task_whose_package_is_missing_here_are_shown(tmp_path: Path):
+    search_in(tmp_path / "run", [reply(7), reply(8)], env="gym:TheirPackage-v0")
+    page = visitor(tmp_path).get("/runs/run/candidates?show=g0s0")
+    assert page.status_code == 200 and 'id="g0s0"' in page.text and "data-play" not in page.text
+    assert visitor(tmp_path).get("/runs/run/play/g0s0").status_code == 404
+
+
 def test_a_person_plays_with_a_policy_in_3d(page: Page, run: Path):
     page.goto("/runs/run/candidates?show=g0s0")
     page.set_default_timeout(3 * PATIENCE)  # the child loads torch and MuJoCo

@@ -198,19 +198,19 @@ def with_error(score: Evaluation) -> str:
     return f"{score.fitness:.{decimals}f} ± {score.error:.{decimals}f}"
 
 
-def scale(context: TaskContext) -> str:
-    """Unit and range of the task's score, as far as the task declares them."""
-    low, high = (None if bound is None else f"{bound:g}" for bound in context.score_range)
+def scale(unit: str, ends: tuple[float | None, float | None]) -> str:
+    """Unit and range of a task's score, as far as the task declares them."""
+    low, high = (None if bound is None else f"{bound:g}" for bound in ends)
     if low is not None and high is not None:
         bounds = f"from {low} to {high}"
     else:
         bounds = f"at least {low}" if low is not None else f"at most {high}" if high is not None else ""
-    return ", ".join(part for part in (context.score_unit, bounds) if part)
+    return ", ".join(part for part in (unit, bounds) if part)
 
 
 def facts(context: TaskContext) -> list[str]:
     """What counts, and what the score does not betray; nothing that tells how it comes about."""
-    found = scale(context)
+    found = scale(context.score_unit, context.score_range)
     score = f"The task score: {found}; higher is better." if found else "A higher task score is better."
     return [score, *context.facts]
 

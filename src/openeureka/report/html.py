@@ -26,7 +26,6 @@ from pygments.token import STANDARD_TYPES
 
 from ..codec import plain as data_of
 from ..config import NO_MODEL, short_name
-from ..errors import TaskError
 from ..store import artifacts
 from ..tasks import registry
 from ..text import plain
@@ -88,10 +87,8 @@ def _best_first(run: RunView) -> list[CandidateView]:
 
 def intent(env: str) -> str:
     """The sentence of a task that is installed; a report does not import other people's files."""
-    try:
-        return registry.get(env).description if registry.installed(env) else ""
-    except TaskError:
-        return ""
+    task = registry.offered(env)
+    return task.description if task is not None else ""
 
 
 def _here(directory: Path) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ..config import TrainConfig
-from ..errors import TaskError
 from ..method.lanes import beside, unused_seed
 from ..method.prompts import scale
 from ..parsing import command_line
@@ -13,7 +12,6 @@ from ..refine.polishing import Polished
 from ..refine.tuned import ORIGINAL, Tuned
 from ..score import Arm, Difference, Estimate, difference, mean, rank
 from ..tasks import registry
-from ..tasks.context import context
 from ..types import of_components
 from .costs import nobody
 from .numbers import number, scored
@@ -145,10 +143,8 @@ def none_found(run: RunView) -> str:
 
 def meaning(run: RunView) -> str:
     """What F counts, of a task that is installed; a report does not import other people's files."""
-    try:
-        found = scale(context(run.config.env)) if registry.installed(run.config.env) else ""
-    except TaskError:
-        found = ""
+    task = registry.offered(run.config.env)
+    found = scale(task.score_unit, task.score_range) if task is not None else ""
     return f"F: {found}; higher is better." if found else "F is the task's own score; higher is better."
 
 

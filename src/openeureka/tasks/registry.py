@@ -84,6 +84,14 @@ def get(env: str) -> type[Task]:
     return _changed(task, settings) if settings else task
 
 
+def offered(env: str) -> type[Task] | None:
+    """The class of a task that is `installed` and can be had here: nobody's file is imported to look for it."""
+    try:
+        return get(env) if installed(env) else None
+    except TaskError:
+        return None
+
+
 def variant(env: str, values: Mapping[str, object]) -> str:
     """The name of a task with other class attributes, for `get`."""
     return "+".join([env, *(f"{name}={json.dumps(value)}" for name, value in values.items())])

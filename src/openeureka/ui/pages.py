@@ -117,7 +117,8 @@ def playable(directory: Path, run: RunView, name: str) -> bytes | None:
 
 def _in_depth(env: str) -> bool:
     """Whether MuJoCo knows the task, and no file has to be imported that the run names."""
-    return registry.installed(env) and not registry.get(env).draws_itself
+    task = registry.offered(env)
+    return task is not None and not task.draws_itself
 
 
 def trained(directory: Path, run: RunView) -> Parts:
