@@ -1,14 +1,19 @@
+from dataclasses import replace
+
 from tensorboard.backend.event_processing.event_file_loader import EventFileLoader
 
 from openeureka.report import export
 from openeureka.types import TrainingResult, TrainingState
 
 CURVES = {"fitness": (None, 2.0, 3.5), "component/upright": (0.5,)}
+UNCOUNTED = TrainingResult(
+    lane="a", state=TrainingState.FINISHED, fitness=3.5, curves=CURVES, env_steps=0, seconds=60.0
+)
 
 
 def test_tensorboard_reads_back_every_defined_value(tmp_path):
     path = tmp_path / export.EVENTS
-    path.write_bytes(export.to_events(CURVES))
+    path.write_bytes(export.events_of(UNCOUNTED))
     read = [
         (value.tag, event.step, value.tensor.float_val[0])
         for event in EventFileLoader(str(path)).Load()
@@ -17,14 +22,12 @@ def test_tensorboard_reads_back_every_defined_value(tmp_path):
     assert read == [("fitness", 1, 2.0), ("fitness", 2, 3.5), ("component/upright", 0, 0.5)]
 
 
-def test_equal_curves_give_equal_files():
-    assert export.to_events(CURVES) == export.to_events(CURVES)
+def test_equal_trainings_give_equal_files():
+    assert export.events_of(UNCOUNTED) == export.events_of(replace(UNCOUNTED))
 
 
 def test_the_axes_are_environment_steps_and_seconds(tmp_path):
-    result = TrainingResult(
-        lane="a", state=TrainingState.FINISHED, fitness=3.5, curves=CURVES, env_steps=3000, seconds=60.0
-    )
+    result = replace(UNCOUNTED, env_steps=3000)
     path = tmp_path / export.EVENTS
     path.write_bytes(export.events_of(result))
     found = [(e.step, e.wall_time) for e in EventFileLoader(str(path)).Load() if e.summary.value]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from io import BytesIO
 
@@ -141,22 +140,13 @@ _HEAD = """# What runs policy.onnx on a robot. Lists are in the order of actions
 """
 
 
-def to_events(
-    curves: Mapping[str, Sequence[float | None]],
-    *,
-    env_steps: int = 0,
-    steps_before: int = 0,
-    seconds: float = 0.0,
-    clock: Sequence[float] = (),
-) -> bytes:
-    """One scalar per curve and epoch, over environment steps. Equal trainings give equal bytes: no host name goes in.
+def events_of(result: TrainingResult) -> bytes:
+    """The event file of a training: one scalar per curve and epoch, over environment steps, or over epochs where it
+    counts no steps, from time 0 on. Equal trainings give equal bytes: no host name goes in.
 
-    Args:
-        env_steps: of the whole training; 0 counts epochs instead.
-        steps_before: those of them before the curves begin.
-        seconds: that the training took, from time 0; without a clock, epochs are taken to last equally long.
-        clock: [s] at each epoch, waits between two processes left out.
+    Epochs that no clock tells of are taken to last equally long.
     """
+    curves, first, clock = result.over_epochs, result.steps_before, result.clock
     epochs = max(map(len, curves.values()), default=0)
     buffer = BytesIO()
     writer = RecordWriter(buffer)
@@ -165,18 +155,7 @@ def to_events(
         for epoch, value in enumerate(values):
             if value is not None:
                 summary = Summary(value=[Summary.Value(tag=tag, simple_value=value)])
-                step = steps_before + (epoch + 1) * (env_steps - steps_before) // epochs if env_steps else epoch
-                time = clock[epoch] if epoch < len(clock) else (epoch + 1) * seconds / epochs
+                step = first + (epoch + 1) * (result.env_steps - first) // epochs if result.env_steps else epoch
+                time = clock[epoch] if epoch < len(clock) else (epoch + 1) * result.seconds / epochs
                 writer.write(Event(step=step, wall_time=time, summary=summary).SerializeToString())
     return buffer.getvalue()
-
-
-def events_of(result: TrainingResult) -> bytes:
-    """The event file of a training."""
-    return to_events(
-        result.over_epochs,
-        env_steps=result.env_steps,
-        steps_before=result.steps_before,
-        seconds=result.seconds,
-        clock=result.clock,
-    )
