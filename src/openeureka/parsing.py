@@ -186,7 +186,7 @@ _READ: Mapping[type, Callable[[str], Any]] = {str: str, int: whole_number, float
 
 
 def restored(kind: type[Config], stored: object) -> Config:
-    """The config that `as_dict` was made of, from data of anybody's; fields that it lacks have their defaults.
+    """The config that `asdict` took apart, from data of anybody's; fields that it lacks have their defaults.
 
     Raises:
         ConfigError: for an unknown field or a value that does not fit.
@@ -223,8 +223,3 @@ def read_yaml(path: Path, kind: str, loader: type[SafeLoader] | None = None) -> 
         raise ConfigError(f"Cannot read the {kind} {path}: {error.strerror}.") from None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise ConfigError(f"The {kind} {path} is not YAML: {' '.join(str(error).split())}.") from None
-
-
-def as_dict(config: DataclassInstance) -> dict[str, object]:
-    """Every field of a config dataclass, for storing and printing it back."""
-    return dataclasses.asdict(config)

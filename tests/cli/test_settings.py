@@ -3,9 +3,10 @@ from pathlib import Path
 
 import pytest
 
-from openeureka.cli.settings import again, describe, only_path, split
+from openeureka.cli.settings import describe, only_path, split
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError
+from openeureka.parsing import command_line
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +35,7 @@ def test_words_are_separated_from_paths():
 
 @pytest.mark.parametrize("place", ["lr=3", "runs/lr=3", "/tmp/lr=3"])
 def test_a_directory_with_an_equals_sign_is_gone_on_with(place):
-    *_, word = again(Path(place)).split()
+    *_, word = command_line("resume", Path(place)).split()
     settings, paths = split([word, "max_cost=3"])
     assert (settings, paths) == (["max_cost=3"], [Path(place)])
 

@@ -1,8 +1,10 @@
+from dataclasses import asdict
+
 import pytest
 
 from openeureka.config import RobustConfig, RunConfig, TrainConfig, TuneConfig
 from openeureka.errors import ConfigError
-from openeureka.parsing import as_dict, changed, parse, restored, taken
+from openeureka.parsing import changed, parse, restored, taken
 
 
 def test_words_become_typed_fields():
@@ -24,7 +26,7 @@ def test_a_place_at_home_is_found_whatever_the_shell(monkeypatch, tmp_path):
 
 def test_a_config_survives_being_stored_and_read_back():
     config = parse(RunConfig, ["env=ant", "seeds=5"])
-    assert RunConfig(**as_dict(config)) == config  # pyright: ignore[reportArgumentType]
+    assert RunConfig(**asdict(config)) == config  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize(
@@ -67,7 +69,7 @@ def test_a_text_that_no_run_could_give_back_is_refused_before_it_is_kept(text: s
     with pytest.raises(ConfigError, match="^`safety` h[^\n]*$"):
         parse(RunConfig, [f"safety={text}"])
     longest = parse(RunConfig, ["safety=" + 4096 * "x"])
-    assert restored(RunConfig, as_dict(longest)) == longest
+    assert restored(RunConfig, asdict(longest)) == longest
 
 
 @pytest.mark.parametrize("last", ["ant", "cartpole"])

@@ -100,7 +100,7 @@ def test_a_family_stands_in_columns_with_shades_from_the_lowest_f_to_the_highest
     ]
     family = charts.family(dataclasses.replace(shown, generations=tuple(generations)))
     assert family is not None
-    found = {member.name: member for member in family.members}
+    found = {str(member.place): member for member in family.members}
     assert {name: member.shade for name, member in found.items()} == {"g0s0": 0, "g0s1": 8, "g1s0": 4, "g1s1": None}
     assert found["g1s0"].parent == (found["g0s1"].x, found["g0s1"].y)
     assert all(0 < member.x < family.width and 0 < member.y < family.height for member in family.members)

@@ -15,7 +15,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -24,7 +24,6 @@ from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.errors import StoreError
 from openeureka.loop import run
-from openeureka.parsing import as_dict
 from openeureka.store import Store, db, read_config, say
 from openeureka.store.db import Database
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
@@ -259,7 +258,7 @@ def test_a_run_of_an_older_version_can_be_read_and_stays_as_it_is(tmp_path: Path
     with monkeypatch.context() as older:
         older.setattr(db, "MIGRATIONS", db.MIGRATIONS[:1])
         database = Database(tmp_path, writable=True)
-        database.put("run", {"id": 1, "config": json.dumps(as_dict(CONFIG)), "version": "0"})
+        database.put("run", {"id": 1, "config": json.dumps(asdict(CONFIG)), "version": "0"})
         database.close()
     before = (tmp_path / db.FILENAME).read_bytes()
     with Store.view(tmp_path) as store:

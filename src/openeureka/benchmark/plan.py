@@ -16,7 +16,7 @@ import yaml
 from ..config import NO_MODEL, RunConfig, short_name
 from ..errors import ConfigError, nearest
 from ..method.lanes import unused_seed
-from ..parsing import absolute, as_dict, parse, read_yaml, restored
+from ..parsing import absolute, parse, read_yaml, restored
 from ..store.store import FREE_TO_CHANGE
 
 Settings = Mapping[str, Any]
@@ -97,7 +97,7 @@ class Plan:
 
     def as_json(self) -> str:
         """For `kept`."""
-        cells = [(cell.task, cell.arm, cell.seed, as_dict(self.config(cell))) for cell in self.cells()]
+        cells = [(cell.task, cell.arm, cell.seed, dataclasses.asdict(self.config(cell))) for cell in self.cells()]
         return json.dumps({"cells": cells}, indent=1) + "\n"
 
 
@@ -207,8 +207,8 @@ def expect_more(kept: bytes, wanted: Plan, directory: Path) -> None:
                 f"{directory} has a bench with {cell.name}, which the plan lacks: it may add tasks, arms and seeds; "
                 "name another dir= for less."
             )
-        now = as_dict(wanted.config(new[cell.name]))
-        for key, value in as_dict(before).items():
+        now = dataclasses.asdict(wanted.config(new[cell.name]))
+        for key, value in dataclasses.asdict(before).items():
             if key not in FREE_TO_CHANGE and now[key] != value:
                 raise ConfigError(
                     f"{directory} has a bench whose {cell.name} has {key}={value}, not {now[key]}: leave it so, or "

@@ -10,13 +10,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import ConfigError, FeedbackError, StoreError
-from ..parsing import parse
+from ..parsing import command_line, parse
 from ..runs.stopping import stopped
 from ..store import is_held, say
 from ..store.directory import OUTPUTS, ask_to_stop
 from ..store.remarks import remark
 from ..types import RemarkKind
-from .settings import PageConfig, again, only_path, split
+from .settings import PageConfig, only_path, split
 
 PATIENCE = 60.0
 """[s] in which a run that was asked must have stopped."""
@@ -40,7 +40,7 @@ def stop(directory: Path) -> None:
         if time.monotonic() > end:
             raise StoreError(f"The run in {directory} was asked to stop and goes on; end its process where it runs.")
         time.sleep(0.1)
-    print(stopped(again(directory)))
+    print(stopped(command_line("resume", directory)))
 
 
 def ui(words: Sequence[str]) -> None:

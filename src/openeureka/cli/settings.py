@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ..config import VIDEOS
 from ..errors import ConfigError
-from ..parsing import command_line, is_setting
+from ..parsing import is_setting
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,8 +179,3 @@ def _attribute_docs(kind: type) -> dict[str, str]:
         ):
             notes[field.target.id] = str(text.value.value).split("\n")[0]
     return notes
-
-
-def again(directory: Path) -> str:
-    """The command that goes on with a run."""
-    return command_line("resume", directory)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..display.live import verdict_line
 from ..display.progress import working
-from ..parsing import as_dict, parse
+from ..parsing import parse
 from ..refine.hardened import Robust
 from ..refine.polishing import Polished
 from ..refine.tuned import Tuned
@@ -161,7 +161,7 @@ def facts(run: RunView) -> dict[str, object]:
     """The run for programs. Under `fitness` is F in training, its maximum over epochs; what is undefined is null."""
     best, text, outcome = run.best, run.best_text, run.outcome
     return {
-        "settings": as_dict(run.config),
+        "settings": dataclasses.asdict(run.config),
         "ranked_by": run.ranks,
         "generations": [_generation(generation) for generation in run.generations],
         "baselines": {name: _scores(run.played.get(r.lane), r) for name, r in run.baselines.items()},

@@ -21,7 +21,6 @@ from ..store import artifacts, say
 from ..store.remarks import typed
 from ..text import one_line, plain
 from ..types import Generation, Usage, lane_id
-from .settings import again
 
 CONTROL = "model=random draws by chance and reads neither results nor words. It is the control for a real model."
 
@@ -51,7 +50,7 @@ class Terminal:
         return TerminalDesk(directory, config, films)
 
     def again(self, directory: Path) -> str:
-        return again(directory)
+        return command_line("resume", directory)
 
 
 class TerminalDesk:

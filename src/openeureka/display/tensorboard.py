@@ -6,6 +6,7 @@ import itertools
 import json
 import time
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,6 @@ from tensorboard.summary.writer.record_writer import RecordWriter
 
 from ..config import RunConfig
 from ..film import mp4
-from ..parsing import as_dict
 from ..store import artifacts
 
 EVENTS = "events.out.tfevents.0"
@@ -37,7 +37,7 @@ class TensorBoard:
         self._writer = RecordWriter(self._file)
         self._writer.write(Event(file_version="brain.Event:2").SerializeToString())
         if name == EVENTS:
-            self.text("settings", json.dumps(as_dict(config), indent=1))
+            self.text("settings", json.dumps(asdict(config), indent=1))
 
     def numbers(self, values: Mapping[str, float], step: int | None = None) -> None:
         self._write([Summary.Value(tag=name, simple_value=value) for name, value in values.items()], step or 0)

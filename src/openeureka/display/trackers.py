@@ -10,13 +10,13 @@ import importlib
 import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Protocol
 
 from ..config import RunConfig
 from ..errors import ConfigError, EurekaError
 from ..events import Began, Event
-from ..parsing import as_dict
 from ..report.view import RunView
 from ..score import Outcome
 from ..store import artifacts
@@ -49,7 +49,7 @@ class Wandb:
             project="openeureka",
             name=directory.name,
             dir=str(directory),
-            config=as_dict(config),
+            config=asdict(config),
             id=known,
             resume="allow",
         )
@@ -83,7 +83,7 @@ class Mlflow:
         run = self._mlflow.start_run(run_id=known, run_name=None if known else directory.name)
         if known is None:
             _remember(directory, "mlflow", run.info.run_id)
-            self._mlflow.log_params({name: str(value)[:500] for name, value in as_dict(config).items()})
+            self._mlflow.log_params({name: str(value)[:500] for name, value in asdict(config).items()})
 
     def numbers(self, values: Mapping[str, float], step: int | None = None) -> None:
         self._mlflow.log_metrics(dict(values), step=step)

@@ -28,8 +28,3 @@ class LanguageModel(Protocol):
     def close(self) -> None:
         """Free memory and processes; the next `sample` starts them again."""
         ...
-
-
-def share(total: int, count: int, index: int) -> int:
-    """The index-th of `count` nearly equal parts of a number of tokens that is known only for all replies together."""
-    return total // count + (index < total % count)

@@ -17,7 +17,6 @@ import openai
 from ..errors import ModelError
 from ..types import Message, Prompt, Reply, Usage
 from . import completion, connection
-from .client import share
 from .completion import Completion, Unreadable
 from .price import CHARACTERS, Price
 
@@ -302,7 +301,7 @@ class EndpointModel:
             asked = prompt if index == 0 else None
             if answer.completion_tokens:
                 told = answer.prompt_tokens if asked else 0
-                spent = self._used(told, share(answer.completion_tokens, len(choices), index))
+                spent = self._used(told, _share(answer.completion_tokens, len(choices), index))
             else:
                 spent = self._guessed(asked, choice.text)
             model = self._hidden(answer.model) or self.name
@@ -321,6 +320,11 @@ class EndpointModel:
             _log.warning("%s does not count tokens: costs are guessed from the length of its replies.", self._where)
         said = sum(len(message.content) for message in prompt.messages) if prompt is not None else 0
         return replace(Usage(), cost_usd=self._used(said // CHARACTERS, len(text) // CHARACTERS).cost_usd)
+
+
+def _share(total: int, count: int, index: int) -> int:
+    """The index-th of `count` nearly equal parts of a number of tokens that is known only for all replies together."""
+    return total // count + (index < total % count)
 
 
 class _BatchRefused(Exception):

@@ -267,7 +267,6 @@ def _chart(
 class Member:
     """A candidate in the family tree, in pixels."""
 
-    name: str
     place: Place
     x: float
     y: float
@@ -316,7 +315,6 @@ def family(run: RunView) -> Family | None:
             at[candidate.place] = x, y
             members.append(
                 Member(
-                    name=str(candidate.place),
                     place=candidate.place,
                     x=x,
                     y=y,

@@ -29,7 +29,6 @@ from ..config import NO_MODEL, short_name
 from ..store import artifacts
 from ..tasks import registry
 from ..text import plain
-from ..types import Sample
 from . import charts, costs, fitted, hints, robust, tables, verdict
 from .candidates import CandidateState, CandidateView
 from .numbers import dollars, duration, number, scored
@@ -135,7 +134,6 @@ def environment() -> Environment:
         "SCRIPT": SCRIPT,
         "STATES": tuple(CandidateState),
         "changes": changes,
-        "anchor": anchor,
         "name": tables.name,
     }
     environment.globals |= LIMITS
@@ -201,11 +199,6 @@ def breakable(text: str) -> Markup:
     """A name that may go on in the next line after a colon, a slash or an underscore; copied, it is as it was."""
     escaped = str(escape(plain(text)))  # re.sub would escape what it puts into a Markup
     return Markup(re.sub("([:/_])", r"\1<wbr>", escaped))
-
-
-def anchor(place: CandidateView | Sample) -> str:
-    """What a candidate is called in addresses."""
-    return str(place.place)
 
 
 class Line(NamedTuple):

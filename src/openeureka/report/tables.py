@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
 from ..config import RunConfig
 from ..method import baselines
 from ..method.hacking import PEAKS, WORLDS, Kind
-from ..parsing import as_dict
 from ..refine.polishing import Polished, Try
 from ..refine.tuned import ORIGINAL, Tuned
 from ..score import Arm, Baselines, Outcome, human_normalised, mean
@@ -339,7 +338,7 @@ def _said(remark: Remark) -> str:
 
 def settings(config: RunConfig) -> Table:
     """Every field of a config."""
-    return Table(("setting", "value"), [(key, str(value)) for key, value in as_dict(config).items()])
+    return Table(("setting", "value"), [(key, str(value)) for key, value in asdict(config).items()])
 
 
 def name(generation: int, slot: int) -> str:

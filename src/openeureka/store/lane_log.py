@@ -25,7 +25,6 @@ from .rows import (
     encode_evaluation,
     encode_lane,
     encode_result,
-    finite,
     policy_name,
 )
 
@@ -71,7 +70,7 @@ class LaneLog:
             artifacts.write(self._directory, f"{folder}/curves.json", text)
             for name, policy in result.policies.items():
                 artifacts.write(self._directory, f"{folder}/{name}.safetensors", policy)
-            rows.append({"lane": result.lane, "fitness": finite(result.fitness), "result": text})
+            rows.append({"lane": result.lane, "fitness": defined(result.fitness), "result": text})
         self._database.put("results", *rows)
 
     def result(self, lane: str) -> TrainingResult | None:

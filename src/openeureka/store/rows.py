@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import sqlite3
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -18,11 +17,6 @@ from ..types.bounds import Finite, Name
 Costs = Mapping[Name, Finite]
 EVERY_EPOCH = ("fitness", "episode_length", "reward", "human_reward")
 """Curves that have a value, or None, for each epoch."""
-
-
-def finite(value: float | None) -> float | None:
-    """None for NaN and infinities: an undefined number stays undefined, and never becomes 0."""
-    return value if value is not None and math.isfinite(value) else None
 
 
 def decode_verdict(text: str) -> Verdict:

@@ -6,8 +6,8 @@ import json
 import sqlite3
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
+from dataclasses import asdict
 from pathlib import Path
-from types import TracebackType
 from typing import TypeVar
 
 from filelock import FileLock, Timeout
@@ -15,7 +15,7 @@ from filelock import FileLock, Timeout
 from ..codec import decode, encode
 from ..config import NO_MODEL, RunConfig
 from ..errors import ConfigError, NotBegun, StoreError
-from ..parsing import as_dict, restored
+from ..parsing import restored
 from ..score import played
 from ..text import safe_text
 from ..types import (
@@ -60,7 +60,7 @@ FREE_TO_CHANGE = {
 
 def expect_same(directory: Path, stored: RunConfig, wanted: RunConfig) -> None:
     """Raises StoreError where a run that exists was begun with other settings than are wanted of it."""
-    before, now = as_dict(stored), as_dict(wanted)
+    before, now = asdict(stored), asdict(wanted)
     if (stored.model == NO_MODEL) != (wanted.model == NO_MODEL):
         held = "trainings of given rewards" if stored.model == NO_MODEL else "a search"
         raise StoreError(f"{directory} holds {held}, which this is not; choose another dir=.")
@@ -154,9 +154,7 @@ class Store:
     def __enter__(self) -> Store:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     # --- settings ----------------------------------------------------------------------------------------------------
@@ -169,7 +167,7 @@ class Store:
                     f"{self.directory} has files of a run whose {FILENAME} is gone; restore it from a copy, with the "
                     "-wal file beside it, or choose another dir=."
                 )
-            row = {"id": 1, "config": json.dumps(as_dict(config)), "version": __version__, "ranks": ranks}
+            row = {"id": 1, "config": json.dumps(asdict(config)), "version": __version__, "ranks": ranks}
             self._database.put("run", row)
             return
         expect_same(self.directory, self.config, config)

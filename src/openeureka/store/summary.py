@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import os
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from ..codec import DecodeError, decode, encode
 from ..config import RunConfig
 from ..errors import ConfigError, StoreError
-from ..parsing import as_dict, restored
+from ..parsing import restored
 from ..types import Glance
 from . import artifacts
 from .db import FILENAME, SUMMARY
@@ -38,7 +38,7 @@ def keep(directory: Path, config: RunConfig, glance: Glance) -> None:
     rows = _of(directory)
     if rows is not None:
         with suppress(StoreError):
-            artifacts.write(directory, SUMMARY, encode(_Kept(rows=rows, config=as_dict(config), glance=glance)))
+            artifacts.write(directory, SUMMARY, encode(_Kept(rows=rows, config=asdict(config), glance=glance)))
 
 
 def read(directory: Path) -> tuple[RunConfig, Glance] | None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
 from ..config import FEEDBACKS, VIDEOS, RunConfig
 from ..display import outside
-from ..parsing import as_dict
 from ..report import filming, html, tables
 from ..report.candidates import CandidateView, PromptView
 from ..report.numbers import duration
@@ -67,7 +67,7 @@ def overview(directory: Path, run: RunView) -> Parts:
     }
     for generation in reversed(run.generations):
         parts[f"g{generation.index}"] = piece.generation(generation)
-        parts |= {html.anchor(candidate): piece.card(candidate) for candidate in generation.candidates}
+        parts |= {str(candidate.place): piece.card(candidate) for candidate in generation.candidates}
     return parts
 
 
@@ -87,16 +87,16 @@ def now(directory: Path, run: RunView) -> Parts:
 
 def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
     """Everything about some candidates, `g0s1` and the like; unknown ones are left out."""
-    known = {html.anchor(candidate): candidate for candidate in run.candidates}
+    known = {str(candidate.place): candidate for candidate in run.candidates}
     shown = [known[name] for name in dict.fromkeys(names) if name in known]
     piece = _pieces(run=run)
     ear = actions.ear(directory)
     places = list(known)
-    back = "candidates?" + urlencode([("show", html.anchor(c)) for c in shown])
+    back = "candidates?" + urlencode([("show", str(c.place)) for c in shown])
     trained_ones = [c for c in shown if c.result is not None] if _in_depth(run.config.env) else []
-    parts = {"said": piece.said(*ear)} | {f"play-{html.anchor(c)}": piece.play(c) for c in trained_ones}
+    parts = {"said": piece.said(*ear)} | {f"play-{c.place!s}": piece.play(c) for c in trained_ones}
     for c in shown:
-        name = html.anchor(c)
+        name = str(c.place)
         at = places.index(name)
         beside = [places[at - 1] if at else "", places[at + 1] if at + 1 < len(places) else ""]
         children = [other for other in run.candidates if other.parent is not None and other.parent.place == c.place]
@@ -108,7 +108,7 @@ def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
 
 def playable(directory: Path, run: RunView, name: str) -> bytes | None:
     """The policy of a candidate, where it can be shown in 3-D."""
-    candidate = next((c for c in run.candidates if html.anchor(c) == name), None)
+    candidate = next((c for c in run.candidates if str(c.place) == name), None)
     if candidate is None or candidate.result is None or not _in_depth(run.config.env):
         return None
     with Store.view(directory) as store:
@@ -133,7 +133,7 @@ def trained(directory: Path, run: RunView) -> Parts:
 
 def compared(views: Mapping[str, RunView]) -> Parts:
     """Several runs: what they found, their curves, and the settings in which they differ."""
-    settings = {name: as_dict(view.config) for name, view in views.items()}
+    settings = {name: asdict(view.config) for name, view in views.items()}
     keys = next(iter(settings.values()), {})
     differing = {
         key: [str(one[key]) for one in settings.values()]
@@ -156,7 +156,7 @@ def _places(run: RunView) -> dict[str, str]:
     """What the lane of each candidate, and of each reward that came with the task, is called."""
     others = {name: f"{lane.reward} reward" for name, lane in run.lanes.items() if lane.role == "baseline"}
     return others | {
-        lane_id(candidate.candidate.id, run.config.seed): html.anchor(candidate)
+        lane_id(candidate.candidate.id, run.config.seed): str(candidate.place)
         for candidate in reversed(run.candidates)
         if candidate.candidate is not None
     }
