@@ -12,7 +12,6 @@ from ..method import screen
 from ..method.sampling import NO_PROGRAM
 from ..store import Store
 from ..types import (
-    Attempt,
     Candidate,
     Evaluation,
     History,
@@ -21,8 +20,6 @@ from ..types import (
     Remark,
     Reply,
     Sample,
-    Scored,
-    Screened,
     TrainingResult,
     TrainingState,
     Usage,
@@ -144,26 +141,28 @@ class GenerationView:
     """What a person said after it."""
 
 
-@dataclass(frozen=True, slots=True)
 class Reader:
     """Puts together what the store keeps in separate tables."""
 
-    config: RunConfig
-    history: History
-    entries: Mapping[Place, Scored]
-    """Those of the finished generations."""
-    parents: Mapping[Place, Place]
-    attempts: Mapping[tuple[int, int, int], Attempt]
-    ranking: strategies.Ranking
-    results: Mapping[str, TrainingResult]
-    played: Mapping[str, Evaluation]
-    videos: Mapping[str, str]
-    screens: Mapping[Place, Screened]
-    store: Store
+    def __init__(
+        self,
+        store: Store,
+        config: RunConfig,
+        history: History,
+        results: Mapping[str, TrainingResult],
+        played: Mapping[str, Evaluation],
+        videos: Mapping[str, str],
+    ) -> None:
+        self._store, self._config, self._history = store, config, history
+        self._results, self._played, self._videos = results, played, videos
+        self._entries = {entry.sample.place: entry for g in history.generations for entry in g.entries}
+        self._parents = {} if config.model == "random" else store.talk.parents()  # chance reads no parent
+        self._attempts, self._screens = store.attempts(), store.screens.all()
+        self._ranking = strategies.Ranking(history)
 
     def generations(self) -> tuple[GenerationView, ...]:
-        asked, replies = self.store.talk.prompts(), self.store.talk.placed_replies()
-        done = len(self.history.generations)
+        asked, replies = self._store.talk.prompts(), self._store.talk.placed_replies()
+        done = len(self._history.generations)
         views = []
         for index in range(max((generation + 1 for generation, *_ in (*asked, *replies)), default=0)):
             requests = [
@@ -182,38 +181,38 @@ class Reader:
                     candidates=tuple(candidates),
                     prompts=tuple(requests),
                     finished=index < done,
-                    remarks=self.history.generations[index].remarks if index < done else (),
+                    remarks=self._history.generations[index].remarks if index < done else (),
                 )
             )
         return tuple(views)
 
     def _candidate(self, place: Place, replies: Mapping[int, Reply]) -> CandidateView:
         attempts = tuple(self._attempt(place, number, reply) for number, reply in replies.items())
-        entry = self.entries.get(place)
+        entry = self._entries.get(place)
         candidate = entry.sample.candidate if entry is not None else attempts[-1].candidate
         verdict = entry.sample.verdict if entry is not None else attempts[-1].verdict
-        if entry is None and candidate is not None and place in self.screens and not self.screens[place].kept:
-            verdict = screen.verdict(candidate.id, self.screens[place])
-        lane = lane_id(candidate.id, self.config.seed) if candidate is not None else ""
-        parent = self.entries.get(self.parents[place]) if place in self.parents else None
+        if entry is None and candidate is not None and place in self._screens and not self._screens[place].kept:
+            verdict = screen.verdict(candidate.id, self._screens[place])
+        lane = lane_id(candidate.id, self._config.seed) if candidate is not None else ""
+        parent = self._entries.get(self._parents[place]) if place in self._parents else None
         return CandidateView(
             generation=place.generation,
             slot=place.slot,
             candidate=candidate,
             verdict=verdict,
-            result=entry.result if entry is not None else self.results.get(lane),
-            played=entry.played if entry is not None else self.played.get(lane),
+            result=entry.result if entry is not None else self._results.get(lane),
+            played=entry.played if entry is not None else self._played.get(lane),
             feedback=entry.feedback if entry is not None else "",
             parent=parent.sample if parent is not None else None,
             attempts=attempts,
-            video=self.videos.get(lane, ""),
-            strength=self.ranking.strengths.get(candidate.id) if candidate is not None else None,
-            vetoed=candidate is not None and candidate.id in self.ranking.rejected,
+            video=self._videos.get(lane, ""),
+            strength=self._ranking.strengths.get(candidate.id) if candidate is not None else None,
+            vetoed=candidate is not None and candidate.id in self._ranking.rejected,
         )
 
     def _attempt(self, place: Place, number: int, reply: Reply) -> AttemptView:
-        found = self.attempts.get((place.generation, number, place.slot))
+        found = self._attempts.get((place.generation, number, place.slot))
         if found is None:
             return AttemptView(repair=(), reply=reply, candidate=None, verdict=None)
-        verdict = self.store.verdict(found.candidate.id) if found.candidate is not None else NO_PROGRAM
+        verdict = self._store.verdict(found.candidate.id) if found.candidate is not None else NO_PROGRAM
         return AttemptView(repair=found.repair, reply=reply, candidate=found.candidate, verdict=verdict)

@@ -83,23 +83,10 @@ class RunView:
             config, history = store.config, store.history(results)
             videos = _videos(directory, results)
             played = {lane: score.played(plays, config.cost_limits) for lane, plays in store.lanes.plays().items()}
-            reader = Reader(
-                config=config,
-                history=history,
-                entries={entry.sample.place: entry for g in history.generations for entry in g.entries},
-                parents={} if config.model == "random" else store.talk.parents(),  # chance reads no parent
-                attempts=store.attempts(),
-                ranking=strategies.Ranking(history),
-                results=results,
-                played=played,
-                videos=videos,
-                screens=store.screens.all(),
-                store=store,
-            )
             return RunView(
                 config=config,
                 history=history,
-                generations=reader.generations(),
+                generations=Reader(store, config, history, results, played, videos).generations(),
                 lanes=store.lanes.all(),
                 results=results,
                 evaluations=store.lanes.evaluations(),
