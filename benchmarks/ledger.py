@@ -12,7 +12,7 @@ from openeureka.method import given, hacking
 from openeureka.method.lanes import Lanes, Wanted
 from openeureka.report.build import build
 from openeureka.runs.compose import comparing
-from openeureka.runs.rewards import named
+from openeureka.runs.rewards import listed, named
 from openeureka.types import Evaluation, Peak, TrainingResult, Trial
 
 OUTPUTS = Path(__file__).parents[1] / "outputs"
@@ -44,7 +44,7 @@ def learn(config: TrainConfig, peaks: Sequence[Peak], more: Iterable[Wanted] | N
     directory = Path(config.dir)
     try:
         with comparing(config.run_config(), directory, Script()) as lanes:
-            given.keep(lanes.store, named(config))
+            given.keep(lanes.store, named(config, listed(config.reward)))
             given.train(lanes, more)
             scores, results = _held_out(lanes, peaks), lanes.store.lanes.results()
         build(directory, "none", config.env)

@@ -12,7 +12,7 @@ from openeureka.config import RunConfig, TrainConfig
 from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError, WorkerError
 from openeureka.method import baselines
 from openeureka.report.view import RunView
-from openeureka.runs.rewards import named
+from openeureka.runs.rewards import listed, named
 from openeureka.score import Arm, Baselines, mean
 from openeureka.store import Store
 from openeureka.testing.scripted import ToyTrainer
@@ -123,12 +123,12 @@ def test_the_policy_of_highest_held_out_f_is_the_best(toy, tmp_path, capsys):
 
 def test_a_reward_file_is_checked_and_named_by_its_stem(tmp_path):
     (tmp_path / "mine.py").write_text(GOOD)
-    rewards = named(TrainConfig(reward=f"human,{tmp_path}/mine.py"))
+    rewards = named(TrainConfig(), listed(f"human,{tmp_path}/mine.py"))
     assert list(rewards) == ["human", "mine"] and rewards["human"] is None
     candidate, verdict = rewards["mine"]
     assert candidate.source == GOOD and isinstance(verdict.graph, RewardGraph)
     (tmp_path / "human.py").write_text(GOOD)
-    assert list(named(TrainConfig(reward=f"human,{tmp_path}/human.py"))) == ["human", "human_file"]
+    assert list(named(TrainConfig(), listed(f"human,{tmp_path}/human.py"))) == ["human", "human_file"]
 
 
 def test_files_of_one_stem_are_called_by_their_folders(tmp_path):
@@ -136,15 +136,15 @@ def test_files_of_one_stem_are_called_by_their_folders(tmp_path):
         (tmp_path / name).mkdir()
         (tmp_path / name / "reward.py").write_text(GOOD)
     both = f"{tmp_path}/a/reward.py,{tmp_path}/b c/reward.py"
-    assert list(named(TrainConfig(reward=f"human,{both}"))) == ["human", "a_reward", "b_c_reward"]
+    assert list(named(TrainConfig(), listed(f"human,{both}"))) == ["human", "a_reward", "b_c_reward"]
     with pytest.raises(
         ConfigError, match="names `a_reward` twice; name it once, and train it with more seeds: seeds=2"
     ):
-        named(TrainConfig(reward=f"{tmp_path}/a/reward.py,{tmp_path}/a/reward.py"))
+        named(TrainConfig(), listed(f"{tmp_path}/a/reward.py,{tmp_path}/a/reward.py"))
     (tmp_path / "c" / "a").mkdir(parents=True)
     (tmp_path / "c" / "a" / "reward.py").write_text(GOOD)
     with pytest.raises(ConfigError, match="names `a_reward` twice; give the files different names"):
-        named(TrainConfig(reward=f"{tmp_path}/a/reward.py,{tmp_path}/c/a/reward.py"))
+        named(TrainConfig(), listed(f"{tmp_path}/a/reward.py,{tmp_path}/c/a/reward.py"))
 
 
 def test_two_given_rewards_that_one_seed_cannot_part_are_named_to_be_trained_again(toy, tmp_path, capsys):

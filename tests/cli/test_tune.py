@@ -175,15 +175,16 @@ def test_a_stopped_tuning_goes_on_with_the_same_words_or_with_resume(toy, mine, 
 
 
 def test_the_human_reward_is_tuned_as_the_text_that_it_is(one_sandbox):
-    candidate, verdict = to_tune(TuneConfig(env="cartpole"))
+    config = TuneConfig(env="cartpole")
+    candidate, verdict = to_tune(config, config.reward)
     assert candidate.source == human.program(get("cartpole")) and verdict.accepted
 
 
 def test_the_best_reward_of_a_run_is_tuned(one_sandbox, tuned):
-    candidate, _ = to_tune(TuneConfig(env="cartpole", reward=str(tuned.directory)))
+    candidate, _ = to_tune(TuneConfig(env="cartpole"), str(tuned.directory))
     assert candidate.source == (tuned.directory / "best" / "reward.py").read_text()
     with pytest.raises(ConfigError, match="is a run of cartpole; add env=cartpole"):
-        to_tune(TuneConfig(env="ant", reward=str(tuned.directory)))
+        to_tune(TuneConfig(env="ant"), str(tuned.directory))
 
 
 def test_a_reward_without_numbers_is_refused(toy, tmp_path, capsys):
@@ -200,14 +201,14 @@ def test_what_cannot_be_tuned_is_one_sentence(toy, tmp_path):
     bad = tmp_path / "bad.py"
     bad.write_text("import os\n" + MINE)
     with pytest.raises(RewardFileError, match="was refused: line 1: `os` cannot be imported"):
-        to_tune(TuneConfig(reward=str(bad)))
+        to_tune(TuneConfig(), str(bad))
     with pytest.raises(ConfigError, match="sparse reward of a task is no program"):
-        to_tune(TuneConfig(reward="sparse"))
+        to_tune(TuneConfig(), "sparse")
     (tmp_path / "empty").mkdir()
     with pytest.raises(
         RewardFileError, match="There is no program in .*/empty/best: its best reward came with the task, or nothing"
     ):
-        to_tune(TuneConfig(reward=str(tmp_path / "empty")))
+        to_tune(TuneConfig(), str(tmp_path / "empty"))
 
 
 def test_a_run_of_another_reward_is_refused(toy, tuned, mine, tmp_path):

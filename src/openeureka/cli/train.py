@@ -19,7 +19,7 @@ from ..report.numbers import columns
 from ..report.verdict import verdict
 from ..report.view import RunView
 from ..runs import compose, trust
-from ..runs.rewards import named, to_tune
+from ..runs.rewards import listed, named, to_tune
 from ..runs.run import Run
 from ..store.directory import output_directory
 from ..store.store import expect_same
@@ -93,7 +93,7 @@ def train(words: Sequence[str], *, as_json: bool = False) -> None:
     get(typed.env)
     trust.remember(typed)
     with redirect_stdout(sys.stderr) if as_json else nullcontext():
-        rewards = named(typed)
+        rewards = named(typed, listed(typed.reward))
         directory = output_directory(typed.dir, typed.env, "train_")
         run = compare(typed.run_config(), directory, rewards)
     if as_json:
@@ -137,7 +137,7 @@ def tune(words: Sequence[str], *, as_json: bool = False) -> None:
     get(typed.env)
     trust.remember(typed)
     with redirect_stdout(sys.stderr) if as_json else nullcontext():
-        reward = to_tune(typed)
+        reward = to_tune(typed, typed.reward)
         directory = output_directory(typed.dir, typed.env, "tune_")
         run = fit(typed.run_config(), directory, reward)
     if as_json:

@@ -193,7 +193,7 @@ def train(
 
 def _listed(reward: str | Path | Sequence[str | Path]) -> list[str | Path]:
     if isinstance(reward, str) and not rewards.is_text(reward):
-        return [word.strip() for word in reward.split(",") if word.strip()]
+        return [*rewards.listed(reward)]
     words = list(reward) if isinstance(reward, Iterable) and not isinstance(reward, str) else [reward]
     for word in words:
         _expect("reward", word, "names, paths and texts of programs")

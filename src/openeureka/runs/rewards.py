@@ -34,18 +34,19 @@ def is_text(program: str | Path) -> bool:
     return isinstance(program, str) and ("\n" in program or program.startswith("def "))
 
 
-def named(config: TrainConfig, rewards: Sequence[str | Path] | None = None) -> Given:
-    """The rewards by what they are called: files by their stem, and by their folder where two have one stem, texts by
-    their number. Each is checked before anything of a run is made.
+def listed(words: str) -> list[str]:
+    """What a text names, separated by commas."""
+    return [word.strip() for word in words.split(",") if word.strip()]
 
-    Args:
-        rewards: in place of those that the settings name.
+
+def named(config: TrainConfig, words: Sequence[str | Path]) -> Given:
+    """Given rewards by what they are called: files by their stem, and by their folder where two have one stem, texts by
+    their number. Each is checked before anything of a run is made.
 
     Raises:
         ConfigError: for none, or two of a name.
         RewardFileError: for one that cannot be read or was refused.
     """
-    words = rewards if rewards is not None else [word.strip() for word in config.reward.split(",") if word.strip()]
     if not words:
         raise ConfigError("`reward` names nothing to train, write for example reward=human,sparse.")
     names = [_name(word, number) for number, word in enumerate(words, start=1)]
@@ -65,18 +66,17 @@ def named(config: TrainConfig, rewards: Sequence[str | Path] | None = None) -> G
     return {name: judged.get(name) for name in names}
 
 
-def to_tune(config: TuneConfig, reward: str | Path | None = None) -> tuple[Candidate, Verdict]:
+def to_tune(config: TuneConfig, word: str | Path) -> tuple[Candidate, Verdict]:
     """The reward whose numbers are fitted, checked before anything of a run is made.
 
     Args:
-        reward: in place of the one that the settings name; also a text.
+        word: as `reward` of the settings; also a text.
 
     Raises:
         ConfigError: where there is nothing to fit, or a run's reward is one of another task.
         RewardFileError: for one that cannot be read or was refused.
         TaskError: where the task's own reward is no program.
     """
-    word = config.reward if reward is None else reward
     name = "the reward" if is_text(word) else f"`{word}`"
     candidate = _only(config, word)
     (verdict,) = judge(config.env, [candidate], worlds=config.worlds, unsafe=config.unsafe_no_sandbox)
