@@ -74,6 +74,12 @@ def test_a_line_that_python_cannot_read_is_shown(one_sandbox, tmp_path, capsys):
     assert line == "    y = (x"
 
 
+def test_a_draft_above_a_line_that_python_cannot_read_is_not_taken_for_the_reward(one_sandbox, tmp_path, capsys):
+    _, finding, line = checked(tmp_path, f"{GOOD}\n\ndef my_reward(pole_angle)\n    return -pole_angle, {{}}\n", capsys)
+    assert finding == "line 7: Python cannot read it: expected ':' [syntax]"
+    assert line == "    def my_reward(pole_angle)"
+
+
 def test_a_verdict_is_json_for_programs(one_sandbox, tmp_path, capsys):
     (tmp_path / "good.py").write_text(GOOD)
     (tmp_path / "bad.py").write_text(BAD)

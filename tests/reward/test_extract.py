@@ -141,6 +141,45 @@ def test_a_program_with_a_syntax_error_is_returned_for_the_gate_to_explain():
     assert extract.program(f"```python\n{broken}```") == broken
 
 
+BROKEN = {
+    "in the body": f"{HELPER}\n\ndef compute_reward(x):\n    if x is None:\n        return x\n    return 0.5 x, {{}}\n",
+    "a bracket": f"{HELPER}\n\ndef compute_reward(x):\n    y = helper(x\n    return y, {{}}\n",
+    "below a draft": "import torch\n\n\ndef draft(x):\n    return x, {}\n\n\ndef my_reward(x)\n    return -x, {}\n",
+    "below a bracket": f"{HELPER}\n\ndef compute_reward(\n    x,\n):\n    return 0.5 x, {{}}\n",
+    "no more indented": "def compute_reward(x):\n    if x: return x\ny = 0.5 x\nreturn y, {}\n",
+}
+
+
+@pytest.mark.parametrize("broken", BROKEN.values(), ids=BROKEN)
+def test_without_a_fence_too_nothing_of_a_program_with_a_syntax_error_is_left_out(broken: str):
+    assert extract.program(broken) == broken
+    assert extract.program(f"Sure!\n\n{broken}\nThat's it.\n") == broken
+
+
+@pytest.mark.parametrize("head", ["", "\n# My reward.\n\n", '"""My reward."""\n', "W: float = 2.0\n"])
+@pytest.mark.parametrize("broken", BROKEN.values(), ids=BROKEN)
+def test_nothing_of_a_file_with_a_syntax_error_is_left_out(head: str, broken: str):
+    assert extract.in_text(head + broken).source == head + broken
+
+
+def test_a_syntax_error_in_an_answer_that_was_saved_whole_is_one_of_the_program():
+    broken = BROKEN["in the body"]
+    assert extract.in_text(f"Here's my reward:\n\n```python\n{broken}```\n").source == broken
+
+
+@pytest.mark.parametrize(
+    "prose",
+    [
+        "Notes:\n- `x`: what's near\n  - it's smooth",
+        "1. First, x.\n   It's near.\n2. Then, nothing.",
+        "In short,\n\n    reward = exp(-x²)\n\nwhich doesn't saturate.",
+        "Use it so:\n\nimport torch\nprint(compute_reward(x))",
+    ],
+)
+def test_indented_prose_below_a_program_is_left_out(prose: str):
+    assert extract.program(f"Here you are.\n{REWARD}\n{prose}\n") == REWARD
+
+
 @pytest.mark.parametrize(
     "reply",
     [
@@ -172,6 +211,7 @@ LONG = {
     "quotes": ">" * 999_000 + "`",
     "docstrings that never end": '```\ndef f():\n  """\n```\n' * 40_000,
     "many blocks": "```\ndef f():\n  a\n```\n" * 15_000,
+    "prose that never parses": "import a\n" + "it's\n" * 190_000,
     "blocks that need each other": "".join(
         f"```\ndef f{i + 1}(): f{i}(a{i}, b{i}, c{i}, d{i})\n```\n" for i in range(5_000)
     )
@@ -184,4 +224,10 @@ def test_a_megabyte_of_anything_is_read_in_seconds(name: str) -> None:
     """Time grows with the length alone: with its square, the fence would take hours."""
     started = time.process_time()
     extract.program(LONG[name])
+    assert time.process_time() - started < 20.0
+
+
+def test_a_megabyte_of_comments_is_told_from_code_in_seconds() -> None:
+    started = time.process_time()
+    extract.in_text("#\n \n" * 200_000 + "prose")
     assert time.process_time() - started < 20.0

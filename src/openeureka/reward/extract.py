@@ -33,6 +33,15 @@ _THOUGHTS = re.compile(r"\A\s*<(think|thinking|thought)>.*?</\1>", re.DOTALL)
 _ENDED_THOUGHTS = re.compile(r"\A.*</(?:think|thinking|thought)>", re.DOTALL)
 _FUNCTION = re.compile(r"^[ \t]*def[ \t]+(\w+)[ \t]*\(", re.MULTILINE)
 _CODE_BEGINS = re.compile(r"^(?:import |from \w[\w.]* import |@|def |class )", re.MULTILINE)
+_DOCSTRING = r"[rR]?(?:\"{3}|'{3})"
+_FILE_BEGINS = re.compile(
+    r"(?:[ \t\r]*+(?:#.*+)?\n)*+"  # blank lines and comments
+    rf"(?:{_CODE_BEGINS.pattern}|{_DOCSTRING}|[A-Za-z_]\w*+ *(?:: *\w+ *)?=)",
+    re.MULTILINE,
+)
+_IN_FUNCTION = re.compile(r"[ \t]*(?:def[ \t]+\w+[ \t]*\(|return\b)")
+_GOES_ON = re.compile(rf"\s|$|[#)\]}}]|{_DOCSTRING}")
+"""Begins a line that is part of the code above it."""
 
 
 def program(reply: str) -> str | None:
@@ -90,10 +99,11 @@ def read(path: Path) -> Candidate:
 
 
 def in_text(text: str) -> Candidate:
-    """The program that a text is, or that it holds if it is a model's whole answer."""
+    """The program that a text is, or that it holds if it is a model's whole answer. Nothing is left out of a file that
+    begins with code and does not parse: what is below the error may be the reward."""
     text = text.removeprefix("\ufeff")
-    found = program(text) if _parsed(text) is None else None
-    return Candidate.of(found if found is not None and _parsed(found) is not None else text)
+    found = program(text) if _parsed(text) is None and not _FILE_BEGINS.match(text) else None
+    return Candidate.of(found if found is not None else text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,21 +239,30 @@ def _is_program(code: str) -> bool:
 
 
 def _between_prose(text: str) -> str:
-    """The lines from the first that begins code, less those after it that do not parse."""
+    """The lines from the first that begins code, less the prose after it: what does not parse, and is no code."""
     begin = _CODE_BEGINS.search(text)
     if begin is None:
         return ""
-    whole = lines = text[begin.start() : begin.start() + MAX_PARSED].split("\n")
+    lines = text[begin.start() : begin.start() + MAX_PARSED].split("\n")
     for _ in range(MAX_TRIMS):
         try:
             _parse("\n".join(lines))
         except SyntaxError as error:
-            lines = lines[: max(0, (error.lineno or 1) - 1)]
+            place = _beginning(lines, error.lineno or 1)
+            if _CODE_BEGINS.match(lines[place]) or any(map(_IN_FUNCTION.match, lines[place:])):
+                break
+            lines = lines[:place]
         except (ValueError, RecursionError, MemoryError):
             break
         else:
-            return "\n".join(lines) if lines else "\n".join(whole)
-    return "\n".join(whole)
+            break
+    return "\n".join(lines)
+
+
+def _beginning(lines: list[str], number: int) -> int:
+    """Index of the line that begins what the line of this number, from 1, is part of."""
+    above = range(min(number, len(lines)) - 1, 0, -1)
+    return next((place for place in above if not _GOES_ON.match(lines[place])), 0)
 
 
 def _parsed(source: str) -> ast.Module | None:
