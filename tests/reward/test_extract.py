@@ -1,4 +1,5 @@
 import time
+from itertools import permutations
 from pathlib import Path
 
 import pytest
@@ -49,6 +50,26 @@ def test_helpers_above_and_below_in_the_same_block_stay():
 def test_a_helper_in_a_block_of_its_own_comes_along():
     reply = f"A helper:\n```python\n{HELPER}```\nand the reward:\n```python\n{CALLER}```"
     assert extract.program(reply) == f"{HELPER}\n\n{CALLER}"
+
+
+def test_helpers_that_need_each_other_come_along_in_any_order():
+    blocks = [CALLER, HELPER.replace("return x", "return near(x)"), "def near(x):\n    return -x\n"]
+    for one, two, three in permutations(blocks):
+        helpers = [block for block in (one, two, three) if block != CALLER]
+        reply = f"```python\n{one}```\nand\n```python\n{two}```\nand\n```python\n{three}```"
+        assert extract.program(reply) == "\n\n".join([*helpers, CALLER])
+
+
+def test_the_last_of_two_helpers_of_one_name_comes_along():
+    draft = HELPER.replace("return x", "return -x")
+    reply = f"```python\n{draft}```\nBetter:\n```python\n{HELPER}```\n```python\n{CALLER}```"
+    assert extract.program(reply) == f"{HELPER}\n\n{CALLER}"
+
+
+def test_a_helper_that_is_called_as_a_method_comes_along():
+    helper = HELPER.replace("(x)", "(self, x)")
+    caller = CALLER.replace("(x):", "(self):").replace("helper(x)", "self.helper(self.x)")
+    assert extract.program(f"```python\n{helper}```\n```python\n{caller}```") == f"{helper}\n\n{caller}"
 
 
 def test_a_helper_that_is_called_a_reward_comes_along():

@@ -118,14 +118,19 @@ class _Block:
 
     @property
     def missing(self) -> frozenset[str]:
-        """Every name that it reads and nowhere binds."""
-        read, bound = set[str](), set(self.defined)
+        """Every name that it reads and nowhere binds, and every method of `self` that it calls and does not define."""
+        read, bound, methods = set[str](), set(self.defined), set[str]()
         for node in ast.walk(self.tree) if self.tree is not None else ():
-            if isinstance(node, ast.Name):
-                (read if isinstance(node.ctx, ast.Load) else bound).add(node.id)
-            elif isinstance(node, ast.arg):
-                bound.add(node.arg)
-        return frozenset(read - bound)
+            match node:
+                case ast.Name(id=name):
+                    (read if isinstance(node.ctx, ast.Load) else bound).add(name)
+                case ast.arg(arg=name):
+                    bound.add(name)
+                case ast.Call(func=ast.Attribute(value=ast.Name(id="self"), attr=name)):
+                    methods.add(name)
+                case _:
+                    pass
+        return frozenset((read - bound) | (methods - self.defined))
 
     @property
     def offered(self) -> frozenset[str]:
@@ -184,14 +189,15 @@ def _helpers(chosen: _Block, blocks: list[_Block]) -> list[_Block]:
     """Other blocks with what the chosen one names and lacks, directly or through each other, in their order. One that
     defines what the chosen one does is a draft of it."""
     others = [block for block in blocks if block.defined.isdisjoint(chosen.defined)]
-    found: list[_Block] = []
-    missing = set(chosen.missing) if others else set[str]()
-    for block in reversed(others):
-        if not missing.isdisjoint(offered := block.offered):
-            found.append(block)
-            missing |= block.missing
-            missing -= offered
-    return found[::-1]
+    last = {name: place for place, block in enumerate(others) for name in block.offered}
+    found = set[int]()
+    missing = list(chosen.missing) if others else []
+    while missing:
+        place = last.get(missing.pop())
+        if place is not None and place not in found:
+            found.add(place)
+            missing += others[place].missing
+    return [others[place] for place in sorted(found)]
 
 
 def _fenced(text: str, depth: int = 0) -> Iterator[str]:
