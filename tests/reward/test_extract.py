@@ -24,6 +24,8 @@ CALLER = "def compute_reward(x):\n    return helper(x), {}\n"
         f"````markdown\nLook:\n```python\n{REWARD}```\n````",
         f"```python\n{REWARD}",  # cut off before the closing fence
         f"1. My answer:\n\n   ```python\n{'   ' + REWARD.replace(chr(10), chr(10) + '   ')}\n   ```\n",
+        "".join(f"> {line}\n" for line in f"As said:\n\n```python\n{REWARD}```".split("\n")),
+        "".join(f">> {line}".rstrip() + "\n" for line in f"```python\n{REWARD}```".split("\n")),
         f"Here you are.\n{REWARD}\nThis rewards x, as you asked.",
         f"<think>```python\ndef compute_reward(y):\n    return y\n```</think>\n```python\n{REWARD}```",
         f"<thinking>```python\ndef compute_reward(y):\n    return y\n```</thinking>\n{REWARD}",

@@ -28,7 +28,8 @@ OWN = ("human", "sparse")
 """What a task calls its own rewards, where a file may be named."""
 
 # Possessive, all of them: a mark that gave characters back would be tried again at each.
-_FENCE = re.compile(r"^[ \t>]*+(?P<mark>`{3,}+|~{3,}+)(?P<info>[^`\n]*+)$")
+_FENCE = re.compile(r"^(?P<quote>[ \t>]*+)(?P<mark>`{3,}+|~{3,}+)(?P<info>[^`\n]*+)$")
+_QUOTE = re.compile(r"^[ \t]*+(?:> ?)++")
 _THOUGHTS = re.compile(r"\A\s*<(think|thinking|thought)>.*?</\1>", re.DOTALL)
 _ENDED_THOUGHTS = re.compile(r"\A.*</(?:think|thinking|thought)>", re.DOTALL)
 _FUNCTION = re.compile(r"^[ \t]*def[ \t]+(\w+)[ \t]*\(", re.MULTILINE)
@@ -221,6 +222,8 @@ def _fenced(text: str, depth: int = 0) -> Iterator[str]:
                 if not _in_string(whole) and _is_program("\n".join(whole)):
                     number, block = later, whole
                     break
+        if ">" in opening["quote"]:
+            block = [_QUOTE.sub("", line) for line in block]
         yield from _unwrapped(block, depth)
         number += 1
 
