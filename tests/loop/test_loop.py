@@ -173,13 +173,14 @@ def test_a_repetition_is_kept_where_nothing_else_comes(begin) -> None:
 
 
 def test_a_refused_program_takes_its_repair_turns_before_its_slot_is_sampled_anew(begin) -> None:
-    script = [REFUSED, reply(7), REFUSED + "1", REFUSED + "2", reply(8)]
+    other = REFUSED.replace("return x", "return -x")
+    script = [f"Sure!\n{REFUSED}", reply(7), other, REFUSED, reply(8)]
     one = begin(script, repair=2, refill=1)
     one.go()
     first, repair, again, fresh = one.model.prompts
     assert repair.messages[-2].content == REFUSED
     assert "line 1: nothing is returned [no-number]; return a number" in repair.messages[-1].content
-    assert again.messages[-2].content == REFUSED + "1"
+    assert again.messages[-2].content == other
     assert fresh == first
     slots = one.history().generations[0].entries
     assert [(entry.fitness, entry.sample.attempts) for entry in slots] == [(8, 4), (7, 1)]

@@ -239,6 +239,27 @@ def test_a_repair_shows_the_reply_and_its_findings():
     assert (repair.grammar, repair.prefill) == ("g", "p")
 
 
+@pytest.mark.parametrize("opened", ["<think>", ""])
+def test_a_repair_shows_a_long_program_whole_and_no_thoughts(opened):
+    program = "def compute_reward(x):\n" + "    x = x + 0.001\n" * 500 + "    return x, {}"
+    thoughts = f"{opened}Perhaps so:\ndef compute_reward(y):\n    return y\n" + "Or not.\n" * 1000 + "</think>"
+    reply = f"{thoughts}\n\nHere it is.\n\n```python\n{program}\n```\nIt is smooth.\n"
+    repair = prompts.repair(Prompt(messages=()), reply, REFUSED)
+    assert repair.messages[0].content == f"```python\n{program}\n```"
+
+
+@pytest.mark.parametrize(
+    ("reply", "shown"),
+    [
+        ("<think>Hm.</think>\n\nNo.", "No."),
+        ("Hm.\n</think>\n\nNo.", "No."),
+        ("<think>Hm.</think>", "<think>Hm.</think>"),  # better than an empty turn
+    ],
+)
+def test_a_repair_of_a_reply_without_a_program_shows_what_follows_its_thoughts(reply, shown):
+    assert prompts.repair(Prompt(messages=()), reply, REFUSED).messages[0].content == shown
+
+
 def test_control_invisible_and_direction_changing_characters_vanish():
     hostile = "a\x1b[31mb\u202ec\u200bd\x00e\ud800f\r\ng\th"
     assert prompts.clean(hostile, 100) == "abcdef\ng\th"

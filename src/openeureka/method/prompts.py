@@ -17,7 +17,7 @@ from importlib.resources import files
 from typing import Literal
 
 from ..llm import grammar
-from ..reward import surface
+from ..reward import extract, surface
 from ..text import plain
 from ..types import (
     Evaluation,
@@ -70,15 +70,21 @@ def render(
 
 
 def repair(prompt: Prompt, reply: str, verdict: Verdict) -> Prompt:
-    """The prompt, the refused reply, and why it was refused."""
+    """The prompt, the refused program, whose lines the findings count, and why it was refused. Of a reply without a
+    program, what follows its thoughts is shown."""
+    program = extract.program(reply)
+    if program is not None:
+        shown = extract.fenced(clean(program, MAX_PROGRAM).strip())
+    else:
+        shown = clean(extract.answer(reply).strip() or reply, MAX_PROGRAM)
     findings = "\n".join(f"- {finding.sentence()}" for finding in verdict.findings[:MAX_REASONS])
     request = template("repair").format(findings=clean(findings or f"- {verdict.code}", MAX_FEEDBACK))
-    return asked_again(prompt, reply, request)
+    return asked_again(prompt, shown, request)
 
 
-def asked_again(prompt: Prompt, reply: str, request: str) -> Prompt:
-    """The prompt, a reply to it, and what is asked next."""
-    turn = (Message("assistant", clean(reply, MAX_PROGRAM)), Message("user", request))
+def asked_again(prompt: Prompt, shown: str, request: str) -> Prompt:
+    """The prompt, what is shown of a reply to it, and what is asked next."""
+    turn = (Message("assistant", shown), Message("user", request))
     return replace(prompt, messages=(*prompt.messages, *turn))
 
 

@@ -188,7 +188,8 @@ def propose(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardenin
                 reason = str(error)
                 said = prompts.clean(reason, prompts.MAX_BRIEF_FEEDBACK)
                 request = f"These ranges cannot be used: {said}\n\nAnswer with the whole table."
-                wrong[slot] = prompts.asked_again(wrong.get(slot, prompt), reply, request)
+                shown = prompts.clean(reply, prompts.MAX_PROGRAM)
+                wrong[slot] = prompts.asked_again(wrong.get(slot, prompt), shown, request)
     if not found:
         raise ModelError(f"No reply holds ranges that can be used: {reason} Ask another model, or add repair=4.")
     return dict(sorted(found.items(), key=lambda item: int(item[0][1:])))

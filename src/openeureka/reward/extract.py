@@ -52,7 +52,7 @@ def program(reply: str) -> str | None:
     that it names and that stand in other blocks come along. Without code blocks, the program is looked for between the
     prose. A program with a syntax error is returned too, so that its author learns of the line.
     """
-    text = _answer(reply[:MAX_REPLY].replace("\r\n", "\n").removeprefix("\ufeff"))
+    text = answer(reply[:MAX_REPLY].replace("\r\n", "\n").removeprefix("\ufeff"))
     blocks = [_Block.of(code) for code in _fenced(text)]
     chosen = _choose(blocks)
     if chosen is None:
@@ -69,10 +69,11 @@ def fenced(source: str) -> str:
     return f"{fence}python\n{source}\n{fence}"
 
 
-def _answer(text: str) -> str:
-    """What follows the thoughts of a reply. The mark that opens them may be missing, as some templates end with it."""
+def answer(text: str) -> str:
+    """What follows the thoughts of a reply, with them where only they hold a program. The mark that opens them may be
+    missing, as some templates end with it."""
     rest = _ENDED_THOUGHTS.sub("", text)
-    return rest if _FUNCTION.search(rest) else _THOUGHTS.sub("", text)
+    return rest if _FUNCTION.search(rest) or not _FUNCTION.search(text) else _THOUGHTS.sub("", text)
 
 
 def in_file(path: Path) -> tuple[Candidate, str]:
