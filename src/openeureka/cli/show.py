@@ -45,8 +45,7 @@ def show(directory: Path, *, as_json: bool = False) -> None:
         print("\n".join(tuned(run)))
         return
     if not run.searched:
-        scores = tables.given(run)
-        print(f"{columns([scores.titles, *scores.rows])}\n\n{scores.note}\n{plain(verdict(run))}")
+        print("\n".join(given_lines(run)))
         print("".join(_costs(run)))
         print("\n".join(robust_lines(run.robust) if run.robust is not None else []))
         return
@@ -105,6 +104,12 @@ def summary(run: RunView) -> list[str]:
     lines += ["", *robust_lines(run.robust), ""] if run.robust is not None else []
     tokens = run.usage.prompt_tokens + run.usage.completion_tokens
     return [*lines, f"Spent: {tokens:,} tokens, US$ {dollars(run.usage.cost_usd)}"]
+
+
+def given_lines(run: RunView) -> list[str]:
+    """What the trainings of given rewards have found, as aligned text."""
+    scores = tables.given(run)
+    return [columns([scores.titles, *scores.rows]), "", scores.note, plain(verdict(run))]
 
 
 def tuned(run: RunView) -> list[str]:

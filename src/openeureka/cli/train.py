@@ -14,9 +14,7 @@ from ..errors import WorkerError
 from ..method.given import Given
 from ..method.lanes import unused_seed
 from ..parsing import changed, command_line, parse
-from ..report import tables
 from ..report.numbers import columns
-from ..report.verdict import verdict
 from ..report.view import RunView
 from ..runs import compose, trust
 from ..runs.rewards import listed, named, to_tune
@@ -27,7 +25,7 @@ from ..tasks.registry import get
 from ..text import plain
 from ..types import Candidate, TrainingState, Verdict
 from .settings import BenchConfig, only_path, split, trusting
-from .show import closing, facts, robust_lines, summary, tuned
+from .show import closing, facts, given_lines, robust_lines, summary, tuned
 from .terminal import Terminal
 
 
@@ -109,8 +107,7 @@ def compare(config: RunConfig, directory: Path, rewards: Given | None) -> RunVie
     """
     problems = compose.train(config, directory, rewards, Terminal())
     run = RunView.read(directory)
-    scores = tables.given(run)
-    print(f"\n{columns([scores.titles, *scores.rows])}\n\n{scores.note}\n{plain(verdict(run))}")
+    print("\n".join(["", *given_lines(run)]))
     for lane, result in run.results.items():
         if result.state is TrainingState.DIVERGED:
             print(plain(f"{lane} {result.message}"))
