@@ -4,7 +4,8 @@
 
 A schedule sees the trainings of one seed, and cuts by one number at its rungs. The reward that it chooses is judged by
 trainings with the other seeds. Two numbers to cut by, of two studies: what policies play at the rungs (`rungs.py`,
-short trainings), and F in the window of the curves (`predictors.py`, judged by held-out F of `choosing.py`).
+short trainings), and F in the window of the curves (`predictors.py`, judged by held-out F of `choosing.py`). All
+schedules choose in the same searches, so they are compared search by search.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ from statistics import stdev
 import choosing
 import predictors
 import rungs
-from records import Record, read
+from records import Record, interval, read
 
 from openeureka.method.schedule import RUNGS, Rung
 from openeureka.report.numbers import number
-from openeureka.score import mean, rank
+from openeureka.score import estimate, mean, rank
 from openeureka.types import lane_id
 
 SCHEDULES: Mapping[str, Sequence[Rung]] = {
@@ -35,7 +36,8 @@ SCHEDULES: Mapping[str, Sequence[Rung]] = {
     "all end at 1/8": (Rung(1 / 8, 0.0),),
 }
 """Where candidates pause, and how many of them go on; where none does, the first is chosen there."""
-TITLES = ("schedule", "steps, of all", "cut by played F", "cut by F in the window")
+LESS = "less all to the end, 95 % interval"
+TITLES = ("schedule", "steps, of all", "cut by played F", LESS, "cut by F in the window", LESS)
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Search:
     told: Mapping[str, Mapping[float, float]]
     """What a schedule cuts by, by share of the training."""
     end: Mapping[str, float]
-    """F of the final policies, played."""
+    """What whole trainings are chosen by: F of the policy that stands for each, played."""
     worth: Mapping[str, float]
     """F of trainings with the other seeds."""
 
@@ -64,13 +66,13 @@ class Search:
 
 
 def by_play() -> Iterator[Search]:
-    """Those of `rungs.py`."""
+    """Those of `rungs.py`. For a whole training stands the best of its policies at the rungs, as in a search."""
     for _, _, scores in rungs.studied(read(rungs.RESULTS)):
         for seed in rungs.common_seeds(scores):
             yield Search(
                 {reward: dict(zip(rungs.RUNGS, map(rank, by[seed]), strict=True)) for reward, by in scores.items()},
                 {reward: rank(rungs.best(by[seed])) for reward, by in scores.items()},
-                {reward: rungs.worth(scores, reward, seed) for reward in scores},
+                {reward: rungs.worth(scores, reward, seed, rungs.best) for reward in scores},
             )
 
 
@@ -112,9 +114,18 @@ def rows() -> list[tuple[str, ...]]:
 
 
 def _row(studies: Sequence[Sequence[Search]], schedule: Sequence[Rung]) -> tuple[str, ...]:
-    found = [[search.choose(schedule) for search in study] for study in studies]
-    spent = mean([steps for study in found for _, steps in study])
-    return number(spent, 2), *(_spread([worth for worth, _ in study]) for study in found)
+    spent = mean([search.choose(schedule)[1] for study in studies for search in study])
+    return number(spent, 2), *(cell for study in studies for cell in compared(study, schedule))
+
+
+def compared(study: Sequence[Search], schedule: Sequence[Rung]) -> tuple[str, str]:
+    """How good the chosen rewards are, and how much better than those that whole trainings choose in the same
+    searches."""
+    chosen = [search.choose(schedule)[0] for search in study]
+    less = estimate([own - search.choose(())[0] for own, search in zip(chosen, study, strict=True)])
+    if not schedule or less is None or less.low is None or less.high is None:
+        return _spread(chosen), "-"
+    return _spread(chosen), interval(less.value, less.low, less.high, digits=2)
 
 
 def _spread(found: Sequence[float]) -> str:

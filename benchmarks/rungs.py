@@ -251,9 +251,13 @@ def common_seeds(scores: Played) -> list[int]:
     return sorted(set.intersection(*(set(of) for of in scores.values())))
 
 
-def worth(scores: Played, reward: str, but: int) -> float:
-    """What the best of its policies plays, with the other seeds."""
-    return rank(mean([best(scores[reward][seed]) for seed in common_seeds(scores) if seed != but]))
+def worth(scores: Played, reward: str, but: int, standing: Callable[[Sequence[float | None]], float | None]) -> float:
+    """What a reward's policies play, of each training with another seed the one that stands for it; mean."""
+    return rank(mean([standing(scores[reward][seed]) for seed in common_seeds(scores) if seed != but]))
+
+
+def final(played: Sequence[float | None]) -> float | None:
+    return played[-1]
 
 
 def best(played: Sequence[float | None]) -> float | None:
@@ -262,7 +266,7 @@ def best(played: Sequence[float | None]) -> float | None:
 
 def _tells(scores: Played, seed: int, rung: int, fresh: bool) -> float | None:
     now = [rank(of[seed][rung]) for of in scores.values()]
-    end = [worth(scores, reward, seed) if fresh else rank(of[seed][-1]) for reward, of in scores.items()]
+    end = [worth(scores, reward, seed, final) if fresh else rank(final(of[seed])) for reward, of in scores.items()]
     found = float(spearmanr(now, end).statistic) if len(set(now)) > 1 and len(set(end)) > 1 else math.nan
     return found if math.isfinite(found) else None
 
