@@ -78,7 +78,7 @@ def by_play() -> Iterator[Search]:
 
 def by_window() -> Iterator[Search]:
     """Those of tasks whose curves and held-out scores are both known, of seeds that most rewards trained with."""
-    curves, judged = predictors.known(), read(choosing.RESULTS)
+    curves, judged = read(predictors.RESULTS), read(choosing.RESULTS)
     for env in (env for env in choosing.STEPS if env in curves and env in judged):
         lanes = judged[env]["lanes"]
         for seed in choosing.SEEDS:

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from fresh import held_out
-from records import interval, machine, today, write
+from records import interval, machine, read, today, write
 
 import openeureka
 from openeureka.benchmark import figures
@@ -153,11 +153,6 @@ def _row(one: Record) -> tuple[str, ...]:
     return (one["env"], one["model"], *size, *played, apart, *held_out, seeds)
 
 
-def known() -> list[Record]:
-    """What is measured so far."""
-    return json.loads(RESULTS.read_text()) if RESULTS.exists() else []
-
-
 def joined(known: list[Record], found: list[Record]) -> list[Record]:
     """All searches, each once, as found last."""
     return list({tuple(one[name] for name in SEARCH): one for one in [*known, *found]}.values())
@@ -172,6 +167,6 @@ if __name__ == "__main__":
     options = parser.parse_args()
     runs = [openeureka.open_run(directory) for directory in options.directories]
     found = [record(run) | ({"fresh": fresh(run, options.fresh)} if options.fresh else {}) for run in runs]
-    RESULTS.write_text(json.dumps(joined(known(), found), indent=1, sort_keys=True) + "\n")
+    RESULTS.write_text(json.dumps(joined(read(RESULTS), found), indent=1, sort_keys=True) + "\n")
     for run in runs:
         keep_replies(run)

@@ -14,11 +14,10 @@ import argparse
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from statistics import stdev
-from typing import Any
 
+from records import Record, read, today
 from scipy.stats import spearmanr
 
 import openeureka
@@ -29,7 +28,6 @@ RESULTS = Path(__file__).parent / "results" / "predictors.json"
 SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2)
 BASELINES = ("human", "sparse")
 Curves = Mapping[str, Sequence[float | None]]
-Record = dict[str, Any]
 
 
 def window(curve: Sequence[float | None], end: int) -> float | None:
@@ -173,22 +171,17 @@ def _cell(pairs: Sequence[tuple[float, float]]) -> str:
     return f"{number(correlation, 2) if correlation is not None else '-'}, {place} of {len(pairs)}"
 
 
-def known() -> dict[str, Record]:
-    """What is measured so far, by task."""
-    return json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("directories", type=Path, nargs="*")
-    study = known()
+    study = read(RESULTS)
     for directory in parser.parse_args().directories:
         run = openeureka.open_run(directory)
         task = study.setdefault(run.config.env, {"steps": run.config.steps, "lanes": {}})
         if task["steps"] != run.config.steps:
             raise SystemExit(f"{directory} trained {run.config.steps} steps, the others {task['steps']}.")
         task["lanes"] |= lanes(run)
-        task["date"] = datetime.now(UTC).date().isoformat()
+        task["date"] = today()
     RESULTS.write_text(json.dumps(study, sort_keys=True) + "\n")
     for row in [SIGNAL_TITLES, *signals(study), (), TASK_TITLES, *tasks(study)]:
         print(" | ".join(row))

@@ -61,9 +61,9 @@ def measure(env: str, seed: int) -> None:
     rungs.side_by_side(env, parts, STEPS[env], RECIPES[env], {}, keep)
 
 
-def table(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
+def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
     """A row a task and advice: F over its rewards, each the mean over its seeds; the error is that over rewards."""
-    rows = []
+    found = []
     for env, own in study.items():
         lanes: dict[str, list[float]] = {}
         for lane, score in own["lanes"].items():
@@ -74,8 +74,8 @@ def table(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
             error = stdev(scores) / len(scores) ** 0.5
             trainings = sum(len(lanes.get(key, ())) for key in ids)
             cells = (f"{number(mean(scores))} ± {number(error, 2)}", number(max(scores)), number(mean(lanes["human"])))
-            rows.append((env, advice, str(len(ids)), str(trainings), *cells))
-    return rows
+            found.append((env, advice, str(len(ids)), str(trainings), *cells))
+    return found
 
 
 if __name__ == "__main__":
@@ -86,5 +86,5 @@ if __name__ == "__main__":
     for seed in options.seeds:
         for env in options.env:
             measure(env, seed)
-            for row in table(read(RESULTS)):
+            for row in rows(read(RESULTS)):
                 print(*row, sep="  ", flush=True)

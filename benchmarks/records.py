@@ -100,7 +100,7 @@ def today() -> str:
     return datetime.now(UTC).date().isoformat()
 
 
-def read(path: Path) -> Record:
+def read(path: Path) -> Any:
     """What is known; nothing where there is no file."""
     return json.loads(path.read_text()) if path.exists() else {}
 
