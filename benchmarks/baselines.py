@@ -20,8 +20,8 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from ledger import OUTPUTS, learn
-from records import PEAKS, Record, machine, read, record, write
+from ledger import learn
+from records import OUTPUTS, PEAKS, ROOT, Record, command_line, machine, read, record, results, write
 
 from openeureka.config import TrainConfig
 from openeureka.method.lanes import BASELINES, Wanted, deal
@@ -29,8 +29,7 @@ from openeureka.store import is_run
 from openeureka.tasks import registry
 from openeureka.tasks.task import Recipe
 
-ROOT = Path(__file__).parents[1]
-RESULTS = ROOT / "benchmarks" / "results" / "baselines.json"
+RESULTS = results("baselines")
 SHIPPED = ROOT / "src" / "openeureka" / "suite" / "baselines.json"
 DEFAULTS = {
     field.name: field.default for field in dataclasses.fields(Recipe) if field.default is not dataclasses.MISSING
@@ -108,7 +107,7 @@ def _place(name: str) -> tuple[str, int]:
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--env", action="append", choices=registry.names(), help="a task; may be repeated")
     parser.add_argument("--reward", action="append", choices=REWARDS, help="one of the two; may be repeated")
     parser.add_argument("--seeds", type=int, default=3)

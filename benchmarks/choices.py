@@ -18,7 +18,7 @@ from statistics import stdev
 import choosing
 import predictors
 import rungs
-from records import Record, interval, read
+from records import Record, interval, read, show
 
 from openeureka.method.schedule import RUNGS, Rung
 from openeureka.report.numbers import number
@@ -134,5 +134,4 @@ def _spread(found: Sequence[float]) -> str:
 
 
 if __name__ == "__main__":
-    for row in (TITLES, *rows()):
-        print(" | ".join(row))
+    show(TITLES, *rows())

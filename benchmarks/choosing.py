@@ -12,16 +12,14 @@ store of a run under `outputs/choosing/` and in `benchmarks/results/choosing.jso
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from math import comb
-from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 from ledger import Script
-from records import read, today
+from records import FOLDER, OUTPUTS, Record, command_line, read, results, today
 from scipy.stats import spearmanr
 
 from openeureka.config import RunConfig
@@ -46,10 +44,8 @@ from openeureka.types import (
     lane_id,
 )
 
-ROOT = Path(__file__).parents[1]
-REPLIES = ROOT / "benchmarks" / "choosing"
-RESULTS = ROOT / "benchmarks" / "results" / "choosing.json"
-OUTPUTS = ROOT / "outputs" / "choosing"
+REPLIES = FOLDER / "choosing"
+RESULTS = results("choosing")
 STEPS = {
     "ballbalance": 600_000,
     "quadcopter": 1_500_000,
@@ -91,8 +87,6 @@ best is chosen. Held-out F with fresh seeds, mean over the draws:
 STANDING = """Which policy should stand for a lane? Held-out F, the mean over all lanes and seeds:
 """
 
-Record = dict[str, Any]
-
 
 def programs(env: str, store: Store) -> list[tuple[str, RewardProgram]]:
     """The accepted rewards of the task's replies, and the human one."""
@@ -113,7 +107,7 @@ def programs(env: str, store: Store) -> list[tuple[str, RewardProgram]]:
 def measure(env: str, seed: int, threads: int) -> None:
     """Train what is missing of one task and seed, play it, and write it down."""
     config = RunConfig(env=env, model="replay", steps=STEPS[env], seed=0, threads=threads)
-    with comparing(config, OUTPUTS / env, Script()) as lanes:
+    with comparing(config, OUTPUTS / "choosing" / env, Script()) as lanes:
         store = lanes.store
         rewards = programs(env, store)
         results = lanes.train(deal(rewards, [seed], "final" if seed else "candidate"))
@@ -267,7 +261,7 @@ def checkpoints(measured: Record) -> list[tuple[str, ...]]:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--env", choices=STEPS, nargs="+", default=list(STEPS))
     parser.add_argument("--seeds", type=int, nargs="+", default=list(SEEDS))
     parser.add_argument("--threads", type=int, default=0)

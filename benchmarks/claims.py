@@ -13,16 +13,14 @@ groups, so the spread is that over rewards. A group is a run under `outputs/clai
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterable, Mapping, Sequence
 from math import hypot
 from statistics import fmean, variance
-from typing import Any
 
 import fresh
 import headline
 import rungs
-from records import interval, machine, read, write
+from records import FOLDER, OUTPUTS, Record, command_line, interval, keep, machine, read, results, show
 from scipy.stats import t
 
 import openeureka
@@ -32,10 +30,8 @@ from openeureka.reward import extract
 from openeureka.score import mean
 from openeureka.types import Candidate
 
-FOLDER = headline.ROOT / "benchmarks"
 REPLIES = FOLDER / "claims"
-RESULTS = FOLDER / "results" / "claims.json"
-OUTPUTS = headline.ROOT / "outputs" / "claims"
+RESULTS = results("claims")
 STEPS = {env: load(headline.PLAN).per_task[env]["steps"] for env in ("ant", "ballbalance", "quadcopter")}
 """Of each lane: those of the task's row."""
 SEED = 300
@@ -56,7 +52,6 @@ CLAIMS = {
 """Which group should score more than which."""
 TITLES = ("task", "rewards", "accepted", "F held out, mean", "the best of them", "human")
 ANSWERS = ("claim", "task", "difference of means, 95 % interval", "holds here")
-Record = dict[str, Any]
 
 
 def accepted(env: str, replies: Sequence[str]) -> list[str]:
@@ -78,7 +73,9 @@ def measure(env: str, group: str) -> Record:
     replies = asked(env, group)
     rewards = accepted(env, replies)
     others = ["human"] if group == "first" else []
-    run = openeureka.train(env, [*rewards, *others], dir=OUTPUTS / f"{env}_{group}", seed=SEED, steps=STEPS[env])
+    run = openeureka.train(
+        env, [*rewards, *others], dir=OUTPUTS / "claims" / f"{env}_{group}", seed=SEED, steps=STEPS[env]
+    )
     scores = [mean(arm.scores) for arm in run.view.given.values()]
     own = {"replies": len(replies), "scores": scores[: len(rewards)]}
     return {**own, **({"human": scores[-1]} if others else {}), "steps": STEPS[env], "seed": SEED, **machine("cpu")}
@@ -138,7 +135,7 @@ def answers(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--env", nargs="+", choices=STEPS, default=list(STEPS))
     parser.add_argument("--groups", nargs="+", choices=GROUPS, default=list(GROUPS))
     options = parser.parse_args()
@@ -146,8 +143,6 @@ if __name__ == "__main__":
         for group in options.groups:
             if group not in read(RESULTS).get(env, {}):
                 row = measure(env, group)
-                known = read(RESULTS)
-                write(RESULTS, known | {env: known.get(env, {}) | {group: row}})
+                keep(RESULTS, env, read(RESULTS).get(env, {}) | {group: row})
                 print(env, group, row["scores"], flush=True)
-    for answer in answers(read(RESULTS)):
-        print(*answer, sep=" | ")
+    show(*answers(read(RESULTS)))

@@ -10,7 +10,6 @@ rows are compared to the bit, in `scale` the driver's CPU time counts.
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import json
 import os
@@ -24,7 +23,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -38,6 +36,8 @@ os.environ |= {
     "RAY_AUTH_TOKEN": os.environ.get("RAY_AUTH_TOKEN") or secrets.token_hex(32),
 }
 
+from records import command_line, keep, results, today
+
 from openeureka.executors import ray_node, retry, scheduler
 from openeureka.executors.local import LocalExecutor
 from openeureka.executors.ray import ActorCall, RayExecutor
@@ -47,7 +47,7 @@ from openeureka.training.wire import pack, unpack_lanes
 from openeureka.types import LaneSpec, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainingState
 from openeureka.worker import Frame, framed, unframed
 
-RESULTS = Path(__file__).parent / "results" / "cluster.json"
+RESULTS = results("cluster")
 NODE = {"num_cpus": 1, "object_store_memory": 100 << 20, "node_ip_address": "127.0.0.1", "include_dashboard": False}
 SYSTEM = {"worker_niceness": 0}
 """Beside what else this machine does, workers of a cluster have the rights of local ones."""
@@ -361,14 +361,14 @@ def costs(measured: dict[str, Any]) -> list[tuple[str, ...]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--part", choices=PARTS, action="append")
     parser.add_argument("--tiny", action="store_true", help="whether it runs; writes nothing")
     args = parser.parse_args()
     for name in args.part or PARTS:
         found = PARTS[name](args.tiny)
         found |= {
-            "date": datetime.now(UTC).date().isoformat(),
+            "date": today(),
             "cores": os.cpu_count(),
             "load_at_end": os.getloadavg()[0],
             "versions": {package: version(package) for package in ("ray", "torch", "mujoco")},
@@ -376,8 +376,7 @@ def main() -> None:
         }
         print(name, json.dumps(found, indent=1), flush=True)
         if not args.tiny:
-            known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-            RESULTS.write_text(json.dumps(known | {name: found}, indent=1) + "\n")
+            keep(RESULTS, name, found)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ threads together. `benchmarks/throughput.py` has the like in steps a second of w
 
 from __future__ import annotations
 
-import argparse
 import json
 import statistics
 import time
@@ -21,13 +20,13 @@ from typing import Any
 import numpy as np
 import torch
 from mujoco.batch import Batch
-from records import conditions, write
+from records import command_line, conditions, results, write
 
 from openeureka.tasks import registry
 from openeureka.training.population import Population
 from openeureka.types import LaneSpec, TrainBudget
 
-RESULTS = Path(__file__).parent / "results" / "cost.json"
+RESULTS = results("cost")
 TASKS = (
     *("cartpole", "ballbalance", "quadcopter", "ant", "humanoid", "anymal", "franka_cabinet"),
     *("allegro_hand", "shadow_hand", "shadow_hand_spin"),
@@ -110,7 +109,7 @@ def measure(env: str, worlds: int, repeats: int) -> dict[str, object]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--env", action="append", choices=registry.names(), help="a task; may be repeated")
     parser.add_argument("--worlds", type=int, default=0, help="worlds of a lane, 0 for the recipe's")
     parser.add_argument("--repeats", type=int, default=3)

@@ -15,7 +15,6 @@ reward's numbers, as of `eureka tune`. Steps are, by mode:
 
 from __future__ import annotations
 
-import argparse
 import os
 import platform
 import signal
@@ -30,7 +29,7 @@ from typing import Any
 import cmaes  # noqa: F401 -- imported late, and each fork would pay for that
 import numpy  # noqa: F401 -- so is this
 import scipy.special  # noqa: F401 -- and this, by a verdict
-from records import today, write
+from records import command_line, results, today, write
 
 from openeureka import strategies
 from openeureka.config import NO_MODEL, RunConfig
@@ -45,7 +44,7 @@ from openeureka.store.db import FILENAME, Database
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, reply
 from openeureka.types import Candidate, Generation, Place, Prompt, Remark, RemarkKind, Reply
 
-RESULT = Path(__file__).parent / "results" / "crashes.json"
+RESULTS = results("crashes")
 CONFIG = RunConfig(sample=3, iteration=3, repair=1, refill=1, seeds=3, feedback="human")
 """With what the trainer says of its errors two rewards are level with the best one: they play again, and race."""
 SCRIPT = [
@@ -307,9 +306,9 @@ def measure(folder: Path, kind: str, stride: int) -> dict[str, Outcome]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--stride", type=int, default=1, help="take every so many-th point")
-    parser.add_argument("--out", type=Path, default=RESULT)
+    parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     # A killed process needs no disk: the page cache outlives it, and memory makes the syncs of hundreds of runs free.
     place = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None

@@ -9,7 +9,6 @@ the one whose policy plays best with the seed that a search would use. `embedded
 
 from __future__ import annotations
 
-import argparse
 import json
 import subprocess
 import sys
@@ -17,15 +16,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from records import read, today, write
+from records import FOLDER, OUTPUTS, command_line, read, results, today, write
 
 from openeureka.report.numbers import number
 from openeureka.score import difference, mean
 
-ROOT = Path(__file__).parents[1]
-REPLIES = ROOT / "benchmarks" / "found"
-RESULTS = ROOT / "benchmarks" / "results" / "found.json"
-OUTPUT = ROOT / "outputs" / "found"
+REPLIES = FOLDER / "found"
+RESULTS = results("found")
 AUTHORS = {
     "strong": "a strong model (Claude): the best of its eight first replies",
     "embedded": "the embedded model: the reward above",
@@ -42,7 +39,7 @@ def measure() -> dict[str, Any]:
         "train",
         *SETTINGS,
         f"reward={rewards}",
-        f"dir={OUTPUT}",
+        f"dir={OUTPUTS / 'found'}",
         "--json",
     ]
     lanes = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)["given"].values()
@@ -76,7 +73,7 @@ def markdown() -> str:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--markdown", action="store_true")
     if not parser.parse_args().markdown:
         write(RESULTS, measure())

@@ -14,14 +14,12 @@ is written anew.
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 from pathlib import Path
-from typing import Any
 
 from fresh import held_out
-from records import interval, machine, read, today, write
+from records import FOLDER, Record, command_line, interval, machine, read, results, today, write
 
 import openeureka
 from openeureka.benchmark import figures
@@ -32,8 +30,8 @@ from openeureka.score import difference, mean
 from openeureka.store import read_replies
 from openeureka.types import Generation
 
-REPLIES = Path(__file__).parent / "generations"
-RESULTS = Path(__file__).parent / "results" / "generations.json"
+REPLIES = FOLDER / "generations"
+RESULTS = results("generations")
 FIRST = 100
 """Of the fresh seeds: no search comes near it."""
 TITLES = (
@@ -47,7 +45,6 @@ GYM = (
 )
 SEARCH = ("env", "model", "seed", "steps", "sample")
 """What tells one search from another."""
-Record = dict[str, Any]
 
 
 def best(generation: Generation) -> Record | None:
@@ -159,7 +156,7 @@ def joined(known: list[Record], found: list[Record]) -> list[Record]:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("directories", type=Path, nargs="+")
     parser.add_argument(
         "--fresh", type=int, default=0, metavar="SEEDS", help="train the best and the human reward again"

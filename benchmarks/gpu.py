@@ -20,7 +20,6 @@ call tries again. Trainings are timed whole, so none is gone on with, as those o
 
 from __future__ import annotations
 
-import argparse
 import os
 import platform
 import statistics
@@ -36,7 +35,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from records import PEAKS, read, record, today, write
+from records import PEAKS, command_line, read, record, results, today, write
 from throughput import RAW_EPISODE, sleep_when_idle
 from throughput import raw as raw_on_cpu
 
@@ -63,7 +62,7 @@ from openeureka.types import (
 )
 
 KINDS = ("parity", "raw", "env", "lanes", "processes", "human")
-RESULTS = Path(__file__).parent / "results" / "gpu.json"
+RESULTS = results("gpu")
 WARM_UP = 3  # calls that load, compile and capture
 ENDLESS = 10**12  # environment steps of a training that the clock ends
 
@@ -371,7 +370,7 @@ def line(name: str, part: Found) -> str:
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--device", default="cuda:0")
     parser.add_argument("--env", action="append", choices=registry.names(), help="a task; may be repeated")
     parser.add_argument("--part", action="append", choices=KINDS, help="a part; may be repeated")

@@ -12,14 +12,12 @@ compares choices alone. Trainings are under `outputs/greedy/`; one that was kill
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import fresh
 import headline
-from records import interval, machine, read, write
+from records import OUTPUTS, Record, command_line, interval, keep, machine, read, results, write
 
 from openeureka.benchmark.plan import load
 from openeureka.config import short_name
@@ -29,14 +27,12 @@ from openeureka.report.view import RunView
 from openeureka.strategies import Ranking
 from openeureka.types import History, Scored
 
-RESULTS = headline.ROOT / "benchmarks" / "results" / "greedy.json"
-OUTPUTS = headline.ROOT / "outputs" / "greedy"
+RESULTS = results("greedy")
 SEEDS = 9
 TITLES = (
     *("task", "`search=best` crowns", "`search=eureka` crowns"),
     *("F held out, `search=best`", "`search=eureka`", "difference, 95 % interval"),
 )
-Record = dict[str, Any]
 
 
 def greedy(history: History) -> Scored | None:
@@ -74,7 +70,7 @@ def measure(env: str) -> Record:
     again = len(known.get("seeds", ())) == SEEDS
     candidates = (entry.sample.candidate for entry in ((other,) if again else (own, other)))
     sources = [candidate.source for candidate in candidates if candidate is not None]
-    seeds, scores = fresh.trained(run.config, sources, OUTPUTS / env, SEEDS)
+    seeds, scores = fresh.trained(run.config, sources, OUTPUTS / "greedy" / env, SEEDS)
     first, second = (known["generated"], *scores) if again else scores
     apart = fresh.between(second, first)
     return {"seeds": seeds, "own": first, "other": second, "difference": apart, **machine("cpu")}
@@ -110,7 +106,7 @@ def summary(measured: Mapping[str, Record]) -> str:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--env", nargs="+", choices=sorted(read(headline.RESULTS)))
     parser.add_argument("--choices", action="store_true", help="only what both crown, which takes no training")
     options = parser.parse_args()
@@ -120,6 +116,6 @@ if __name__ == "__main__":
     for env in [] if options.choices else tasks:
         if waits(read(RESULTS)[env]):
             row = read(RESULTS)[env] | measure(env)
-            write(RESULTS, read(RESULTS) | {env: row})
+            keep(RESULTS, env, row)
             print(env, row, flush=True)
     print(summary(read(RESULTS)))

@@ -10,14 +10,13 @@ over pairs. Processor time is reported beside wall-clock time: it does not count
 
 from __future__ import annotations
 
-import argparse
 import statistics
 import time
 from pathlib import Path
 from typing import NamedTuple
 
 import torch
-from records import conditions, write
+from records import command_line, conditions, results, write
 from torch import Tensor
 
 from openeureka.tasks import registry
@@ -88,11 +87,11 @@ def compare(
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--pairs", type=int, default=9)
     parser.add_argument("--epochs", type=int, default=12)
     parser.add_argument("--tiny", action="store_true", help="one pair of one epoch, for a look")
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "guards.json")
+    parser.add_argument("--out", type=Path, default=results("guards"))
     options = parser.parse_args()
     pairs, epochs = (1, 1) if options.tiny else (options.pairs, options.epochs)
     found = {

@@ -10,17 +10,15 @@ with an environment a core; the faster one counts. Writes benchmarks/results/gym
 
 from __future__ import annotations
 
-import argparse
 import os
 import statistics
 import time
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import gymnasium
 import torch
-from records import Record, conditions, write
+from records import Record, command_line, conditions, results, write
 
 from openeureka.tasks import registry
 
@@ -29,7 +27,7 @@ NAMES = (
     *("Reacher", "Pusher", "InvertedPendulum", "InvertedDoublePendulum"),
 )
 ROUNDS = 3
-RESULTS = Path(__file__).parent / "results" / "gym_lifted.json"
+RESULTS = results("gym_lifted")
 TITLES = ("environment", "on lanes, steps/s", "Gymnasium, steps/s", "ratio")
 
 
@@ -81,7 +79,7 @@ def theirs(rates: Mapping[str, int]) -> int:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("names", nargs="*", default=NAMES)
     parser.add_argument("--worlds", type=int, default=256)
     parser.add_argument("--steps", type=int, default=50)

@@ -10,13 +10,11 @@ Writes benchmarks/results/gym_solved.json.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import gymnasium
-from ledger import OUTPUTS, learn
-from records import Record, machine, read, record, write
+from ledger import learn
+from records import OUTPUTS, Record, command_line, keep, machine, read, record, results, show
 
 from openeureka.config import TrainConfig
 from openeureka.report.numbers import number, spread
@@ -29,7 +27,7 @@ STEPS = {
     "gym:minigrid:MiniGrid-Empty-5x5-v0": 100_000,
 }
 """Environment steps of a lane."""
-RESULTS = Path(__file__).parent / "results" / "gym_solved.json"
+RESULTS = results("gym_solved")
 TITLES = ("environment", "steps", "return, held out", "solved at", "seeds that solve it", "minutes")
 
 
@@ -75,14 +73,14 @@ def _row(found: Record) -> list[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--env", action="append", choices=list(STEPS), help="an environment; may be repeated")
     parser.add_argument("--seeds", type=int, default=3)
     options = parser.parse_args()
     for env in options.env or STEPS:
         if env not in read(RESULTS):
-            write(RESULTS, {**read(RESULTS), env: measure(env, options.seeds)})
-        print(" | ".join(rows({env: read(RESULTS)[env]})[0]))
+            keep(RESULTS, env, measure(env, options.seeds))
+        show(*rows({env: read(RESULTS)[env]}))
 
 
 if __name__ == "__main__":

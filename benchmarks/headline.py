@@ -15,7 +15,6 @@ page and the report of the run are made again. Runs are under `outputs/headline/
 
 from __future__ import annotations
 
-import argparse
 import lzma
 import shutil
 import sqlite3
@@ -25,11 +24,10 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import fresh
 from ledger import Script
-from records import interval, machine, read, write
+from records import FOLDER, OUTPUTS, ROOT, Record, command_line, interval, keep, machine, read, results
 
 from openeureka.benchmark import bench
 from openeureka.benchmark.plan import Cell, Plan, load
@@ -40,15 +38,13 @@ from openeureka.report.view import RunView
 from openeureka.score import clipped, mean, rank
 from openeureka.store.db import FILENAME
 
-ROOT = Path(__file__).parents[1]
-PLAN = ROOT / "benchmarks" / "plans" / "headline.yaml"
-ARCHIVE = ROOT / "benchmarks" / "headline"
-RESULTS = ROOT / "benchmarks" / "results" / "headline.json"
-BASELINES = ROOT / "benchmarks" / "results" / "baselines.json"
-GREEDY = ROOT / "benchmarks" / "results" / "greedy.json"
-OUTPUTS = ROOT / "outputs" / "headline"
-AGAIN = ROOT / "outputs" / "headline_again"
-CONFIRMED = ROOT / "outputs" / "headline_confirmed"
+PLAN = FOLDER / "plans" / "headline.yaml"
+ARCHIVE = FOLDER / "headline"
+RESULTS = results("headline")
+BASELINES = results("baselines")
+GREEDY = results("greedy")
+AGAIN = OUTPUTS / "headline_again"
+CONFIRMED = OUTPUTS / "headline_confirmed"
 TRAININGS = 20
 """Lanes of a row, about: ten in the search, and three fresh seeds of what races."""
 
@@ -58,15 +54,14 @@ TITLES = (
 )
 NOT_REPEATED = ("minutes", "date", "device", "processor", "versions", "confirmed")
 """What a repeated search has otherwise, or not at all."""
-Record = dict[str, Any]
 
 
 def measure(whole: Plan, env: str) -> None:
     """Search on one task, or go on with it, and keep what it found."""
-    store, row = search(whole, env, OUTPUTS / env)
+    store, row = search(whole, env, OUTPUTS / "headline" / env)
     ARCHIVE.mkdir(exist_ok=True)
     (ARCHIVE / f"{env}.sqlite.xz").write_bytes(lzma.compress(portable(store), preset=9))
-    write(RESULTS, {**read(RESULTS), env: row})
+    keep(RESULTS, env, row)
 
 
 def repeat(whole: Plan, env: str) -> str:
@@ -250,7 +245,7 @@ def left(measured: Mapping[str, Record]) -> str:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--env", nargs="+")
     parser.add_argument("--left", action="store_true")
     parser.add_argument("--again", choices=sorted(read(RESULTS)), nargs="+", help="rows that are known")
@@ -267,7 +262,7 @@ if __name__ == "__main__":
             row = read(RESULTS)[env]
             if "confirmed" not in row:
                 row = row | {"confirmed": confirm(env, options.confirm)}
-                write(RESULTS, read(RESULTS) | {env: row})
+                keep(RESULTS, env, row)
             print(f"{short_name(env)}: {interval(*row['confirmed']['difference'], digits=3)}", flush=True)
         print(summary(read(RESULTS)))
     else:

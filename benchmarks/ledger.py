@@ -15,7 +15,6 @@ from openeureka.runs.compose import comparing
 from openeureka.runs.rewards import listed, named
 from openeureka.types import Evaluation, Peak, TrainingResult, Trial
 
-OUTPUTS = Path(__file__).parents[1] / "outputs"
 Learned = dict[str, tuple[TrainingResult, Mapping[Peak, Evaluation]]]
 """Results without policies, and held-out scores of policies, by lane id."""
 

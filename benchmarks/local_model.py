@@ -17,8 +17,7 @@ import statistics
 from pathlib import Path
 from typing import Any
 
-from ledger import OUTPUTS
-from records import machine, read, write
+from records import OUTPUTS, command_line, keep, machine, results
 
 import openeureka
 from openeureka.errors import EurekaError
@@ -28,7 +27,6 @@ from openeureka.runs.program import Began, Event
 from openeureka.tasks import registry
 from openeureka.types import Generation, TrainingProgress, lane_id
 
-RESULTS = Path(__file__).parent / "results"
 STEPS = {"cartpole": 3e5, "ballbalance": 4e5, "quadcopter": 6e5, "ant": 6e5, "humanoid": 5e5}  # of a lane
 
 
@@ -118,7 +116,7 @@ def measure(env: str, options: argparse.Namespace) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--env", action="append", choices=registry.names(), help="a task; may be repeated")
     parser.add_argument("--model", action="append", help="an arm as `model=` names it; may be repeated")
     parser.add_argument("--sample", type=int, default=16, help="samples of an arm")
@@ -127,11 +125,11 @@ def main() -> None:
     parser.add_argument("--steps", type=float, default=0, help="environment steps of a lane, 0 for a short budget")
     parser.add_argument("--train", action=argparse.BooleanOptionalAction, default=True)
     parser.add_argument("--dir", type=Path, default=OUTPUTS / "local_model", help="where the runs are kept")
-    parser.add_argument("--out", type=Path, default=RESULTS / "local_model.json")
+    parser.add_argument("--out", type=Path, default=results("local_model"))
     options = parser.parse_args()
     for env in options.env or STEPS:
         found = measure(env, options)
-        write(options.out, {**read(options.out), env: found})
+        keep(options.out, env, found)
         for model, arm in found["arms"].items():
             accepted, fitness = f"{arm['accepted']} of {arm['samples']} accepted", arm["fitness"]
             print(f"{env}, {model}: {accepted}, F best {fitness['best']}, median {fitness['median']}")

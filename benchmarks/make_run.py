@@ -10,7 +10,6 @@ then; the figures go to `benchmarks/results/make_run.json`.
 
 from __future__ import annotations
 
-import argparse
 import re
 import subprocess
 import sys
@@ -19,7 +18,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from records import read, today, write
+from records import OUTPUTS, ROOT, command_line, read, results, today, write
 
 from openeureka.report.numbers import number, spread
 from openeureka.report.verdict import verdict
@@ -28,9 +27,7 @@ from openeureka.score import Arm
 from openeureka.strategies import Ranking
 from openeureka.types import History
 
-ROOT = Path(__file__).parents[1]
-RESULTS = ROOT / "benchmarks" / "results" / "make_run.json"
-OUTPUTS = ROOT / "outputs" / "make_run"
+RESULTS = results("make_run")
 SEARCHED = "scoring on held-out episodes"
 """What a run says when its last training is done."""
 
@@ -44,7 +41,7 @@ def settings() -> list[str]:
 
 def measure(seed: int) -> dict[str, Any]:
     """Run a seed and read what came of it."""
-    directory, began, searched = OUTPUTS / f"seed{seed}", time.monotonic(), 0.0
+    directory, began, searched = OUTPUTS / "make_run" / f"seed{seed}", time.monotonic(), 0.0
     continued = directory.exists()
     words = [*settings(), f"seed={seed}", f"dir={directory}", "video=none"]
     command = [Path(sys.executable).with_name("eureka"), "run", *words]
@@ -116,7 +113,7 @@ def summary() -> str:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--seeds", type=int, nargs="+", default=list(range(5)))
     parser.add_argument("--markdown", action="store_true")
     options = parser.parse_args()

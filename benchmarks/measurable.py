@@ -11,13 +11,11 @@ same command goes on where it was.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ledger import OUTPUTS
-from records import Record, interval, machine, read, write
+from records import OUTPUTS, Record, command_line, interval, keep, machine, read, results, show
 
 import openeureka
 from openeureka.report.numbers import spread
@@ -27,7 +25,7 @@ from openeureka.tasks.registry import get
 ENVS = ("anymal", "ant", "humanoid")
 SIGHTS = ("all", "measurable")
 SEEDS = 3
-RESULTS = Path(__file__).parent / "results" / "measurable.json"
+RESULTS = results("measurable")
 TITLES = ("task", "steps", "sees all, F held out", "sees what sensors tell", "difference, 95 % interval", "as a share")
 
 
@@ -58,7 +56,7 @@ def _row(env: str, found: Record) -> list[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--env", action="append", choices=ENVS, help="a task; may be repeated")
     parser.add_argument(
         "--steps", type=lambda text: int(float(text)), default=0, help="of each training; 0: the task's own"
@@ -67,13 +65,13 @@ def main() -> None:
     options = parser.parse_args()
     if options.tiny:
         tiny = "ant+episode_length=20"
-        print(*_row(tiny, measure(tiny, 1, OUTPUTS / "measurable_bench" / "tiny", steps=2048, worlds=32)), sep=" | ")
+        show(_row(tiny, measure(tiny, 1, OUTPUTS / "measurable_bench" / "tiny", steps=2048, worlds=32)))
         return
     for env in options.env or ENVS:
         if env not in read(RESULTS):
             found = measure(env, SEEDS, OUTPUTS / "measurable_bench", steps=options.steps)
-            write(RESULTS, {**read(RESULTS), env: found})
-        print(*_row(env, read(RESULTS)[env]), sep=" | ", flush=True)
+            keep(RESULTS, env, found)
+        show(_row(env, read(RESULTS)[env]))
 
 
 if __name__ == "__main__":

@@ -10,13 +10,11 @@ says it itself. What needs a language model at an endpoint (`robust.py`, `genera
 
 from __future__ import annotations
 
-import argparse
 import os
 import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import claims
 import greedy
@@ -26,11 +24,9 @@ import polish
 import progress
 import prompts
 import tune
-from records import read
+from records import FOLDER, command_line, read
 
 from openeureka.benchmark.plan import load
-
-FOLDER = Path(__file__).parent
 
 
 def left() -> Iterator[list[str]]:
@@ -68,7 +64,7 @@ def left() -> Iterator[list[str]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--left", action="store_true", help="print the commands, run none")
     options = parser.parse_args()
     if options.left:

@@ -13,7 +13,6 @@ loads. The report is that of the first run, written by itself: films of candidat
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import json
 import math
@@ -35,7 +34,7 @@ from pathlib import Path
 
 import numpy as np
 from playwright.sync_api import Browser, CDPSession, Page, sync_playwright
-from records import today, write
+from records import command_line, results, today, write
 
 from openeureka import strategies
 from openeureka.config import RunConfig
@@ -235,10 +234,10 @@ def measure(folder: Path, pause: float, repeats: int) -> dict[str, object]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--pause", type=float, default=2.0, help="[s] between two replies")
     parser.add_argument("--repeats", type=int, default=5, help="loads, of which the median counts")
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "page.json")
+    parser.add_argument("--out", type=Path, default=results("page"))
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         found = measure(Path(folder), options.pause, options.repeats)

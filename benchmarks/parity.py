@@ -12,7 +12,6 @@ recipe's scale; F comes from the environment, which neither learner can change. 
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
 import statistics
@@ -23,8 +22,8 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from ledger import OUTPUTS, learn
-from records import write
+from ledger import learn
+from records import OUTPUTS, command_line, results, write
 from rsl_rl.env import VecEnv
 from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
@@ -151,13 +150,13 @@ def compare(env: str, steps: int, worlds: int, seeds: int, folder: Path) -> dict
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--env", default="ant")
     parser.add_argument("--steps", type=int, default=3_000_000, help="environment steps of each run")
     parser.add_argument("--worlds", type=int, default=512)
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--dir", type=Path, default=OUTPUTS / "parity", help="where the runs are kept")
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "parity.json")
+    parser.add_argument("--out", type=Path, default=results("parity"))
     options = parser.parse_args()
     sleep_when_idle()
     found = compare(options.env, options.steps, options.worlds, options.seeds, options.dir)

@@ -14,13 +14,12 @@ the original's bonus of 250 a goal, as in Eureka's experiment.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ledger import OUTPUTS, Learned, learn
-from records import Record, machine, read, thinned, write
+from ledger import Learned, learn
+from records import OUTPUTS, Record, command_line, machine, read, results, thinned, write
 
 from openeureka.config import TrainConfig
 from openeureka.method.lanes import HELD_OUT
@@ -34,7 +33,7 @@ from openeureka.tasks.registry import get
 from openeureka.types import Evaluation, TrainingResult
 
 ENV, CURRICULUM = "shadow_hand_spin", "pen_spinning"
-RESULTS = Path(__file__).parent / "results" / "pen_spinning.json"
+RESULTS = results("pen_spinning")
 
 
 def arm(results: Mapping[str, TrainingResult], scores: Mapping[str, Evaluation]) -> Record:
@@ -92,7 +91,7 @@ def called(reward: str) -> str:
 
 
 def main(words: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--reward", default="human", help="human, or a reward file")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--steps", type=float, default=0, help="environment steps of a lane, over both stages")

@@ -16,11 +16,10 @@ import argparse
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import choosing
 from ledger import Script
-from records import machine, read, write
+from records import OUTPUTS, Record, command_line, keep, machine, read, results, show
 from scipy.stats import spearmanr
 
 from openeureka.config import NO_MODEL, RunConfig
@@ -33,9 +32,7 @@ from openeureka.score import mean, played, rank
 from openeureka.strategies import Best
 from openeureka.types import Lane, PolicyId, RewardProgram, Start
 
-ROOT = Path(__file__).parents[1]
-RESULTS = ROOT / "benchmarks" / "results" / "polish.json"
-OUTPUTS = ROOT / "outputs" / "polish"
+RESULTS = results("polish")
 TASKS = ("quadcopter", "ballbalance", "ant")
 STRATEGY = Best(samples=0)
 AGAIN = 100
@@ -45,7 +42,6 @@ TITLES = (
     *("task", "steps", "rewards, seeds", "from scratch: best reward, mean of all", "the parent", "fresh weights"),
     *("an eighth from the parent: best reward, mean of all", "rank correlation of both"),
 )
-Record = dict[str, Any]
 
 
 def measure(options: argparse.Namespace, env: str) -> None:
@@ -76,7 +72,7 @@ def measure(options: argparse.Namespace, env: str) -> None:
             if name in scores
         }
     found = {"steps": steps, "parent": parent._asdict(), "lanes": records, **machine(options.device)}
-    write(options.out, read(options.out) | {env: found})
+    keep(options.out, env, found)
 
 
 def judge(lanes: Lanes, ids: Mapping[str, object]) -> None:
@@ -150,7 +146,7 @@ def _correlation(scratch: Scores, again: Scores) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--env", choices=choosing.STEPS, nargs="+", default=list(TASKS))
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
     parser.add_argument("--shares", type=float, nargs="+", default=[0.0], help="of fresh weights")
@@ -159,7 +155,7 @@ def main() -> None:
     parser.add_argument("--worlds", type=int, default=0)
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--threads", type=int, default=0)
-    parser.add_argument("--outputs", type=Path, default=OUTPUTS)
+    parser.add_argument("--outputs", type=Path, default=OUTPUTS / "polish")
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     for env in options.env:
@@ -167,8 +163,7 @@ def main() -> None:
             measure(options, env)
         except EurekaError as error:
             raise SystemExit("\n".join([str(error), *getattr(error, "__notes__", ())])) from None
-    for row in [TITLES, *rows(read(options.out))]:
-        print(" | ".join(row))
+    show(TITLES, *rows(read(options.out)))
 
 
 if __name__ == "__main__":

@@ -10,21 +10,20 @@ its top. Lanes of generated rewards, of all runs of a task, stand together; equa
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from statistics import stdev
 
-from records import Record, read, today
+from records import Record, command_line, read, results, show, today
 from scipy.stats import spearmanr
 
 import openeureka
 from openeureka.report.numbers import number
 from openeureka.score import mean
 
-RESULTS = Path(__file__).parent / "results" / "predictors.json"
+RESULTS = results("predictors")
 SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2)
 BASELINES = ("human", "sparse")
 Curves = Mapping[str, Sequence[float | None]]
@@ -172,7 +171,7 @@ def _cell(pairs: Sequence[tuple[float, float]]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("directories", type=Path, nargs="*")
     study = read(RESULTS)
     for directory in parser.parse_args().directories:
@@ -183,8 +182,7 @@ def main() -> None:
         task["lanes"] |= lanes(run)
         task["date"] = today()
     RESULTS.write_text(json.dumps(study, sort_keys=True) + "\n")
-    for row in [SIGNAL_TITLES, *signals(study), (), TASK_TITLES, *tasks(study)]:
-        print(" | ".join(row))
+    show(SIGNAL_TITLES, *signals(study), (), TASK_TITLES, *tasks(study))
 
 
 if __name__ == "__main__":

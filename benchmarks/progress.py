@@ -17,8 +17,8 @@ import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from ledger import OUTPUTS, learn
-from records import PEAKS, Record, machine, read, record, write
+from ledger import learn
+from records import FOLDER, OUTPUTS, PEAKS, Record, command_line, keep, machine, read, record, results, show
 
 from openeureka.config import TrainConfig
 from openeureka.report.numbers import number, spread
@@ -26,9 +26,8 @@ from openeureka.score import mean, rank
 from openeureka.tasks.registry import get
 from openeureka.types import PROGRESS, TrainingResult
 
-FOLDER = Path(__file__).parent
 REWARDS = FOLDER / "progress"
-RESULTS = FOLDER / "results" / "progress.json"
+RESULTS = results("progress")
 STEPS = 1_000_000
 """Of each lane, as in `benchmarks/plans/headline.yaml`."""
 SEEDS = 3
@@ -109,13 +108,8 @@ def _reached(lanes: Sequence[Record]) -> str:
     return ", ".join(f"{name.removeprefix(PROGRESS)} {number(value, 2)}" for name, value in means.items())
 
 
-def show(study: Mapping[str, Record]) -> None:
-    for row in (TITLES, *rows(study)):
-        print(" | ".join(row))
-
-
 def main(words: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--env", choices=tasks(), nargs="+", default=tasks())
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--steps", type=float, default=STEPS, help="environment steps of a lane")
@@ -143,8 +137,8 @@ def main(words: Sequence[str] | None = None) -> None:
                 print(f"{env}, bonus={arm}: to do")
                 continue
             entry["arms"][arm] = measure(env, arm, entry, options)
-            write(options.out, {**read(options.out), env: entry})
-    show(read(options.out))
+            keep(options.out, env, entry)
+    show(TITLES, *rows(read(options.out)))
 
 
 if __name__ == "__main__":

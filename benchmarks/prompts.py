@@ -11,23 +11,19 @@ counts is F of the last policy when it plays.
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Mapping
-from pathlib import Path
 from statistics import stdev
-from typing import Any
 
 import rungs
-from records import read, today, write
+from records import FOLDER, Record, command_line, read, results, today, write
 
 from openeureka.report.numbers import number
 from openeureka.score import mean
 from openeureka.types import RewardProgram
 
-FOLDER = Path(__file__).parent
 REPLIES = FOLDER / "prompts"
-RESULTS = FOLDER / "results" / "prompts.json"
+RESULTS = results("prompts")
 STEPS = {"ant": 750_000, "anymal": 750_000, "ballbalance": 300_000}
 """Of each lane."""
 SEEDS = (0, 1)
@@ -38,8 +34,6 @@ RECIPES: Mapping[str, Mapping[str, float]] = {
 }
 """What is other than in the task's recipe, see docs/concepts/schedule.md."""
 TITLES = ("task", "advice", "accepted", "trainings", "F, mean over rewards", "the best reward", "the human one")
-
-Record = dict[str, Any]
 
 
 def measure(env: str, seed: int) -> None:
@@ -79,7 +73,7 @@ def rows(study: Mapping[str, Record]) -> list[tuple[str, ...]]:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--env", choices=STEPS, nargs="+", default=list(STEPS))
     parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
     options = parser.parse_args()

@@ -10,18 +10,17 @@ ratio is the median over pairs. Processor time is reported beside wall-clock tim
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 from guards import compare
-from records import Record, conditions, write
+from records import Record, command_line, conditions, results, write
 
 from openeureka.tasks.ranges import find
 from openeureka.training.population import Population
 from openeureka.types import LaneSpec, Ranges, TrainBudget
 
 ENVS = ("cartpole", "ant", "anymal")
-RESULTS = Path(__file__).parent / "results" / "randomise.json"
+RESULTS = results("randomise")
 TITLES = ("task", "steps a second, of those without", "lowest and highest pair", "by processor time")
 
 
@@ -47,7 +46,7 @@ def _row(env: str, found: Record) -> list[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--pairs", type=int, default=5)
     parser.add_argument("--epochs", type=int, default=4)
     parser.add_argument("--tiny", action="store_true", help="one pair of one epoch, for a look")

@@ -13,20 +13,18 @@ search that found nothing goes on from its best.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Sequence
-from pathlib import Path
 
 import torch
 from reachable_aims import AIMS, Aim
-from records import Record, machine, read, write
+from records import Record, command_line, keep, machine, read, results
 from torch import Tensor
 
 from openeureka.tasks import registry
 from openeureka.tasks.env import BatchedEnv
 
-RESULTS = Path(__file__).parent / "results" / "reachable.json"
+RESULTS = results("reachable")
 SEED = 8_000_000
 """Of the start that is searched; those after it are the starts of the plan's episodes."""
 EPISODES = 32
@@ -142,7 +140,7 @@ def _found(record: Record, how: str) -> Sequence[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--env", choices=[aim.env for aim in AIMS], nargs="*")
     parser.add_argument("--worlds", type=int, default=24)
     parser.add_argument("--seconds", type=float, default=240.0, help="of search for a task")
@@ -174,7 +172,7 @@ def main() -> None:
             **machine("cpu"),
             "plan": rows,
         }
-        write(RESULTS, {**read(RESULTS), aim.env: record})
+        keep(RESULTS, aim.env, record)
         print(f"{aim.env}: F = {record['f']:.3f}, {record['f_of_starts']:.3f} over starts", flush=True)
 
 

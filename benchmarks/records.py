@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import platform
@@ -14,11 +15,25 @@ from typing import Any
 from openeureka.report.numbers import number
 from openeureka.types import Evaluation, Peak, TrainingResult
 
+ROOT = Path(__file__).parents[1]
+FOLDER = ROOT / "benchmarks"
+OUTPUTS = ROOT / "outputs"
+"""Of the runs in which scripts train."""
 PEAKS: tuple[Peak, ...] = ("fitness", "reward")
 """The policies whose held-out F stands in a record of a lane."""
 POINTS = 40  # of each curve in a file
 
 Record = dict[str, Any]
+
+
+def command_line(doc: str | None) -> argparse.ArgumentParser:
+    """A parser whose help begins with a script's docstring, as it stands."""
+    return argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+
+
+def results(name: str) -> Path:
+    """Where a script writes what it found."""
+    return FOLDER / "results" / f"{name}.json"
 
 
 def record(result: TrainingResult, held_out: Mapping[Peak, Evaluation]) -> Record:
@@ -111,3 +126,14 @@ def write(path: Path, content: Record) -> None:
     temporary = path.with_suffix(".tmp")
     temporary.write_text(json.dumps(content, indent=1) + "\n")
     temporary.replace(path)
+
+
+def keep(path: Path, name: str, row: object) -> None:
+    """Add a row to the file as it is by now: another script may have written since it was read."""
+    write(path, read(path) | {name: row})
+
+
+def show(*rows: Sequence[str]) -> None:
+    """Print a table as it grows."""
+    for row in rows:
+        print(*row, sep=" | ", flush=True)

@@ -14,13 +14,11 @@ once it is known. Runs are under outputs/robust/, and the same command goes on w
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ledger import OUTPUTS
-from records import Record, machine, read, write
+from records import OUTPUTS, Record, command_line, keep, machine, read, results, show
 
 import openeureka
 from openeureka.cli.train import robust
@@ -34,7 +32,7 @@ ENVS = ("anymal", "ant", "quadcopter")
 SEEDS = 3
 BEGUN = {BEST: "with the best policy", SCRATCH: "from scratch"}
 ARMS = (PLAIN, LONGER, UNIFORM, "ours")
-RESULTS = Path(__file__).parent / "results" / "robust.json"
+RESULTS = results("robust")
 TITLES = (
     *("task", "trainings begin with", "seeds", *ARMS, "ours loses in its own world"),
     *("of plain's loss in hard worlds: ours", "uniform"),
@@ -113,7 +111,7 @@ def _percent(share: float | None) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("words", nargs="*", default=["model=random"], help="settings of eureka robust")
     parser.add_argument("--env", action="append", choices=ENVS, help="a task; may be repeated")
     parser.add_argument("--seed", action="append", type=int, help="may be repeated; 0, 1 and 2 by default")
@@ -125,18 +123,17 @@ def main() -> None:
         found = measure(
             tiny, 0, OUTPUTS / "robust" / f"tiny_{start}", [*options.words, "sample=2"], steps=2048, worlds=32
         )
-        print(*_row(tiny, start, [found]), sep=" | ")
+        show(_row(tiny, start, [found]))
         return
     for env in options.env or ENVS:
         for seed in options.seed or range(SEEDS):
             if str(seed) in read(RESULTS).get(start, {}).get(env, {}):
                 continue
             found = measure(env, seed, OUTPUTS / "robust" / f"{env}_{seed}_{start}", options.words)
-            known = read(RESULTS)  # again: another task may have ended meanwhile
-            of_start = known.get(start, {})
+            of_start = read(RESULTS).get(start, {})  # again: another task may have ended meanwhile
             seeds = dict(sorted({**of_start.get(env, {}), str(seed): found}.items()))
-            write(RESULTS, {**known, start: {**of_start, env: seeds}})
-            print(*_row(env, start, [*seeds.values()]), sep=" | ", flush=True)
+            keep(RESULTS, start, {**of_start, env: seeds})
+            show(_row(env, start, [*seeds.values()]))
 
 
 if __name__ == "__main__":

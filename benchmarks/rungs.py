@@ -12,7 +12,6 @@ is done.
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import json
 import math
@@ -21,13 +20,12 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
-from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
 import choosing
 import torch
-from records import read, today, write
+from records import FOLDER, Record, command_line, read, results, today, write
 from scipy.stats import spearmanr
 
 from openeureka.errors import EurekaError
@@ -43,8 +41,7 @@ from openeureka.training.policy import Policy
 from openeureka.training.population import Population
 from openeureka.types import Candidate, LaneSpec, RewardProgram, TrainBudget, TrainingResult, lane_id
 
-FOLDER = Path(__file__).parent
-RESULTS = FOLDER / "results" / "rungs.json"
+RESULTS = results("rungs")
 RUNGS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4, 1.0)
 STEPS = {
     "cartpole": 600_000,
@@ -62,8 +59,6 @@ RECIPE = {"worlds": int, "horizon": int, "epochs": int, "minibatches": int, "noi
 """What may be other than in the task's recipe."""
 TOGETHER = 4
 """Lanes of a simulation."""
-
-Record = dict[str, Any]
 
 
 class Watched(Population):
@@ -272,7 +267,7 @@ def _tells(scores: Played, seed: int, rung: int, fresh: bool) -> float | None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--env", choices=STEPS, nargs="+", default=list(STEPS))
     parser.add_argument("--rewards", choices=("human", "all"), default="all")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])

@@ -11,7 +11,6 @@ processes is left out except where a line says otherwise.
 
 from __future__ import annotations
 
-import argparse
 import os
 import statistics
 import sys
@@ -23,7 +22,7 @@ from unittest.mock import patch
 import numpy as np
 import torch
 from mujoco.batch import Batch
-from records import conditions, write
+from records import command_line, conditions, results, write
 
 from openeureka.executors import local
 from openeureka.executors.local import LocalExecutor
@@ -197,11 +196,11 @@ def sleep_when_idle() -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--tiny", action="store_true", help="a twentieth of the work, for a look")
     parser.add_argument("--only", default="", help="measure the arms whose name contains this")
-    parser.add_argument("--out", type=Path, default=Path(__file__).parent / "results" / "throughput.json")
+    parser.add_argument("--out", type=Path, default=results("throughput"))
     options = parser.parse_args()
     sleep_when_idle()
     found = report(measure(options.repeats, options.tiny, options.only), options.tiny)

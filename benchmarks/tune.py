@@ -17,11 +17,10 @@ import argparse
 import math
 from pathlib import Path
 from random import Random
-from typing import Any
 
 import fresh
 from headline import PLAN
-from records import conditions, interval, read, write
+from records import OUTPUTS, Record, command_line, conditions, interval, keep, read, results
 
 import openeureka
 from openeureka.benchmark.plan import load
@@ -32,9 +31,7 @@ from openeureka.score import mean
 from openeureka.tasks import human
 from openeureka.tasks.registry import get
 
-ROOT = Path(__file__).parents[1]
-RESULTS = ROOT / "benchmarks" / "results" / "tune.json"
-OUTPUTS = ROOT / "outputs" / "tune"
+RESULTS = results("tune")
 TASKS = ("ant", "shadow_hand_over")
 KINDS = ("human", "spoiled")
 SPOILED = 2.0
@@ -44,8 +41,6 @@ TITLES = (
     *("task", "numbers", "steps", "seed", "F before, held out", "after", "difference, 95 % interval"),
     *("of the way back", "numbers that matter"),
 )
-
-Record = dict[str, Any]
 
 
 def spoiled(text: str, seed: int) -> str:
@@ -153,14 +148,14 @@ def rows(results: Record) -> list[list[str]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--tasks", default=",".join(TASKS), help="separated by commas")
     parser.add_argument("--kinds", default=",".join(KINDS), help="separated by commas")
     for name, default in (("trials", 32), ("sample", 8), ("seeds", 3), ("seed", 0), ("steps", 0), ("worlds", 0)):
         parser.add_argument(f"--{name}", type=lambda text: int(float(text)), default=default)
     parser.add_argument("--confirm", type=int, default=0, help="fresh seeds for what is known already")
     parser.add_argument("--device", default="cpu")
-    parser.add_argument("--outputs", type=Path, default=OUTPUTS)
+    parser.add_argument("--outputs", type=Path, default=OUTPUTS / "tune")
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     for task in options.tasks.split(","):
@@ -169,12 +164,12 @@ def main() -> None:
             known = read(options.out)
             if name in known and options.confirm and "confirmed" not in known[name]:
                 found = known[name] | {"confirmed": confirm(name, options)}
-                write(options.out, read(options.out) | {name: found})
+                keep(options.out, name, found)
                 print(f"{task}, {kind}: {interval(*found['confirmed']['difference'], digits=3)}", flush=True)
             if name in known:
                 continue
             record = measure(task, kind, options)
-            write(options.out, read(options.out) | {name: record})
+            keep(options.out, name, record)
             print(f"{task}, {kind}: {record['verdict']}", flush=True)
 
 

@@ -14,21 +14,18 @@ are also there as sheets of pictures, for judges who look at pictures.
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from random import Random
 from statistics import fmean
-from typing import Any
 
 import claims
 import fresh
-import headline
 import numpy as np
 import torch
 from PIL import Image, ImageDraw, ImageFont
-from records import interval, machine, read, write
+from records import OUTPUTS, ROOT, Record, command_line, interval, machine, read, results, show, write
 from safetensors.torch import load
 
 import openeureka
@@ -53,20 +50,18 @@ MEASURES = {
     "falls": "episodes that end in a fall",
     "judged": "judges, 0 to 10",
 }
-RESULTS = claims.FOLDER / "results" / "words.json"
-OUTPUTS = headline.ROOT / "outputs" / "words"
-FILMS, KEY = OUTPUTS / "films", OUTPUTS / "key.json"
-PICTURE = headline.ROOT / "docs" / "images" / "words.webp"
+RESULTS = results("words")
+FILMS, KEY = OUTPUTS / "words" / "films", OUTPUTS / "words" / "key.json"
+PICTURE = ROOT / "docs" / "images" / "words.webp"
 SECONDS, FROM, PICTURES, COLUMNS = 8.0, 120, 20, 5
 """Of a film; the first picture of its sheet, how many it has, every second one of 30 a second, and how they lie."""
 TITLES = ("measure", *GROUPS.values(), "difference, 95 % interval")
-Record = dict[str, Any]
 
 
 def measure(group: str) -> list[Record]:
     """What the policies of a group's rewards do."""
     rewards = claims.accepted(ENV, claims.asked(ENV, group))
-    run = openeureka.train(ENV, rewards, dir=OUTPUTS / group, seed=claims.SEED, steps=claims.STEPS[ENV])
+    run = openeureka.train(ENV, rewards, dir=OUTPUTS / "words" / group, seed=claims.SEED, steps=claims.STEPS[ENV])
     own, lanes = policies(group), run.lanes
     found = []
     for play in evaluate(ENV, own, seed=claims.SEED, episodes=EPISODES, record=own):
@@ -79,7 +74,7 @@ def measure(group: str) -> list[Record]:
 
 def policies(group: str) -> dict[str, bytes]:
     """By lane, the policy that stands for a reward."""
-    with Store.view(OUTPUTS / group) as store:
+    with Store.view(OUTPUTS / "words" / group) as store:
         scores = store.lanes.evaluations()
         found = {lane: store.lanes.policy(lane, score.peak) for lane, score in scores.items() if score.peak}
     return {lane: policy for lane, policy in found.items() if policy is not None}
@@ -165,7 +160,7 @@ def rows(measured: Record) -> list[tuple[str, ...]]:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = command_line(__doc__)
     parser.add_argument("--judge", type=Path, help="a file of marks")
     parser.add_argument("--picture", action="store_true")
     options = parser.parse_args()
@@ -178,5 +173,4 @@ if __name__ == "__main__":
         film()
         where = {"steps": claims.STEPS[ENV], "seed": claims.SEED, **machine("cpu")}
         write(RESULTS, {"said": SAID, "groups": groups, **where})
-    for row in rows(read(RESULTS)):
-        print(*row, sep=" | ")
+    show(*rows(read(RESULTS)))
