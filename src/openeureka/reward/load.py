@@ -23,7 +23,8 @@ Runner = Callable[[Mapping[str, Any]], object]
 
 def _cosine_similarity(x1: Tensor, x2: Tensor, dim: int = 1, eps: float = 1e-8) -> Tensor:
     product = x1 * x2
-    x1, x2 = x1.expand_as(product), x2.expand_as(product)  # torch's own counts `dim` in the shape of both
+    if x1.shape != x2.shape:  # torch's own counts `dim` in the shape of both
+        x1, x2 = x1.expand_as(product), x2.expand_as(product)
     lengths = norm(x1, dim=dim).clamp(min=eps) * norm(x2, dim=dim).clamp(min=eps)
     return product.sum(dim=dim) / lengths
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import traceback
 from collections.abc import Mapping, Sequence
@@ -16,7 +17,7 @@ from . import graph as graphs
 from .gate import FILENAME
 from .load import Runner
 from .states import Recorded, take, world_count
-from .trace import Guard, Outputs, Refused, branch, trace, unify
+from .trace import Guard, Outputs, Refused, Tracer, branch, refuse_sizes, trace, unify
 from .validate import COMPONENT_NAME, MAX_COMPONENTS, GraphError, validate
 
 TRACE_SIZES = (61, 89)
@@ -199,23 +200,27 @@ def _flat(result: Outputs) -> list[Tensor | float]:
     return [result[0], *result[1].values()]
 
 
-def _traced(
-    run: Runner, spec: StateSpec, recorded: Recorded, worlds: Sequence[int]
-) -> tuple[RewardGraph, list[int | None]]:
+def _traced(tracer: Tracer, run: Runner, spec: StateSpec, recorded: Recorded, worlds: Sequence[int]) -> RewardGraph:
     state = _state(recorded, spec, worlds)
 
     def from_tensors(tensors: Mapping[str, Tensor]) -> Outputs:
         return outputs(_guarded(run, {**state, **tensors}), len(worlds))
 
-    return trace(from_tensors, _tensors(state))
+    return trace(tracer, from_tensors, _tensors(state))
 
 
 def _unified(run: Runner, spec: StateSpec, recorded: Recorded) -> tuple[RewardGraph, list[int | None]]:
     """One graph of traces of two sizes among different worlds, and the program's line for each node."""
     small, large = TRACE_SIZES
-    one, lines = _traced(run, spec, recorded, _paired(0, small))
-    other, _ = _traced(run, spec, recorded, _paired(small, large))
-    return unify(one, other, TRACE_SIZES, lines), lines
+    tracer, worlds = Tracer(small), _paired(0, small)
+    one = _traced(tracer, run, spec, recorded, worlds)
+    for every in (True, False) if tracer.selections else ():
+        forced, found = Tracer(small, every), None
+        with contextlib.suppress(Refused):
+            found = _traced(forced, run, spec, recorded, worlds)
+        refuse_sizes(tracer, one, forced, found)
+    other = _traced(Tracer(large), run, spec, recorded, _paired(small, large))
+    return unify(one, other, TRACE_SIZES, tracer.lines), tracer.lines
 
 
 def _paired(first: int, count: int) -> list[int]:

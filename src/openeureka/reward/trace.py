@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, cast
+from typing import Any, TypeGuard, cast
 
 import torch
 from torch import Tensor
@@ -15,7 +15,7 @@ from ..types import Arg, Finding, Node, Part, RewardGraph
 from . import surface
 from .dispatch import Mode
 from .gate import FILENAME
-from .validate import MAX_CONSTANT, IntegerDivision, references, refuse_truncation
+from .validate import MAX_CONSTANT, IntegerDivision, needed, references, refuse_truncation
 
 MAX_OPERATIONS = 20_000
 """Of one run, before what no output needs is dropped."""
@@ -25,6 +25,8 @@ _READS = surface.words("""
 """)
 _READS_A_NUMBER = "_local_scalar_dense"
 """What `float()`, `if` and torch itself call; fine on numbers that do not come from the state, which `Tracer` knows."""
+_SELECTS = "index.Tensor"
+_MASKED = (_SELECTS, "index_put.default")
 _UNUSED_KWARGS = surface.words("device layout pin_memory non_blocking")
 _SAME_VALUE = surface.words("lift_fresh.default detach.default alias.default")
 
@@ -110,12 +112,20 @@ def _judge(func: Any, args: Sequence[Any], kwargs: Mapping[str, Any]) -> None:
 
 
 class Tracer(Mode):
-    """Writes every operation below autograd down as a graph node."""
+    """Writes every operation below autograd down as a graph node.
 
-    def __init__(self) -> None:
+    Args:
+        worlds: N, by which a mask that picks worlds is known.
+        every: let each such mask pick all (True) or nothing (False), whatever it holds.
+    """
+
+    def __init__(self, worlds: int, every: bool | None = None) -> None:
         super().__init__()
+        self._worlds, self._every = worlds, every
         self.nodes: list[Node] = []
         self.lines: list[int | None] = []
+        self.selections: list[int] = []
+        """Nodes with as many elements as a mask picks."""
         self._of_state: set[int] = set()
         """Nodes whose values come from the inputs."""
         self._index: dict[int, int] = {}
@@ -175,6 +185,8 @@ class Tracer(Mode):
             raise Refused("operation", message, "write it with simpler tensor operations", current_line())
         kept = {key: self._encode(value) for key, value in kwargs.items() if key not in _UNUSED_KWARGS}
         index = self.add(op, tuple(self._encode(arg) for arg in written), kept)
+        if op in _MASKED:
+            args = (args[0], self._picking(op, index, args[1]), *args[2:])
         result = func(*args, **kwargs)
         if isinstance(result, Tensor):
             self.name(result, index)
@@ -182,6 +194,24 @@ class Tracer(Mode):
             for position, part in enumerate(result):
                 self.name(part, self.add("getitem", ({"ref": index}, position)))
         return result
+
+    def _picking(self, op: str, node: int, indices: Sequence[Tensor | None]) -> Sequence[Tensor | None]:
+        """Indices, with the masks among them as this trace wants them."""
+        if op == _SELECTS and any(map(self._is_mask, indices)):
+            self.selections.append(node)
+        every = self._every
+        if every is None:
+            return indices
+        return [torch.full_like(index, every) if self._is_mask(index) else index for index in indices]
+
+    def _is_mask(self, index: Tensor | None) -> TypeGuard[Tensor]:
+        """Whether it picks by the state of worlds; what constants of the task pick is always the same."""
+        return (
+            index is not None
+            and index.dtype == torch.bool
+            and self._worlds in index.shape
+            and self.index(index) in self._of_state
+        )
 
     def _encode(self, value: object) -> Arg:
         if isinstance(value, list | tuple):
@@ -214,14 +244,11 @@ def _squeeze(args: Sequence[Any]) -> tuple[str, tuple[Any, ...]]:
 Outputs = tuple[Tensor, Mapping[str, Tensor | float]]
 
 
-def trace(
-    run: Callable[[Mapping[str, Tensor]], Outputs], inputs: Mapping[str, Tensor]
-) -> tuple[RewardGraph, list[int | None]]:
-    """The operations of one run as a graph of that size, with the program's line for each node.
+def trace(tracer: Tracer, run: Callable[[Mapping[str, Tensor]], Outputs], inputs: Mapping[str, Tensor]) -> RewardGraph:
+    """The operations of one run as a graph of that size.
 
     Edits of fresh tensors become pure operations (functionalisation).
     """
-    tracer = Tracer()
     for name, tensor in inputs.items():
         tracer.name(tensor, tracer.add("input", (name,)))
     numbers: dict[str, float] = {}
@@ -237,7 +264,29 @@ def trace(
         reward, *rest = functionalize(flat, remove="mutations")(*inputs.values())
     tensors = iter(rest)
     components = tuple((name, tracer.index(numbers[name] if name in numbers else next(tensors))) for name in order)
-    return RewardGraph(nodes=tuple(tracer.nodes), reward=tracer.index(reward), components=components), tracer.lines
+    return RewardGraph(nodes=tuple(tracer.nodes), reward=tracer.index(reward), components=components)
+
+
+def refuse_sizes(seen: Tracer, graph: RewardGraph, forced: Tracer, other: RewardGraph | None) -> None:
+    """Raises Refused where the graph of a trace is another once its masks pick all or nothing.
+
+    Args:
+        other: what the forced trace came to; None where the program failed on its way, as `max()` of nothing does.
+    """
+    kept = needed(graph, graph.reward, *(index for _, index in graph.components))
+    pairs = enumerate(zip(seen.nodes, forced.nodes, strict=False))
+    changed = (index for index, (left, right) in pairs if index in kept and repr(left) != repr(right))
+    place = next(changed, None)
+    if place is None and other and (graph.reward, graph.components) != (other.reward, other.components):
+        place = min(len(seen.nodes), len(forced.nodes))
+    if place is None:
+        return
+    raise Refused(
+        "branch",
+        "how many elements this mask picks decides what is computed, and one decision would hold for all worlds",
+        "compute it for all worlds and pick with torch.where(mask, a, b)",
+        next((seen.lines[index] for index in reversed(seen.selections) if index < place), None),
+    )
 
 
 def unify(first: RewardGraph, second: RewardGraph, sizes: tuple[int, int], lines: Sequence[int | None]) -> RewardGraph:

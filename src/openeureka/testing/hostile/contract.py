@@ -79,6 +79,7 @@ CONTRACT: tuple[Hostile, ...] = (
     probe(85, "float-of-tensor", "branch", "r = r * float(pos.sum())"),
     probe(85, "float-through-a-view", "branch", "c = torch.zeros(2)\nc[:1].add_(pos[0, :1])\nr = r * float(c.sum())"),
     probe(85, "if-of-a-filled-constant", "branch", "c = torch.tensor(0.0)\nc += pos[0, 0]\nr = r if c > 0 else -r"),
+    probe(85, "whether-a-mask-picks-any", "branch", "far = r > 1e5\nif len(r[far]) > 0:\n    r = r - far.float()"),
     probe(85, "python-max", "branch", "x = max(pos.sum(), vel.sum())"),
     later(85, "index-where-training-goes", "r = r + torch.arange(8.0)[phase.abs().long()]"),
 )
