@@ -231,6 +231,7 @@ def test_whatever_the_gate_trips_over_is_a_finding(monkeypatch: pytest.MonkeyPat
     [
         ("import torch as __builtins__\ndef f(pos):\n    return pos[:, 0], {}\n", "dunder"),
         ("def f(pos):\n    h = lambda open: 0\n    open('x')\n    return pos[:, 0], {}\n", "unknown-name"),
+        ("def f(pos):\n    h = lambda x, open=open: open(x)\n    return pos[:, 0], {}\n", "unknown-name"),
         ("def f(pos):\n    h = [0 for open in (1, 2)]\n    open('x')\n    return pos[:, 0], {}\n", "unknown-name"),
         (
             "def f(pos):\n    def g(open):\n        return open\n    return pos[:, 0] + open('x'), {}\n",
@@ -260,4 +261,13 @@ def test_guessing_names_takes_no_longer_than_reading_them() -> None:
     started = time.process_time()
     found = gate.check(f"def f(pos):\n{body}\n    return pos[:, 0], {{}}\n", STATE)
     assert isinstance(found, tuple) and len(found) == 660
+    assert time.process_time() - started < 2.0
+
+
+def test_nested_defaults_are_read_once() -> None:
+    nested = "0"
+    for _ in range(45):
+        nested = f"lambda x={nested}: 0"
+    started = time.process_time()
+    assert isinstance(gate.check(f"def f(pos):\n    h = {nested}\n    return pos[:, 0], {{}}\n", STATE), gate.Program)
     assert time.process_time() - started < 2.0

@@ -208,6 +208,22 @@ def test_a_method_may_name_its_state_as_well() -> None:
 
 
 SAME = {
+    "a default of the local name, not of the constant": (
+        "k = 0.5\n\ndef f(dof_pos):\n    k = 0.25\n    scaled = lambda x, k=k: k * x\n"
+        "    return scaled(dof_pos[:, 0]), {}\n",
+        "0.25 * dof_pos[:, 0]",
+    ),
+    "functions that remember the turn of a loop": (
+        "def f(dof_pos):\n    parts = [lambda x, i=i: x[:, i] * i for i in range(3)]\n"
+        "    return sum(part(dof_pos) for part in parts), {}\n",
+        "dof_pos[:, 1] + 2.0 * dof_pos[:, 2]",
+    ),
+    "an inner function with a state variable and a constant as defaults": (
+        "K = 2.0\n\ndef f(dof_pos):\n    def total(x, *, w=dof_vel, k=K * math.pi):\n"
+        "        return k * x + 0.0 * w[:, 0]\n"
+        "    return total(dof_pos[:, 0]), {}\n",
+        "2.0 * math.pi * dof_pos[:, 0]",
+    ),
     "a device for a helper": (
         "def zero(n, device):\n    return torch.zeros(n, device=device)\n\n"
         "def f(dof_pos, num_envs, device):\n    return zero(num_envs, device=device) + dof_pos[:, 0], {}\n",

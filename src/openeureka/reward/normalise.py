@@ -118,6 +118,7 @@ class Normaliser(ast.NodeTransformer):
             self._import(node)
             return None
         if isinstance(node, ast.FunctionDef):
+            self._fold_defaults(node)
             return self.visit(node)
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             return None
@@ -146,6 +147,15 @@ class Normaliser(ast.NodeTransformer):
 
     def _folded(self, node: ast.expr) -> ast.expr:
         return Folder(self.names, self.constants).visit(node)
+
+    def _fold_defaults(self, node: ast.FunctionDef) -> None:
+        """Of a function at module level alone: within one, a name may be a local variable's."""
+        arguments = node.args
+        arguments.defaults = [self._folded(default) for default in arguments.defaults]
+        arguments.kw_defaults = [default and self._folded(default) for default in arguments.kw_defaults]
+        for default in (*arguments.defaults, *arguments.kw_defaults):
+            if default is not None and not _is_literal(default):
+                self._refuse("signature", "a default must be a literal number", node, "write the number itself")
 
     def _import(self, node: ast.Import | ast.ImportFrom) -> None:
         """Bind the names of an import, and refuse the paths that are not offered."""
@@ -212,11 +222,6 @@ class Normaliser(ast.NodeTransformer):
             if argument.annotation is not None:
                 self._annotation(argument.annotation)
                 argument.annotation = None
-        arguments.defaults = [self._folded(default) for default in arguments.defaults]
-        arguments.kw_defaults = [default and self._folded(default) for default in arguments.kw_defaults]
-        for default in (*arguments.defaults, *arguments.kw_defaults):
-            if default is not None and not _is_literal(default):
-                self._refuse("signature", "a default must be a literal number", node, "write the number itself")
         self.generic_visit(node)
         return node
 

@@ -219,9 +219,16 @@ class Rules(ast.NodeVisitor):
     # --- scopes ---
 
     def _visit_scope(self, node: Scope) -> None:
+        if isinstance(node, ast.FunctionDef | ast.Lambda):
+            for default in filter(None, (*node.args.defaults, *node.args.kw_defaults)):
+                self.visit(default)  # `i=i` names the one outside
         outer, self._locals = self._locals, self._locals | bound(node)
         self.generic_visit(node)
         self._locals = outer
+
+    def visit_arguments(self, node: ast.arguments) -> None:
+        for argument in (*node.args, *node.kwonlyargs):
+            self.visit(argument)
 
     visit_FunctionDef = visit_Lambda = _visit_scope
     visit_ListComp = visit_DictComp = visit_GeneratorExp = _visit_scope
