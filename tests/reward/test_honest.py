@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from openeureka.codec import encode
-from openeureka.reward import examine, gate, graph, load, probe
+from openeureka.reward import examine, gate, graph, load, probe, surface
 from openeureka.reward import math as helpers
 from openeureka.types import StateSpec, StateVar
 from reward.honest import ANT, PROGRAMS, recorded
@@ -163,6 +163,27 @@ def test_functions_of_tensors_take_a_python_float(expression: str) -> None:
     source = f"def f(actions, dt):\n    return actions[:, 0] * ({expression}), {{}}\n"
     reward, _ = graph.compile(accepted(ANT, source).graph, ANT)({"actions": torch.ones(1, 8), "dt": 0.0166})
     torch.testing.assert_close(reward, torch.tensor([FIRST_ARGUMENTS[expression]]))
+
+
+WITH_ARGUMENTS = {
+    "add_": (0.5,), "addcmul_": (torch.tensor([2.0]), torch.tensor([3.0])), "clamp_": (0.25, 1.0), "clamp_max_": (1.0,),
+    "clamp_min_": (1.0,), "clip_": (0.25, 1.0), "copy_": (torch.tensor([2.0]),), "div_": (2.0,), "fill_": (2.0,),
+    "logical_and_": (torch.tensor([0.0]),), "logical_or_": (torch.tensor([0.0]),),
+    "masked_fill_": (torch.tensor([True]), 2.0), "mul_": (2.0,), "pow_": (3.0,), "sub_": (0.5,),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("method", sorted(surface.IN_PLACE_METHODS))
+def test_every_method_that_edits_a_fresh_tensor_does_so(method: str) -> None:
+    arguments = WITH_ARGUMENTS.get(method, ())
+    said = ", ".join(repr(a).replace("tensor", "torch.tensor") for a in arguments)
+    edit = f"x = actions[:, 0].abs() + 0.25\n    x.{method}({said})"
+    source = f"def f(actions):\n    {edit}\n    return x + actions[:, 1], {{}}\n"
+    actions = torch.linspace(-1.5, 1.5, 24).view(3, 8)
+    reward, _ = graph.compile(accepted(ANT, source).graph, ANT)({"actions": actions})
+    x = actions[:, 0].abs() + 0.25
+    getattr(x, method)(*arguments)
+    torch.testing.assert_close(reward, x + actions[:, 1])
 
 
 HELPER_IMPORTS = {

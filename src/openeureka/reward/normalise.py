@@ -309,4 +309,8 @@ class Normaliser(ast.NodeTransformer):
                     return function.value
             if function.attr == "cuda":
                 return function.value
+            if function.attr == "clip_":  # torch can make neither of these pure
+                function.attr = "clamp_"
+            if function.attr == "square_" and not node.args:
+                function.attr, node.args = "pow_", [ast.copy_location(ast.Constant(2), node)]
         return node

@@ -180,6 +180,8 @@ class Tracer(Mode):
             op, written = _squeeze(args)
         if op == "_reshape_alias.default":  # takes strides, which nothing checks: a forged one reads any memory
             op, written = "reshape.default", args[:2]
+        if op == "zero.default":  # in place, as `zero_`, is the only form that torch offers
+            op = "zeros_like.default"
         if op not in surface.ATEN:
             message = f"the operation `{op}` cannot be part of a reward"
             raise Refused("operation", message, "write it with simpler tensor operations", current_line())
