@@ -1,4 +1,4 @@
-"""Turns of frames, as models give them."""
+"""Quaternions of roll, pitch and yaw."""
 
 from __future__ import annotations
 
