@@ -91,6 +91,21 @@ def test_where_played_policies_rank_components_are_told_early_and_late_in_an_epi
     assert reflect(SAMPLE, result, "grammar", played) == reflect(SAMPLE, RESULT, "grammar", played)
 
 
+@pytest.mark.parametrize("name", ["task_score", "episode_length"])
+def test_a_component_that_is_called_as_what_is_measured_is_shown_beside_it(name: str) -> None:
+    played = Evaluation(lane="a-s0", fitness=38.0, episode_length=38.0, episodes=64, error=1.0)
+    parts = {f"component_early/{name}": (0.5,), f"component_late/{name}": (3.0,)}
+    result = replace(RESULT, curves={**RESULT.curves, f"component/{name}": (-7.0,) * 40, **parts})
+    usual = reflect(SAMPLE, RESULT, "free", played).splitlines()
+    assert reflect(SAMPLE, result, "free", played).splitlines() == [
+        *usual[:3],
+        f"component {name}: [" + ", ".join(["-7.00"] * 10) + "], Max: -7.00, Mean: -7.00, Min: -7.00",
+        *usual[3:],
+        "At the end of training, in the first quarter of a full episode, then in the rest (none: no episode lasted so "
+        f"long): component {name} 0.50 then 3.00",
+    ]
+
+
 def test_neither_the_own_total_nor_the_human_reward_is_shown() -> None:
     assert not any("human" in line or line.startswith("reward") for line in reflect(SAMPLE, RESULT, "free").split("\n"))
 

@@ -24,6 +24,8 @@ episode_length is the mean of the episodes that ended [steps]."""
 _EARLY_AND_LATE = (
     "At the end of training, in the first quarter of a full episode, then in the rest (none: no episode lasted so long)"
 )
+_MEASURED = {"task_score": "fitness", "episode_length": "episode_length"}
+"""Curves that the feedback shows beside the components, by what it calls them."""
 _RANKS = "; rewards are ranked by the score when played instead"
 
 
@@ -77,11 +79,15 @@ def faults(entry: Scored) -> list[str]:
 
 def summary(curves: Curves, *, points: int, brief: bool = False) -> list[str]:
     """A line for each component, then the task score and the episode length. Undefined epochs read `none`."""
-    shown = of_components(curves)
-    shown["task_score"] = curves.get("fitness", ())
-    shown["episode_length"] = curves.get("episode_length", ())
+    shown = [(_component(name), curve) for name, curve in of_components(curves).items()]
+    shown += [(name, curves.get(key, ())) for name, key in _MEASURED.items()]
     interval = _interval(curves, points)
-    return [_line(name, curve, interval, brief) for name, curve in shown.items()]
+    return [_line(name, curve, interval, brief) for name, curve in shown]
+
+
+def _component(name: str) -> str:
+    """What a component is called beside what is measured."""
+    return f"component {name}" if name in _MEASURED else name
 
 
 def _parts(curves: Curves) -> list[str]:
@@ -91,7 +97,7 @@ def _parts(curves: Curves) -> list[str]:
         return _number(next(iter(curves.get(f"component_{part}/{name}", ())), None), brief=False)
 
     names = [name.removeprefix("component_early/") for name in curves if name.startswith("component_early/")]
-    means = ", ".join(f"{name} {mean('early', name)} then {mean('late', name)}" for name in names)
+    means = ", ".join(f"{_component(name)} {mean('early', name)} then {mean('late', name)}" for name in names)
     return [f"{_EARLY_AND_LATE}: {means}"] if means else []
 
 
