@@ -92,6 +92,28 @@ GOLDEN = {
         "def compute_reward(dof_pos):\n    break\n    return dof_pos[:, 0], {}\n",
         "line 2: Python cannot read it: 'break' outside loop [syntax]",
     ),
+    "a class around the function": (
+        "class Reward:\n    def compute_reward(self):\n        return self.dof_pos[:, 0], {}\n",
+        "line 1: `class` is not allowed [statement]; write plain functions",
+    ),
+    "a class beside the function": (
+        "class Scales:\n    a = 1.0\ndef compute_reward(dof_pos):\n    return Scales.a * dof_pos[:, 0], {}\n",
+        "line 1: `class` is not allowed [statement]; write plain functions",
+    ),
+    "a name of typing as a value": (
+        "from typing import cast\ndef f(dof_pos):\n    return cast(torch.Tensor, dof_pos[:, 0]), {}\n",
+        "line 3: `typing.cast` is not available to a reward [unknown-name]; "
+        "use it in annotations alone, and write `{}` for a dict",
+    ),
+    "a name of collections as a value": (
+        "from collections import OrderedDict\ndef f(dof_pos):\n    return dof_pos[:, 0], OrderedDict()\n",
+        "line 3: `collections.OrderedDict` is not available to a reward [unknown-name]; "
+        "use it in annotations alone, and write `{}` for a dict",
+    ),
+    "a method that is a function only": (
+        "def f(dof_pos):\n    return dof_pos[:, 0].isclose(dof_pos[:, 1]).float(), {}\n",
+        "line 2: `.isclose` is not an allowed attribute [attribute]; use `torch.isclose`",
+    ),
     "a guess that would lead astray": (
         "def compute_reward(dof_pos):\n    return open(dof_pos), {}\n",
         "line 2: `open` is not defined [unknown-name]; define it or remove it",

@@ -12,6 +12,7 @@ import torch
 from openeureka.codec import encode
 from openeureka.reward import examine, gate, graph, load, probe, surface
 from openeureka.reward import math as helpers
+from openeureka.reward.trace import Refused
 from openeureka.types import StateSpec, StateVar
 from reward.honest import ANT, PROGRAMS, recorded
 
@@ -285,6 +286,11 @@ SAME = {
         "K = 2 ** -1 * 10 ** 30\n\ndef f(dof_pos):\n    return dof_pos[:, 0] + 1.0 / K, {}\n",
         "dof_pos[:, 0] + 2e-30",
     ),
+    "a logarithm times a number, either way round": (
+        "def f(dof_pos):\n    x = dof_pos[:, 0].abs() + 0.5\n"
+        "    return torch.xlogy(x, 2) + x.xlogy(2) + torch.xlogy(3.0, x), {}\n",
+        "2.0 * (dof_pos[:, 0].abs() + 0.5) * math.log(2.0) + 3.0 * torch.log(dof_pos[:, 0].abs() + 0.5)",
+    ),
     "zeros of the dtype of an input": (
         "def f(dof_pos):\n    return (dof_pos[:, :3] - dof_pos.new_zeros(3)).sum(dim=-1), {}\n",
         "dof_pos[:, :3].sum(dim=-1)",
@@ -307,3 +313,19 @@ def test_what_people_write_computes_what_they_mean(name: str) -> None:
     plain = f"def f(dof_pos):\n    return {meant}, {{}}\n"
     own, expected = (graph.compile(accepted(ANT, text).graph, ANT)(states)[0] for text in (source, plain))
     torch.testing.assert_close(own, expected)
+
+
+@pytest.mark.parametrize(
+    ("shifted", "sign", "fix"),
+    [
+        ("mask << 1", "`<<`", "write `a * 2**b`"),
+        ("1 << mask", "`<<`", "write `a * 2**b`"),
+        ("mask >> 1", "`>>`", "write `a // 2**b`"),
+    ],
+)
+def test_a_shift_is_named_as_it_is_written(shifted: str, sign: str, fix: str) -> None:
+    program = gate.check(f"def f(actions):\n    mask = (actions[:, 0] > 0).int()\n    return {shifted}, {{}}\n", ANT)
+    assert isinstance(program, gate.Program)
+    with pytest.raises(Refused) as refusal:
+        probe.probe(load.load(program), ANT, recorded(ANT))
+    assert sign in refusal.value.finding.message and refusal.value.finding.fix == fix

@@ -50,6 +50,8 @@ class Draft:
     """Name to dotted path, for everything imported and the short names every program has."""
     constants: frozenset[str]
     """Names of module-level literals."""
+    ignored: Mapping[str, str]
+    """Name to dotted path, for imports of which nothing is there."""
 
     @property
     def method(self) -> bool:
@@ -82,6 +84,7 @@ class Normaliser(ast.NodeTransformer):
         self.names = dict(SHORT_NAMES)
         self.functions: dict[str, ast.FunctionDef] = {}
         self.constants: dict[str, ast.expr] = {}
+        self.ignored: dict[str, str] = {}
         self._own: set[str] = set()
         """Names of functions that the program defines, at any depth."""
         self._static: set[str] = set()
@@ -95,7 +98,11 @@ class Normaliser(ast.NodeTransformer):
             if any(dotted(decorator) == "staticmethod" for decorator in function.decorator_list)
         }
         if not self.functions:
-            self._refuse("no-function", "the program defines no function", tree, "define `def compute_reward(...)`")
+            for node in tree.body:
+                if isinstance(node, ast.ClassDef):
+                    self._refuse_class(node)
+            if not self.findings:
+                self._refuse("no-function", "the program defines no function", tree, "define `def compute_reward(...)`")
             return None
         last = max(node.lineno for node in self.functions.values())
         body: list[ast.stmt] = []
@@ -106,10 +113,13 @@ class Normaliser(ast.NodeTransformer):
         entry = next((self.functions[name] for name in ENTRY_NAMES if name in self.functions), None)
         entry = entry or list(self.functions.values())[-1]
         plain = ast.fix_missing_locations(ast.Module(body=body, type_ignores=[]))
-        return Draft(plain, entry, self.functions, self.names, frozenset(self.constants))
+        return Draft(plain, entry, self.functions, self.names, frozenset(self.constants), self.ignored)
 
     def _refuse(self, rule: str, message: str, node: ast.AST, fix: str = "") -> None:
         self.findings.append(Finding(rule=rule, message=message[:300], fix=fix, line=getattr(node, "lineno", None)))
+
+    def _refuse_class(self, node: ast.ClassDef) -> None:
+        self._refuse("statement", "`class` is not allowed", node, "write plain functions")
 
     # --- module level ---
 
@@ -120,6 +130,9 @@ class Normaliser(ast.NodeTransformer):
         if isinstance(node, ast.FunctionDef):
             self._fold_defaults(node)
             return self.visit(node)
+        if isinstance(node, ast.ClassDef):
+            self._refuse_class(node)
+            return None
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             return None
         if isinstance(node, ast.AnnAssign | ast.Assign):
@@ -172,6 +185,7 @@ class Normaliser(ast.NodeTransformer):
             elif parent in surface.HELPER_MODULES and name in surface.ALL_HELPERS:
                 target = f"{surface.HELPERS_PATH}.{name}"
             elif path.split(".")[0] in IGNORED_PACKAGES or parent in surface.HELPER_MODULES:
+                self.ignored[bound] = target
                 continue
             elif path not in _PATHS and name not in surface.MODULES.get(parent, ()):
                 fix = "torch, math, typing and `np.pi` are there; helpers such as `quat_mul` need no import"

@@ -143,6 +143,9 @@ class Rules(ast.NodeVisitor):
             self.inputs[name] = None
         elif name in surface.RANDOM:
             self._random(name, node)
+        elif name in draft.ignored:
+            message = f"`{draft.ignored[name]}` is not available to a reward"
+            self._refuse("unknown-name", message, node, "use it in annotations alone, and write `{}` for a dict")
         else:
             local = sorted(self._locals, key=len)[:MAX_KNOWN]
             known = (*self.state.names, *surface.ALL_HELPERS, *surface.BUILTINS, *local)
@@ -179,7 +182,8 @@ class Rules(ast.NodeVisitor):
             message = f"`.{name}` turns tensor values into Python values"
             self._refuse("data-read", message, node, "stay with tensors of one value per world")
         elif name not in surface.METHODS and name not in surface.IN_PLACE_METHODS:
-            fix = self._guess(name, surface.METHODS) or "remove it"
+            function = f"use `torch.{name}`" if name in surface.MODULES["torch"] else ""
+            fix = function or self._guess(name, surface.METHODS) or "remove it"
             self._refuse("attribute", f"`.{name[:40]}` is not an allowed attribute", node, fix)
 
     def _self_attribute(self, node: ast.Attribute) -> None:

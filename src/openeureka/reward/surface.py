@@ -165,7 +165,7 @@ ATEN = words("""
     squeeze.dims stack.default std.correction std_mean.correction sub.Scalar sub.Tensor sum.default
     sum.dim_IntList t.default tan.default tanh.default threshold.default topk.default transpose.int
     tril.default triu.default trunc.default unbind.int unsqueeze.default var.correction var_mean.correction
-    view.default where.self xlogy.Tensor zeros.default zeros_like.default
+    view.default where.self xlogy.Scalar_Other xlogy.Scalar_Self xlogy.Tensor zeros.default zeros_like.default
 """)
 """ATen overloads a graph may hold. All are pure: no random number, no in-place write, and no output whose size depends
 on values, except `index.Tensor` with a boolean mask, which `x[mask] = y[mask]` needs."""

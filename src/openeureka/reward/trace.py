@@ -27,6 +27,8 @@ _READS_A_NUMBER = "_local_scalar_dense"
 """What `float()`, `if` and torch itself call; fine on numbers that do not come from the state, which `Tracer` knows."""
 _SELECTS = "index.Tensor"
 _MASKED = (_SELECTS, "index_put.default")
+_LEFT, _RIGHT = ("<<", "write `a * 2**b`"), (">>", "write `a // 2**b`")
+_SHIFTS = {"__lshift__": _LEFT, "bitwise_left_shift": _LEFT, "__rshift__": _RIGHT, "bitwise_right_shift": _RIGHT}
 _UNUSED_KWARGS = surface.words("device layout pin_memory non_blocking")
 _SAME_VALUE = surface.words("lift_fresh.default detach.default alias.default")
 
@@ -183,8 +185,8 @@ class Tracer(Mode):
         if op == "zero.default":  # in place, as `zero_`, is the only form that torch offers
             op = "zeros_like.default"
         if op not in surface.ATEN:
-            message = f"the operation `{op}` cannot be part of a reward"
-            raise Refused("operation", message, "write it with simpler tensor operations", current_line())
+            spelt, fix = _SHIFTS.get(op.partition(".")[0], (op, "write it with simpler tensor operations"))
+            raise Refused("operation", f"the operation `{spelt}` cannot be part of a reward", fix, current_line())
         kept = {key: self._encode(value) for key, value in kwargs.items() if key not in _UNUSED_KWARGS}
         index = self.add(op, tuple(self._encode(arg) for arg in written), kept)
         if op in _MASKED:
