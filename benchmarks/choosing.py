@@ -19,8 +19,7 @@ from math import comb
 from typing import get_args
 
 from ledger import Script
-from records import FOLDER, OUTPUTS, Record, command_line, read, results, today
-from scipy.stats import spearmanr
+from records import FOLDER, OUTPUTS, Record, command_line, correlation, read, results, today
 
 from openeureka.config import RunConfig
 from openeureka.method.lanes import deal
@@ -168,12 +167,12 @@ def _ranking(env: str, lanes: Mapping[str, Record]) -> tuple[str, ...]:
         return (env, str(len(names)), *cells, *("-" for _ in range(8)))
     by_training = dict(zip(names, training, strict=True))
     by_played = dict(zip(names, played, strict=True))
-    again = [fresh[name] for name in known]
+    again = [rank(fresh[name]) for name in known]
     cells += [_correlation([by[name] for name in known], again) for by in (by_training, by_played)]
     first = [_best_of([(by[name], fresh[name]) for name in known], 1) for by in (by_training, by_played)]
     racing = _best_of([(by_played[name], fresh[name]) for name in known], CONTENDERS)
     seeds = len(_seeds(lanes, known[0]))
-    scores = [*first, racing, max(again, key=rank), fresh["human"]]
+    scores = [*first, racing, max(again), fresh["human"]]
     return (env, str(len(names)), *cells, str(seeds), *map(number, scores))
 
 
@@ -219,11 +218,10 @@ def _fresh(lanes: Mapping[str, Record], name: str) -> float | None:
     return mean([one["held_out"][standing(one)]["fitness"] for one in done if one["held_out"]])
 
 
-def _correlation(xs: Sequence[float | None], ys: Sequence[float | None]) -> str:
+def _correlation(xs: Sequence[float], ys: Sequence[float]) -> str:
     """Spearman's; a dash where one side is constant."""
-    if len(set(xs)) < 2 or len(set(ys)) < 2:
-        return "-"
-    return f"{float(spearmanr(xs, ys).statistic):.2f}"
+    found = correlation(xs, ys)
+    return "-" if found is None else f"{found:.2f}"
 
 
 def fewer(measured: Record) -> list[tuple[str, ...]]:

@@ -13,14 +13,12 @@ in the store of a run under `outputs/polish/` and in `benchmarks/results/polish.
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import choosing
 from ledger import Script
-from records import OUTPUTS, Record, command_line, keep, machine, read, results, show
-from scipy.stats import spearmanr
+from records import OUTPUTS, Record, command_line, correlation, keep, machine, read, results, show
 
 from openeureka.config import NO_MODEL, RunConfig
 from openeureka.errors import EurekaError
@@ -138,11 +136,9 @@ def _cell(scores: Scores) -> str:
 
 def _correlation(scratch: Scores, again: Scores) -> str:
     """Spearman's over rewards, of means over seeds; a dash where one side is constant."""
-    pairs = [(rank(mean(scratch[name])), rank(mean(again[name]))) for name in scratch if name in again]
-    if any(len(set(side)) < 2 for side in zip(*pairs, strict=True)):
-        return "-"
-    found = float(spearmanr(*zip(*pairs, strict=True)).statistic)
-    return f"{found:+.2f}" if math.isfinite(found) else "-"
+    both = [name for name in scratch if name in again]
+    found = correlation(*([rank(mean(scores[name])) for name in both] for scores in (scratch, again)))
+    return "-" if found is None else f"{found:+.2f}"
 
 
 def main() -> None:

@@ -16,12 +16,11 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from statistics import stdev
 
-from records import Record, command_line, read, results, show, today
-from scipy.stats import spearmanr
+from records import Record, command_line, correlation, read, results, rounded, show, today
 
 import openeureka
 from openeureka.report.numbers import number
-from openeureka.score import mean
+from openeureka.score import mean, rank
 
 RESULTS = results("predictors")
 SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2)
@@ -54,8 +53,9 @@ def extrapolated(curves: Curves, end: int, total: int) -> float | None:
 
 def together(curves: Curves, end: int, _: int) -> float | None:
     """Rank correlation of F and own reward over the epochs so far."""
-    pairs = [(a, b) for a, b in zip(curves["fitness"][:end], curves["reward"][:end], strict=True) if None not in (a, b)]
-    return _correlation(pairs)
+    epochs = zip(curves["fitness"][:end], curves["reward"][:end], strict=True)
+    known = [(f, own) for f, own in epochs if f is not None and own is not None]
+    return correlation([f for f, _ in known], [own for _, own in known])
 
 
 def certainty(curves: Curves, end: int, _: int) -> float | None:
@@ -86,22 +86,6 @@ SIGNAL_TITLES = ("signal", *AFTER)
 TASK_TITLES = ("task", "trainings", *AFTER)
 
 
-def rounded(value: float | None) -> float | None:
-    """To five digits."""
-    return None if value is None else float(f"{value:.5g}")
-
-
-def _correlation(pairs: Sequence[tuple[float | None, float | None]]) -> float | None:
-    """Spearman's; None where one side is constant."""
-    if len(pairs) < 3:
-        return None
-    a, b = zip(*pairs, strict=True)
-    if len(set(a)) == 1 or len(set(b)) == 1:
-        return None
-    found = float(spearmanr(a, b).statistic)
-    return found if math.isfinite(found) else None
-
-
 def lanes(run: openeureka.Run) -> Record:
     """Of each training of a generated reward that was played: its worth, and every signal at every share."""
     found: Record = {}
@@ -124,7 +108,7 @@ def lanes(run: openeureka.Run) -> Record:
 def signals(study: Mapping[str, Record]) -> list[list[str]]:
     """Of each signal and share: its rank correlation with worth, mean over tasks and the standard error of that."""
     return [
-        [title, *(_over([_correlation(_pairs(task, title, place)) for task in study.values()]) for place in PLACES)]
+        [title, *(_over([correlation(*_columns(task, title, place)) for task in study.values()]) for place in PLACES)]
         for title in SIGNALS
     ]
 
@@ -132,7 +116,7 @@ def signals(study: Mapping[str, Record]) -> list[list[str]]:
 def tasks(study: Mapping[str, Record]) -> list[list[str]]:
     """Of each task and share: rank correlation of F in the window with worth, and the place of the best lane by it."""
     return [
-        [name, str(len(task["lanes"])), *(_cell(_pairs(task, FITNESS, place)) for place in PLACES)]
+        [name, str(len(task["lanes"])), *(_cell(*_columns(task, FITNESS, place)) for place in PLACES)]
         for name, task in study.items()
     ]
 
@@ -140,18 +124,16 @@ def tasks(study: Mapping[str, Record]) -> list[list[str]]:
 def correlations(study: Mapping[str, Record]) -> list[tuple[str, str, list[float | None]]]:
     """Task, signal, and the rank correlation at each share, of the signals that the figure shows."""
     return [
-        (name, title, [_correlation(_pairs(task, title, place)) for place in PLACES])
+        (name, title, [correlation(*_columns(task, title, place)) for place in PLACES])
         for title in SHOWN
         for name, task in study.items()
     ]
 
 
-def _pairs(task: Record, title: str, place: int) -> list[tuple[float, float]]:
-    """Of each lane the signal, lowest where it is not known yet, and the worth."""
-    return [
-        (-math.inf if (signal := lane["signals"][title][place]) is None else signal, lane["played"])
-        for lane in task["lanes"].values()
-    ]
+def _columns(task: Record, title: str, place: int) -> tuple[list[float], list[float]]:
+    """Of all lanes the signal, lowest where it is not known yet, and the worth."""
+    lanes = task["lanes"].values()
+    return [rank(lane["signals"][title][place]) for lane in lanes], [lane["played"] for lane in lanes]
 
 
 def _over(found: Sequence[float | None]) -> str:
@@ -160,14 +142,12 @@ def _over(found: Sequence[float | None]) -> str:
     return f"{number(mean(told), 2)} ± {number(stdev(told) / math.sqrt(len(told)), 2)}"
 
 
-def _cell(pairs: Sequence[tuple[float, float]]) -> str:
+def _cell(signals: Sequence[float], worths: Sequence[float]) -> str:
     """The correlation, and the place that the signal gives to a lane of the highest worth. Equal signals count against
     it; of lanes of equal worth the one that the signal prefers counts."""
-    top = max(worth for _, worth in pairs)
-    preferred = max(signal for signal, worth in pairs if worth == top)
-    place = sum(signal >= preferred for signal, _ in pairs)
-    correlation = _correlation(pairs)
-    return f"{number(correlation, 2) if correlation is not None else '-'}, {place} of {len(pairs)}"
+    preferred = max(signal for signal, worth in zip(signals, worths, strict=True) if worth == max(worths))
+    place = sum(signal >= preferred for signal in signals)
+    return f"{number(correlation(signals, worths), 2)}, {place} of {len(signals)}"
 
 
 def main() -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from openeureka.report.numbers import number
+from openeureka.score import midranks, pearson
 from openeureka.types import Evaluation, Peak, TrainingResult
 
 ROOT = Path(__file__).parents[1]
@@ -109,6 +110,16 @@ def conditions(*packages: str) -> Record:
         "machine": {"cores": os.cpu_count(), "python": platform.python_version(), "load_at_end": os.getloadavg()[0]},
         "versions": {name: version(name) for name in packages},
     }
+
+
+def rounded(value: float | None) -> float | None:
+    """To five digits."""
+    return None if value is None else float(f"{value:.5g}")
+
+
+def correlation(xs: Sequence[float], ys: Sequence[float]) -> float | None:
+    """Spearman's; None below three pairs and where one side is constant."""
+    return pearson(midranks(xs).tolist(), midranks(ys).tolist()) if len(xs) > 2 else None
 
 
 def today() -> str:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -25,8 +24,8 @@ from unittest.mock import patch
 
 import choosing
 import torch
-from records import FOLDER, Record, command_line, read, results, today, write
-from scipy.stats import spearmanr
+from predictors import window
+from records import FOLDER, Record, command_line, correlation, read, results, rounded, today, write
 
 from openeureka.errors import EurekaError
 from openeureka.report.numbers import number
@@ -121,21 +120,12 @@ def train(
         spec.id: {
             "cpu_s": round(seconds, 1),
             "message": result.message,
-            "window": [_window(result.curves["fitness"], end) for end in population.ends],
-            "played": [_rounded(scores[lane, r].fitness) if (lane, r) in scores else None for r in range(len(RUNGS))],
-            "error": [_rounded(scores[lane, r].error) if (lane, r) in scores else None for r in range(len(RUNGS))],
+            "window": [rounded(window(result.curves["fitness"], end)) for end in population.ends],
+            "played": [rounded(scores[lane, r].fitness) if (lane, r) in scores else None for r in range(len(RUNGS))],
+            "error": [rounded(scores[lane, r].error) if (lane, r) in scores else None for r in range(len(RUNGS))],
         }
         for lane, (spec, result) in enumerate(zip(lanes, results, strict=True))
     }
-
-
-def _window(curve: Sequence[float | None], end: int) -> float | None:
-    """The newest value before this epoch."""
-    return _rounded(next((value for value in reversed(curve[:end]) if value is not None), None))
-
-
-def _rounded(value: float | None) -> float | None:
-    return None if value is None else float(f"{value:.5g}")
 
 
 def missing(
@@ -262,8 +252,7 @@ def best(played: Sequence[float | None]) -> float | None:
 def _tells(scores: Played, seed: int, rung: int, fresh: bool) -> float | None:
     now = [rank(of[seed][rung]) for of in scores.values()]
     end = [worth(scores, reward, seed, final) if fresh else rank(final(of[seed])) for reward, of in scores.items()]
-    found = float(spearmanr(now, end).statistic) if len(set(now)) > 1 and len(set(end)) > 1 else math.nan
-    return found if math.isfinite(found) else None
+    return correlation(now, end)
 
 
 def main() -> None:
