@@ -26,9 +26,7 @@ from scipy.stats import t
 import openeureka
 from openeureka.benchmark.plan import load
 from openeureka.report.numbers import number, spread
-from openeureka.reward import extract
 from openeureka.score import mean
-from openeureka.types import Candidate
 
 REPLIES = FOLDER / "claims"
 RESULTS = results("claims")
@@ -56,9 +54,7 @@ ANSWERS = ("claim", "task", "difference of means, 95 % interval", "holds here")
 
 def accepted(env: str, replies: Sequence[str]) -> list[str]:
     """The rewards among these replies that the sandbox accepts, each once."""
-    graphs = rungs.accepted(env, replies)
-    candidates = (Candidate.of(extract.program(text) or "") for text in replies)
-    return list({candidate.id: candidate.source for candidate in candidates if candidate.id in graphs}.values())
+    return list({candidate.id: candidate.source for candidate, _ in rungs.judged(env, replies)}.values())
 
 
 def asked(env: str, group: str) -> list[str]:

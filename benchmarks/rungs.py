@@ -85,14 +85,17 @@ class Watched(Population):
 
 def accepted(env: str, replies: Iterable[str]) -> dict[str, RewardProgram]:
     """The rewards in these replies that the sandbox accepts, by id."""
-    found: dict[str, RewardProgram] = {}
+    return {candidate.id: graph for candidate, graph in judged(env, replies)}
+
+
+def judged(env: str, replies: Iterable[str]) -> Iterator[tuple[Candidate, RewardProgram]]:
+    """The programs in these replies that the sandbox accepts, and the graphs of them."""
     with Sandbox(context(env).state, record_states(env)) as checker:
         for text in replies:
             candidate = Candidate.of(extract.program(text) or "")
             graph = checker.check(candidate).graph
             if graph is not None:
-                found[candidate.id] = graph
-    return found
+                yield candidate, graph
 
 
 def programs(env: str) -> dict[str, RewardProgram]:
