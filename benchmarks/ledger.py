@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from openeureka.cli.terminal import Terminal
@@ -29,6 +30,15 @@ class Script(Terminal):
         return "the same command"
 
 
+@contextmanager
+def in_sentences() -> Iterator[None]:
+    """Raises SystemExit with what an error that a person can cause says, instead of it."""
+    try:
+        yield
+    except EurekaError as error:
+        raise SystemExit("\n".join([str(error), *getattr(error, "__notes__", ())])) from None
+
+
 def learn(config: TrainConfig, peaks: Sequence[Peak], more: Iterable[Wanted] | None = None) -> Learned:
     """Train what the run in `config.dir` lacks, score these policies of every lane, and leave a report.
 
@@ -41,14 +51,12 @@ def learn(config: TrainConfig, peaks: Sequence[Peak], more: Iterable[Wanted] | N
         SystemExit: with a sentence, where a person can do something about it.
     """
     directory = Path(config.dir)
-    try:
+    with in_sentences():
         with comparing(config.run_config(), directory, Script()) as lanes:
             given.keep(lanes.store, named(config, listed(config.reward)))
             given.train(lanes, more)
             scores, results = _held_out(lanes, peaks), lanes.store.lanes.results()
         build(directory, "none", config.env)
-    except EurekaError as error:
-        raise SystemExit("\n".join([str(error), *getattr(error, "__notes__", ())])) from None
     return {lane: (result, scores.get(lane, {})) for lane, result in results.items()}
 
 

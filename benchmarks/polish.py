@@ -17,11 +17,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import choosing
-from ledger import Script
+from ledger import Script, in_sentences
 from records import OUTPUTS, Record, command_line, correlation, keep, machine, read, results, show
 
 from openeureka.config import NO_MODEL, RunConfig
-from openeureka.errors import EurekaError
 from openeureka.method.lanes import Lanes, deal
 from openeureka.refine.polishing import PARTS
 from openeureka.report.numbers import number
@@ -155,10 +154,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=RESULTS)
     options = parser.parse_args()
     for env in options.env:
-        try:
+        with in_sentences():
             measure(options, env)
-        except EurekaError as error:
-            raise SystemExit("\n".join([str(error), *getattr(error, "__notes__", ())])) from None
     show(TITLES, *rows(read(options.out)))
 
 

@@ -24,10 +24,10 @@ from unittest.mock import patch
 
 import choosing
 import torch
+from ledger import in_sentences
 from predictors import window
 from records import FOLDER, Record, command_line, correlation, read, results, rounded, today, write
 
-from openeureka.errors import EurekaError
 from openeureka.report.numbers import number
 from openeureka.reward import extract
 from openeureka.sandbox.client import Sandbox
@@ -271,11 +271,9 @@ def main() -> None:
     recipe = {name: value for name in RECIPE if (value := getattr(options, name))}
     manner = {"calm": options.calm} if options.calm else {}
     for env in options.env:
-        try:
-            human: dict[str, RewardProgram] = {"human": "human"}
+        human: dict[str, RewardProgram] = {"human": "human"}
+        with in_sentences():
             rewards = programs(env) if options.rewards == "all" else human
-        except EurekaError as error:
-            raise SystemExit(str(error)) from None
         measure(env, rewards, options.seeds, recipe, options.steps or STEPS[env], manner)
 
 
