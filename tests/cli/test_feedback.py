@@ -9,7 +9,7 @@ from openeureka.cli.terminal import TerminalDesk
 from openeureka.config import RunConfig
 from openeureka.errors import FeedbackError
 from openeureka.store import Store
-from openeureka.store.remarks import remark, typed
+from openeureka.store.remarks import remark, spoken, typed
 from openeureka.testing.conformance.search import entries
 from openeureka.types import Generation, Place, Remark, RemarkKind
 
@@ -40,9 +40,15 @@ def test_marks_are_told_from_words() -> None:
     assert remark("vote=g0s3:g0s1") == remark("vote=g0s3>g0s1") == wanted
 
 
-@pytest.mark.parametrize("word", ["favourite=3", "veto=", "vote=g0s3", "vote=g0s3:", "veto=g0s1:g0s2"])
+@pytest.mark.parametrize("word", ["favourite=3", "veto=", "vote=g0s3:x", "veto=g0s1:g0s2"])
 def test_a_mark_that_names_no_candidate_is_explained(word: str) -> None:
-    with pytest.raises(FeedbackError, match="write g0s3 for slot 3 of generation 0"):
+    with pytest.raises(FeedbackError, match=f"^`{word}` names no candidate; write g0s3 for slot 3 of generation 0"):
+        remark(word)
+
+
+@pytest.mark.parametrize("word", ["vote=", "vote=g0s3", "vote=g0s3:", "vote=:g0s3"])
+def test_a_vote_for_one_is_told_that_it_needs_two(word: str) -> None:
+    with pytest.raises(FeedbackError, match=f"^`{word}` does not name two candidates; .* first: vote=g0s3:g0s1.$"):
         remark(word)
 
 
@@ -70,7 +76,21 @@ def test_a_typed_line_may_be_what_another_shell_is_told() -> None:
     assert typed('"too jerky" favourite=g0s3 go\n') == [favourite, JERKY, GO]
     assert typed("too jerky favourite=g0s3") == [favourite, JERKY]
     assert typed("go favourite=g0s3") == typed("favourite=g0s3 go") == [favourite, GO]
-    assert typed("'it doesn't stop' \"or turn\"") == [remark("it doesn't stop or turn")]
+    assert typed("'it doesn't stop' \"or turn\"") == [remark("it doesn't stop"), remark("or turn")]
+
+
+def test_loose_words_are_one_sentence_and_each_quoted_one_is_its_own_at_either_door() -> None:
+    loose = [remark("veto=g0s1"), remark("too jerky, keep")]
+    assert spoken(["too", "jerky,", "keep", "veto=g0s1"]) == typed("too jerky, keep veto=g0s1") == loose
+    mixed = [remark("it leans"), remark("set gain=2"), remark("stop earlier"), GO]
+    assert spoken(["stop", "it leans", "earlier", "set gain=2", "go"]) == mixed
+    assert typed('stop "it leans" earlier "set gain=2" go') == mixed
+
+
+@pytest.mark.parametrize("go", ["go", "GO", "Go"])
+def test_go_counts_in_either_case(go: str) -> None:
+    assert spoken([go]) == typed(go) == [GO]
+    assert typed(f"too jerky {go}") == [JERKY, GO]
 
 
 def test_a_misspelt_mark_among_words_is_named_and_a_setting_is_not() -> None:
@@ -90,12 +110,14 @@ def test_the_command_keeps_what_is_said_and_says_when_the_run_goes_on(directory:
     assert "when you say `go`" in capsys.readouterr().out
     feedback(directory, ["go"])
     assert capsys.readouterr().out == "The run goes on.\n"
-    assert said(directory) == (JERKY, GO)
+    feedback(directory, ["it", "leans", "back"])
+    assert said(directory) == (JERKY, GO, remark("it leans back"))
 
 
 def test_nothing_said_is_refused_with_an_example(directory: Path) -> None:
-    with pytest.raises(FeedbackError, match="Say something"):
-        feedback(directory, [])
+    for words in ([], [" "]):
+        with pytest.raises(FeedbackError, match="Say something"):
+            feedback(directory, words)
 
 
 class Keyboard(io.StringIO):

@@ -251,6 +251,16 @@ def test_a_remark_on_an_unknown_candidate_is_refused_with_those_there_are(begin)
         assert store.remarks.unheard() == ()  # all or none
 
 
+def test_a_favourite_that_was_vetoed_is_refused(begin) -> None:
+    one = begin()
+    with pytest.raises(FeedbackError, match="^g0s1 was vetoed, which holds for good; choose another favourite.$"):
+        one.heard([veto(0, 1), favourite(0, 1)])
+    say(one.directory, veto(0, 1))
+    with pytest.raises(FeedbackError, match="^g0s1 was vetoed"):
+        say(one.directory, favourite(0, 1))
+    say(one.directory, favourite(0, 0))
+
+
 def test_votes_need_someone_who_votes() -> None:
     with pytest.raises(ConfigError, match="add feedback=human"):
         RunConfig(judge="votes")

@@ -37,7 +37,7 @@ def test_a_vote_is_between_two():
         actions.read({"vote": "g0s1:g0s1"})
 
 
-@pytest.mark.parametrize("vote", ["g0s1", "g0s1:", ":g0s1", "g0s1:x"])
+@pytest.mark.parametrize("vote", ["g0s1", "g0s1:", ":g0s1"])
 def test_a_vote_names_two(vote):
-    with pytest.raises(FeedbackError, match="names no candidate"):
+    with pytest.raises(FeedbackError, match="does not name two candidates"):
         actions.read({"vote": vote})

@@ -14,7 +14,7 @@ from ..parsing import command_line, parse
 from ..runs.stopping import stopped
 from ..store import is_held, say
 from ..store.directory import OUTPUTS, ask_to_stop
-from ..store.remarks import remark
+from ..store.remarks import spoken
 from ..types import RemarkKind
 from .settings import PageConfig, only_path, split
 
@@ -24,7 +24,7 @@ PATIENCE = 60.0
 
 def feedback(directory: Path, words: Sequence[str]) -> None:
     """Commit the remarks and say what follows."""
-    remarks = [remark(word) for word in words]
+    remarks = spoken(words)
     if not remarks:
         raise FeedbackError('Say something, for example: eureka feedback DIR "too jerky" favourite=g0s3 go')
     say(directory, *remarks)

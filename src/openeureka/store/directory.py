@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import fcntl
 import time
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..config import RunConfig, short_name
 from ..errors import FeedbackError, NotBegun, StoreError
-from ..types import Glance, Place, Remark, Reply
+from ..types import CandidateId, Glance, Place, Remark, RemarkKind, Reply
 from . import artifacts, summary
 from .db import FILENAME, LOCK, STOP, explained
 from .store import Store
@@ -130,7 +130,7 @@ def say(directory: Path | str, *remarks: Remark) -> None:
 
     Raises:
         FeedbackError: when the run waits for no person, repeats what was said in another, is over, or has no such
-            trained candidate.
+            trained candidate, or only a rejected one as the favourite.
         StoreError: when there is no run.
     """
     with Store.view(directory) as store:
@@ -140,6 +140,7 @@ def say(directory: Path | str, *remarks: Remark) -> None:
                 "another model=."
             )
         check(store, remarks)
+        _expect_standing(store, remarks)
     with Store.visit(directory) as store:
         store.remarks.say(*remarks)
 
@@ -156,6 +157,19 @@ def check(store: Store, remarks: Iterable[Remark]) -> None:
         for place in (remark.candidate, remark.over):
             if place is not None and place not in trained:
                 raise FeedbackError(f"{place} is no trained candidate of a finished generation; {_known(trained)}.")
+
+
+def _expect_standing(store: Store, remarks: Sequence[Remark]) -> None:
+    """Refuse a favourite whose program was vetoed: it would be kept, and never be a parent. Raises FeedbackError."""
+    entries = [entry for generation in store.history().generations for entry in generation.entries]
+    programs: dict[Place | None, CandidateId] = {
+        entry.sample.place: entry.sample.verdict.candidate for entry in entries
+    }
+    said = (*store.remarks.all(), *remarks)
+    vetoed = {programs.get(remark.candidate) for remark in said if remark.kind is RemarkKind.VETO}
+    for remark in remarks:
+        if remark.kind is RemarkKind.FAVOURITE and programs.get(remark.candidate) in vetoed:
+            raise FeedbackError(f"{remark.candidate} was vetoed, which holds for good; choose another favourite.")
 
 
 def _known(trained: set[Place]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from ..errors import FeedbackError, nearest
 from ..types import Place, Remark, RemarkKind
@@ -11,7 +12,7 @@ from .rows import decode_remark, encode_remark
 
 _MARK = re.compile(r"(favou?rite|veto|vote)=(.*)")
 _MARKS = ("favourite", "favorite", "veto", "vote")
-_QUOTED = re.compile(r"""(?<!\S)(["'])(.*?)\1(?!\S)""")
+_WORD = re.compile(r"""(?<!\S)(["'])(?P<quoted>.*?)\1(?!\S)|\S+""")
 _SETTING = re.compile(r"(\w+)=(\S*)")
 _PLACE = re.compile(r"g(\d{1,6})s(\d{1,6})")
 
@@ -25,6 +26,10 @@ class RemarkLog:
     def say(self, *remarks: Remark) -> None:
         """Commit what a person said, all or none; it counts for the generation that is asked for next."""
         self._database.put("remarks", *map(encode_remark, remarks))
+
+    def all(self) -> tuple[Remark, ...]:
+        """What was said, heard or not."""
+        return self._between(0)
 
     def unheard(self) -> tuple[Remark, ...]:
         """What was said and entered no history yet."""
@@ -58,15 +63,23 @@ class RemarkLog:
 
 
 def typed(line: str) -> list[Remark]:
-    """The remarks of one line: its marks, its words, and `go` where it is empty or ends so. Raises FeedbackError."""
-    words = line.split() or ["go"]
-    last = words.pop() if words[-1] == "go" else ""
-    marks = [word for word in words if _MARK.match(word)]
-    rest = [word for word in words if not _MARK.match(word)]
-    for word in rest:
+    """The remarks of one line, as `spoken` has those of its words; an empty line is `go`. Raises FeedbackError."""
+    words = [match["quoted"] if match[1] else match[0] for match in _WORD.finditer(line)]
+    return spoken(words or ["go"])
+
+
+def spoken(words: Sequence[str]) -> list[Remark]:
+    """The remarks of a command line: marks, each word with a blank (it was quoted), all others as one sentence, and
+    `go` where they end so. Raises FeedbackError."""
+    words = [word for word in map(str.strip, words) if word]
+    last = [words.pop()] if words and _is_go(words[-1]) else []
+    marks = [word for word in words if _MARK.fullmatch(word)]
+    others = [word for word in words if not _MARK.fullmatch(word)]
+    quoted = [word for word in others if len(word.split()) > 1]
+    loose = [word for word in others if len(word.split()) == 1]
+    for word in loose:
         _refuse_unknown_mark(word, alone=False)
-    said = _QUOTED.sub(r"\2", " ".join(rest))
-    return [remark(part) for part in (*marks, said, last) if part]
+    return [remark(part) for part in (*marks, *quoted, " ".join(loose), *last) if part]
 
 
 def remark(word: str) -> Remark:
@@ -75,7 +88,7 @@ def remark(word: str) -> Remark:
     Raises:
         FeedbackError: for a mark that names no candidate, and for what looks like a mark and is none.
     """
-    if word == "go":
+    if _is_go(word):
         return Remark(kind=RemarkKind.GO)
     mark = _MARK.fullmatch(word)
     if mark is None:
@@ -83,11 +96,19 @@ def remark(word: str) -> Remark:
         return Remark(kind=RemarkKind.WORDS, text=word)
     kind, named = RemarkKind(mark[1].replace("favorite", "favourite")), mark[2]
     if kind is not RemarkKind.VOTE:
-        return Remark(kind=kind, candidate=_place(named))
+        return Remark(kind=kind, candidate=_place(named, word))
     better, _, worse = named.replace(">", ":").partition(":")  # an unquoted > is the shell's
-    if _place(better) == _place(worse):
+    if not (better and worse):
+        raise FeedbackError(
+            f"`{word}` does not name two candidates; a vote does, the better one first: vote=g0s3:g0s1."
+        )
+    if _place(better, word) == _place(worse, word):
         raise FeedbackError(f"`{named}` votes for a candidate over itself; name two, as g0s3:g0s1.")
-    return Remark(kind=kind, candidate=_place(better), over=_place(worse))
+    return Remark(kind=kind, candidate=_place(better, word), over=_place(worse, word))
+
+
+def _is_go(word: str) -> bool:
+    return word.lower() == "go"
 
 
 def _refuse_unknown_mark(word: str, *, alone: bool = True) -> None:
@@ -104,8 +125,8 @@ def _refuse_unknown_mark(word: str, *, alone: bool = True) -> None:
         )
 
 
-def _place(name: str) -> Place:
+def _place(name: str, mark: str) -> Place:
     found = _PLACE.fullmatch(name)
     if found is None:
-        raise FeedbackError(f"`{name}` names no candidate; write g0s3 for slot 3 of generation 0, a vote as g0s3:g0s1.")
+        raise FeedbackError(f"`{mark}` names no candidate; write g0s3 for slot 3 of generation 0, a vote as g0s3:g0s1.")
     return Place(int(found[1]), int(found[2]))
