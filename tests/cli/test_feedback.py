@@ -1,4 +1,5 @@
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -141,6 +142,12 @@ def test_the_terminal_shows_each_candidate_and_keeps_lines_typed(directory: Path
     assert said(directory) == (JERKY, GO)
     desk.listen(0)  # the end of the input: from now on only other shells are heard
     assert said(directory) == (JERKY, GO)
+
+
+def test_without_films_nothing_is_to_be_watched(directory: Path, capsys) -> None:
+    TerminalDesk(directory, replace(CONFIG, video="none"), []).invite(Generation(0, tuple(entries(0, [1.0, 2.0]))))
+    shown = capsys.readouterr().out
+    assert "Generation 0 is trained; video=none films none of its policies:\ncandidate  F\ng0s0       1\n" in shown
 
 
 def test_the_command_for_another_shell_can_be_typed_as_it_stands(directory: Path, tmp_path: Path, capsys) -> None:

@@ -19,7 +19,7 @@ from openeureka.llm import open_model
 from openeureka.report.view import RunView
 from openeureka.runs import compose, stopping
 from openeureka.sandbox import client, confine
-from openeureka.store import read_config, read_replies
+from openeureka.store import Store, read_config, read_replies
 from openeureka.store.db import LOCK, LOG, STOP
 from openeureka.store.directory import ask_to_stop
 from openeureka.tasks import registry
@@ -219,6 +219,22 @@ def test_show_prints_every_slot_and_the_final_scores(parts, tmp_path, capsys):
         ("1", "1", "3", "4", "accepted"),
     ]
     assert any(line.startswith("Human-normalised score, held out: 1.4") for line in lines)
+
+
+def test_show_says_how_a_run_that_stopped_goes_on(parts, tmp_path, capsys):
+    parts.setattr(compose, "open_model", lambda config, held: Failing(SCRIPT))
+    run("run", *SETTINGS, f"dir={tmp_path}/run")
+    capsys.readouterr()
+    assert run("show", f"{tmp_path}/run") == 0
+    way = f"Nobody works on this run. {tmp_path}/run/run.log says what it did last. To go on: eureka resume {tmp_path}"
+    assert f"\n{way}/run\n" in capsys.readouterr().out
+    with Store.open(tmp_path / "begun", RunConfig(iteration=3)):
+        assert run("show", f"{tmp_path}/begun") == 0
+        assert "Nobody works" not in capsys.readouterr().out
+    assert run("show", f"{tmp_path}/begun") == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith("No generation is trained yet.\n") and "0 of 3 generations are done." in shown
+    assert f"\nNobody works on this run. To go on: eureka resume {tmp_path}/begun\n" in shown
 
 
 def test_a_run_is_json_for_programs(parts, tmp_path, capsys):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..display.live import verdict_line
 from ..display.progress import working
-from ..parsing import parse
+from ..parsing import command_line, parse
 from ..refine.hardened import Robust
 from ..refine.polishing import Polished
 from ..refine.tuned import Tuned
@@ -23,7 +23,8 @@ from ..report.view import RunView
 from ..runs import trust
 from ..runs.run import lanes
 from ..score import Arm, Outcome
-from ..store import read_config
+from ..store import artifacts, is_held, read_config
+from ..store.db import LOG
 from ..text import plain
 from ..types import CandidateId, Evaluation, Generation, Remark, Scored, TrainingResult
 from .settings import ReportConfig, only_path, split
@@ -53,10 +54,13 @@ def show(directory: Path, *, as_json: bool = False) -> None:
     slots = [_slot(entry, strengths) for generation in run.history.generations for entry in generation.entries]
     votes = ["votes"] if strengths else []
     titles = ("generation", "slot", "candidate", "try", "F played", "F in training", *votes, "verdict")
-    print(plain(columns([titles, *slots])))
+    print(plain(columns([titles, *slots]) if slots else "No generation is trained yet."))
     print("".join(_costs(run)))
     print("".join(_heard(generation) for generation in run.history.generations))
     print(plain("\n".join(summary(run))))
+    if len(run.history.generations) < run.config.generations and not is_held(directory):
+        log = f"{directory / LOG} says what it did last. " if artifacts.exists(directory, LOG) else ""
+        print(plain(f"Nobody works on this run. {log}To go on: {command_line('resume', directory)}"))
     if (best := run.best_text) is not None:
         print(f"\nBest reward ({best.id}):\n\n{plain(best.source)}")
 

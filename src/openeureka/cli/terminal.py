@@ -66,8 +66,13 @@ class TerminalDesk:
         print("\n".join(self._invitation(generation)), flush=True)
 
     def _invitation(self, generation: Generation) -> Iterator[str]:
-        yield f"\nGeneration {generation.index} is trained. Watch its policies:"
-        yield columns([("candidate", "F", "video"), *self._videos(generation)])
+        table = [("candidate", "F", "video"), *self._videos(generation)]
+        if self._config.video == "none":
+            yield f"\nGeneration {generation.index} is trained; video=none films none of its policies:"
+            yield columns([row[:2] for row in table])
+        else:
+            yield f"\nGeneration {generation.index} is trained. Watch its policies:"
+            yield columns(table)
         yield "Say what you see, in words for the model or by favourite=, veto= and vote=A:B, from any shell:"
         yield f'  {command_line("feedback", self._directory)} "too jerky" favourite=g{generation.index}s0 go'
         if self._listening:
