@@ -90,7 +90,7 @@ def literal(text: str) -> Any:
         return text
 
 
-_WANTED = {"int": "a whole number", "float": "a number", "bool": "true or false"}
+_WANTED = {"int": "a whole number, such as 8 or 1e6", "float": "a number", "bool": "true or false"}
 
 Config = TypeVar("Config", bound="DataclassInstance")
 
@@ -116,7 +116,8 @@ def _typed(kind: type, words: Sequence[str]) -> dict[str, Any]:
     for word in words:
         key, sign, value = word.partition("=")
         if not sign:
-            raise ConfigError(f"`{word}` is not of the form key=value, for example env=cartpole.")
+            example = f"reward={word}" if word.endswith(".py") and "reward" in hints else "env=cartpole"
+            raise ConfigError(f"`{word}` is not of the form key=value, for example {example}.")
         if key in given:
             raise ConfigError(f"`{key}` is set twice, to `{given[key]!s:.80}` and to `{value:.80}`; say it once.")
         given[key] = value
@@ -133,7 +134,7 @@ def _typed(kind: type, words: Sequence[str]) -> dict[str, Any]:
 
 def _expect_known(key: str, hints: Mapping[str, type]) -> None:
     if key not in hints:
-        raise ConfigError(f"Unknown setting `{key}`.{nearest(key, hints)} Settings: {', '.join(hints)}.")
+        raise ConfigError(f"Unknown setting `{key}`.{nearest(key.lower(), hints)} Settings: {', '.join(hints)}.")
 
 
 def _unfit(key: str, value: object, kind: type) -> ConfigError:

@@ -220,7 +220,7 @@ def test_a_run_begun_here_goes_on_at_the_command_line(tmp_path, monkeypatch, cap
     ("settings", "sentence"),
     [
         ({"sampel": 2}, "Unknown setting `sampel`. Did you mean `sample`?"),
-        ({"sample": "two"}, "`sample=two` does not fit: `sample` takes a whole number."),
+        ({"sample": "two"}, "`sample=two` does not fit: `sample` takes a whole number, such as 8 or 1e6."),
         ({"sample": True}, "`sample=True` does not fit"),
         ({"sample": 1.5}, "`sample=1.5` does not fit"),
         ({"video": "some"}, "`video` must be one of"),

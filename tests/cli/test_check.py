@@ -34,8 +34,12 @@ def test_a_refused_reward_is_explained_with_line_rule_and_fix(one_sandbox, tmp_p
 
 def test_a_missing_or_binary_file_is_named(tmp_path):
     (tmp_path / "binary.py").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(RewardFileError, match=r"Cannot read the reward file .*absent\.py: No such file"):
+    with pytest.raises(
+        RewardFileError, match=r"Cannot read the reward file .*absent\.py: No such file or directory\.$"
+    ):
         check(["env=cartpole", f"{tmp_path}/absent.py"])
+    with pytest.raises(RewardFileError, match=r"human: No such .* task's own; here a name is that of a file\.$"):
+        check(["human"])
     with pytest.raises(RewardFileError, match=r"binary\.py is not a text file"):
         check(["env=cartpole", f"{tmp_path}/binary.py"])
 
@@ -69,7 +73,8 @@ def test_what_torch_calls_a_function_of_numpy_is_named(one_sandbox, tmp_path, ca
 
 
 def test_a_line_that_python_cannot_read_is_shown(one_sandbox, tmp_path, capsys):
-    _, finding, line = checked(tmp_path, "def compute_reward(x):\n    y = (x\n    return y, {}\n", capsys)
+    head, finding, line = checked(tmp_path, "def compute_reward(x):\n    y = (x\n    return y, {}\n", capsys)
+    assert head.endswith("refused (Python cannot read it; it was not run)")
     assert finding == "line 2: Python cannot read it: '(' was never closed [syntax]"
     assert line == "    y = (x"
 

@@ -40,7 +40,14 @@ def test_a_directory_with_an_equals_sign_is_gone_on_with(place):
     assert (settings, paths) == (["max_cost=3"], [Path(place)])
 
 
-@pytest.mark.parametrize("words", [[], ["a.py", "b.py"]])
-def test_a_command_for_one_file_shows_how_to_name_it(words):
-    with pytest.raises(ConfigError, match="Name exactly one path, for example: eureka show DIR"):
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        ([], "Name exactly one path; for example: eureka show DIR"),
+        (["cartpole", "b.py"], "Name exactly one path, not cartpole and b.py; for example: eureka show DIR"),
+        (["env", "=", "ant", "b.py"], "A setting has no blanks around its equals sign; for example: eureka show DIR"),
+    ],
+)
+def test_a_command_for_one_file_shows_how_to_name_it(words, sentence):
+    with pytest.raises(ConfigError, match=f"^{sentence}$"):
         only_path(split(words)[1], "eureka show DIR")

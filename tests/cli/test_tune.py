@@ -17,7 +17,7 @@ import openeureka
 from openeureka.cli.main import main
 from openeureka.cli.show import facts, show
 from openeureka.cli.train import resume, train, tune
-from openeureka.config import TuneConfig
+from openeureka.config import RunConfig, TuneConfig
 from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError
 from openeureka.report.view import RunView
 from openeureka.runs.rewards import to_tune
@@ -204,11 +204,14 @@ def test_what_cannot_be_tuned_is_one_sentence(toy, tmp_path):
         to_tune(TuneConfig(), str(bad))
     with pytest.raises(ConfigError, match="sparse reward of a task is no program"):
         to_tune(TuneConfig(), "sparse")
-    (tmp_path / "empty").mkdir()
+    empty = tmp_path / "outputs" / "empty"
+    Store.open(empty, RunConfig()).close()
     with pytest.raises(
         RewardFileError, match="There is no program in .*/empty/best: its best reward came with the task, or nothing"
     ):
-        to_tune(TuneConfig(), str(tmp_path / "empty"))
+        to_tune(TuneConfig(), str(empty))
+    with pytest.raises(StoreError, match="outputs is not a run: it holds runs, name one such as .*/outputs/empty"):
+        to_tune(TuneConfig(), str(empty.parent))
 
 
 def test_a_run_of_another_reward_is_refused(toy, tuned, mine, tmp_path):

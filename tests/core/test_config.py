@@ -35,6 +35,8 @@ def test_a_config_survives_being_stored_and_read_back():
         ("sampel=3", "Did you mean `sample`?"),
         ("sample=many", "`sample` takes a whole number"),
         ("steps=1.5", "`steps` takes a whole number"),
+        ("steps=1M", "`steps` takes a whole number, such as 8 or 1e6"),
+        ("ENV=ant", "Unknown setting `ENV`. Did you mean `env`?"),
         ("steps=1e-6", "`steps` takes a whole number"),
         ("max_cost=much", "`max_cost` takes a number"),
         ("sample=-1", "`sample` must be zero or more"),

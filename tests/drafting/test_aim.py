@@ -139,6 +139,7 @@ def test_a_person_may_name_what_shall_be_where():
     ("words", "problem"),
     [
         ({"thing": "red_cub"}, "no body, site or geom `red_cub`. Did you mean `red_cube`"),
+        ({"thing": "arrow"}, "no body, site or geom `arrow`. It has upper_arm, forearm, red_cube, blue_cube, green"),
         ({"thing": "table"}, "`table` is fixed to the world"),
         ({"thing": "green_goal"}, "`green_goal` is fixed to the world, or mocap"),
         ({"thing": "red_cube", "goal": "red_cube"}, "`red_cube` moves with `red_cube`"),

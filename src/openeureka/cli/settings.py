@@ -13,6 +13,9 @@ from ..config import VIDEOS
 from ..errors import ConfigError
 from ..parsing import is_setting
 
+EXPORTED = ("gymnasium", "mjlab", "isaaclab")
+"""Suites that a reward may be written for."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchConfig:
@@ -79,6 +82,10 @@ class ExportConfig:
     env: str = ""
     """Task of the run, if it was not started on this machine; empty means the run's."""
 
+    def __post_init__(self) -> None:
+        if self.to not in ("", *EXPORTED):
+            raise ConfigError(f"`to` must be one of {', '.join(EXPORTED)}, not `{self.to}`.")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PageConfig:
@@ -138,8 +145,11 @@ def only_path(paths: Sequence[Path], usage: str) -> Path:
     Raises:
         ConfigError: for none or several.
     """
+    if any(str(path).startswith("=") for path in paths):
+        raise ConfigError(f"A setting has no blanks around its equals sign; for example: {usage}")
     if len(paths) != 1:
-        raise ConfigError(f"Name exactly one path, for example: {usage}")
+        given = f", not {' and '.join(map(str, paths))}" if paths else ""
+        raise ConfigError(f"Name exactly one path{given}; for example: {usage}")
     return paths[0]
 
 

@@ -20,7 +20,7 @@ from ..method import baselines, prompts
 from ..parsing import command_line, parse
 from ..report.numbers import columns, number
 from ..reward.extract import in_file
-from ..runs.rewards import MEANINGS, explain, judge
+from ..runs.rewards import explain, judge, meaning
 from ..score import mean
 from ..store.artifacts import write
 from ..tasks import registry
@@ -103,8 +103,11 @@ def _type(variable: StateVar) -> str:
 def check(words: Sequence[str], *, as_json: bool = False) -> int:
     """Print the verdict on one reward file; returns 1 when it was refused."""
     settings, paths = split(words)
+    usage = "eureka check env=cartpole my_reward.py"
+    if any(word.startswith("reward=") for word in settings):
+        raise ConfigError(f"The file is named without reward=, for example: {usage}")
     config = parse(CheckConfig, settings)
-    path = only_path(paths, "eureka check env=cartpole my_reward.py")
+    path = only_path(paths, usage)
     candidate, note = in_file(path)
     (verdict,) = judge(config.env, [candidate], unsafe=config.unsafe_no_sandbox)
     if as_json:
@@ -112,7 +115,7 @@ def check(words: Sequence[str], *, as_json: bool = False) -> int:
         components = [name for name, _ in verdict.graph.components] if verdict.graph is not None else []
         print(json.dumps({"verdict": verdict.code, "findings": findings, "components": components}, indent=2))
         return 0 if verdict.accepted else 1
-    head = f"{path}: {verdict.code} ({MEANINGS[verdict.code]})"
+    head = f"{path}: {verdict.code} ({meaning(verdict)})"
     print("\n".join((*([note] if note else []), head, *explain(verdict, candidate.source))))
     return 0 if verdict.accepted else 1
 

@@ -81,7 +81,8 @@ def _named_aim(survey: Survey, thing: str, goal: str) -> Aim:
 def _by_name(survey: Survey, name: str) -> Place:
     places = {place.name: place for place in reversed(survey.places())}
     if name not in places:
-        raise TaskError(f"The model has no body, site or geom `{name}`.{nearest(name, places)}")
+        meant = nearest(name, places) or f" It has {', '.join(reversed(places))}."
+        raise TaskError(f"The model has no body, site or geom `{name}`.{meant}")
     return places[name]
 
 

@@ -93,9 +93,9 @@ def read(path: Path) -> Candidate:
     try:
         return Candidate.of(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
-        meant = nearest(str(path), OWN) if str(path) not in OWN else ""
-        known = f"{meant} Where rewards train, {' and '.join(OWN)} are the task's own; here a name is that of a file."
-        raise RewardFileError(f"Cannot read the reward file {path}: {error.strerror}.{known}") from None
+        own = f" Where rewards train, {' and '.join(OWN)} are the task's own; here a name is that of a file."
+        meant = own if str(path) in OWN else nearest(str(path), OWN)
+        raise RewardFileError(f"Cannot read the reward file {path}: {error.strerror}.{meant}") from None
     except UnicodeDecodeError:
         raise RewardFileError(f"{path} is not a text file; a reward file is Python source in UTF-8.") from None
 

@@ -12,7 +12,7 @@ from ..method.given import Given
 from ..reward import extract
 from ..reward.weights import weights
 from ..sandbox.client import Sandbox
-from ..store import artifacts, is_run, read_config
+from ..store import artifacts, read_config
 from ..tasks import human
 from ..tasks.record import record_states
 from ..tasks.registry import get
@@ -75,6 +75,7 @@ def to_tune(config: TuneConfig, word: str | Path) -> tuple[Candidate, Verdict]:
     Raises:
         ConfigError: where there is nothing to fit, or a run's reward is one of another task.
         RewardFileError: for one that cannot be read or was refused.
+        StoreError: for a folder that is no run.
         TaskError: where the task's own reward is no program.
     """
     name = "the reward" if is_text(word) else f"`{word}`"
@@ -97,7 +98,7 @@ def _only(config: TuneConfig, word: str | Path) -> Candidate:
     directory = Path(word) if not is_text(word) else None
     if directory is None or not directory.is_dir():
         return read(word)
-    if is_run(directory) and (env := read_config(directory).env) != config.env:
+    if (env := read_config(directory).env) != config.env:
         raise ConfigError(f"{directory} is a run of {short_name(env)}; add env={env}.")
     program = artifacts.read(directory, "best/reward.py")
     if program is None:
@@ -138,7 +139,7 @@ def judge(env: str, candidates: Sequence[Candidate], *, worlds: int = 0, unsafe:
         return [sandbox.check(candidate) for candidate in candidates]
 
 
-MEANINGS = {
+_MEANINGS = {
     VerdictCode.ACCEPTED: "it can train",
     VerdictCode.NO_PROGRAM: "there is no reward function in it",
     VerdictCode.REFUSED: "what it says is not allowed in a reward; it was not run",
@@ -147,6 +148,13 @@ MEANINGS = {
     VerdictCode.CRASHED: "it was run on states of the task, and ended its process",
     VerdictCode.SCREENED: "it can train, and others were preferred",
 }
+
+
+def meaning(verdict: Verdict) -> str:
+    """What a verdict says to a person, before its findings do."""
+    if any(finding.rule == "syntax" for finding in verdict.findings):
+        return "Python cannot read it; it was not run"
+    return _MEANINGS[verdict.code]
 
 
 def explain(verdict: Verdict, source: str = "") -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import inspect
 import json
 import re
 import warnings
@@ -118,6 +119,8 @@ def _make(name: str, **keywords: Any) -> Env[Any, Any]:
     if package.endswith(".py"):
         module = Path(package).stem
         raise TaskError(f"gym: takes a module, no file: say gym:{module}:{bare}, with its folder on PYTHONPATH.")
+    if not bare:
+        raise TaskError("Name an environment of Gymnasium after gym:, for example env=gym:CartPole-v1.")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # old versions, bounds of spaces: nothing that a person asked about
         try:
@@ -140,13 +143,25 @@ def _make(name: str, **keywords: Any) -> Env[Any, Any]:
                 f"`{name}` needs the module `{fault.name}`: install it, or set PYTHONPATH to its folder."
             ) from None
         except (Exception, SystemExit) as fault:
-            raise TaskError(f"The environment `{name}` cannot be made: {told(fault)}") from fault
+            said = _untaken(bare, keywords, fault) or told(fault)
+            raise TaskError(f"The environment `{name}` cannot be made: {said}") from fault
+
+
+def _untaken(bare: str, keywords: Mapping[str, Any], fault: BaseException) -> str:
+    """What was set and no constructor takes, where that is the fault: Python names the constructor of a base class."""
+    name = next((key for key in keywords if f"unexpected keyword argument '{key}'" in str(fault)), "")
+    known = inspect.signature(_maker(gymnasium.spec(bare))).parameters if name else {}
+    return f"it takes no `{name}`.{nearest(name, known)}" if name else ""
 
 
 def _render_modes(spec: Any) -> list[str]:
+    return list((getattr(_maker(spec), "metadata", None) or {}).get("render_modes", ()))
+
+
+def _maker(spec: Any) -> Any:
+    """The class or function of an environment."""
     entry = spec.entry_point
-    made = load_env_creator(entry) if isinstance(entry, str) else entry
-    return list((getattr(made, "metadata", None) or {}).get("render_modes", ()))
+    return load_env_creator(entry) if isinstance(entry, str) else entry
 
 
 def _hints(package: str, bare: str, fault: Exception) -> str:
