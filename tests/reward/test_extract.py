@@ -219,9 +219,9 @@ def test_indented_prose_below_a_program_is_left_out(prose: str):
     ],
 )
 def test_hostile_replies_take_little_time(reply: str):
-    began = time.perf_counter()
+    began = time.process_time()
     extract.program(reply)
-    assert time.perf_counter() - began < 5
+    assert time.process_time() - began < 5
 
 
 def test_null_bytes_do_no_harm():
