@@ -85,6 +85,24 @@ def test_a_failing_endpoint_is_one_sentence_and_the_way_to_continue(parts, tmp_p
     ]
 
 
+def test_where_nothing_is_done_nothing_is_said_to_be_kept(parts, tmp_path, capsys):
+    failing = Failing(SCRIPT)
+    failing.said = 2  # at its first request
+    parts.setattr(compose, "open_model", lambda config, held: failing)
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 3
+    assert capsys.readouterr().err.splitlines() == [
+        "The endpoint refused the key; check OPENAI_API_KEY.",
+        f"Nothing is done yet. Try again with: eureka resume {tmp_path}/run",
+    ]
+
+
+def test_a_search_whose_model_is_not_installed_is_refused_before_anything_is_made(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("openeureka.llm.local.find_spec", lambda name: None)
+    assert run("run", "env=cartpole", "model=local", f"dir={tmp_path}/run") == 3
+    (sentence,) = capsys.readouterr().err.splitlines()
+    assert "pip install 'openeureka[local]'" in sentence and not list(tmp_path.iterdir())
+
+
 def test_ctrl_c_says_how_to_continue_and_resuming_asks_for_the_rest_only(parts, tmp_path, capsys):
     parts.setattr(compose, "open_model", lambda config, held: Interrupting(SCRIPT))
     assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 130
@@ -451,6 +469,37 @@ def test_ctrl_c_before_a_search_has_begun_leaves_nothing(parts, tmp_path, capsys
     assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 130
     assert capsys.readouterr().err == "Stopped before it began.\n"
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("command", ["run", "train", "tune"])
+def test_a_directory_that_can_hold_no_run_is_refused_before_anything_is_told(command, parts, tmp_path, capsys):
+    (tmp_path / "hop.xml").touch()
+    parts.chdir(tmp_path)
+    words = SETTINGS if command == "run" else ["env=cartpole", "reward=human"]
+    parts.setattr("openeureka.cli.train.to_tune", lambda config: None)
+    for name, why in (
+        ("hop.xml", "hop.xml is a file, and a run is a directory; choose another dir=."),
+        ("hop.xml/run", f"{tmp_path}/hop.xml is a file, and a run is a directory; choose another dir=."),
+        (".", ". is not empty and not a run; choose another dir=."),
+    ):
+        assert run(command, *words, f"dir={name}") == 5
+        assert tuple(capsys.readouterr()) == ("", f"{why}\n")
+
+
+@pytest.mark.parametrize("command", ["run", "resume"])
+def test_a_run_at_work_is_refused_to_a_second_command_before_that_tells_anything(command, parts, tmp_path, capsys):
+    assert run("run", *SETTINGS, f"dir={tmp_path}/run") == 0
+    capsys.readouterr()
+    with FileLock(tmp_path / "run" / LOCK):
+        assert (
+            run(*(["resume", f"{tmp_path}/run"] if command == "resume" else ["run", *SETTINGS, f"dir={tmp_path}/run"]))
+            == 5
+        )
+    told = capsys.readouterr()
+    assert told.err == (
+        f"Another process is working on {tmp_path}/run; wait for it, or stop it with: eureka stop {tmp_path}/run\n"
+    )
+    assert "generations of" not in told.out
 
 
 def test_ctrl_c_while_a_run_is_taken_up_says_how_to_continue(parts, tmp_path, capsys):

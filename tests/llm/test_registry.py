@@ -9,7 +9,7 @@ import pytest
 
 from openeureka.config import NO_MODEL, RunConfig
 from openeureka.errors import ConfigError, EurekaError, ModelError
-from openeureka.llm import open_model
+from openeureka.llm import local, open_model, registry, weights
 from openeureka.llm.random import RandomModel
 from openeureka.store import Store
 from openeureka.types import Message, Prompt, Reply, Usage
@@ -34,6 +34,8 @@ def scripted(config: RunConfig) -> RandomModel:
 )
 def test_model_names_what_it_says_and_opening_costs_nothing(model: str, style: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("OPENAI_API_KEY", "sk-none")
+    monkeypatch.setattr(registry, "expect_engine", lambda: None)
+    monkeypatch.setattr(weights, "expect_default", lambda: None)
     opened = open_model(RunConfig(model=model))
     assert opened.style == style
     opened.close()
@@ -77,10 +79,24 @@ def test_a_model_of_ones_own_costs_what_price_says():
         costs(max_cost=1.0)
 
 
-def test_a_missing_weights_file_is_said_when_it_is_needed(tmp_path):
+def test_a_missing_weights_file_is_said_when_it_is_needed(tmp_path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(registry, "expect_engine", lambda: None)
     model = open_model(RunConfig(model=f"local:{tmp_path}/none.gguf"))
     with pytest.raises(ModelError, match="cannot be read"):
         list(model.sample(Prompt(messages=(Message("user", "hi"),)), n=1, seed=0))
+
+
+def test_an_embedded_model_that_is_not_installed_is_refused_when_it_is_opened(tmp_path, monkeypatch):
+    monkeypatch.setattr(local, "find_spec", lambda name: None)
+    with pytest.raises(ModelError, match=r"xllamacpp is not installed.*pip install 'openeureka\[local\]'"):
+        open_model(RunConfig(model="local"))
+
+    monkeypatch.setattr(local, "find_spec", lambda name: object())
+    monkeypatch.delenv("EUREKA_GGUF", raising=False)
+    monkeypatch.setenv("EUREKA_CACHE", str(tmp_path))
+    monkeypatch.setattr(weights, "QWEN", replace(weights.QWEN, package="no-such-package-"))
+    with pytest.raises(ModelError, match="weights of the embedded model are not installed"):
+        open_model(RunConfig(model="local"))
 
 
 def unfinished(config: RunConfig) -> object:

@@ -35,8 +35,8 @@ def wait_for(happens: Callable[[], bool], seconds: float = 60.0) -> None:
 
 
 def test_a_run_outlives_the_page_that_started_it_and_its_log_tells_how_it_goes(tmp_path, tmp_path_factory):
-    broken = tmp_path_factory.mktemp("weights") / "broken.gguf"
-    broken.write_bytes(b"GGUF, and nothing that a model could be read from")
+    silent = tmp_path_factory.mktemp("replies") / "silent.json"
+    silent.write_text('{"model": "m", "replies": []}')
     page = subprocess.Popen([*EUREKA, "ui", str(tmp_path), "port=0"], stdout=subprocess.PIPE, text=True)
     assert page.stdout is not None
     address = re.fullmatch(r"Open (http://)(eureka:\S{32})@(127\.0\.0\.1:\d+)/open\n", page.stdout.readline())
@@ -45,14 +45,14 @@ def test_a_run_outlives_the_page_that_started_it_and_its_log_tells_how_it_goes(t
     login = tuple(address[2].split(":"))
     with httpx2.Client(base_url=own, auth=login, headers={"Origin": own}, follow_redirects=True) as client:
         assert client.get("/open").status_code == 200
-        form = {"env": "cartpole", "model": f"local:{broken}", "sample": "2", "steps": ""}
+        form = {"env": "cartpole", "model": f"replay:{silent}", "sample": "2", "steps": ""}
         answer = client.post("/start", data=form)
         assert answer.status_code == 200 and "_cartpole</title>" in answer.text
     page.send_signal(signal.SIGINT)
     assert page.wait(timeout=30) == 0
     (directory,) = tmp_path.iterdir()
     wait_for(
-        lambda: "broken.gguf" in (directory / LOG).read_text() and "eureka resume" in (directory / LOG).read_text()
+        lambda: "holds 0 replies" in (directory / LOG).read_text() and "eureka resume" in (directory / LOG).read_text()
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
@@ -120,6 +121,12 @@ _SENTENCES = {
     "load": "llama.cpp cannot load the weights ({detail}); check that the file is a complete GGUF.",
     "request": "The embedded model refused the request: {detail}.",
 }
+
+
+def expect_engine() -> None:
+    """Raises ModelError where llama.cpp is not installed."""
+    if find_spec("xllamacpp") is None:
+        raise ModelError(_SENTENCES["missing"].format(detail="xllamacpp is not installed"))
 
 
 def chatml(messages: Sequence[Message], prefill: str) -> str:

@@ -20,7 +20,7 @@ from ..plugins import Door
 from ..types import Prompt, Reply
 from . import hub, price, weights
 from .client import LanguageModel
-from .local import LocalModel
+from .local import LocalModel, expect_engine
 from .random import RandomModel
 
 KINDS = ("local", "random", "replay")
@@ -40,7 +40,7 @@ def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
         held: replies that the run already has; a replaying model goes on after them.
 
     Raises:
-        ModelError, ConfigError, StoreError: it names something that is not there.
+        ModelError, ConfigError, StoreError: it names, or needs, something that is not there.
     """
     kind, _, rest = config.model.partition(":")
     if kind == "local":
@@ -75,10 +75,14 @@ def expect(config: RunConfig) -> None:
 
 
 def _local(config: RunConfig, where: str) -> LanguageModel:
+    expect_engine()
     if where.startswith("hub:"):
         find = partial(hub.fetch, where.removeprefix("hub:"))
+    elif where:
+        find = partial(weights.existing, Path(where))
     else:
-        find = partial(weights.existing, Path(where)) if where else weights.default
+        weights.expect_default()
+        find = weights.default
     return LocalModel(find, name=config.model, temperature=config.temperature, threads=config.threads)
 
 

@@ -66,6 +66,14 @@ def default() -> Path:
     return assemble(QWEN, cache_dir())
 
 
+def expect_default() -> None:
+    """Raises ModelError where `default` would find nothing to assemble; takes no time."""
+    if named := os.environ.get("EUREKA_GGUF"):
+        existing(Path(named), "EUREKA_GGUF names")
+    elif not complete(cache_dir() / QWEN.filename, QWEN):
+        _pieces(QWEN)
+
+
 def existing(path: Path, who: str = "model=local: names") -> Path:
     """The path itself. Raises ModelError when it is not a GGUF file."""
     found = Path(os.path.expanduser(path))
@@ -84,7 +92,7 @@ def assemble(weights: Weights, folder: Path) -> Path:
     target = folder / weights.filename
     if complete(target, weights):
         return target
-    pieces = [_installed(package, weights.version) for package in weights.packages]
+    pieces = _pieces(weights)
     with exclusive(target):
         if not complete(target, weights):
             write(target, (chunk for piece in pieces for chunk in _read(piece)), weights.sha256)
@@ -148,6 +156,10 @@ def exclusive(target: Path) -> FileLock:
     except OSError as error:
         raise disk_error(target, error) from error
     return FileLock(f"{target}.lock")
+
+
+def _pieces(weights: Weights) -> list[Path]:
+    return [_installed(package, weights.version) for package in weights.packages]
 
 
 def _installed(package: str, version: str) -> Path:

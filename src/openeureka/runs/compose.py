@@ -30,10 +30,10 @@ from ..report.build import build
 from ..report.filming import Filming
 from ..sandbox.client import Sandbox
 from ..store import StageFiles, Store, has_begun, look, read_config, read_replies
-from ..store.directory import swept
+from ..store.directory import expect_free, swept
 from ..tasks import costs, curriculum, ranges
 from ..tasks.context import context, informed
-from ..tasks.record import record_states
+from ..tasks.record import record_states, try_out
 from ..tasks.registry import get
 from ..training.curriculum import CurriculumTrainer
 from ..types import Candidate, Ranks, TaskContext, Trainer, Usage, Verdict
@@ -50,7 +50,7 @@ class Host(Protocol):
     """Whoever started a run: what it is told, and where its person sits."""
 
     def begins(self, config: RunConfig, directory: Path) -> None:
-        """Nothing of the run is made yet, and all that a person can get wrong without its task is refused."""
+        """Nothing of the run is made yet, and what a person can get wrong is refused."""
         ...
 
     def working(self, text: str) -> AbstractContextManager[None]:
@@ -162,9 +162,10 @@ def _parts(
         config = replace(config, sample=config.sample or before.sample, iteration=config.iteration or before.iteration)
     config = strategies.sized(config, model.style)
     begins = strategies.make(config)  # refuses what is none; a run of before may rank otherwise, so it is made again
-    host.begins(config, directory)
+    expect_free(directory, config)
     with host.working("Trying the task out"):
         states = record_states(config.env)
+    host.begins(config, directory)
     known = informed(known, states, config)
     try:
         worlds = config.worlds or get(config.env).recipe.worlds
@@ -173,7 +174,7 @@ def _parts(
                 sampling.admit(config, checker)
             with (
                 _store(directory, config, begins.judge) as store,
-                continuable(host.again(directory)),
+                continuable(host.again(directory), store),
                 stoppable(directory),
                 logged(directory, config, store.talk.usage()) as log,
                 _filming(directory, config, host) as films,
@@ -221,11 +222,16 @@ def train(config: RunConfig, directory: Path, rewards: Given | None, host: Host)
     Returns, Raises:
         As `search` does.
     """
-    with swept(directory), comparing(config, directory, host) as lanes:
-        if rewards is not None:
-            given.keep(lanes.store, rewards)
-        given.train(lanes)
-        lanes.store.end()
+    with swept(directory):
+        expect_free(directory, config)
+        if rewards is not None and not any(rewards.values()):  # programs were judged on states of the task
+            with host.working("Trying the task out"):
+                try_out(config.env)
+        with comparing(config, directory, host) as lanes:
+            if rewards is not None:
+                given.keep(lanes.store, rewards)
+            given.train(lanes)
+            lanes.store.end()
     return _reported(config, directory, host, "training")
 
 
@@ -241,6 +247,7 @@ def tune(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] |
     task = get(config.env)
     worlds = config.worlds or task.recipe.worlds
     with swept(directory):
+        expect_free(directory, config)
         with host.working("Trying the task out"):
             states = record_states(config.env)
         with (
@@ -298,7 +305,7 @@ def robust(
     with (
         closing(model),
         _store(directory, began) as store,
-        continuable(again),
+        continuable(again, store),
         stoppable(directory),
         logged(directory, config, store.talk.usage()) as log,
         host.view(config, directory, store.talk.usage()) as view,
@@ -315,7 +322,7 @@ def comparing(config: RunConfig, directory: Path, host: Host) -> Iterator[Lanes]
     with (
         mirrored(directory, config) as mirrors,
         _store(directory, config) as store,
-        continuable(host.again(directory)),
+        continuable(host.again(directory), store),
         stoppable(directory),
         logged(directory, config, Usage()) as log,
         host.view(config, directory, Usage()) as view,

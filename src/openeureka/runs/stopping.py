@@ -9,7 +9,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 
-from ..errors import EurekaError, Interrupted
+from ..errors import EurekaError, Interrupted, StoreError
+from ..store import Store
 from ..store.directory import is_asked_to_stop, withdraw
 
 POLL = 0.5
@@ -17,15 +18,23 @@ POLL = 0.5
 
 
 @contextmanager
-def continuable(again: str) -> Iterator[None]:
+def continuable(again: str, store: Store) -> Iterator[None]:
     """Have whatever ends a run say what to write to go on with it."""
     try:
         yield
     except KeyboardInterrupt:
         raise Interrupted(stopped(again)) from None
     except EurekaError as error:
-        error.add_note(f"What is done is kept. Continue with: {again}")
+        said = "What is done is kept. Continue" if _holds_work(store) else "Nothing is done yet. Try again"
+        error.add_note(f"{said} with: {again}")
         raise
+
+
+def _holds_work(store: Store) -> bool:
+    try:
+        return bool(store.lanes.all() or store.talk.replies())
+    except StoreError:  # may be what ended the run
+        return True
 
 
 def stopped(again: str) -> str:

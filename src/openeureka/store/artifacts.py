@@ -17,7 +17,7 @@ from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
 from ..errors import StoreError
-from .db import explained
+from .db import FILENAME, LOCK, LOG, STOP, explained
 
 MAX_FILE = 1 << 30
 """Bytes of a file that are read; policies have some 10 MB."""
@@ -143,6 +143,22 @@ def expect_regular(directory: Path, *names: str) -> None:
         with explained(directory), suppress(FileNotFoundError):
             if not stat.S_ISREG(os.lstat(directory / name).st_mode):
                 raise StoreError(_odd(directory, name))
+
+
+def expect_room(directory: Path) -> None:
+    """Raises StoreError where there can be no run, begun or new: in a file, or among other things."""
+    place = next(path for path in (directory, *directory.absolute().parents) if path.exists())
+    if not place.is_dir():
+        raise StoreError(f"{place} is a file, and a run is a directory; choose another dir=.")
+    if place == directory and not (directory / FILENAME).exists() and is_foreign(directory):
+        raise StoreError(f"{directory} is not empty and not a run; choose another dir=.")
+
+
+def is_foreign(directory: Path) -> bool:
+    """Whether the directory holds anything besides what a run killed at its very start leaves."""
+    with explained(directory):
+        own = {LOCK, LOG, STOP, FILENAME, f"{FILENAME}-wal", f"{FILENAME}-shm"}
+        return any(path.name not in own for path in directory.iterdir())
 
 
 @contextmanager

@@ -21,6 +21,7 @@ from typing import Any, TypeVar
 
 from ..codec import DecodeError
 from ..errors import NotBegun, StoreError
+from ..parsing import command_line
 from .schema import FILLS, MIGRATIONS
 
 T = TypeVar("T")
@@ -173,6 +174,12 @@ def _statements(script: str) -> Iterator[str]:
 def _on_one_line(sql: str) -> str:
     """Cached, as nearly every file has the same tables."""
     return " ".join(sql.split())
+
+
+def at_work(directory: Path) -> StoreError:
+    """For a run that another process has."""
+    stop = command_line("stop", directory)
+    return StoreError(f"Another process is working on {directory}; wait for it, or stop it with: {stop}")
 
 
 def changed_row(directory: Path, why: object) -> StoreError:

@@ -12,8 +12,8 @@ from ..config import RunConfig, short_name
 from ..errors import FeedbackError, NotBegun, StoreError
 from ..types import CandidateId, Glance, Place, Remark, RemarkKind, Reply
 from . import artifacts, summary
-from .db import FILENAME, LOCK, STOP, explained
-from .store import Store
+from .db import FILENAME, LOCK, STOP, at_work, explained
+from .store import Store, expect_same
 
 OUTPUTS = Path("outputs")
 """Where they go."""
@@ -104,6 +104,15 @@ def has_begun(directory: Path | str) -> bool:
     except NotBegun:
         return False
     return True
+
+
+def expect_free(directory: Path, config: RunConfig) -> None:
+    """Refuse what `Store.open` would, before anything is tried or told. Raises StoreError."""
+    artifacts.expect_room(directory)
+    if is_held(directory):
+        raise at_work(directory)
+    if has_begun(directory):
+        expect_same(directory, read_config(directory), config)
 
 
 def is_held(directory: Path | str) -> bool:

@@ -39,7 +39,7 @@ from ..types import (
 )
 from ..version import __version__
 from . import artifacts, summary
-from .db import AGAIN, FILENAME, LOCK, LOG, STOP, Database, changed_row, explained
+from .db import AGAIN, FILENAME, LOCK, Database, at_work, changed_row, explained
 from .lane_log import LaneLog
 from .remarks import RemarkLog
 from .rows import decode_messages, decode_usage, decode_verdict, encode_messages
@@ -102,8 +102,7 @@ class Store:
             StoreError: when another process has it, it holds something else, or its settings differ.
         """
         directory = Path(directory)
-        if directory.exists() and not (directory / FILENAME).exists() and _foreign(directory):
-            raise StoreError(f"{directory} is not empty and not a run; choose another dir=.")
+        artifacts.expect_room(directory)
         artifacts.expect_regular(directory, LOCK)
         with explained(directory):
             directory.mkdir(parents=True, exist_ok=True)
@@ -111,7 +110,7 @@ class Store:
             try:
                 lock.acquire()
             except Timeout:
-                raise StoreError(f"Another process is working on {directory}; wait for it or stop it.") from None
+                raise at_work(directory) from None
         with ExitStack() as undo:
             undo.callback(lock.release)
             database = Database(directory, writable=True)
@@ -162,7 +161,7 @@ class Store:
     def _settle(self, config: RunConfig, ranks: Ranks) -> None:
         """Store the settings first of all; a later process must come with the same."""
         if self._database.row("run") is None:
-            if _foreign(self.directory):
+            if artifacts.is_foreign(self.directory):
                 raise StoreError(
                     f"{self.directory} has files of a run whose {FILENAME} is gone; restore it from a copy, with the "
                     "-wal file beside it, or choose another dir=."
@@ -377,13 +376,6 @@ class Store:
 
 def _restored(text: str) -> RunConfig:
     return restored(RunConfig, decode(dict[str, object], text))
-
-
-def _foreign(directory: Path) -> bool:
-    """Whether the directory holds anything besides what a run killed at its very start leaves."""
-    with explained(directory):
-        own = {LOCK, LOG, STOP, FILENAME, f"{FILENAME}-wal", f"{FILENAME}-shm"}
-        return any(path.name not in own for path in directory.iterdir())
 
 
 def _missing(directory: Path) -> str:
