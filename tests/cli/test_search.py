@@ -9,6 +9,7 @@ import torch
 from filelock import FileLock
 from toys import ToySandbox
 
+from openeureka import __main__ as door
 from openeureka.cli import main as command
 from openeureka.cli import remote
 from openeureka.config import RunConfig
@@ -441,6 +442,30 @@ class Asking(ScriptedModel):
             ask_to_stop(self._directory)
             time.sleep(30)
         yield from super().sample(prompt, n=n, seed=seed)
+
+
+class Terminating(ScriptedModel):
+    """SIGTERM after two replies."""
+
+    def sample(self, prompt, *, n, seed):
+        if self.said == 2:
+            signal.raise_signal(signal.SIGTERM)
+        yield from super().sample(prompt, n=n, seed=seed)
+
+
+def test_a_run_that_is_terminated_stops_as_by_ctrl_c(parts, tmp_path, capsys):
+    parts.setattr(compose, "open_model", lambda config, held: Terminating(SCRIPT))
+    parts.setattr("sys.argv", ["eureka", "run", *SETTINGS, f"dir={tmp_path}/run"])
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        with pytest.raises(SystemExit) as ended:
+            door.main()
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL  # a second one ends it at once
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    told = capsys.readouterr()
+    assert ended.value.code == 130 and "Stopping: what is trained is being kept" in told.out
+    assert told.err == f"Stopped, nothing is lost. Continue with: eureka resume {tmp_path}/run\n"
 
 
 def test_stop_waits_until_nobody_works_on_the_run(parts, tmp_path, capsys, monkeypatch):
