@@ -6,6 +6,7 @@ import pytest
 from openeureka.drafting.aim import find_aim
 from openeureka.drafting.survey import Survey
 from openeureka.errors import TaskError
+from openeureka.tasks.anatomy import identifier
 
 # An arm, two cubes, one on slides, and a goal that is moved by hand.
 TABLE = """
@@ -83,7 +84,8 @@ def test_f_is_what_a_sentence_says(intent: str, measure: str):
         ("to push the red cube into the drawer", '"drawer"'),
         ("not to push the red cube to the goal", '"not"'),
         ("to push the red cube", "does not say what to bring where"),
-        ("to run forward", "run"),
+        ("to run forward", "no joint without a motor carries the robot along x"),
+        ("den Würfel zum Ziel schieben", '"den", "würfel", "zum", "ziel", "schieben"'),
         ("to wave leftHand", '"wave"'),
     ],
 )
@@ -108,6 +110,21 @@ def test_a_sentence_that_is_not_understood_to_its_last_word_gets_no_f(intent: st
 )
 def test_a_robot_that_goes_runs_or_goes_to_its_goal(intent: str, measure: str):
     assert find_aim(survey(WALKER), intent, names=["walker"]).measure == measure
+
+
+def test_a_cart_that_a_motor_drives_along_x_does_not_run():
+    cart = WALKER.replace("<freejoint/>", '<joint name="rail" type="slide" axis="1 0 0"/>')
+    driven = cart.replace('<motor joint="hip"/>', '<motor joint="hip"/><motor joint="rail"/>')
+    assert find_aim(survey(cart), "to run forward").measure == "the mean speed of torso along x [m/s]"
+    assert "so it counts as fixed" in find_aim(survey(driven), "to run forward").missing
+
+
+def test_names_may_have_letters_beyond_those_of_english():
+    table = survey(TABLE.replace("red_cube", "großer_Würfel"))
+    by_words, by_name = find_aim(table, "to push the großer Würfel to the goal"), find_aim(table, thing="großer_Würfel")
+    assert by_words == by_name and by_name.mover is not None and by_name.mover.name == "großer_Würfel"
+    assert table.variable(by_name.mover) == "gro_er_Wurfel_pos"  # a reward names nothing but ASCII
+    assert [identifier(name) for name in ("目标", "目标b", "2nd")] == ["part", "b", "_2nd"]
 
 
 def test_the_name_of_a_file_says_nothing_about_what_lies_in_the_model():
@@ -162,9 +179,13 @@ def test_a_goal_is_doubted_that_is_reached_already_or_out_of_reach():
 
 
 def test_without_a_goal_that_is_elsewhere_a_point_is_made_up_and_said_to_be():
-    for text in (TABLE.replace("green_goal", "lamp"), TABLE.replace("0.4 -0.2 0.03", "0.4 0.2 0.03")):
+    for text, why in (
+        (TABLE.replace("green_goal", "lamp"), "The model has no goal"),
+        (TABLE.replace("0.4 -0.2 0.03", "0.4 0.2 0.03"), "No goal of the model would do"),
+    ):
         aim = find_aim(survey(text))
-        assert aim.point and "a point within its reach" in aim.measure and "made up" in aim.doubt
+        assert aim.point and "a point within its reach" in aim.measure
+        assert aim.doubt == f"{why}, so the point is made up."
 
 
 def test_a_robot_without_a_floor_is_said_to_fall():

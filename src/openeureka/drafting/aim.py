@@ -120,13 +120,14 @@ def _reach_a_point(survey: Survey, mover: Place) -> Aim:
     point = reach[POSES // 2].round(3)
     reached = max(NEAREST, round(NEAR * float(np.linalg.norm(point - start)), 3))
     where = f"({', '.join(f'{x:g}' for x in point)})"
+    why = "No goal of the model would do" if _marks(survey, mover) else "The model has no goal"
     return Aim(
         measure=f"the share of time that {mover.name} is within {reached:g} m of a point within its reach, {where}",
         description=f"to bring {mover.name} to the goal",
         mover=mover,
         point=tuple(point.tolist()),
         reached=reached,
-        doubt="No goal of the model would do, so the point is made up.",
+        doubt=f"{why}, so the point is made up.",
     )
 
 
@@ -200,8 +201,9 @@ class _Reader:
 
     def aim(self) -> Aim:
         content = [word for word in self.words if word not in _FILLERS | self.itself]
-        runs = self.survey.base is not None and bool((_RUN | {_stem("fast")}) & set(content))
-        if runs and set(content) <= _RUN | _MANNER:
+        if (_RUN | {_stem("fast")}) & set(content) and set(content) <= _RUN | _MANNER:
+            if self.survey.base is None:
+                return _unsaid("no joint without a motor carries the robot along x, so it counts as fixed")
             return _run(self.survey)
         if not content or content[0] not in _BRING | _TOUCH:
             return self._unknown(content)
@@ -287,7 +289,7 @@ def _words(text: str) -> list[str]:
 
 def _split(text: str) -> list[str]:
     """Words and numbers in lower case; `leftHand` is two."""
-    return re.findall(r"[a-z]+|\d+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text).lower())
+    return re.findall(r"[^\W\d_]+|\d+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text).lower())
 
 
 def _stem(word: str) -> str:

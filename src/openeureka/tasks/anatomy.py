@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Sequence
 
 import mujoco
@@ -127,7 +128,10 @@ def name_of(model: mujoco.MjModel, kind: str, index: int) -> str:
 
 
 def identifier(name: str) -> str:
-    return re.sub(r"\W|^(?=\d)", "_", name)
+    """A name that rewards may use: in ASCII, so without its accents, and without two underscores before it."""
+    ascii = "".join(char for char in unicodedata.normalize("NFKD", name) if not unicodedata.combining(char))
+    found = re.sub(r"\W", "_", ascii, flags=re.ASCII).lstrip("_") or "part"
+    return f"_{found}" if found[0].isdigit() else found
 
 
 def columns(indices: Sequence[int]) -> str:
