@@ -46,6 +46,8 @@ KNOWN = Baselines(
     env_steps=1000, worlds=8, device="2 cores", date="2026-01-01",
 )  # fmt: skip
 
+LEVEL = replace(KNOWN, human=KNOWN.sparse)
+
 
 @pytest.mark.parametrize(
     ("rewards", "known", "score", "note"),
@@ -53,6 +55,12 @@ KNOWN = Baselines(
         ("human,sparse", KNOWN, "1", "held out.\n"),  # (9 - 4) / |9 - 4|: those trained along come first
         ("human", KNOWN, "0.5", "1,000 steps in 8 worlds, 1 seed, on 2 cores"),  # (9 - 7) / |11 - 7|
         ("human", None, "-", "add human and sparse to reward="),
+        (
+            "human",
+            LEVEL,
+            "-",
+            "No score: the human and the sparse reward both reach F 7 held out, which makes no scale.\n",
+        ),
     ],
 )
 def test_scores_are_normalised_by_human_and_sparse(toy, tmp_path, capsys, monkeypatch, rewards, known, score, note):

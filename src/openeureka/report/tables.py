@@ -192,13 +192,17 @@ def _reward(run: RunView, identity: str) -> str:
 def _scale(run: RunView) -> tuple[tuple[float | None, float | None], str]:
     """Held-out F of the human and the sparse reward, trained along or known beforehand, and a word on which."""
     text = "Score: human-normalised, (F - sparse) / |human - sparse|, held out."
-    arms = run.given
+    arms, known = run.given, baselines.measured(run.config)
     if "human" in arms and "sparse" in arms:
-        return (mean(arms["human"].scores), mean(arms["sparse"].scores)), text
-    known = baselines.measured(run.config)
-    if known is None:
+        human, sparse = mean(arms["human"].scores), mean(arms["sparse"].scores)
+    elif known is None:
         return (None, None), f"{text} It needs both: add human and sparse to reward=."
-    return (mean(known.human.held_out), mean(known.sparse.held_out)), f"{text} {known.sentence()}"
+    else:
+        human, sparse = mean(known.human.held_out), mean(known.sparse.held_out)
+        text += f" {known.sentence()}"
+    if human is not None and human == sparse:
+        text = f"No score: the human and the sparse reward both reach F {number(human)} held out, which makes no scale."
+    return (human, sparse), text
 
 
 def measures(outcome: Outcome) -> Table:
