@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import pytest
+import torch
 
 pytest.importorskip("gymnasium", reason="needs Gymnasium: pip install 'openeureka[gym]'")
 
@@ -98,6 +99,8 @@ def test_the_factory_of_the_page_is_an_environment(carts: None, capsys: pytest.C
     assert [variable.name for variable in offered(searched)] == ["place", "speed", "ahead"]  # to the embedded model
     typed(new[1:])
     assert registry.get("mine.py").num_observations == 3
+    (changed,) = re.findall(r"`env=(python:carts\.py:Carts\+pull=.*?)`", ELSEWHERE)
+    assert registry.make(changed, worlds=1).step(torch.zeros(1, 1)).state["speed"].shape == (1,)
 
 
 def test_a_reward_that_was_found_is_exported(carts: None, capsys: pytest.CaptureFixture[str]):
