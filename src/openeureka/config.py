@@ -71,7 +71,7 @@ class RunConfig:
     repair: int = 0
     """Repair turns a refused candidate may take before its slot is sampled anew."""
     refill: int = 2
-    """Fresh samples a slot may take after refusals, or when it repeats a program of the run."""
+    """How often a slot may be asked again after refusals, or when it repeats a program of the run."""
     temperature: float = 1.0
     """Of the model's samples: higher ones differ more."""
     curriculum: str = ""
@@ -91,7 +91,7 @@ class RunConfig:
     seeds: int = 3
     """Fresh seeds that the leading rewards train with at the end, at most; fewer where two already decide."""
     steps: int = 0
-    """Environment steps per candidate, over all stages of a curriculum; 0 means the task's own."""
+    """Environment steps per candidate, in whole epochs, over all stages of a curriculum; 0 means the task's own."""
     worlds: int = 0
     """Worlds per candidate; 0 means the task's own."""
     screen: int = 1
@@ -222,7 +222,7 @@ class TrainConfig:
     seed: int = 0
     """First seed."""
     steps: int = 0
-    """Environment steps per training, over all stages of a curriculum; 0 means the task's own."""
+    """Environment steps per training, in whole epochs, over all stages of a curriculum; 0 means the task's own."""
     worlds: int = 0
     """Worlds per training; 0 means the task's own."""
     bonus: str = "none"
