@@ -111,6 +111,13 @@ def test_component_names_become_identifiers(written: str, name: str) -> None:
     assert [component for component, _ in traced.graph.components] == [name]
 
 
+@pytest.mark.parametrize(("key", "told"), [(3, "3 is no"), ("1st", "'1st' is no"), (("a", "b"), "a tuple is no")])
+def test_what_is_no_component_name_is_told_by_name(key: object, told: str) -> None:
+    with pytest.raises(Refused) as refusal:
+        probe.component_name(key)
+    assert refusal.value.finding.message == f"{told} proper name of a component"
+
+
 def test_a_reward_and_components_that_are_one_tensor_are_fine() -> None:
     spec, _ = PROGRAMS["Python floats as components"]
     source = "def f(obs_buf):\n    r = obs_buf[:, 0]\n    return r, {'a': r, 'b': r, 'c': obs_buf[:, 0].expand_as(r)}\n"

@@ -95,11 +95,13 @@ def outputs(result: object, num_worlds: int) -> Outputs:
 
 def component_name(key: object) -> str:
     """A component's name, with unusual characters replaced."""
+    told = repr(key) if isinstance(key, str | int | float) else f"a {type(key).__name__}"
+    message = f"{told:.40} is no proper name of a component"
     if not isinstance(key, str) or not 0 < len(key) <= 64:
-        raise Refused("components", "a component has no proper name", "use short names such as `distance`")
+        raise Refused("components", message, "use short names such as `distance`")
     name = re.sub(r"[^A-Za-z0-9]+", "_", key).strip("_")
     if not COMPONENT_NAME.fullmatch(name):
-        raise Refused("components", "a component has no proper name", "start its name with a letter")
+        raise Refused("components", message, "start its name with a letter")
     return name
 
 
