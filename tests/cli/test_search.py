@@ -501,7 +501,7 @@ def test_a_directory_that_can_hold_no_run_is_refused_before_anything_is_told(com
     (tmp_path / "hop.xml").touch()
     parts.chdir(tmp_path)
     words = SETTINGS if command == "run" else ["env=cartpole", "reward=human"]
-    parts.setattr("openeureka.cli.train.to_tune", lambda config: None)
+    parts.setattr("openeureka.cli.train.to_tune", lambda *_: None)
     for name, why in (
         ("hop.xml", "hop.xml is a file, and a run is a directory; choose another dir=."),
         ("hop.xml/run", f"{tmp_path}/hop.xml is a file, and a run is a directory; choose another dir=."),
