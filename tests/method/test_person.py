@@ -10,6 +10,7 @@ import pytest
 from openeureka import strategies
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError, FeedbackError, ModelError, RewardFileError
+from openeureka.events import nobody
 from openeureka.loop import run
 from openeureka.method.person import EmptyDesk
 from openeureka.score import Outcome
@@ -89,7 +90,7 @@ class Search:
     def go(self, desk: Any = None) -> Outcome:
         with Store.open(self.directory, self.config) as store:
             strategy = strategies.make(self.config)
-            return run(self.config, store, self.model, ToyChecker(), self.trainer, TOY, strategy, None, desk)
+            return run(self.config, store, self.model, ToyChecker(), self.trainer, TOY, strategy, nobody, desk)
 
     def heard(self, *remarks: list[Remark]) -> tuple[Outcome, Person]:
         desk = Person(self.directory, list(remarks))

@@ -235,18 +235,18 @@ def reply(worth: float) -> str:
 
 def test_a_search_fits_the_numbers_of_its_winner(tmp_path: Path) -> None:
     wanted = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2, tune=8)
-    told: list[Event] = []
+    heard: list[Event] = []
 
     def search(trainer: ToyTrainer):
         with Store.open(tmp_path, wanted) as store:
             model = ScriptedModel([reply(7.0), reply(8.0)])
             model.said = len(store.talk.replies())
-            return run(wanted, store, model, ToyChecker(), trainer, TOY, strategies.make(wanted), told.append)
+            return run(wanted, store, model, ToyChecker(), trainer, TOY, strategies.make(wanted), heard.append)
 
     trainer = ToyTrainer()
     outcome = search(trainer)
     assert outcome.best is not None and outcome.best.fitness == 8.0  # the search's own result stays what it is
-    began = [(event.phase, event.generation) for event in told if isinstance(event, Began)]
+    began = [(event.phase, event.generation) for event in heard if isinstance(event, Began)]
     # Two rounds follow the generation.
     assert [one for one in began if one[0] in ("train", "final")] == [
         *(("train", 0), ("final", 1), ("train", 1), ("train", 2), ("final", 3))

@@ -8,6 +8,7 @@ import pytest
 from openeureka import strategies
 from openeureka.cli.show import show
 from openeureka.config import RunConfig
+from openeureka.events import nobody
 from openeureka.loop import run
 from openeureka.report import html
 from openeureka.report.view import RunView
@@ -43,7 +44,7 @@ def finished(tmp_path: Path):
         model = ScriptedModel([reply(7), reply(8), reply(1), reply(2)])
         with Store.open(directory, CONFIG) as store:
             desk = Person(directory, words)
-            run(CONFIG, store, model, ToyChecker(), ToyTrainer(), TOY, strategies.make(CONFIG), None, desk)
+            run(CONFIG, store, model, ToyChecker(), ToyTrainer(), TOY, strategies.make(CONFIG), nobody, desk)
         return directory
 
     return finished
