@@ -22,7 +22,8 @@ from records import Record, interval, read, show
 
 from openeureka.method.schedule import RUNGS, Rung
 from openeureka.report.numbers import number
-from openeureka.score import estimate, mean, rank
+from openeureka.score import rank
+from openeureka.stats import estimate, mean
 from openeureka.types import lane_id
 
 SCHEDULES: Mapping[str, Sequence[Rung]] = {

@@ -28,7 +28,8 @@ from openeureka.report.numbers import number
 from openeureka.reward import extract
 from openeureka.runs.compose import comparing
 from openeureka.sandbox.client import Sandbox
-from openeureka.score import mean, rank
+from openeureka.score import rank
+from openeureka.stats import mean
 from openeureka.store import Store
 from openeureka.strategies.strategy import Best
 from openeureka.tasks.context import context

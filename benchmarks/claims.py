@@ -26,7 +26,7 @@ from scipy.stats import t
 import openeureka
 from openeureka.benchmark.plan import load
 from openeureka.report.numbers import number, spread
-from openeureka.score import mean
+from openeureka.stats import mean
 
 REPLIES = FOLDER / "claims"
 RESULTS = results("claims")

@@ -19,7 +19,7 @@ from typing import Any
 from records import FOLDER, OUTPUTS, command_line, read, results, today, write
 
 from openeureka.report.numbers import number
-from openeureka.score import difference, mean
+from openeureka.stats import difference, mean
 
 REPLIES = FOLDER / "found"
 RESULTS = results("found")

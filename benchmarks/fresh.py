@@ -9,7 +9,7 @@ import openeureka
 from openeureka.config import RunConfig
 from openeureka.method.given import seeds
 from openeureka.method.lanes import unused_seed
-from openeureka.score import difference
+from openeureka.stats import difference
 
 
 def trained(

@@ -35,7 +35,8 @@ from openeureka.config import short_name
 from openeureka.llm.registry import archived
 from openeureka.report.numbers import number, spread
 from openeureka.report.view import RunView
-from openeureka.score import clipped, mean, rank
+from openeureka.score import clipped, rank
+from openeureka.stats import mean
 from openeureka.store.db import FILENAME
 
 PLAN = FOLDER / "plans" / "headline.yaml"

@@ -19,7 +19,7 @@ from records import OUTPUTS, Record, command_line, interval, keep, machine, read
 
 import openeureka
 from openeureka.report.numbers import spread
-from openeureka.score import difference, mean
+from openeureka.stats import difference, mean
 from openeureka.tasks.registry import get
 
 ENVS = ("anymal", "ant", "humanoid")

@@ -25,7 +25,7 @@ from openeureka.config import TrainConfig
 from openeureka.method.lanes import HELD_OUT
 from openeureka.reward import extract
 from openeureka.runs.compose import trainer_of
-from openeureka.score import mean
+from openeureka.stats import mean
 from openeureka.store import StageFiles
 from openeureka.suite.dexterity.pen_in_hand import CYCLE
 from openeureka.tasks import curriculum

@@ -25,7 +25,8 @@ from openeureka.method.lanes import Lanes, deal
 from openeureka.refine.polishing import PARTS
 from openeureka.report.numbers import number
 from openeureka.runs.compose import comparing
-from openeureka.score import mean, played, rank
+from openeureka.score import played, rank
+from openeureka.stats import mean
 from openeureka.strategies import Best
 from openeureka.types import Lane, PolicyId, RewardProgram, Start
 

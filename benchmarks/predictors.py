@@ -20,7 +20,8 @@ from records import Record, command_line, correlation, read, results, rounded, s
 
 import openeureka
 from openeureka.report.numbers import number
-from openeureka.score import mean, rank
+from openeureka.score import rank
+from openeureka.stats import mean
 
 RESULTS = results("predictors")
 SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2)

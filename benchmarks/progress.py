@@ -22,7 +22,8 @@ from records import FOLDER, OUTPUTS, PEAKS, Record, command_line, keep, machine,
 
 from openeureka.config import TrainConfig
 from openeureka.report.numbers import number, spread
-from openeureka.score import mean, rank
+from openeureka.score import rank
+from openeureka.stats import mean
 from openeureka.tasks.registry import get
 from openeureka.types import PROGRESS, TrainingResult
 

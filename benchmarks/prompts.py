@@ -19,7 +19,7 @@ import rungs
 from records import FOLDER, Record, command_line, read, results, today, write
 
 from openeureka.report.numbers import number
-from openeureka.score import mean
+from openeureka.stats import mean
 from openeureka.types import RewardProgram
 
 REPLIES = FOLDER / "prompts"

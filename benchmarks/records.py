@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from openeureka.report.numbers import number
-from openeureka.score import midranks, pearson
+from openeureka.stats import midranks, pearson
 from openeureka.types import Evaluation, Peak, TrainingResult
 
 ROOT = Path(__file__).parents[1]

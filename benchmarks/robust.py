@@ -26,7 +26,7 @@ from openeureka.config import BEST, SCRATCH, STARTS
 from openeureka.refine.hardened import LONGER, PLAIN, UNIFORM, Carried, RobustArm
 from openeureka.report.numbers import spread
 from openeureka.report.view import RunView
-from openeureka.score import mean
+from openeureka.stats import mean
 
 ENVS = ("anymal", "ant", "quadcopter")
 SEEDS = 3

@@ -31,7 +31,8 @@ from records import FOLDER, Record, command_line, correlation, read, results, ro
 from openeureka.report.numbers import number
 from openeureka.reward import extract
 from openeureka.sandbox.client import Sandbox
-from openeureka.score import mean, rank
+from openeureka.score import rank
+from openeureka.stats import mean
 from openeureka.tasks import registry
 from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states

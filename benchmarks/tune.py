@@ -27,7 +27,7 @@ from openeureka.benchmark.plan import load
 from openeureka.refine.tuned import ORIGINAL
 from openeureka.report.numbers import spread
 from openeureka.reward.weights import weighed, weights
-from openeureka.score import mean
+from openeureka.stats import mean
 from openeureka.tasks import human
 from openeureka.tasks.registry import get
 

@@ -5,7 +5,7 @@ import pytest
 from openeureka.benchmark.figures import Result
 from openeureka.benchmark.plan import plan
 from openeureka.benchmark.table import Comparison
-from openeureka.score import estimate
+from openeureka.stats import estimate
 
 PLAN = plan({"tasks": ["cartpole", "ant"], "seeds": [0, 10], "arms": {"full": {}, "random": {"model": "random"}}})
 

@@ -13,7 +13,8 @@ from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreEr
 from openeureka.method import baselines
 from openeureka.report.view import RunView
 from openeureka.runs.rewards import listed, named
-from openeureka.score import Arm, Baselines, mean
+from openeureka.score import Arm, Baselines
+from openeureka.stats import mean
 from openeureka.store import Store
 from openeureka.testing.scripted import ToyTrainer
 from openeureka.types import Lane, RewardGraph, TrainingResult, TrainingState

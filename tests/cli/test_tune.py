@@ -22,7 +22,7 @@ from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreEr
 from openeureka.report.view import RunView
 from openeureka.runs.rewards import to_tune
 from openeureka.sandbox.client import Sandbox
-from openeureka.score import mean
+from openeureka.stats import mean
 from openeureka.store import Store
 from openeureka.tasks import human
 from openeureka.tasks.registry import get

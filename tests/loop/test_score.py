@@ -1,11 +1,8 @@
 import math
-from itertools import product
-from random import Random
 
 import pytest
 
-from openeureka import score
-from openeureka.score import Arm, Outcome, clipped, human_normalised, mean, midranks, pearson, rank
+from openeureka.score import Arm, Outcome, clipped, human_normalised, pooled, rank
 from openeureka.types import Evaluation
 
 
@@ -29,43 +26,15 @@ def test_clipping_to_zero_and_three() -> None:
     assert [clipped(score) for score in (-0.5, 1.5, 4.0, None)] == [0.0, 1.5, 3.0, None]
 
 
-def test_mean_leaves_undefined_values_out() -> None:
-    assert mean([1.0, None, math.nan, 4.0]) == 2.5
-    assert mean([None]) is None
-
-
 def test_undefined_ranks_below_everything() -> None:
     assert sorted([2.0, None, -5.0], key=rank) == [None, -5.0, 2.0]
     assert rank(math.nan) == -math.inf
 
 
-def test_pearson_by_hand() -> None:
-    # means 2 and 3; deviations (-1, 0, 1) and (-2, 1, 1): 3 / sqrt(2 * 6)
-    assert pearson([1, 2, 3], [1, 4, 4]) == pytest.approx(3 / math.sqrt(12))
-    assert pearson([1, 2, 3], [3, 2, 1]) == pytest.approx(-1)
-
-
-def test_pearson_uses_the_pairs_in_which_both_are_defined() -> None:
-    assert pearson([1, None, 2, 3], [1, 9, 4, 4]) == pytest.approx(3 / math.sqrt(12))
-    assert pearson([1, math.nan, 2, 3], [1, 9, 4, 4]) == pytest.approx(3 / math.sqrt(12))
-
-
-def test_pearson_is_undefined_for_constants_and_single_pairs() -> None:
-    assert pearson([1, 1, 1], [1, 2, 3]) is None
-    assert pearson([0.1] * 3, [0, 1, 2]) is None and pearson([0, 1, 2], [0.7] * 3) is None  # their means round
-    assert pearson([1], [2]) is None
-    assert pearson([], []) is None
-
-
 def test_a_look_in_which_f_was_undefined_takes_no_error_from_the_others() -> None:
     undefined = Evaluation(lane="a", fitness=None, episode_length=9.0, episodes=8)
     known = Evaluation(lane="a", fitness=0.5, error=0.06, episode_length=9.0, episodes=8)
-    assert score.pooled([undefined, known]) == score.pooled([known, undefined]) == known
-
-
-def test_equal_values_share_the_mean_of_their_ranks() -> None:
-    # In order -inf -inf 0.5 3 3 3: places 1 and 2, 3, 4 to 6.
-    assert midranks([3.0, -math.inf, 3.0, 0.5, -math.inf, 3.0]).tolist() == [5.0, 1.5, 5.0, 3.0, 1.5, 5.0]
+    assert pooled([undefined, known]) == pooled([known, undefined]) == known
 
 
 def test_errors_of_looks_that_share_start_states_add_up() -> None:
@@ -73,9 +42,9 @@ def test_errors_of_looks_that_share_start_states_add_up() -> None:
         Evaluation(lane="a", fitness=f, episode_length=1.0, episodes=n, error=0.4) for f, n in ((1.0, 8), (3.0, 8))
     ]
     # Equal shares: half of sqrt(0.4^2 + 0.4^2) where they are independent, half of 0.4 + 0.4 where they are not.
-    assert score.pooled(looks).error == pytest.approx(0.4 / math.sqrt(2))
-    assert score.pooled(looks, shared=True).error == pytest.approx(0.4)
-    assert score.pooled(looks, shared=True).fitness == score.pooled(looks).fitness == 2.0
+    assert pooled(looks).error == pytest.approx(0.4 / math.sqrt(2))
+    assert pooled(looks, shared=True).error == pytest.approx(0.4)
+    assert pooled(looks, shared=True).fitness == pooled(looks).fitness == 2.0
 
 
 def test_an_outcome_is_normalised_by_means_over_seeds() -> None:
@@ -87,114 +56,3 @@ def test_an_outcome_is_normalised_by_means_over_seeds() -> None:
     )
     assert outcome.normalised_training == 1.5  # (8 - 2) / (6 - 2)
     assert outcome.normalised == 0.5  # (3 - 2) / (4 - 2)
-
-
-def test_the_interval_of_a_difference_by_hand() -> None:
-    # Means 10 and 4; squares 2 + 2 + 0.5 + 0.5 over 2 + 1 degrees of freedom: spread sqrt(5 / 3) = 1.291.
-    # t(3) at 97.5 % is 3.182: half = 3.182 * 1.291 * sqrt(1/3 + 1/2) = 3.750.
-    found = score.difference([10.0, 8.586, 11.414], [4.707, 3.293])
-    assert found is not None
-    assert (found.value, found.low, found.high) == pytest.approx((6.0, 2.250, 9.750), abs=2e-3)
-    assert found.sure
-
-
-def test_the_best_of_several_needs_a_wider_interval() -> None:
-    arms = [[10.0, 11.0], [4.0, 5.0], [9.0, 8.0]]
-    one, both = (score.difference(arms[0], arms[1], arms[2:], claims=claims) for claims in (1, 2))
-    assert one is not None and both is not None
-    # t(3): 3.182 at 97.5 %, 4.177 at 98.75 %.
-    assert (both.high - both.value) / (one.high - one.value) == pytest.approx(4.177 / 3.182, abs=1e-3)
-
-
-def test_seeds_that_do_not_differ_decide_as_soon_as_so_many_are_no_chance() -> None:
-    def apart(own: int, other: int, claims: float = 1) -> score.Difference:
-        found = score.difference([1.0] * own, [0.0] * other, claims=claims)
-        assert found is not None and found.value == 1.0 and found.low >= 0.0
-        return found
-
-    # Fisher's exact test: 2 / C(6, 3) = 0.1, 1 / C(7, 3) = 0.029, 2 / C(8, 4) = 0.029.
-    assert [apart(2, 2).sure, apart(3, 3).sure, apart(3, 4).sure, apart(4, 4).sure] == [False, False, True, True]
-    assert not apart(4, 4, claims=2).sure
-    assert apart(2, 2).seeds == 4
-    assert (apart(3, 3).low, apart(3, 3).high) == (0.0, 2.0)
-    assert score.difference([0.1] * 3, [0.3] * 3).low < -0.3  # type: ignore[union-attr]
-    # Paired: 2 / 2^5 = 0.0625, 2 / 2^6 = 0.031.
-    five, six = (score.estimate([0.2] * count) for count in (5, 6))
-    assert five is not None and six is not None and (five.sure, six.sure) == (False, True)
-    # What differs by rounding alone has no spread, and of 9 such intervals 9 * 2 / 2^6 = 0.28.
-    thirds, nine = score.estimate([1 / 3, 2 / 3 - 1 / 3, 1 - 2 / 3]), score.estimate([1.0] * 6, claims=9)
-    assert thirds is not None and nine is not None and not thirds.sure and not nine.sure
-
-
-def test_one_seed_of_each_has_no_interval() -> None:
-    assert score.difference([1.0], [2.0]) is None
-    assert score.difference([], [2.0, 3.0]) is None
-    assert score.difference([9.0], [2.0, 2.1, 1.9]) is None  # the others may have diverged
-
-
-def test_the_looks_of_a_race_share_its_errors() -> None:
-    assert [score.spent(trained, 6, 2) for trained in (2, 3, 4, 5, 6)] == pytest.approx([0.025] * 4 + [0.9])
-    assert score.spent(2, 2, 2) == score.spent(1, 1, 2) == 1.0
-
-
-def test_how_many_seeds_would_decide() -> None:
-    found = score.difference([10.0, 8.0, 12.0], [9.0, 7.0, 11.0])  # a difference of 1 in a spread of 2
-    # n with t(2 n - 2) * 2 * sqrt(2 / n) < 1: 32 gives 0.9996 (t(62) = 1.9990), 31 gives 1.016.
-    assert found is not None and not found.sure and found.seeds == 32
-    assert score.difference([1.0, 2.0], [1.0, 2.0]).seeds is None  # type: ignore[union-attr]
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_intervals_hold_as_often_as_they_say(seed: int) -> None:
-    """Of the same reward as both: the interval holds zero in 95 of 100 races, here of four rewards and three seeds."""
-    random = Random(seed)
-    missed = 0
-    for _ in range(1000):
-        arms = [[random.gauss(0, 1) for _ in range(3)] for _ in range(4)]
-        best = max(range(3), key=lambda arm: mean(arms[arm]))
-        rivals = [arms[arm] for arm in range(3) if arm != best]
-        found = score.difference(arms[best], arms[3], rivals, claims=3)
-        missed += found is not None and found.sure and found.value > 0
-    assert missed < 50  # 25 of 1000 a side if none were picked; Bonferroni keeps the best of three below that
-
-
-@pytest.mark.parametrize("rate", [0.5, 0.6, 0.7, 0.8, 0.9])
-@pytest.mark.parametrize("never", [0, 1, 2])
-def test_intervals_of_successes_hold_as_often_as_they_say(rate: float, never: int) -> None:
-    """The best of some rewards that succeed as often as the human one, beside others that never do, by their binomial
-    chances: either side is sure in 2.5 of 100 races at most."""
-    able, missed = 3 - never, {True: 0.0, False: 0.0}
-    arms = [[1.0] * k + [0.0] * (3 - k) for k in range(4)]
-    for counts in product(range(4), repeat=able):
-        best = arms[max(counts)]
-        rivals = [arms[k] for k in sorted(counts)[:-1]] + [arms[0]] * never
-        for human in range(5):
-            chance = math.prod(_binomial(3, k, rate) for k in counts) * _binomial(4, human, rate)
-            found = score.difference(best, [1.0] * human + [0.0] * (4 - human), rivals, claims=3 / 0.9)
-            assert found is not None
-            if found.sure:
-                missed[found.value > 0] += chance
-    assert max(missed.values()) < 0.025
-
-
-def _binomial(seeds: int, successes: int, rate: float) -> float:
-    return math.comb(seeds, successes) * rate**successes * (1 - rate) ** (seeds - successes)
-
-
-def test_more_successes_are_no_weaker_evidence() -> None:
-    """Rivals that succeed with every seed say nothing of the spread of those that do not."""
-    always = [[1.0] * 3]
-    none, one = (score.difference([1.0] * 3, [1.0] * k + [0.0] * (4 - k), always) for k in (0, 1))
-    assert none is not None and one is not None
-    assert none.sure and not one.sure  # Fisher: 1 / 35 = 0.029, and 4 / 35 = 0.114
-    assert score.difference([1.0] * 3, [1.0, 0.0, 0.0, 0.0], always) == score.difference(
-        [1.0] * 3, [1.0, 0.0, 0.0, 0.0]
-    )
-
-
-def test_fishers_test_of_counts_by_hand() -> None:
-    """9 of 9 against 3 of 9: C(9, 3) ways of C(18, 12) put all six failures in one, 84 / 18564, doubled."""
-    nine, three = [1.0] * 9, [1.0] * 3 + [0.0] * 6
-    found, fourth = score.difference(three, nine), score.difference(three, nine, claims=6)
-    assert found is not None and fourth is not None
-    assert found.sure and not fourth.sure  # 6 * 0.00905 = 0.054

@@ -2,7 +2,7 @@
 
 from openeureka.config import RunConfig
 from openeureka.method import baselines
-from openeureka.score import mean
+from openeureka.stats import mean
 
 
 def test_a_run_is_compared_with_the_policy_that_plays_better_of_both_that_were_measured(monkeypatch):

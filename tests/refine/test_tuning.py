@@ -28,7 +28,8 @@ from openeureka.report.verdict import deciding, nexts, of_tuning
 from openeureka.report.view import RunView
 from openeureka.reward.weights import weighed, weights
 from openeureka.runs.run import Run
-from openeureka.score import Arm, Difference, Outcome, mean
+from openeureka.score import Arm, Outcome
+from openeureka.stats import Difference, mean
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program
 from openeureka.types import (

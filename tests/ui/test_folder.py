@@ -9,7 +9,8 @@ from report.scripted import search_in
 
 from openeureka.config import RunConfig
 from openeureka.report.view import RunView
-from openeureka.score import human_normalised, mean
+from openeureka.score import human_normalised
+from openeureka.stats import mean
 from openeureka.store import Store
 from openeureka.store.db import FILENAME, LOG
 from openeureka.testing.scripted import ScriptedModel, reply

@@ -12,7 +12,8 @@ from ..method.lanes import final_seeds, polish_seeds, tuning_seeds
 from ..refine import tuned
 from ..report.view import RunView
 from ..runs.run import finished
-from ..score import mean, rank
+from ..score import rank
+from ..stats import mean
 from ..store import has_begun, look
 from ..types import Role, lane_id
 from .plan import Cell

@@ -10,7 +10,8 @@ from ..config import short_name
 from ..report import charts
 from ..report.numbers import dollars, duration, number
 from ..report.tables import Table
-from ..score import Estimate, clipped, estimate, human_normalised, mean
+from ..score import clipped, human_normalised
+from ..stats import Estimate, estimate, mean
 from .figures import Result
 from .plan import Plan
 

@@ -21,7 +21,7 @@ from ..parsing import command_line, parse
 from ..report.numbers import columns, number
 from ..reward.extract import in_file
 from ..runs.rewards import explain, judge, meaning
-from ..score import mean
+from ..stats import mean
 from ..store.artifacts import write
 from ..tasks import registry
 from ..tasks.context import context as context_of

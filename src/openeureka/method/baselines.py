@@ -10,7 +10,8 @@ from typing import Any
 
 from ..config import NO_RANGES, RunConfig
 from ..errors import ConfigError
-from ..score import Arm, Baselines, mean, rank
+from ..score import Arm, Baselines, rank
+from ..stats import mean
 
 
 def known(env: str, *, played: bool = False) -> Baselines | None:

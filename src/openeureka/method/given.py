@@ -7,7 +7,8 @@ from collections.abc import Iterable, Mapping
 from ..config import RunConfig
 from ..errors import StoreError
 from ..events import Began
-from ..score import mean, rank
+from ..score import rank
+from ..stats import mean
 from ..store import Store
 from ..strategies import Best
 from ..types import GIVEN, Candidate, Lane, PolicyId, Reply, RewardProgram, Verdict

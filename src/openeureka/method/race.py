@@ -9,7 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from ..config import RunConfig
 from ..reward.form import form
-from ..score import Outcome, compare, difference, lawful, level, mean, rank, spent
+from ..score import Outcome, compare, lawful, level, rank
+from ..stats import difference, mean, spent
 from ..strategies import Ranking, SearchStrategy
 from ..types import Evaluation, History, Place, Scored, TrainingResult
 from . import baselines
@@ -130,7 +131,7 @@ def rounds(seeds: Sequence[int], *, raced: bool) -> Iterator[Sequence[int]]:
 
 
 def share(config: RunConfig, trained: int) -> float:
-    """Of all errors, those that a race may make when it stops with so many seeds: see `score.spent`."""
+    """Of all errors, those that a race may make when it stops with so many seeds: see `stats.spent`."""
     return spent(trained, config.seeds, FIRST)
 
 

@@ -21,7 +21,8 @@ from statistics import median
 import numpy as np
 
 from ..events import Checked
-from ..score import ERRORS, midranks
+from ..score import ERRORS
+from ..stats import midranks
 from ..types import CandidateId, Episodes, Finding, History, Place, PromptPlan, Sample, Screened, Verdict, VerdictCode
 from .lanes import Lanes, programs
 from .sampling import Sampler

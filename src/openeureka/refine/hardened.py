@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from ..method.hacking import untrained
-from ..score import breach, mean, pooled, worth
+from ..score import breach, pooled, worth
+from ..stats import mean
 from ..store import Store, artifacts
 from ..types import NOMINAL, Dynamics, Evaluation, Hardening, Limits, Peak, PolicyId, Ranges, TrainingResult
 

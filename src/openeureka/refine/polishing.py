@@ -13,7 +13,8 @@ from ..config import RunConfig
 from ..events import Began
 from ..method import given
 from ..method.lanes import COMPARING, Lanes, Wanted, polish_seeds
-from ..score import Estimate, breach, gain, worth
+from ..score import breach, gain, worth
+from ..stats import Estimate
 from ..store import Store
 from ..strategies import Best
 from ..types import Evaluation, Lane, Limits, PolicyId, RewardGraph, Start, TrainingResult, Trial

@@ -11,7 +11,8 @@ from ..config import FEWEST_TUNED, RunConfig
 from ..method import race
 from ..method.lanes import tuning_seeds
 from ..reward.weights import Weight, values, weights
-from ..score import CONFIDENCE, Arm, Difference, breach, difference, lawful, mean, midranks, pearson, pooled, rank
+from ..score import Arm, breach, lawful, pooled, rank
+from ..stats import CONFIDENCE, Difference, difference, mean, midranks, pearson
 from ..types import COMPONENT, Candidate, Evaluation, Limits, TrainingResult, lane_id, of_components
 
 ORIGINAL = "original"
@@ -90,7 +91,7 @@ class Tuned:
     judged: bool = False
     """Whether the final trainings are scored in held-out episodes."""
     share: float = 1.0
-    """Of all errors, those that the look at which the race stopped may make: see `score.spent`."""
+    """Of all errors, those that the look at which the race stopped may make: see `stats.spent`."""
     alone: bool = False
     """Whether the text as it came is the only one that trained to a policy which could be scored."""
     breach: str = ""

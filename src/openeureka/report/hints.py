@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from ..score import mean
+from ..stats import mean
 from ..text import one_line
 from ..types import TrainingResult, of_components
 from .numbers import number

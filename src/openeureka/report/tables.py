@@ -12,7 +12,8 @@ from ..method import baselines
 from ..method.hacking import PEAKS, WORLDS, Kind
 from ..refine.polishing import Polished, Try
 from ..refine.tuned import ORIGINAL, Tuned
-from ..score import Arm, Baselines, Outcome, human_normalised, mean
+from ..score import Arm, Baselines, Outcome, human_normalised
+from ..stats import mean
 from ..types import Evaluation, Glance, Remark, RemarkKind
 from .candidates import CandidateView
 from .numbers import dollars, duration, number, scored, spread

@@ -10,7 +10,8 @@ from ..method.prompts import scale
 from ..parsing import command_line
 from ..refine.polishing import Polished
 from ..refine.tuned import ORIGINAL, Tuned
-from ..score import Arm, Difference, Estimate, difference, mean, rank
+from ..score import Arm, rank
+from ..stats import Difference, Estimate, difference, mean
 from ..tasks import registry
 from ..types import of_components
 from .costs import nobody

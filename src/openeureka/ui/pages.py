@@ -14,7 +14,8 @@ from ..report import filming, html, tables
 from ..report.candidates import CandidateView, PromptView
 from ..report.numbers import duration
 from ..report.view import RunView
-from ..score import Outcome, mean, rank
+from ..score import Outcome, rank
+from ..stats import mean
 from ..store import Store, is_held, is_run
 from ..tasks import registry
 from ..types import lane_id, of_components

@@ -1,0 +1,180 @@
+"""Statistics of plain numbers: means, ranks, correlations, and how far chance reaches."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+
+CONFIDENCE = 0.95
+MOST_SEEDS = 100
+EARLY = 0.1
+"""Of all errors, the share that the looks before the last may make together."""
+CLOSE = 1e-9
+"""A spread below this share of the value is rounding."""
+
+
+def mean(values: Sequence[float | None]) -> float | None:
+    """Mean of the defined values; None when there is none."""
+    defined = [value for value in values if value is not None and math.isfinite(value)]
+    return math.fsum(defined) / len(defined) if defined else None
+
+
+def pearson(xs: Sequence[float | None], ys: Sequence[float | None]) -> float | None:
+    """Pearson correlation over the pairs in which both are defined; None below two pairs or when either is constant."""
+    pairs = [(x, y) for x, y in zip(xs, ys, strict=True) if x is not None and y is not None]
+    pairs = [(x, y) for x, y in pairs if math.isfinite(x) and math.isfinite(y)]
+    if len(pairs) < 2:
+        return None
+    mean_x = math.fsum(x for x, _ in pairs) / len(pairs)
+    mean_y = math.fsum(y for _, y in pairs) / len(pairs)
+    xy = math.fsum((x - mean_x) * (y - mean_y) for x, y in pairs)
+    xx = math.fsum((x - mean_x) ** 2 for x, _ in pairs)
+    yy = math.fsum((y - mean_y) ** 2 for _, y in pairs)
+    if xx <= CLOSE**2 * math.fsum(x * x for x, _ in pairs) or yy <= CLOSE**2 * math.fsum(y * y for _, y in pairs):
+        return None
+    return xy / math.sqrt(xx * yy)
+
+
+def midranks(values: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Ranks from 1 to n; equal values share the mean of theirs. Spearman's correlation is `pearson` of these."""
+    import numpy as np  # takes a tenth of a second, and only screens and tunings rank
+
+    _, places, counts = np.unique(np.asarray(values, np.float64), return_inverse=True, return_counts=True)
+    return (np.cumsum(counts) - (counts - 1) / 2)[places]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Difference:
+    """How much higher F of one reward is than that of another, over training seeds."""
+
+    value: float
+    low: float
+    high: float
+    """Ends of the 95 % interval."""
+    seeds: int | None
+    """Of each of the two alone, about as many as would decide a difference of this size every other time; None beyond
+    `MOST_SEEDS`."""
+
+    @property
+    def sure(self) -> bool:
+        """Whether the interval leaves no doubt which is higher."""
+        return self.low > 0 or self.high < 0
+
+
+def difference(
+    own: Sequence[float], other: Sequence[float], rivals: Iterable[Sequence[float]] = (), *, claims: float = 1
+) -> Difference | None:
+    """Student's interval of mean(own) - mean(other), a value a seed; None where either has fewer than two.
+
+    With two or three seeds each a spread of its own is worth little: that of all rewards is pooled, as if they were
+    equally noisy. All play the same start states, so what those share is no part of it.
+
+    Where the two rewards have but two values, as where F is 0 or 1, no spread tells what chance does. Then the interval
+    ends at zero at the least, until Fisher's exact test is sure as well.
+
+    Args:
+        rivals: scores of the others in the race, for the spread. Those that score the same with every seed tell nothing
+            of it: they would make two noisy rewards look steady.
+        claims: how many such intervals are to hold together (Bonferroni), as where the best of several is compared.
+    """
+    if len(own) < 2 or len(other) < 2:
+        return None
+    among = [own, other, *(values for values in rivals if len({*values}) > 1)]
+    freedom = sum(len(values) - 1 for values in among)
+    squares = [(x - math.fsum(values) / len(values)) ** 2 for values in among for x in values]
+    spread = math.sqrt(math.fsum(squares) / freedom)
+    value = math.fsum(own) / len(own) - math.fsum(other) / len(other)
+    half = _quantile(freedom, claims) * spread * math.sqrt(1 / len(own) + 1 / len(other))
+    rates = _rates(own, other)
+    if rates is not None and claims * _exact(rates, len(own), len(other)) > 1 - CONFIDENCE:
+        half = max(half, abs(value))
+    enough = (
+        n
+        for n in range(2, MOST_SEEDS + 1)
+        if _quantile(2 * n - 2) * spread * (2 / n) ** 0.5 < abs(value)
+        and (rates is None or _exact(rates, n, n) <= 1 - CONFIDENCE)
+    )
+    return Difference(value=value, low=value - half, high=value + half, seeds=next(enough, None))
+
+
+def _rates(own: Sequence[float], other: Sequence[float]) -> tuple[float, float] | None:
+    """How often each has the higher of two values; None where there are more values than two."""
+    low, high = min(*own, *other), max(*own, *other)
+    rounding = CLOSE * max(abs(low), abs(high))
+    if any(min(x - low, high - x) > rounding for x in (*own, *other)):
+        return None
+    one, two = (sum(high - x <= rounding for x in values) / len(values) for values in (own, other))
+    return one, two
+
+
+def _exact(rates: tuple[float, float], own: int, other: int) -> float:
+    """Fisher's exact test, of two sides: how likely chance alone deals two values as unevenly, or more."""
+    one, two = round(rates[0] * own), round(rates[1] * other)
+    ways = [math.comb(own, k) * math.comb(other, one + two - k) for k in range(min(own, one + two) + 1)]
+    return sum(way for way in ways if way <= ways[one]) / sum(ways)
+
+
+def spent(trained: int, seeds: int, first: int) -> float:
+    """Of the errors that a race may make in all, the share of its look after so many seeds.
+
+    To look again is to try again. Those who stop early must be nearly certain, so that the last look, which most races
+    come to, is hardly stricter than one alone (Haybittle 1971, Peto et al. 1976; the shares add up as Bonferroni's do).
+
+    Args:
+        trained: seeds of each reward so far.
+        seeds: the most there may be.
+        first: seeds of the first look.
+    """
+    early = seeds - first
+    if early < 1:
+        return 1.0
+    return EARLY / early if trained < seeds else 1.0 - EARLY
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """A mean over independent values, such as those of several searches or episodes."""
+
+    value: float
+    low: float | None
+    high: float | None
+    """Ends of the 95 % interval; None where one value has no spread."""
+    count: int
+    claims: int = 1
+    """How many such intervals are to hold together."""
+
+    @property
+    def sure(self) -> bool:
+        """Whether the interval leaves no doubt on which side of zero it is. Values without a spread do as soon as so
+        many of one sign are no chance."""
+        if self.low is None or self.high is None or self.low <= 0 <= self.high:
+            return False
+        return self.low < self.high or self.claims * 2.0 ** (1 - self.count) <= 1 - CONFIDENCE
+
+
+def estimate(values: Sequence[float | None], *, claims: int = 1) -> Estimate | None:
+    """Student's interval of the mean of the defined values; None where there is none.
+
+    Args:
+        claims: how many such intervals are to hold together, as in `difference`.
+    """
+    defined = [value for value in values if value is not None and math.isfinite(value)]
+    centre, count = mean(defined), len(defined)
+    if centre is None:
+        return None
+    if count < 2:
+        return Estimate(value=centre, low=None, high=None, count=count, claims=claims)
+    spread = math.sqrt(math.fsum((value - centre) ** 2 for value in defined) / (count - 1))
+    half = _quantile(count - 1, claims) * spread / math.sqrt(count) if spread > CLOSE * abs(centre) else 0.0
+    return Estimate(value=centre, low=centre - half, high=centre + half, count=count, claims=claims)
+
+
+def _quantile(freedom: int, claims: float = 1) -> float:
+    from scipy.special import stdtrit  # pyright: ignore[reportMissingTypeStubs] # a third of a second that only the end of a search needs
+
+    return float(stdtrit(freedom, 1 - (1 - CONFIDENCE) / (2 * max(1, claims))))
