@@ -1,8 +1,8 @@
 import pytest
 import torch
 
+from openeureka.suite.angles import scaled
 from openeureka.suite.dexterity.common import distance, finger_distances
-from openeureka.suite.joints import scaled
 
 from .worlds import fresh, press, scored, state_with
 

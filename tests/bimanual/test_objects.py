@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from openeureka.suite.angles import quaternion
 from openeureka.suite.dexterity import objects
 from openeureka.suite.dexterity.objects import Thing
 from openeureka.suite.dexterity.shapes import MATTER
-from openeureka.suite.turns import quaternion
 
 ALL = (
     objects.Egg(),

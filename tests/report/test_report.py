@@ -34,8 +34,8 @@ def test_the_final_scores_are_means_over_fresh_seeds():
     text = report(finished())
     assert "Mean ± standard deviation over seeds." in text
     # 46 and 50: mean 48, sample deviation sqrt(8) = 2.8; two less when held out.
-    assert "| best generated reward | 46.0 ± 2.8 | 48.0 ± 2.8 | 2 |" in text
-    assert "| sparse reward | 18 (1 undefined) | 20 (1 undefined) | 2 |" in text
+    assert "| best generated | 46.0 ± 2.8 | 48.0 ± 2.8 | 2 |" in text
+    assert "| sparse | 18 (1 undefined) | 20 (1 undefined) | 2 |" in text
     assert "held out | 0.683 |" in text  # (46 - 18) / (59 - 18)
 
 

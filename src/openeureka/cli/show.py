@@ -17,7 +17,7 @@ from ..refine.tuned import Tuned
 from ..report import costs, fitted, robust, tables
 from ..report.build import build
 from ..report.candidates import CandidateView, GenerationView
-from ..report.numbers import columns, dollars, number, scored, spread
+from ..report.numbers import columns, dollars, number, scored
 from ..report.verdict import deciding, meaning, none_found, of_polishing, of_tuning, verdict
 from ..report.view import RunView
 from ..runs import trust
@@ -95,9 +95,8 @@ def summary(run: RunView) -> list[str]:
     ]
     lines += [f"{name.capitalize()} reward: F {how} {number(run.baseline_score(name))}" for name in run.baselines]
     if run.outcome is not None:
-        lines += final(run.outcome)
-        lines += [verdict(run), meaning(run)]
-        lines += [run.known.sentence()] if run.known is not None else []
+        score = f"Human-normalised score, held out: {number(run.outcome.normalised)}. {tables.scale(run.outcome)}"
+        lines += ["", *_lines(tables.final(run.outcome, run.known)), score, verdict(run), meaning(run)]
         lines += [f"Suspected reward hacking: {sign.kind}. {sign.sentence}" for sign in run.signs]
     elif lost := costs.nobody(run) or none_found(run):
         lines.append(lost)
@@ -153,17 +152,6 @@ def _carried_on(run: RunView, found: Polished) -> list[str]:
 
 def _lines(table: tables.Table) -> list[str]:
     return [*plain(columns([table.titles, *table.rows])).splitlines(), *([table.note] if table.note else []), ""]
-
-
-def final(outcome: Outcome) -> list[str]:
-    """The final comparison as aligned text."""
-    arms = {"best generated": outcome.method}
-    arms |= {f"runner-up {place}": arm for place, arm in outcome.rivals.items()}
-    arms |= {"human": outcome.human, "sparse": outcome.sparse}
-    rows = [(name, spread(arm.training), spread(arm.held_out)) for name, arm in arms.items()]
-    table = columns([("final", "F in training", "F held out (± deviation)"), *rows])
-    score = f"Human-normalised score, held out: {number(outcome.normalised)}. {tables.scale(outcome)}"
-    return [*table.splitlines(), score]
 
 
 def facts(run: RunView) -> dict[str, object]:

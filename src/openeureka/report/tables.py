@@ -122,14 +122,14 @@ def search(run: RunView) -> Table:
 
 def final(outcome: Outcome, known: Baselines | None) -> Table:
     """The best reward against the others with fresh seeds."""
-    arms = {"best generated reward": outcome.method}
+    arms = {"best generated": outcome.method}
     arms |= {f"runner-up {place}": arm for place, arm in outcome.rivals.items()}
-    arms |= {"human reward": outcome.human, "sparse reward": outcome.sparse}
+    arms |= {"human": outcome.human, "sparse": outcome.sparse}
     rows = [(name, spread(arm.held_out), spread(arm.training), str(len(arm.training))) for name, arm in arms.items()]
     note = "Mean ± standard deviation over seeds. Held out: deterministic actions, fresh episodes."
     if known is not None:
         note += f" {known.sentence()}"
-    return Table(("", "F, held out", "F, maximum over training", "seeds"), rows, note)
+    return Table(("reward", "F, held out", "F, maximum over training", "seeds"), rows, note)
 
 
 def given(run: RunView) -> Table:

@@ -14,9 +14,8 @@ from torch import Tensor
 from ...tasks.rotations import conjugate, multiply, rotation_distance, xyzw
 from ...tasks.sensors import contact_wrenches
 from ...tasks.task import Recipe, Score, State, Task, View, mean_over_episodes
-from ..joints import scaled, unscaled
+from ..angles import quaternion, scaled, unscaled
 from ..shadow import FINGERS
-from ..turns import quaternion
 from .frames import Bodies, Frames
 from .scene import HAND_BODIES, SIDES, TIPS, Pose, Scene
 

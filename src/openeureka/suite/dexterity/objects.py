@@ -14,7 +14,7 @@ from typing import ClassVar, Protocol
 
 import mujoco
 
-from ..turns import quaternion
+from ..angles import quaternion
 from .shapes import (
     EGGSHELL,
     LINK,

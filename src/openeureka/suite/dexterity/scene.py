@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import mujoco
 
 from ...tasks.sensors import add_wrench_sensors
+from ..angles import quaternion
 from ..shadow import FINGERS, FINGERTIPS, add_shadow_hand
-from ..turns import quaternion
 from .frames import add_body_sensors, add_site_sensors
 from .objects import Thing
 from .shapes import LINK, MATTER, Vector

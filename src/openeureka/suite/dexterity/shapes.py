@@ -6,7 +6,7 @@ import math
 
 import mujoco
 
-from ..turns import quaternion
+from ..angles import quaternion
 
 Vector = tuple[float, float, float]
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import mujoco
 
 from ...types import StateSpec
+from ..angles import quaternion
 from ..assets import REWARDS
-from ..turns import quaternion
 from .reorientation import Reorientation, Vector, add_cube, hand_variables, reorientation_recipe
 
 STIFFNESS = 3.0  # [N m/rad]

@@ -13,8 +13,8 @@ from ...tasks.rotations import rotate
 from ...tasks.sensors import body_states
 from ...tasks.task import Recipe, Score, State, Task, View
 from ...types import StateSpec, StateVar
+from ..angles import scaled
 from ..assets import REWARDS
-from ..joints import scaled
 from .franka import MAX_LEAD, franka_spec
 
 DEFAULT_POSE = (1.157, -1.066, -0.155, -2.239, -1.841, 1.003, 0.469, 0.035, 0.035)  # [rad] and, fingers, [m]

@@ -14,7 +14,7 @@ from ...tasks.rotations import root_state, rotate
 from ...tasks.sensors import contact_wrenches
 from ...tasks.task import Score, State, Task, mean_over_steps
 from ...types import StateVar
-from ..joints import scaled
+from ..angles import scaled
 
 TARGET = (1000.0, 0.0, 0.0)  # [m]
 

@@ -12,8 +12,8 @@ from torch import Tensor
 from ...tasks.rotations import conjugate, multiply, root_state, rotation_distance, tumble, wxyz, xyzw
 from ...tasks.task import Recipe, Score, State, Task, View, mean_over_episodes
 from ...types import StateVar
+from ..angles import scaled, unscaled
 from ..assets import wheel_file
-from ..joints import scaled, unscaled
 
 Vector = tuple[float, float, float]
 

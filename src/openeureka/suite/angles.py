@@ -1,8 +1,20 @@
-"""Quaternions of roll, pitch and yaw."""
+"""Joint angles in their ranges, and turns as quaternions."""
 
 from __future__ import annotations
 
 import math
+
+from torch import Tensor
+
+
+def scaled(angle: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
+    """Map joint angles from [lower, upper] to [-1, 1]."""
+    return (2.0 * angle - upper - lower) / (upper - lower)
+
+
+def unscaled(value: Tensor, lower: Tensor, upper: Tensor) -> Tensor:
+    """Inverse of `scaled`."""
+    return lower + 0.5 * (value + 1.0) * (upper - lower)
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
