@@ -12,7 +12,7 @@ import pytest
 
 from openeureka.config import RunConfig
 from openeureka.errors import ConfigError, ModelError
-from openeureka.llm import connection, openai
+from openeureka.llm import connection, open_model, openai
 from openeureka.llm.openai import EndpointModel
 
 from .endpoint import Answer, Endpoint, Play, answer, failure, sample, texts
@@ -170,11 +170,11 @@ def test_an_endpoint_that_answers_blanks_for_ever_is_left(endpoint: Endpoint, mo
                 return
 
     endpoint.script = lambda body: blanks
-    monkeypatch.setattr(openai, "ATTEMPTS", 2)
     try:
         assert "did not answer: it may take" in said(endpoint)
     finally:
         done.set()
+    assert len(endpoint.bodies) == 1
 
 
 def test_an_endpoint_that_is_slow_is_waited_for(endpoint: Endpoint):
@@ -204,6 +204,10 @@ def test_an_endpoint_that_is_slow_is_waited_for(endpoint: Endpoint):
         (raw(b"[1, 2]"), "does not answer like an OpenAI-compatible endpoint"),
         (raw(b'"choices"'), "does not answer like an OpenAI-compatible endpoint"),
         (raw(b'{"object": "list"}'), "an answer without choices"),
+        (
+            raw(b'{"error": "Unexpected endpoint or method. (POST /chat/completions)"}'),
+            "which often ends in /v1",
+        ),  # LM Studio
         (raw(b"\x00\xff\xfe\x80"), "does not answer like an OpenAI-compatible endpoint"),
     ],
 )
@@ -352,7 +356,7 @@ def test_a_password_in_the_address_from_the_environment_is_not_shown(
     monkeypatch.setenv("OPENAI_BASE_URL", address)
     endpoint.script = [failure(404)]
     with pytest.raises(ModelError) as caught:
-        sample(EndpointModel("m", wait=endpoint.waits.append), 1)
+        sample(open_model(RunConfig(model="m")), 1)
     assert "canary" not in str(caught.value) and "user" not in str(caught.value)
     assert endpoint.url in str(caught.value)
 
@@ -369,7 +373,13 @@ def test_an_address_in_the_environment_may_need_no_key(endpoint: Endpoint, monke
     monkeypatch.delenv("OPENAI_API_KEY")
     monkeypatch.setenv("OPENAI_BASE_URL", endpoint.url)
     endpoint.script = [answer("a")]
-    assert texts(sample(EndpointModel("m"), 1)) == ["a"]
+    assert texts(sample(open_model(RunConfig(model="m")), 1)) == ["a"]
+
+
+def test_an_empty_address_in_the_environment_is_none(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("OPENAI_BASE_URL", " ")
+    client = open_model(RunConfig(model="gpt-5"))._client  # type: ignore[attr-defined]
+    assert str(client.base_url) == "https://api.openai.com/v1/"
 
 
 def test_a_connection_that_is_not_made_is_told_from_an_answer_that_does_not_come(

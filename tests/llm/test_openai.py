@@ -198,6 +198,44 @@ def test_half_a_reply_that_was_paid_for_is_handed_over_before_an_error(endpoint:
     assert (reply.usage.prompt_tokens, reply.usage.completion_tokens) == (200, 20)
 
 
+def test_half_a_reply_that_was_paid_for_is_handed_over_before_a_stop(
+    endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch
+):
+    endpoint.script = [answer("cut", finish="length")]
+    model = endpoint.model(price=Price(2.0, 10.0))
+    ask, kept = model._call, []
+
+    def stopped_later(*args: Any) -> Any:
+        if endpoint.bodies:
+            raise KeyboardInterrupt
+        return ask(*args)
+
+    monkeypatch.setattr(model, "_call", stopped_later)
+    with pytest.raises(KeyboardInterrupt):
+        kept.extend(model.sample(PROMPT, n=1, seed=0))
+    (reply,) = kept
+    assert reply.text == "cut" and reply.usage.cost_usd == pytest.approx(0.0003)
+
+
+def test_an_empty_answer_has_no_tokens_and_is_no_sign_of_an_endpoint_that_counts_none(
+    endpoint: Endpoint, caplog: pytest.LogCaptureFixture
+):
+    status, payload, headers = answer("")  # type: ignore[misc]
+    payload["usage"] = {"prompt_tokens": 100, "completion_tokens": 0, "total_tokens": 100}
+    endpoint.script = lambda body: (status, payload, headers)
+    (reply,) = sample(endpoint.model(price=Price(2.0, 10.0)), 1)
+    assert reply.usage.prompt_tokens == 300 and not caplog.records  # asked for three times
+
+
+def test_a_temperature_that_is_refused_is_said_once(endpoint: Endpoint, caplog: pytest.LogCaptureFixture):
+    endpoint.script = lambda body: failure(400, "temperature is too high") if "temperature" in body else answer("x")
+    model = endpoint.model(temperature=3.0)
+    sample(model, 1), sample(model, 1)
+    assert [record.message for record in caplog.records if "temperature" in record.message] == [
+        "m takes no temperature of 3: it uses its own."
+    ]
+
+
 def test_an_unknown_price_is_said_once(endpoint: Endpoint, caplog: pytest.LogCaptureFixture):
     endpoint.script = lambda body: answer("a")
     model = endpoint.model()

@@ -15,6 +15,7 @@ def test_cost_is_per_million_tokens():
 
 def test_dated_versions_share_a_price_and_other_models_do_not():
     assert price.find("gpt-4o-2024-08-06") == price.find("gpt-4o") is not None
+    assert price.find("gpt-4o-2024-05-13") == Price(5.0, 15.0)
     assert price.find("gpt-4-0314") == price.find("gpt-4")
     assert price.find("gpt-5-unheard-of") is None
 

@@ -166,6 +166,22 @@ def test_of_another_reward_whose_training_was_cut_it_is_told_when():
     assert "\n- 7, cut after 0.125 of its steps, at place 3 of 4: worth\n" in told
 
 
+def test_of_another_reward_that_breaks_a_limit_it_is_told_which():
+    costly = replace(ranked(1, "spin", 600.0, 1.0), result=DONE)
+    assert costly.played is not None
+    costly = replace(costly, played=replace(costly.played, costs={"torque": 80.0}))
+    plan = replace(INFORMED, siblings=(costly,), limits={"torque": 40.0})
+    told = prompts.render(BALANCED, plan, "free").messages[-1].content
+    assert "\n- 600.0 ± 1.0, breaks a limit (torque 80 N m, above 40): spin\n" in told
+
+
+def test_where_every_policy_breaks_a_limit_none_is_called_better():
+    plan = replace(INFORMED, best=None, limits={"torque": 40.0})
+    told = prompts.render(BALANCED, plan, "free").messages[-1].content
+    assert "(higher is better): no policy keeps the limits so far. This is the one to improve." in told
+    assert "best so far" not in told
+
+
 def test_the_choice_of_a_person_is_marked_as_such():
     plan = replace(INFORMED, best=OLDER, opinion=Opinion(chosen=True))
     told = [m.content for m in prompts.render(BALANCED, plan, "free").messages if m.role == "user"]

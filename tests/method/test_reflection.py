@@ -36,6 +36,15 @@ RESULT = TrainingResult(
 )
 
 
+def test_feedback_says_that_a_curriculum_came_before() -> None:
+    """Lists of the last stage begin high: level ones are no sign of a reward that teaches nothing."""
+    staged = replace(RESULT, steps_before=4)
+    for style in ("free", "grammar"):
+        stage = "the last stage of a curriculum; it began with what the stages before had taught it"
+        assert stage in reflect(SAMPLE, staged, style)
+        assert stage not in reflect(SAMPLE, RESULT, style)
+
+
 def test_feedback_on_a_training() -> None:
     # 40 epochs, ten points: epochs 1, 5, ..., 37. Means: speed (0.1 + 4) / 2, score (2 + 40) / 2, length (1 + 40) / 2.
     assert reflect(SAMPLE, RESULT, "free").splitlines() == [

@@ -3,9 +3,9 @@ from random import Random
 import pytest
 
 from openeureka.config import RunConfig
-from openeureka.strategies import Best, Eureka, make, sized
+from openeureka.strategies import Best, Eureka, Ranking, make, prompt_plan, sized
 from openeureka.testing.conformance.search import entries, grown
-from openeureka.types import History
+from openeureka.types import History, Place, Remark, RemarkKind
 
 
 def shown(strategy, told: History) -> list[float | None]:
@@ -65,6 +65,21 @@ def test_best_tells_of_the_other_rewards_of_the_parents_generation() -> None:
     assert [entry.fitness for entry in plan.siblings] == [4.0, None]
     (plan,) = Eureka(samples=1).ask(grown([5.0, 4.0]), Random(0))
     assert plan.siblings == ()
+
+
+def test_best_tells_nothing_of_rewards_that_a_person_rejected() -> None:
+    vetoes = [Remark(kind=RemarkKind.VETO, candidate=Place(0, slot)) for slot in (0, 2)]
+    (plan,) = Best(samples=1).ask(grown([5.0, 4.0, 6.0, 1.0]).heard(vetoes), Random(0))
+    assert [turn.fitness for turn in plan.turns] == [4.0]
+    assert [entry.fitness for entry in plan.siblings] == [1.0]
+
+
+def test_a_favourite_is_told_of_where_it_is_the_parent() -> None:
+    history = grown([5.0, 4.0]).heard([Remark(kind=RemarkKind.FAVOURITE, candidate=Place(0, 1))])
+    ranking = Ranking(history)
+    other, own = history.generations[0].entries
+    told = [prompt_plan(1, turns, history, ranking).opinion.chosen for turns in ([other], [own], [])]
+    assert told == [False, True, False]
 
 
 def test_failures_are_told_only_of_a_last_generation_in_which_nothing_trained() -> None:

@@ -51,7 +51,9 @@ def read(body: bytes) -> Completion:
     data = _object(body)
     choices, error = data.get("choices"), data.get("error")
     if error and not choices:  # some endpoints say so with status 200
-        raise Unreadable(str(_mapping(error).get("message", error)), broken=True)
+        said = str(_mapping(error).get("message", error))
+        # What LM Studio says to an address without /v1 does not pass.
+        raise Unreadable(said, broken="unexpected endpoint" not in said.lower())
     if not isinstance(choices, list):
         raise Unreadable("an answer without choices", broken=False)
     usage = _mapping(data.get("usage"))

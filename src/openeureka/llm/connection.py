@@ -13,6 +13,7 @@ import openai
 
 from ..errors import ConfigError, ModelError
 
+OPENAI = "https://api.openai.com/v1"
 CONNECT = 20.0
 """[s] for a connection."""
 MAX_WAIT = 120.0
@@ -62,7 +63,8 @@ def client(key: str, base_url: str, silence: float) -> openai.OpenAI:
         ) from None
     timeout = httpx2.Timeout(silence, connect=CONNECT)
     try:
-        made = openai.OpenAI(api_key=key, base_url=base_url or None, max_retries=0, timeout=timeout, http_client=http)
+        address = base_url or OPENAI  # the package takes an OPENAI_BASE_URL that is empty for one
+        made = openai.OpenAI(api_key=key, base_url=address, max_retries=0, timeout=timeout, http_client=http)
         made.base_url.raw_host.decode().encode("idna")  # as sockets do, in the middle of a request
     except (httpx2.InvalidURL, UnicodeError):
         raise ConfigError(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -67,7 +66,7 @@ class EndpointModel:
 
     Args:
         name: of the model, as the endpoint knows it.
-        base_url: of the endpoint; empty means the openai package's.
+        base_url: of the endpoint; empty means OpenAI's.
         price: None where it is not known; costs then count as zero.
         wait: sleeps between tries, where tests want none; else a sleep that ends when nobody waits for the answer.
 
@@ -90,7 +89,7 @@ class EndpointModel:
         if price is None:
             _log.warning("The price of %s is not known: its replies count as free. Add price=INPUT,OUTPUT.", name)
         self.name = name
-        self._key = connection.api_key(base_url or os.environ.get("OPENAI_BASE_URL", ""))
+        self._key = connection.api_key(base_url)
         self._client = connection.client(self._key, base_url, TIMEOUT)
         self._where = connection.shown(str(self._client.base_url))
         self._manner = _Manner(temperature)
@@ -115,7 +114,7 @@ class EndpointModel:
                         missing, wasted = missing - 1, Usage()
                     else:
                         wasted, half = wasted + reply.usage, reply
-            except ModelError:
+            except (ModelError, KeyboardInterrupt):
                 if half is not None and wasted != Usage():  # what is paid for must be kept, or max_cost does not hold
                     yield replace(half, usage=wasted)
                 raise
@@ -188,6 +187,7 @@ class EndpointModel:
                 wait(connection.delay({}, attempt))
             except openai.APIError as error:
                 if not self._adapted(error, n, manner, attempt):
+                    last = last or time.monotonic() - began >= PATIENCE
                     if last or not self._passing(error, attempt):
                         raise self._explained(error) from None
                     wait(connection.delay(_headers(error), attempt))
@@ -236,6 +236,8 @@ class EndpointModel:
             return False
         said = error.message.lower()
         if manner.temperature is not None and "temperature" in said:
+            if self._manner.temperature is not None:
+                _log.warning("%s takes no temperature of %g: it uses its own.", self.name, manner.temperature)
             self._manner = self._manner._replace(temperature=None)  # reasoning models know only their own
             return True
         if manner.system and "role" in said and ("system" in said or "alternate" in said):
@@ -299,7 +301,7 @@ class EndpointModel:
         replies = []
         for index, choice in enumerate(choices):
             asked = prompt if index == 0 else None
-            if answer.completion_tokens:
+            if answer.completion_tokens or (answer.prompt_tokens and not any(choice.text for choice in choices)):
                 told = answer.prompt_tokens if asked else 0
                 spent = self._used(told, _share(answer.completion_tokens, len(choices), index))
             else:

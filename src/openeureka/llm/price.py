@@ -40,7 +40,8 @@ def find(model: str, stated: str = "") -> Price | None:
     table = tomllib.loads((files("openeureka.llm") / "prices.toml").read_text())["models"]
     # `gpt-4o-2024-08-06` is a `gpt-4o`, but `gpt-5-pro` is no `gpt-5`.
     base = re.sub(r"-(\d{4}-\d{2}-\d{2}|\d{4}|latest)$", "", model)
-    return Price(*table[base]) if base in table else None
+    known = table.get(model, table.get(base))
+    return Price(*known) if known is not None else None
 
 
 def afford(limit: float, replies: Sequence[Reply], price: Price | None, prompt: Prompt, count: int) -> None:

@@ -122,7 +122,7 @@ def archived(path: Path) -> list[Reply]:
         ConfigError: when it is none.
     """
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(path.read_text(encoding="utf-8-sig"))
         name, texts = found["model"], found["replies"]
     except OSError as error:
         raise ConfigError(f"Cannot read the replies in {path}: {error.strerror}.") from None
@@ -145,7 +145,7 @@ def _own(config: RunConfig) -> LanguageModel:
 
 
 def _endpoint(config: RunConfig) -> LanguageModel:
-    url = config.base_url or os.environ.get("OPENAI_BASE_URL", "")
+    url = config.base_url or os.environ.get("OPENAI_BASE_URL", "").strip()
     meant = difflib.get_close_matches(config.model.partition(":")[0].lower(), KINDS, n=1, cutoff=0.75)
     if meant and not url:
         raise ConfigError(
@@ -161,7 +161,7 @@ def _endpoint(config: RunConfig) -> LanguageModel:
         raise ConfigError(
             f"The price of {config.model} is not known, so max_cost cannot be kept; add price=INPUT,OUTPUT."
         )
-    return EndpointModel(config.model, base_url=config.base_url, temperature=config.temperature, price=known)
+    return EndpointModel(config.model, base_url=url, temperature=config.temperature, price=known)
 
 
 class PricedModel:

@@ -2,8 +2,8 @@
 
 Two styles. `free` is a conversation for strong models, in the manner of Eureka (arXiv 2310.12931): source and state
 table of the task, then each earlier program followed by its feedback. `grammar` is for the embedded model: a compact
-table, three worked examples, at most one parent, and an answer that begins with the function's signature and goes on as
-the typed grammar allows.
+table, three worked examples, no turns but the parents, and an answer that begins with the function's signature and goes
+on as the typed grammar allows.
 
 What programs, models and trainings wrote is data: it is cleaned and capped before it enters a prompt.
 """
@@ -18,6 +18,7 @@ from typing import Literal
 
 from ..llm import grammar
 from ..reward import extract, surface
+from ..score import breach
 from ..text import plain
 from ..types import (
     Evaluation,
@@ -84,7 +85,8 @@ def repair(prompt: Prompt, reply: str, verdict: Verdict) -> Prompt:
 
 def asked_again(prompt: Prompt, shown: str, request: str) -> Prompt:
     """The prompt, what is shown of a reply to it, and what is asked next."""
-    turn = (Message("assistant", shown), Message("user", request))
+    said = shown.strip() or "(nothing)"  # endpoints refuse an empty turn, and would again after every resume
+    turn = (Message("assistant", said), Message("user", request))
     return replace(prompt, messages=(*prompt.messages, *turn))
 
 
@@ -162,6 +164,8 @@ def _standing(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"])
     best = plan.best is not None and plan.best.sample.verdict.candidate == turn.sample.verdict.candidate
     votes = " by the votes of a person" if plan.opinion.ranks else ""
     rank = f"the best of all so far{votes}" if best else f"not the best so far{votes}"
+    if plan.best is None and plan.limits:
+        rank = "no policy keeps the limits so far"
     if style == "grammar":
         return f"{scores}, {rank}.\n"
     if turn is not plan.turns[-1] or plan.crossover:
@@ -184,6 +188,8 @@ def _siblings(plan: PromptPlan) -> str:
         score = with_error(entry.played) if entry.played is not None else f"{entry.score:.4g} in training"
         if entry.result is not None and entry.result.state is TrainingState.CUT:
             score += f", cut {entry.result.message}"
+        if broken := breach(entry.played, plan.limits):
+            score += f", breaks a limit ({broken})"
         names = (
             [clean(name, MAX_TERM) for name, _ in entry.sample.verdict.graph.components]
             if entry.sample.verdict.graph

@@ -17,15 +17,16 @@ Style = Literal["free", "grammar"]
 Curves = Mapping[str, Sequence[float | None]]
 
 _INTRODUCTION = """\
-A policy was trained with this reward function for {epochs} epochs. Each list begins with the first epoch and has a \
-value every {interval} epochs; Max, Mean and Min are over all of them. A component's value is its mean over all steps \
-and environments of the epoch. task_score is the score of the policy in training, while it explored{ranks}. \
+A policy was trained with this reward function for {epochs} epochs{staged}. Each list begins with the first epoch and \
+has a value every {interval} epochs; Max, Mean and Min are over all of them. A component's value is its mean over all \
+steps and environments of the epoch. task_score is the score of the policy in training, while it explored{ranks}. \
 episode_length is the mean of the episodes that ended [steps]."""
 _EARLY_AND_LATE = (
     "At the end of training, in the first quarter of a full episode, then in the rest (none: no episode lasted so long)"
 )
 _MEASURED = {"task_score": "fitness", "episode_length": "episode_length"}
 """Curves that the feedback shows beside the components, by what it calls them."""
+_STAGED = ", the last stage of a curriculum; it began with what the stages before had taught it"
 _RANKS = "; rewards are ranked by the score when played instead"
 
 
@@ -50,9 +51,12 @@ def reflect(
     if result.state is TrainingState.FAILED:
         return "\n".join(_ending(result))
     if style == "grammar":
-        return "\n".join([*_ending(result), *summary(result.curves, points=4, brief=True), *_costs(played, limits)])
+        staged = [f"The lists are of its last epochs{_STAGED}."] if result.steps_before else []
+        told = summary(result.curves, points=4, brief=True)
+        return "\n".join([*_ending(result), *staged, *told, *_costs(played, limits)])
     introduction = _INTRODUCTION.format(
         epochs=_epochs(result.curves),
+        staged=_STAGED if result.steps_before else "",
         interval=_interval(result.curves, points=10),
         ranks=_RANKS if played is not None else "",
     )

@@ -66,7 +66,7 @@ class Best:
         others = {winner.sample.candidate: winner for winner in ranking.winners}
         others.pop(parent.sample.candidate, None)  # a favourite need not have won its generation
         plan = prompt_plan(self.samples, [*list(others.values())[-_EARLIER_TURNS:], parent], history, ranking)
-        siblings = _siblings(parent, history)
+        siblings = _siblings(parent, history, ranking)
         return [replace(plan, informed=True, best=ranking.best, siblings=siblings)]
 
 
@@ -130,16 +130,20 @@ def prompt_plan(samples: int, turns: Sequence[Scored], history: History, ranking
     a generation failed, where nothing in it trained; what a person said.
     """
     return PromptPlan(
-        count=samples, turns=tuple(turns), failures=_failures(history), opinion=_opinion(turns[-1:], history, ranking)
+        count=samples,
+        turns=tuple(turns),
+        failures=_failures(history),
+        opinion=_opinion(turns[-1:], history, ranking),
+        limits=history.limits,
     )
 
 
-def _siblings(parent: Scored, history: History) -> tuple[Scored, ...]:
-    """The other programs of the parent's generation, each once."""
+def _siblings(parent: Scored, history: History, ranking: Ranking) -> tuple[Scored, ...]:
+    """The other programs of the parent's generation, each once; not those that a person rejected."""
     entries = history.generations[parent.sample.generation].entries
     others = {entry.sample.verdict.candidate: entry for entry in reversed(entries)}
-    others.pop(parent.sample.verdict.candidate, None)
-    return tuple(reversed(others.values()))
+    left_out = {parent.sample.verdict.candidate, *ranking.rejected}
+    return tuple(entry for own, entry in reversed(others.items()) if own not in left_out)
 
 
 def _failures(history: History) -> tuple[Scored, ...]:
@@ -152,10 +156,11 @@ def _failures(history: History) -> tuple[Scored, ...]:
 
 def _opinion(parents: Sequence[Scored], history: History, ranking: Ranking) -> Opinion:
     remarks = [remark for generation in history.generations for remark in generation.remarks]
-    won, lost = ranking.record(parents[0].sample.verdict.candidate) if parents else (0, 0)
+    own = parents[0].sample.verdict.candidate if parents else None
+    won, lost = ranking.record(own) if own is not None else (0, 0)
     return Opinion(
         words=tuple(remark.text for remark in remarks if remark.kind is RemarkKind.WORDS),
-        chosen=ranking.favourite is not None,
+        chosen=ranking.favourite is not None and ranking.favourite.sample.verdict.candidate == own,
         won=won,
         lost=lost,
         vetoed=ranking.vetoed,

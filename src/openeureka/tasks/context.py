@@ -38,8 +38,8 @@ def context(env: str) -> TaskContext:
 
 
 def informed(known: TaskContext, recorded: Mapping[str, Tensor | float | int], config: RunConfig) -> TaskContext:
-    """With the facts of a search: how long episodes and trainings are, what ends them and where they start, what is
-    drawn and what safety asks for.
+    """With the facts of a search: how long episodes and trainings are, what ends them and where they start, and what
+    is drawn. What safety asks for becomes part of the description, which every prompt has.
 
     Args:
         recorded: as `record.record_states` gives them, start states first; of what is missing nothing is told.
@@ -54,10 +54,10 @@ def informed(known: TaskContext, recorded: Mapping[str, Tensor | float | int], c
         _discount(task),
         *_worlds(config),
         *_unseen(task, config),
-        *_limits(config),
     )
     safety = f", and to do so safely: {plain(config.safety)}" if config.safety else ""
-    return replace(known, description=known.description + safety, facts=(*said, *heading, *starts))
+    asked = ". ".join([f"{known.description}{safety}", *_limits(config)])
+    return replace(known, description=asked, facts=(*said, *heading, *starts))
 
 
 def _episode(task: type[Task]) -> str:
@@ -91,7 +91,7 @@ def _unseen(task: type[Task], config: RunConfig) -> list[str]:
 
 def _limits(config: RunConfig) -> list[str]:
     most = [f"{name} {most:g} {COSTS[name].unit} ({COSTS[name].meaning})" for name, most in config.cost_limits.items()]
-    return [f"A policy may cost at most, or its reward cannot win: {'; '.join(most)}."] if most else []
+    return [f"A policy may cost at most, or its reward cannot win: {'; '.join(most)}"] if most else []
 
 
 def _discount(task: type[Task]) -> str:

@@ -236,7 +236,9 @@ class PromptPlan:
     best: Scored | None = None
     """The best of all so far, which a favourite of a person need not be."""
     siblings: tuple[Scored, ...] = ()
-    """The other rewards of the parent's generation."""
+    """The other rewards of the parent's generation that nobody rejected."""
+    limits: Limits = field(default_factory=dict[str, float], hash=False)
+    """The most that policies may cost: the prompt says which shown rewards break one."""
     crossover: bool = False
     """The last two turns are both parents: the model is asked to combine what is good in them."""
 
