@@ -18,7 +18,7 @@ data.qpos[1] = 0.1  # [rad]
 policy = onnxruntime.InferenceSession(f"{sys.argv[1]}/best/policy.onnx")
 while data.time < 10.0 and abs(data.qpos[1]) < np.pi / 2:
     observation = np.array([[data.qpos[0], data.qvel[0], data.qpos[1], data.qvel[1]]], dtype=np.float32)
-    (action,) = policy.run(["action"], {"observation": observation.clip(-5, 5)})
+    (action,) = policy.run(["action"], {"observation": observation})
     data.ctrl[:] = action[0]
     mujoco.mj_step(model, data, nstep=Cartpole.substeps)
 print(f"The pole stood for {data.time:.1f} s, its angle is now {data.qpos[1]:.3f} rad")

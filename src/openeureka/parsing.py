@@ -154,6 +154,8 @@ def taken(kind: type, settings: Mapping[str, object]) -> dict[str, Any]:
         _expect_known(key, hints)
         wanted = hints[key]
         given: Any = str(value) if isinstance(value, Path) else value
+        if hasattr(given, "item") and not getattr(given, "shape", True):  # a number of NumPy's or PyTorch's
+            given = given.item()
         if wanted is int and isinstance(given, float) and given.is_integer():
             given = int(given)
         if type(given) is not wanted and (type(given), wanted) != (int, float):

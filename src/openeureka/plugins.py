@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
+from threading import RLock
 from types import ModuleType
 from typing import Any
 
@@ -62,9 +63,9 @@ class Door:
             found = import_file(file) if file else importlib.import_module(module)
         except (Exception, SystemExit) as error:  # whatever a person's code raises
             said = " ".join(f"{type(error).__name__}: {error}".split()).rstrip(".")
-            own = isinstance(error, ModuleNotFoundError) and (error.name or "") == module.partition(".")[0]
-            where = " Put the folder that holds it on PYTHONPATH: export PYTHONPATH=." if own else ""
-            raise ConfigError(f"`{self.setting}={value}` cannot be imported: {said}.{where}") from error
+            raise ConfigError(
+                f"`{self.setting}={value}` cannot be imported: {said}.{where_to_put(module, error)}"
+            ) from error
         if not callable(getattr(found, name, None)):
             makers = [known for known, own in vars(found).items() if callable(own)]
             raise ConfigError(f"There is no class or function `{name}` in {module}.{nearest(name, makers)}")
@@ -88,18 +89,29 @@ class Door:
         return made
 
 
+def where_to_put(module: str, error: BaseException) -> str:
+    """A sentence for a module of a person's own that Python does not find; empty for any other error."""
+    unfound = isinstance(error, ModuleNotFoundError) and error.name == module.partition(".")[0]
+    return " Put the folder that holds it on PYTHONPATH: export PYTHONPATH=." if unfound else ""
+
+
+_importing = RLock()
+"""One thread at a time: another would find the module half executed."""
+
+
 def import_file(path: Path) -> ModuleType:
     """Import a file as it is now, once a process, under a name that no other module has: nothing remembered of what it
     was before an edit is taken for it."""
     name = f"openeureka_file_{hashlib.sha256(bytes(path) + bytes(1) + path.read_bytes()).hexdigest()[:12]}"
-    if name not in sys.modules:
-        spec = importlib.util.spec_from_file_location(name, path)
-        assert spec is not None and spec.loader is not None
-        # Dataclasses and `inspect` look a class's module up by name, already while it is being executed.
-        sys.modules[name] = importlib.util.module_from_spec(spec)
-        try:
-            spec.loader.exec_module(sys.modules[name])
-        except BaseException:
-            del sys.modules[name]
-            raise
-    return sys.modules[name]
+    with _importing:
+        if name not in sys.modules:
+            spec = importlib.util.spec_from_file_location(name, path)
+            assert spec is not None and spec.loader is not None
+            # Dataclasses and `inspect` look a class's module up by name, already while it is being executed.
+            sys.modules[name] = importlib.util.module_from_spec(spec)
+            try:
+                spec.loader.exec_module(sys.modules[name])
+            except BaseException:
+                del sys.modules[name]
+                raise
+        return sys.modules[name]

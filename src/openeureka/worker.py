@@ -140,7 +140,8 @@ class Worker:
 
     Args:
         module: import path whose `__main__` opens a `Channel`.
-        env: the child's whole environment; None inherits this process's.
+        env: the child's whole environment; None inherits this process's. Unless it is empty, the child also finds the
+            modules that this process finds, after all others: a task may lie beside a script or a notebook.
         nice: by how much the child yields to others, 0 to 19, beyond what this process does. None for one that somebody
             waits for: it has the share of a session of its own, however much this process yields.
         max_header, max_blobs: caps on what the child may send, in bytes.
@@ -159,9 +160,10 @@ class Worker:
         # The package directory travels as an argument of -c, so that an emptied environment still finds it. It ends as
         # the last of the path: what else lies there is not to be found before the standard library.
         root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+        last = [root, *map(os.path.abspath, sys.path)] if env is None or env else [root]
         code = (
             f"import os, sys, runpy; os.nice({nice or 0}); sys.path.insert(0, {root!r}); import openeureka; "
-            f"sys.path.append(sys.path.pop(0)); runpy.run_module({module!r}, run_name='__main__')"
+            f"del sys.path[0]; sys.path += {last!r}; runpy.run_module({module!r}, run_name='__main__')"
         )
         self._start([*interpreter(), "-c", code, *args], env, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         if nice is not None:

@@ -269,7 +269,7 @@ def test_what_is_of_another_kind_is_refused_in_one_sentence(call, sentence):
 def test_settings_may_be_paths_and_large_numbers_as_people_write_them(tmp_path, monkeypatch):
     (tmp_path / "mine.py").write_text(program(9.0))
     monkeypatch.chdir(tmp_path)
-    run = search(tmp_path / "run", init=Path("mine.py"), steps=1e6, max_cost=5)
+    run = search(tmp_path / "run", init=Path("mine.py"), steps=np.float64(1e6), max_cost=np.int64(5))
     assert (run.config.init, run.config.steps) == (f"{tmp_path}/mine.py", 1_000_000)
     assert type(run.config.steps) is int and type(run.config.max_cost) is float
 
@@ -382,6 +382,8 @@ def test_the_policy_is_a_function_of_arrays(trained):
     one, many = act([0.1, 0.2, 0.3, 0.4]), act(np.array([[0.1, 0.2, 0.3, 0.4], [9.0, 0.0, 0.0, 0.0]]))
     assert one.shape == (1,) and many.shape == (2, 1) and one.dtype == np.float32
     assert np.array_equal(one, many[0]) and (abs(many) <= 1.0).all()
+    assert act([0.0, 0.0, 5.0, 0.0]) == act([0.0, 0.0, 12.0, 0.0])  # Cartpole clips its observations at 5
+    assert act == act and act != trained.policy
     with pytest.raises(ValueError, match=r"observations are \(4,\) or \(N, 4\), not \(3,\)"):
         act([0.0] * 3)
 

@@ -1,10 +1,11 @@
 """What a plan may say, and the sentence for what it may not."""
 
+import re
 from pathlib import Path
 
 import pytest
 
-from openeureka.benchmark.plan import Cell, expect_more, load, plan
+from openeureka.benchmark.plan import Cell, Plan, expect_more, load, plan
 from openeureka.errors import ConfigError
 from openeureka.strategies import SEARCHES
 
@@ -92,6 +93,37 @@ def test_what_does_not_fit_is_one_sentence(tmp_path, text, says):
     with pytest.raises(ConfigError) as refused:
         load(written(tmp_path, text))
     assert says in str(refused.value) and str(refused.value).startswith(("The plan ", str(tmp_path)))
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"arms": {"a": {"sampel": 8}}}, "Unknown setting `sampel`"),
+        ({"arms": {"a": {"steps": "1e6"}}}, "`steps` takes a whole number"),
+        ({"arms": {"a": {"seed": 3}}}, "`arms.a` sets `seed`, which every cell"),
+        ({"arms": {"a": None}}, "`arms.a` is a mapping of settings"),
+        ({"arms": ["a"]}, "`arms` is a mapping of names"),
+        ({"tasks": "cartpole"}, "`tasks` is a list of names"),
+        ({"settings": 3}, "`settings` is a mapping of settings"),
+    ],
+)
+def test_a_plan_made_in_python_that_does_not_fit_is_one_sentence_too(changes, says):
+    fits = {"tasks": ("cartpole",), "seeds": (0,), "arms": {"a": {"steps": 1e6}}}
+    assert Plan(**fits).config(Cell("cartpole", "a", 0)).steps == 1_000_000
+    with pytest.raises(ConfigError, match=re.escape(says)):
+        Plan(**{**fits, **changes})
+
+
+def test_an_arm_may_be_another_one_with_a_change(tmp_path):
+    text = "tasks: [cartpole]\nseeds: [0]\narms: {a: &a {sample: 2, iteration: 3}, b: {<<: *a, iteration: 1}}\n"
+    (tmp_path / "plan.yaml").write_text(text)
+    arms = load(tmp_path / "plan.yaml").arms
+    assert arms["b"] == {"sample": 2, "iteration": 1}
+
+
+def test_seeds_that_a_tuning_takes_are_no_other_search_s():
+    with pytest.raises(ConfigError, match="take seeds 7 or more apart"):
+        Plan(tasks=("cartpole",), seeds=(0, 4), arms={"a": {}}, settings={"tune": 8, "model": "random", "seeds": 3})
 
 
 def test_a_plan_that_is_not_there_is_named(tmp_path):

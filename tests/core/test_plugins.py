@@ -1,6 +1,7 @@
 """`search=` and `executor=` find what is built in, what a package brings along, and what somebody names."""
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from openeureka.executors import EXECUTORS
 from openeureka.executors.local import LocalExecutor
 from openeureka.llm import open_model
 from openeureka.parsing import parse
-from openeureka.plugins import Door
+from openeureka.plugins import Door, import_file
 from openeureka.strategies import SEARCHES, Best, Eureka
 
 CONFIG = RunConfig(sample=3)
@@ -164,3 +165,10 @@ def test_an_executor_is_called_with_settings_of_its_own():
     door = replace(EXECUTORS, built_in={"mine": "bracket:Tournament"})
     with pytest.raises(ConfigError, match=r"cannot be called with \(device=, threads=, snapshots=\)"):
         door.make("mine", device="cpu", threads=1, snapshots=Path("snapshots"))
+
+
+def test_a_file_that_several_threads_import_is_executed_once(tmp_path: Path):
+    (tmp_path / "slow.py").write_text("import time\n\ntime.sleep(0.2)\nmade = object()\n")
+    with ThreadPoolExecutor(3) as pool:
+        made = {module.made for module in pool.map(import_file, [tmp_path / "slow.py"] * 3)}
+    assert len(made) == 1

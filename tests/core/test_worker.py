@@ -51,6 +51,16 @@ def test_pip_and_the_runs_of_the_page_do_not_either(crowded: Path):
     assert not crowded.exists(), crowded.read_text()
 
 
+def test_a_child_finds_what_its_parent_finds_after_the_standard_library(tmp_path: Path, monkeypatch):
+    """As of a script or a notebook, beside which a task lies; not the sandbox, whose environment is empty."""
+    (tmp_path / "beside_the_script.py").write_text("raise SystemExit(7)\n")
+    (tmp_path / "colorsys.py").write_text("raise SystemExit(8)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    for module, env, code in (("beside_the_script", None, 7), ("colorsys", None, 0), ("beside_the_script", {}, 1)):
+        with Worker(module, env=env) as child:
+            assert child.process.wait(20) == code
+
+
 def test_one_place_says_how_python_is_started():
     """So that no child is forgotten: whoever names the executable has to take `interpreter`."""
     named = [

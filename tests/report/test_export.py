@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from openeureka.report import export
+from openeureka.tasks import registry
 from openeureka.training.policy import Player, Policy
 
 from .policies import policy
@@ -25,6 +26,15 @@ def test_the_file_acts_as_the_policy_does(shape):
     assert (np.abs(action) == 1).any() and (np.abs(action) < 0.9).any()
 
 
+def test_the_task_s_clip_of_observations_is_in_the_file():
+    wanted = policy(4, 1, (32, 32))
+    seen = 10 * torch.randn(500, 4, generator=torch.Generator().manual_seed(1))
+    session = onnxruntime.InferenceSession(export.deployed(wanted, registry.get("cartpole"))["policy.onnx"])
+    (action,) = session.run(["action"], {"observation": seen.numpy()})
+    np.testing.assert_allclose(action, Player([wanted])(seen.clamp(-5.0, 5.0)).numpy(), atol=1e-5)
+    assert np.abs(action - Player([wanted])(seen).numpy()).max() > 1e-3
+
+
 def test_the_file_names_its_task_and_its_sizes():
     session = onnxruntime.InferenceSession(export.to_onnx(policy(4, 1, (8,))))
     assert session.get_modelmeta().custom_metadata_map == {"env": "toy"}
@@ -40,7 +50,7 @@ def test_the_example_plays_the_file_on_plain_mujoco(tmp_path, monkeypatch, capsy
     tensors |= {"log_std": torch.zeros(1, 1)}
     tensors |= {"observation_mean": torch.zeros(1, 4), "observation_var": torch.ones(1, 4)}
     (tmp_path / "best").mkdir()
-    (tmp_path / "best" / "policy.onnx").write_bytes(export.to_onnx(Policy("cartpole", tensors)))
+    (tmp_path / "best" / "policy.onnx").write_bytes(export.to_onnx(Policy("cartpole", tensors), clip=5.0))
     monkeypatch.setattr("sys.argv", ["play_onnx.py", str(tmp_path)])
     runpy.run_path(str(Path(__file__).parents[2] / "examples" / "play_onnx.py"))
     assert "The pole stood for 10.0 s" in capsys.readouterr().out

@@ -1,3 +1,5 @@
+from contextlib import closing
+
 import pytest
 
 from openeureka.errors import StoreError
@@ -6,7 +8,9 @@ from openeureka.report import tables
 from openeureka.report.candidates import CandidateState
 from openeureka.report.view import RunView
 from openeureka.score import Arm, Baselines
+from openeureka.store import Store
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, program, reply
+from openeureka.types import Remark, RemarkKind
 
 from .scripted import search_in
 
@@ -42,6 +46,21 @@ def test_every_slot_has_its_state_its_program_and_what_it_cost(tmp_path):
     # The scripted model reads 100 tokens and writes 10 for a cent, each time.
     assert (second.usage.prompt_tokens, second.usage.completion_tokens, second.usage.cost_usd) == (200, 20, 0.02)
     assert view.best == second
+
+
+def test_a_view_is_of_one_moment(tmp_path, monkeypatch):
+    directory = search_in(tmp_path / "run", [reply(7), reply(8)])
+    read = Store.history
+
+    def meanwhile(store, results):
+        with closing(Store.visit(directory)) as other:
+            other.remarks.say(Remark(kind=RemarkKind.WORDS, text="too jerky"))
+        return read(store, results)
+
+    monkeypatch.setattr(Store, "history", meanwhile)
+    assert RunView.read(directory).unheard == ()
+    monkeypatch.undo()
+    assert [remark.text for remark in RunView.read(directory).unheard] == ["too jerky"]
 
 
 def test_refused_replies_keep_their_program_and_their_findings(tmp_path):

@@ -88,7 +88,7 @@ def bench(
 
     Args:
         plan: a YAML file, or what one holds.
-        dir: where; empty means `outputs/bench_<name of the file>`.
+        dir: where; empty means `outputs/bench_<name of the file>`, of a plan that is no file `outputs/bench`.
         on_event: called with every `Event` of every search; `Started` says which one begins.
 
     Raises:

@@ -16,7 +16,7 @@ import yaml
 from ..config import NO_MODEL, RunConfig, short_name
 from ..errors import ConfigError, nearest
 from ..method.lanes import unused_seed
-from ..parsing import absolute, parse, read_yaml, restored
+from ..parsing import absolute, parse, read_yaml, restored, taken
 from ..store.store import FREE_TO_CHANGE
 
 Settings = Mapping[str, Any]
@@ -55,6 +55,12 @@ class Plan:
     """What a task changes of them; an arm's own settings come after these."""
 
     def __post_init__(self) -> None:
+        _listed("tasks", self.tasks, str)
+        _listed("seeds", self.seeds, int)
+        for where, named in (("arms", self.arms), ("per_task", self.per_task)):
+            for name, settings in _expect_named(where, named).items():
+                _expect_settings(f"{where}.{name}", settings)
+        _expect_settings("settings", self.settings)
         for what, values in (("tasks", self.tasks), ("seeds", self.seeds), ("arms", self.arms)):
             if not values:
                 raise ConfigError(f"The plan has no {what}.")
@@ -91,7 +97,7 @@ class Plan:
     def config(self, cell: Cell) -> RunConfig:
         """All settings of a cell but its directory."""
         try:
-            return RunConfig(**self.typed(cell))
+            return RunConfig(**taken(RunConfig, self.typed(cell)))
         except ConfigError as error:
             raise ConfigError(f"In the cell {cell.name}: {error}") from None
 
@@ -108,7 +114,8 @@ class _Loader(yaml.SafeLoader):
     """One that does not let the second of two equal keys win."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        named = [key for key, _ in node.value if key.tag != "tag:yaml.org,2002:merge"]
+        keys = [self.construct_object(key, deep=True) for key in named]
         if twice := [key for key in keys if keys.count(key) > 1]:
             raise yaml.constructor.ConstructorError(None, None, f"`{twice[0]}` stands there twice", node.start_mark)
         return super().construct_mapping(node, deep)
@@ -161,23 +168,32 @@ def _listed(key: str, value: object, kind: type) -> list[Any]:
     return list(value)
 
 
-def _named(key: str, value: object, folder: Path) -> dict[str, Settings]:
-    """Settings by name, as of arms."""
+def _expect_named(key: str, value: object) -> Mapping[str, Any]:
     if not isinstance(value, Mapping) or any(type(name) is not str for name in value):
         raise ConfigError(f"`{key}` is a mapping of names to settings, such as `{{short: {{steps: 10000}}}}`.")
-    return {name: _settings(f"{key}.{name}", changes, folder) for name, changes in value.items()}
+    return value
+
+
+def _expect_settings(where: str, value: object) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping):
+        raise ConfigError(f"`{where}` is a mapping of settings, such as `{{sample: 8}}`, not `{value!s:.60}`.")
+    if own := [key for key in OWN if key in value]:
+        raise ConfigError(f"`{where}` sets `{own[0]}`, which every cell of a plan has of its own.")
+    return value
+
+
+def _named(key: str, value: object, folder: Path) -> dict[str, Settings]:
+    """Settings by name, as of arms."""
+    named = _expect_named(key, value)
+    return {name: _settings(f"{key}.{name}", changes, folder) for name, changes in named.items()}
 
 
 def _settings(where: str, value: object, folder: Path) -> Settings:
     """Settings as the command line reads them."""
     if value is None:
         return {}
-    if not isinstance(value, Mapping):
-        raise ConfigError(f"`{where}` is a mapping of settings, such as `{{sample: 8}}`, not `{value!s:.60}`.")
-    words: list[str] = []
+    value, words = _expect_settings(where, value), list[str]()
     for key, given in value.items():
-        if key in OWN:
-            raise ConfigError(f"`{where}` sets `{key}`, which every cell of a plan has of its own.")
         if not isinstance(given, (str, int, float, Path)):
             raise ConfigError(f"`{where}` sets `{key}` to `{given!s:.60}`; a setting takes a text or a number.")
         text = f"{given:.0f}" if isinstance(given, float) and given.is_integer() else str(given)

@@ -25,8 +25,6 @@ _MADE_BY = {
     "robust": "which `eureka robust` leaves",
 }
 """Policies of a run beside that in `best/`, by what `policy=` calls them."""
-PATIENCE, SHORTEST = 60.0, 600.0
-"""[s] that a second of film may take, which a processor alone draws in ten or twenty; and any film."""
 HUMAN = "human"
 CAPTION = 40
 """Characters that half a picture has room for."""
@@ -79,10 +77,7 @@ def _film(env: str, policy: bytes | str, config: PlayConfig, directory: Path | N
     beside = _beside(directory, config.beside)
     captions = tuple(map(_caption, (config.policy or "best reward", config.beside))) if beside is not None else ()
     with working(f"Filming {config.seconds:g} s"):
-        timeout = max(SHORTEST, config.seconds * PATIENCE)
-        video = render(
-            env, policy, beside=beside, captions=captions, seconds=config.seconds, seed=config.seed, timeout=timeout
-        )
+        video = render(env, policy, beside=beside, captions=captions, seconds=config.seconds, seed=config.seed)
     artifacts.write(folder, name, video)
     print(f"Wrote {folder / name}")
 

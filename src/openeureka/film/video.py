@@ -13,6 +13,8 @@ INSTALL = "install a software renderer (Debian, Ubuntu: apt-get install libegl1 
 START, BACKGROUND_START = 60.0, 600.0
 """[s] that the child may take to find out whether it can render: some seconds of a core, of which one in the background
 gets what trainings leave."""
+PATIENCE, SHORTEST = 60.0, 600.0
+"""[s] that a second of film may take, which a processor alone draws in ten or twenty; and any film."""
 
 
 class VideoUnavailable(EurekaError):
@@ -31,7 +33,7 @@ def render(
     captions: tuple[str, ...] = (),
     seconds: float = 10.0,
     seed: int = 0,
-    timeout: float = 600.0,
+    timeout: float = 0.0,
     background: bool = False,
 ) -> bytes:
     """An mp4 of one world, 1280 x 720 pixels at 30 pictures a second.
@@ -41,7 +43,7 @@ def render(
         beside: another, in a world that begins alike, in the right half of the picture.
         captions: what is written over each.
         seconds: length in simulated time.
-        timeout: [s] for each way of rendering that is tried.
+        timeout: [s] for each way of rendering that is tried; 0 gives as long as a busy machine needs.
         background: use one thread of the lowest priority, and take the time that others leave.
 
     Raises:
@@ -51,7 +53,8 @@ def render(
     names = [agent if isinstance(agent, str) else "policy" for agent in agents]
     request = {"env": env, "agents": names, "captions": captions, "seconds": seconds, "seed": seed}
     blobs = {f"policy {place}": agent for place, agent in enumerate(agents) if isinstance(agent, bytes)}
-    return _first_that_works(request, blobs, timeout, background)["video"]
+    patience = timeout or max(SHORTEST, seconds * PATIENCE)
+    return _first_that_works(request, blobs, patience, background)["video"]
 
 
 def renderer() -> str:

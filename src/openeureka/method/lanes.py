@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import cast
 
-from ..config import NO_RANGES, RunConfig
+from ..config import NO_MODEL, NO_RANGES, RunConfig
 from ..errors import WorkerError
 from ..events import Played, Tell
 from ..score import level, played, standing
@@ -90,7 +90,7 @@ def polish_seeds(config: RunConfig) -> range:
 
 def tuning_seeds(config: RunConfig) -> range:
     """Seeds that the race of a tuning may take: after a search, none that crowned the text as it came."""
-    if not config.generations:
+    if config.model == NO_MODEL:
         return final_seeds(config)
     first = polish_seeds(config).stop
     return range(first, first + config.seeds)

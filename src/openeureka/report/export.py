@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from importlib.resources import files
 from io import BytesIO
 
@@ -28,15 +29,16 @@ EVENTS = "events.out.tfevents.0"
 """TensorBoard recognises event files by `tfevents` in their name."""
 
 
-def to_onnx(policy: Policy, robot: Interface | None = None) -> bytes:
+def to_onnx(policy: Policy, robot: Interface | None = None, clip: float = math.inf) -> bytes:
     """The deterministic policy: `observation` (N, O) float32, as the task makes it, to `action` (N, A) in [-1, 1].
 
     O counts what the policy sees: unseen columns are left out.
 
-    Of C choices `action` is (N, C) int64: the index of the option of each. Normalisation is inside: (x - mean) /
-    sqrt(var + 1e-5) clamped at +-5, then ELU layers and a linear head.
+    Of C choices `action` is (N, C) int64: the index of the option of each. Inside are the task's clip of observations
+    and normalisation, (x - mean) / sqrt(var + 1e-5) clamped at +-5, then ELU layers and a linear head.
 
     Args:
+        clip: at which the task clips observations, `Task.clip_observations`.
         robot: what the file's metadata say beside the task's name: text, lists with commas.
 
     Raises:
@@ -55,8 +57,13 @@ def to_onnx(policy: Policy, robot: Interface | None = None) -> bytes:
         "head_w": tensors["head_w"][:, :count],  # without the value
         "head_b": tensors["head_b"][:, :count],
     }
+    observed = "observation"
+    if math.isfinite(clip):
+        constants |= {"least": np.array(-clip), "most": np.array(clip)}
+        observed = "clipped"
     nodes = [
-        helper.make_node("Sub", ["observation", "mean"], ["centred"]),
+        *([helper.make_node("Clip", ["observation", "least", "most"], [observed])] if math.isfinite(clip) else []),
+        helper.make_node("Sub", [observed, "mean"], ["centred"]),
         helper.make_node("Mul", ["centred", "scale"], ["scaled"]),
         helper.make_node("Clip", ["scaled", "low", "high"], ["x0"]),
     ]
@@ -109,7 +116,10 @@ def deployed(policy: Policy, task: type[Task]) -> dict[str, bytes]:
     Of a task that says nothing of its observation deploy.yaml says so, and is alone.
     """
     if task.deployment is None:
-        return {"policy.onnx": to_onnx(policy), "deploy.yaml": _NOT_SAID.format(env=task.env).encode()}
+        return {
+            "policy.onnx": to_onnx(policy, clip=task.clip_observations),
+            "deploy.yaml": _NOT_SAID.format(env=task.env).encode(),
+        }
     policy.expect(task.num_observations, task.num_actions)
     spec, model = task.compiled()
     robot = interface(
@@ -122,7 +132,7 @@ def deployed(policy: Policy, task: type[Task]) -> dict[str, bytes]:
     )
     about = yaml.safe_dump(plain(robot), sort_keys=False, default_flow_style=None, width=110)
     return {
-        "policy.onnx": to_onnx(policy, robot),
+        "policy.onnx": to_onnx(policy, robot, task.clip_observations),
         "deploy.yaml": (_HEAD + about).encode(),
         "scene.xml": spec.to_xml().encode(),
         "sim2sim.py": files("openeureka.report").joinpath("sim2sim.py").read_bytes(),

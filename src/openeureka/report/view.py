@@ -78,7 +78,7 @@ class RunView:
 
         What an earlier view of it holds is not decoded again: most of the time goes into curves.
         """
-        with Store.view(directory) as store:
+        with Store.view(directory) as store, store.moment():
             results = store.lanes.results(earlier.results if earlier is not None else {})
             config, history = store.config, store.history(results)
             videos = _videos(directory, results)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +22,7 @@ from ..report.candidates import CandidateView
 from ..report.view import RunView
 from ..score import Outcome
 from ..store import Store, artifacts, has_begun, look
+from ..tasks import registry
 from ..training.policy import Player, Policy
 from ..types import Evaluation, Glance, History, Lane, TrainingResult
 
@@ -267,9 +269,11 @@ class Run:
         return resume(self, model=model, trusted=trust, on_event=on_event, settings=settings)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class TrainedPolicy:
-    """Called with observations (O,) or (N, O) it returns float32 actions (A,) or (N, A) in [-1, 1], without noise."""
+    """Called with observations (O,) or (N, O) it returns float32 actions (A,) or (N, A) in [-1, 1], without noise.
+
+    It clips observations as its task does where that is installed; those of another task clip as it does."""
 
     env: str
     """The task it was trained on."""
@@ -277,18 +281,22 @@ class TrainedPolicy:
     """O."""
     actions: int
     """A."""
-    _player: Player = field(repr=False, compare=False)
+    clip: float
+    """Largest size of an observation's values: what is beyond is clipped first."""
+    _player: Player = field(repr=False)
 
     @classmethod
     def of(cls, data: bytes) -> TrainedPolicy:
         """From a safetensors file. Raises RewardFileError for anything else."""
         policy = Policy.from_bytes(data)
         policy.expect()
-        return cls(policy.env, policy.observations, policy.actions, Player([policy]))
+        task = registry.offered(policy.env)
+        clip = task.clip_observations if task is not None else math.inf
+        return cls(policy.env, policy.observations, policy.actions, clip, Player([policy]))
 
     def __call__(self, observations: ArrayLike) -> np.ndarray:
         seen = np.asarray(observations, dtype=np.float32)
         if seen.ndim not in (1, 2) or seen.shape[-1] != self.observations:
             raise ValueError(f"observations are ({self.observations},) or (N, {self.observations}), not {seen.shape}")
-        actions = self._player(torch.from_numpy(np.atleast_2d(seen).copy())).numpy()
+        actions = self._player(torch.from_numpy(np.atleast_2d(seen).clip(-self.clip, self.clip))).numpy()
         return actions[0] if seen.ndim == 1 else actions

@@ -309,6 +309,17 @@ class Database:
         with explained(self.directory):
             return {row["lane"] for row in self._connection.execute(f"{_FINISHED} SELECT lane FROM finished")}
 
+    @contextmanager
+    def moment(self) -> Generator[None]:
+        """All that is read meanwhile is of one moment, whatever another process adds."""
+        with explained(self.directory):
+            self._connection.execute("BEGIN")
+        try:
+            yield
+        finally:
+            with explained(self.directory):
+                self._connection.execute("COMMIT")
+
     def glance(self) -> sqlite3.Row:
         """Counts and sums over the run, without its texts and curves."""
         with explained(self.directory):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import AbstractContextManager, ExitStack, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TypeVar
@@ -123,7 +123,7 @@ class Store:
 
     @classmethod
     def view(cls, directory: Path | str) -> Store:
-        """Read a run, also while it is going on. Raises StoreError when there is none."""
+        """Read a run, also while it is going on: see `moment`. Raises StoreError when there is none."""
         directory = Path(directory)
         if not (directory / FILENAME).is_file():
             raise NotBegun(f"{directory} is not a run: {_missing(directory)}.")
@@ -136,6 +136,10 @@ class Store:
         Only `remarks` may be used: a run of an older version keeps its tables, as its own process knows no others.
         """
         return cls(Path(directory), Database(Path(directory), writable=True, migrate=False), None)
+
+    def moment(self) -> AbstractContextManager[None]:
+        """What is read within is of one moment: a run at work adds rows to one table after the other."""
+        return self._database.moment()
 
     def close(self) -> None:
         if self._lock is None:

@@ -9,6 +9,7 @@ from typing import Any
 from torch import Tensor
 
 from ..errors import TaskError
+from ..plugins import where_to_put
 from .task import Score, Task
 
 _OURS = __name__.partition(".")[0]
@@ -62,7 +63,7 @@ def import_fault(place: str, error: BaseException) -> TaskError:
         return TaskError(f"The environment in {place} cannot be imported: {told(error)[:-1]}{shown}.")
     lines = [line for frame, line in traceback.walk_tb(error.__traceback__) if _stands_at(frame.f_globals, place)]
     where = f"line {lines[-1]}: " if lines else ""
-    return TaskError(f"The environment in {place} cannot be imported: {where}{told(error)}")
+    return TaskError(f"The environment in {place} cannot be imported: {where}{told(error)}{where_to_put(place, error)}")
 
 
 def _stands_at(module: Mapping[str, Any], place: str) -> bool:
