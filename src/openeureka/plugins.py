@@ -9,6 +9,7 @@ import inspect
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib.machinery import SourceFileLoader
 from importlib.metadata import entry_points
 from pathlib import Path
 from threading import RLock
@@ -95,6 +96,13 @@ def where_to_put(module: str, error: BaseException) -> str:
     return " Put the folder that holds it on PYTHONPATH: export PYTHONPATH=." if unfound else ""
 
 
+class _Fresh(SourceFileLoader):
+    """Reads and writes no compiled file: Python takes one for an edit of equal length within the same second."""
+
+    def path_stats(self, path: object) -> Mapping[str, Any]:
+        raise OSError
+
+
 _importing = RLock()
 """One thread at a time: another would find the module half executed."""
 
@@ -105,7 +113,7 @@ def import_file(path: Path) -> ModuleType:
     name = f"openeureka_file_{hashlib.sha256(bytes(path) + bytes(1) + path.read_bytes()).hexdigest()[:12]}"
     with _importing:
         if name not in sys.modules:
-            spec = importlib.util.spec_from_file_location(name, path)
+            spec = importlib.util.spec_from_file_location(name, path, loader=_Fresh(name, str(path)))
             assert spec is not None and spec.loader is not None
             # Dataclasses and `inspect` look a class's module up by name, already while it is being executed.
             sys.modules[name] = importlib.util.module_from_spec(spec)

@@ -1,5 +1,6 @@
 """`search=` and `executor=` find what is built in, what a package brings along, and what somebody names."""
 
+import os
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -172,3 +173,12 @@ def test_a_file_that_several_threads_import_is_executed_once(tmp_path: Path):
     with ThreadPoolExecutor(3) as pool:
         made = {module.made for module in pool.map(import_file, [tmp_path / "slow.py"] * 3)}
     assert len(made) == 1
+
+
+def test_an_edit_of_equal_length_within_a_second_is_seen(tmp_path: Path):
+    file = tmp_path / "edited.py"
+    for made in (1, 2):
+        file.write_text(f"made = {made}\n")
+        os.utime(file, (1e9, 1e9))
+        assert import_file(file).made == made
+    assert not (tmp_path / "__pycache__").exists()
