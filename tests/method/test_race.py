@@ -101,6 +101,24 @@ def test_one_that_is_shown_to_be_worse_leaves_the_race() -> None:
     assert race.running(scores, ["b", "a", "c"]) == ["b", "a"]  # both mean 10.1: of equals the first leads
 
 
+def test_who_left_to_a_leader_that_breaks_a_limit_is_back(tmp_path: Path) -> None:
+    """9 is better than 8.5 with two seeds each, and with the third it costs too much."""
+
+    class Costly(Lucky):
+        def evaluate(self, env, policies, *, seed, **options):
+            for score in super().evaluate(env, policies, seed=seed, **options):
+                dear = score.lane.startswith(spec(9, 3))
+                yield dataclasses.replace(score, costs={"torque": 1000.0 if dear else 5.0})
+
+    said = {spec(9, 1): 20.0, spec(9, 2): 20.1, spec(9, 3): 20.05, spec(8.5, 1): 15.0, spec(8.5, 2): 15.1}
+    said |= {"human-s0": 20.0, "human-s1": 20.05, "human-s2": 20.1, "human-s3": 20.0}
+    trainer = Costly(error=1.0, said=said)
+    outcome = go(tmp_path, trainer, [9, 8.5], seeds=3, limits="torque=10")
+    assert spec(9, 3) in trainer.trained and spec(8.5, 3) not in trainer.trained
+    assert outcome.best is not None and outcome.best.sample.place == Place(0, 1)
+    assert outcome.method.held_out == pytest.approx((15.0, 15.1))
+
+
 def test_one_that_always_diverges_leaves_the_race_as_soon_as_another_does_not() -> None:
     assert race.running({"a": [], "b": [9.0, 10.0], "human": [5.0, 5.1]}, ["a", "b"]) == ["b"]
     assert race.running({"a": [], "b": [], "human": [5.0, 5.1]}, ["a", "b"]) == ["a", "b"]

@@ -292,6 +292,9 @@ def test_a_policy_that_breaks_a_limit_is_not_handed_over(tmp_path: Path) -> None
     view = RunView.read(tmp_path)
     stricter = replace(view, config=replace(view.config, limits="torque=65")).polished
     assert stricter is not None and stricter.breach_before == "torque 70.2 N m, above 65"
+    both = replace(stricter, best=PolicyId("other-s0", "last"), breach="torque 78 N m, above 65")
+    assert "wins" not in of_polishing(both)
+    assert of_polishing(both).endswith("Both break a limit: torque 78 N m, above 65.")
     wins = replace(stricter, breach="", best=PolicyId("other-s0", "last"))  # a lane of lower torque
     assert of_polishing(wins).startswith("The policy carried on wins: the one it began from breaks a limit, torque 70")
 

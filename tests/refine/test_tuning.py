@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from random import Random
+from statistics import median
 
 import pytest
 
@@ -34,6 +35,7 @@ from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program
 from openeureka.types import (
     Candidate,
+    Checkpoint,
     LaneSpec,
     Node,
     RewardGraph,
@@ -138,6 +140,28 @@ def test_the_text_as_it_came_is_the_first_of_the_first_round(tmp_path: Path) -> 
     assert len({trial.values for trial in found.trials}) == 10
 
 
+def test_a_text_that_a_search_cut_is_no_low_weighting(tmp_path: Path) -> None:
+    """Half a training says nothing beside whole ones: for the proposals it stands in the middle."""
+
+    class Halved(Hill):
+        def _result(self, lane: LaneSpec) -> TrainingResult:
+            result = super()._result(lane)
+            if lane.id != lane_id(Candidate.of(HUMAN).id, 0):
+                return result
+            half = Checkpoint(epoch=1, value=2.0, policy=b"1.0")
+            return replace(
+                result, state=TrainingState.CUT, best_fitness=half, best_reward=half, last=b"1.0", fitness=2.0
+            )
+
+    found = go(tmp_path, Halved(), HUMAN, tune=10, sample=5)
+    assert found.trials[0].played is None and found.trained == 10
+    with Store.view(tmp_path) as store:
+        lanes = Lanes(store.config, store, Halved(), nobody)
+        _, scores = tuning._scores(lanes, [t.candidate for t in found.trials[:5]], found.trials[0].candidate)
+        assert lanes.scores()[lane_id(found.trials[0].candidate.id, 0)].fitness == 0.0
+    assert scores[0] == median([score for score in scores[1:] if score is not None])
+
+
 def test_numbers_that_nothing_beats_stay_in_best(tmp_path: Path) -> None:
     found = go(tmp_path, Hill(), HUMAN)  # human numbers are the best there are
     assert (tmp_path / "best" / "reward.py").read_text() == HUMAN
@@ -214,7 +238,7 @@ def test_a_text_that_was_proposed_twice_or_is_the_one_that_came_races_once() -> 
     texts = {"t0.1": first, ORIGINAL: first, "t0.2": second, "t1.0": second}
     assert dict(distinct(texts)) == {ORIGINAL: first, "t0.2": second}
     lanes = [lane_id(candidate.id, 1) for candidate in (first, second)]
-    assert final_lanes(RunConfig(seeds=1), texts, lanes) == {ORIGINAL: lanes[:1], "t0.2": lanes[1:]}
+    assert final_lanes(config(seeds=1), texts, lanes) == {ORIGINAL: lanes[:1], "t0.2": lanes[1:]}
 
 
 def test_nothing_is_said_of_a_race_before_its_policies_are_judged() -> None:

@@ -4,6 +4,7 @@ import importlib.util
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -69,6 +70,20 @@ def test_the_script_plays_with_three_packages_alone(folder: Path):
     done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("In the second half: forward ")
+
+
+def test_the_script_needs_no_command_where_there_is_none(folder: Path, monkeypatch: pytest.MonkeyPatch):
+    spec = importlib.util.spec_from_file_location("sim2sim", folder / "sim2sim.py")
+    assert spec is not None and spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    told = []
+    for commands in ([], ["forward"], ["forward", "left", "turning"]):
+        monkeypatch.setattr(script, "Controller", lambda commands=commands: SimpleNamespace(commands=commands))
+        monkeypatch.setattr(script, "play", lambda _, command, *__: told.append(command) or np.zeros((2, 3)))
+        monkeypatch.setattr("sys.argv", ["sim2sim.py"])
+        script.main()
+    assert told == [[], [1.0], [1.0, 0.0, 0.0]]
 
 
 def test_the_scene_beside_it_is_the_task_s_own(folder: Path):

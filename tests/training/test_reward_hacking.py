@@ -85,7 +85,9 @@ def test_concentration_is_the_share_of_the_highest_twentieth():
 
 
 def test_rare_successes_of_equal_worth_are_not_concentrated():
-    assert concentration(torch.tensor([1.0] * 20 + [0.0] * 980)) == pytest.approx(1 / 20)
+    for successes in (1, 7, 20, 33):
+        assert concentration(torch.tensor([1.0] * successes + [0.0] * 980)) == pytest.approx(1 / 20)
+    assert concentration(torch.tensor([1.0, 0.5])) == pytest.approx(0.1 / 1.5)  # a tenth of the higher one
 
 
 def test_a_score_that_is_never_positive_has_no_concentration():

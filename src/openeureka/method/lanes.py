@@ -39,7 +39,7 @@ from ..types import (
 )
 from .schedule import RUNGS, WHOLE, Ladder
 
-HELD_OUT, CHOOSING, COMPARING = 1_000_003, 2_000_003, 3_000_003
+HELD_OUT, CHOOSING, COMPARING, ROBUST = 1_000_003, 2_000_003, 3_000_003, 4_000_003
 """Added to the seed of a run: start states of its final scores, those it chooses by, and those on which a policy that
 was chosen by its final score is compared. No lane trains with them."""
 EPISODES = (8, 64)
@@ -131,9 +131,10 @@ def affordable(trained: Collection[TrainingResult], peaks: int) -> int:
     that was cut or diverged early takes no episodes from the others."""
     fewest, most = EPISODES
     lengths = [length for result in trained for length in result.curves.get("episode_length", ()) if length]
-    longest = max(lengths, default=1.0)
+    if not lengths:  # episodes are longer than the trainings were
+        return fewest
     steps = sum(result.env_steps for result in trained) / max(1, len(trained))
-    return max(fewest, min(most, int(SHARE * steps / (2 * peaks * longest))))
+    return max(fewest, min(most, int(SHARE * steps / (2 * peaks * max(lengths)))))
 
 
 def drawn(config: RunConfig) -> Ranges | None:
@@ -366,7 +367,7 @@ class Lanes:
         """Take the scores that the store does not hold yet.
 
         Args:
-            starts: whether on the start states of `evaluate`, those for choosing or those for comparing.
+            starts: whether on the start states of `evaluate`, those for choosing, for comparing, or of robust policies.
             episodes: of each trial; 0 for as many as a final score needs.
         """
         known = self.store.lanes.trials()

@@ -12,7 +12,7 @@ from ..reward.form import form
 from ..score import Outcome, compare, lawful, level, rank
 from ..stats import difference, mean, spent
 from ..strategies import Ranking, SearchStrategy
-from ..types import Evaluation, History, Place, Scored, TrainingResult
+from ..types import CandidateId, Evaluation, History, Place, Scored, TrainingResult
 from . import baselines
 from .lanes import Lanes, beside, deal, final_lanes, final_seeds, programs
 
@@ -35,8 +35,10 @@ def contenders(history: History) -> tuple[Scored, ...]:
     if best is None or best.played is None or ranking.by_votes:
         return (best,) if best is not None else ()
     entries = [entry for generation in history.generations for entry in generation.entries]
-    able = {e.sample.verdict.candidate: e for e in entries if e.sample.verdict.candidate not in ranking.rejected}
-    able = {name: entry for name, entry in able.items() if not entry.breaks(history.limits)}
+    able: dict[CandidateId, Scored] = {}
+    for entry in entries:
+        if entry.sample.verdict.candidate not in ranking.rejected and not entry.breaks(history.limits):
+            able.setdefault(entry.sample.verdict.candidate, entry)
     close = level({name: entry.played for name, entry in able.items() if entry.played is not None})
     ordered = sorted((able[name] for name in close), key=lambda entry: -rank(entry.score))
     different: dict[str, Scored] = {}
@@ -72,9 +74,10 @@ def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | 
         first, scores = play_finals(lanes, lanes.final(tuple(arms.values()), seeds), strategy)
         if known is not None:
             scores["human"] = list(known.human.scores)
-        names = [name for name in names if lawful(first[name], history.limits)]
-        if not names:
+        able = [name for name in arms if lawful(first[name], history.limits)]
+        if not able:
             return None
+        names = [name for name in names if name in able] or able  # who left to a leader that may not win is back
         names = running(scores, names)
         # The winner was picked among all, and a race that goes on may err again: both make the bar higher.
         if len(names) == 1 and sure(scores, names[0], "human", len(arms) / share(config, len(seeds))):

@@ -13,7 +13,7 @@ from ..method.lanes import tuning_seeds
 from ..reward.weights import Weight, values, weights
 from ..score import Arm, breach, lawful, pooled, rank
 from ..stats import CONFIDENCE, Difference, difference, mean, midranks, pearson
-from ..types import COMPONENT, Candidate, Evaluation, Limits, TrainingResult, lane_id, of_components
+from ..types import COMPONENT, Candidate, Evaluation, Limits, TrainingResult, TrainingState, lane_id, of_components
 
 ORIGINAL = "original"
 """What the text as it came is called; the others are `trial_1` and so on."""
@@ -141,17 +141,21 @@ def read(
     if ORIGINAL not in texts:
         return None
     origin = texts[ORIGINAL].source
+    ids = {candidate.id: results.get(lane_id(candidate.id, config.seed)) for candidate in texts.values()}
+    # The text as it came may have led a search without training to its end: then it says nothing beside the others.
+    cut = {name for name, result in ids.items() if result is not None and result.state is TrainingState.CUT}
     trials = [
         Weighting(
             name=name,
             candidate=candidate,
             values=own,
-            played=_fitness(played.get(lane_id(candidate.id, config.seed))),
+            played=_fitness(played.get(lane_id(candidate.id, config.seed))) if candidate.id not in cut else None,
         )
         for name, candidate in texts.items()
         if (own := values(candidate.source, origin)) is not None
     ]
-    trained = [trial for trial in trials if lane_id(trial.candidate.id, config.seed) in results]
+    trained = [trial for trial in trials if ids[trial.candidate.id] is not None]
+    whole = [trial for trial in trained if trial.candidate.id not in cut]
     lanes = final_lanes(config, texts, results)
     limits = config.cost_limits
     after = winner(
@@ -165,8 +169,8 @@ def read(
             Effect(
                 weight=weight,
                 after=fitted[place] if fitted is not None else None,
-                trend=_trend([abs(trial.values[place]) for trial in trained], trained),
-                distance=_trend([abs(log_factor(trial.values[place], weight)) for trial in trained], trained),
+                trend=_trend([abs(trial.values[place]) for trial in whole], whole),
+                distance=_trend([abs(log_factor(trial.values[place], weight)) for trial in whole], whole),
             )
             for place, weight in enumerate(weights(origin))
         ),

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from statistics import median
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from ..reward.weights import Weight, values, weighed, weights
 from ..score import lawful, rank, worth
 from ..store import Store
 from ..strategies import Best
-from ..types import GIVEN, Candidate, Peak, PolicyId, Reply, RewardProgram, Scored, Verdict, lane_id
+from ..types import GIVEN, Candidate, Peak, PolicyId, Reply, RewardProgram, Scored, TrainingState, Verdict, lane_id
 from . import tuned
 from .tuned import ORIGINAL
 
@@ -182,9 +183,14 @@ def _train(lanes: Lanes, index: int, candidates: Iterable[Candidate], judge: Bes
 def _scores(
     lanes: Lanes, candidates: Sequence[Candidate], origin: Candidate
 ) -> tuple[list[tuple[float, ...]], list[float | None]]:
-    """The numbers of weightings, and what each scored: None for one whose policy breaks a limit."""
+    """The numbers of weightings, and what each scored: None for one whose policy breaks a limit. One that a search cut
+    stands in the middle of the others, as it trained for less."""
     ids, limits = [lane_id(candidate.id, lanes.config.seed) for candidate in candidates], lanes.config.cost_limits
     kept = {lane: score.fitness for lane, score in lanes.first_looks(ids).items() if not score.broken(limits)}
+    lane = lane_id(origin.id, lanes.config.seed)
+    came = lanes.store.lanes.result(lane)
+    if came is not None and came.state is TrainingState.CUT and lane in ids:
+        kept[lane] = median([score for own, score in kept.items() if own != lane and score is not None] or [0.0])
     numbers = [values(candidate.source, origin.source) for candidate in candidates]
     assert all(own is not None for own in numbers)  # all come from `weighed`
     return [own for own in numbers if own is not None], [kept.get(lane) for lane in ids]

@@ -46,7 +46,7 @@ def arms(found: Robust) -> Table:
         for arm in found.arms
     ]
     note = (
-        "F is a mean over hard worlds, which no policy was trained for and no model was shown. Proposals are chosen on "
+        "F is a mean over hard worlds, which no model was shown. Proposals are chosen on "
         "start states of their own; what is held out was seen by nobody."
     )
     titles = (

@@ -117,11 +117,15 @@ def play(controller: Controller, command: Sequence[float], seconds: float, view:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--command", type=float, nargs="*", default=[1.0, 0.0, 0.0])
+    parser.add_argument(
+        "--command", type=float, nargs="*", help="what it is told to do; 1 and zeros where nothing is said"
+    )
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--view", action="store_true", help="in a window")
     options = parser.parse_args()
     controller = Controller()
+    if options.command is None:
+        options.command = [float(place == 0) for place in range(len(controller.commands))]
     if len(options.command) != len(controller.commands):
         parser.error(f"--command takes {len(controller.commands)} numbers: {', '.join(controller.commands)}")
     speeds = play(controller, options.command, options.seconds, options.view)

@@ -64,12 +64,12 @@ def of_polishing(found: Polished) -> str:
     if found.breach and not found.better:
         return f"The policy stays as it was: the one that was carried on breaks a limit, {found.breach}."
     between = f"F {scored(found.after)} against {scored(found.before)} of the policy it began from, held out"
-    if found.better and found.breach_before:
+    if found.better and found.breach_before and not found.breach:
         return f"The policy carried on wins: the one it began from breaks a limit, {found.breach_before}; {between}."
-    gain = found.gain
+    gain, both = found.gain, f" Both break a limit: {found.breach}." if found.breach else ""
     if gain is None or gain.low is None:
-        return f"Not decided: {between}."
-    return decided(gain, "The policy carried on is {}", between)
+        return f"Not decided: {between}.{both}"
+    return decided(gain, "The policy carried on is {}", between) + both
 
 
 def _of_given(arms: Mapping[str, Arm]) -> str:

@@ -162,5 +162,6 @@ def concentration(contributions: Tensor) -> float | None:
     positive = contributions[contributions > 0].double()
     if not len(positive):
         return None
-    highest = positive.topk(math.ceil(len(positive) / HIGHEST)).values
-    return float(highest.sum() / positive.sum())
+    whole, part = divmod(len(positive) / HIGHEST, 1.0)  # the last of the twentieth counts in part
+    highest = positive.topk(min(len(positive), int(whole) + 1)).values
+    return float((highest[: int(whole)].sum() + part * highest[-1]) / positive.sum())
