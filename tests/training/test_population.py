@@ -7,7 +7,7 @@ import torch
 from openeureka.suite.isaac.cartpole import Cartpole
 from openeureka.tasks.env import Step
 from openeureka.tasks.task import Score, State
-from openeureka.training import population
+from openeureka.training import pausing, population
 from openeureka.training.curves import Curves
 from openeureka.training.policy import Player, Policy
 from openeureka.training.population import Population
@@ -323,3 +323,22 @@ def test_a_lane_that_paused_goes_on_alone_and_in_other_company():
     ]
     assert results(mixed)["b"].curves["reward"] == pytest.approx(whole["b"].curves["reward"], rel=1e-3)
     assert alone.env_steps == whole["b"].env_steps and len(alone.clock) == 4
+
+
+def test_lanes_that_paused_on_another_kind_of_device_begin_anew():
+    specs = [LaneSpec(id="human", program="human"), LaneSpec(id="own", program=upright(), seed=1)]
+    states = {lane: pausing.load(x.paused or b"", torch.device("cpu")) for lane, x in paused(specs, until=2).items()}
+    states["own"]["device"] = "cuda"
+    states["own"]["ppo"]["generators"] = [torch.zeros(16, dtype=torch.uint8)]  # as long as that of a GPU is
+    again = [dataclasses.replace(spec, paused=pausing.save(states[spec.id])) for spec in specs]
+    whole = results(specs)
+    for lane, result in results(again).items():
+        assert dataclasses.replace(result, seconds=0.0) == dataclasses.replace(whole[lane], seconds=0.0)
+
+
+def test_lanes_that_paused_before_their_device_was_kept_go_on():
+    specs = [LaneSpec(id="human", program="human")]
+    state = pausing.load(paused(specs, until=2)["human"].paused or b"", torch.device("cpu"))
+    del state["device"]
+    (again,) = results([dataclasses.replace(specs[0], paused=pausing.save({**state, "seconds": 1000.0}))]).values()
+    assert again.seconds > 1000.0 and again.curves["reward"] == results(specs)["human"].curves["reward"]

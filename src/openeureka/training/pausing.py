@@ -31,6 +31,11 @@ def load(data: bytes, device: torch.device) -> State:
     return torch.load(io.BytesIO(data), map_location=device, weights_only=True)
 
 
+def kind(state: State) -> str:
+    """Of the device that a state was left on; an older version, which did not say, never ran on a GPU."""
+    return state.get("device", "cpu")
+
+
 def snapshot(population: Population) -> bytes:
     """The states of all lanes, by id."""
     state = population.state_dict()
@@ -60,7 +65,7 @@ def cut(population: Population, lane: int, state: State | None = None) -> State:
 
     env, ppo, curves = state["env"], state["ppo"], state["curves"]
     return {
-        **{name: state[name] for name in ("epoch", "seconds", "clock")},
+        **{name: state[name] for name in ("device", "epoch", "seconds", "clock")},
         "observation": own(state["observation"]),
         "env": {
             **{name: worlds(env[name]) for name in ("whole", "draws")},

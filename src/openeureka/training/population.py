@@ -43,6 +43,7 @@ class Population:
         alive: called after every step of all worlds, also one played again, and what else may take minutes.
 
     Attributes:
+        kind: of device, by which its state is known: nothing goes on from what another kind left.
         epoch: epochs that are done.
         until: epochs at which the lanes pause, or end.
         clock: [s] of training, over all processes, at the end of the rollout of each epoch.
@@ -61,6 +62,7 @@ class Population:
         task = registry.get(env)
         alive()
         self.env_name, self.specs, self.recipe = env, list(specs), task.recipe
+        self.kind = device.partition(":")[0]
         self.lanes, self.worlds = len(specs), budget.worlds or task.recipe.worlds
         self.horizon = task.recipe.horizon
         self.epochs = max(1, (budget.env_steps or task.recipe.env_steps) // (self.worlds * self.horizon))
@@ -108,7 +110,9 @@ class Population:
         alive()
         self.clock: list[float] = []
         self._before, self._started = 0.0, time.monotonic()  # [s] in processes before this one; the start of this
-        if paused := [pausing.load(spec.paused, self.device) for spec in specs if spec.paused is not None]:
+        paused = [pausing.load(spec.paused, self.device) for spec in specs if spec.paused is not None]
+        # Elsewhere worlds and noise are others: these lanes begin anew, and so do those beside them.
+        if paused and {pausing.kind(lane) for lane in paused} == {self.kind}:
             pausing.put(self, paused)
 
     def train(self) -> Iterator[TrainingProgress | TrainingResult]:
@@ -163,6 +167,7 @@ class Population:
     def state_dict(self) -> dict[str, Any]:
         """All that the next epoch depends on: nested dictionaries and lists of tensors, numbers and text."""
         return {
+            "device": self.kind,
             "epoch": self.epoch,
             "seconds": self._seconds(),
             "clock": self.clock,
