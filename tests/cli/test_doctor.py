@@ -30,8 +30,12 @@ def test_gpus_are_counted_or_what_they_lack_is_said(monkeypatch):
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 0)
     (absent,) = doctor.gpus()
     assert not absent.good and not absent.needed and "use device=cpu" in absent.detail
-    monkeypatch.setattr("openeureka.executors.local.check_device", lambda _: None)
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    monkeypatch.setattr("openeureka.sim.find_spec", lambda _: object())
+    monkeypatch.setattr("openeureka.sim._warp_gpus", lambda: 0)
+    (old,) = doctor.gpus()
+    assert not old.good and "update the driver" in old.detail
+    monkeypatch.setattr("openeureka.sim._warp_gpus", lambda: 2)
     assert doctor.gpus() == [Finding("device=cuda", True, "trains on cuda:0, cuda:1")]
 
 

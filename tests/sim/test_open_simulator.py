@@ -1,3 +1,6 @@
+import sys
+from types import SimpleNamespace
+
 import pytest
 import torch
 
@@ -22,9 +25,23 @@ def test_a_device_that_does_not_exist_is_one_sentence(monkeypatch: pytest.Monkey
     with pytest.raises(ConfigError, match="device=cuda needs an NVIDIA GPU"):
         make("cartpole", worlds=1, device="cuda")
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    monkeypatch.setattr(sim, "_warp_gpus", lambda: 2)
     check_device("cuda:1")
     with pytest.raises(ConfigError, match="no device cuda:2: torch sees 2 GPUs"):
         check_device("cuda:2")
     monkeypatch.setattr(sim, "find_spec", lambda _: None)
     with pytest.raises(ConfigError, match="device=warp-cpu needs MuJoCo Warp"):
         check_device("warp-cpu")
+
+
+@pytest.mark.parametrize(("usable", "said"), [(0, "none"), (1, "1")])
+def test_a_driver_that_is_too_old_for_warp_is_one_sentence(monkeypatch: pytest.MonkeyPatch, usable: int, said: str):
+    old = SimpleNamespace(config=SimpleNamespace(), LOG_ERROR=40, get_cuda_device_count=lambda: usable)
+    monkeypatch.setitem(sys.modules, "warp", old)
+    monkeypatch.setattr(sim, "find_spec", lambda _: object())
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+    with pytest.raises(
+        ConfigError, match=rf"newer NVIDIA driver: .* torch sees \(2\), MuJoCo Warp can use {said}; update"
+    ):
+        check_device("cuda")
+    check_device("warp-cpu")

@@ -32,6 +32,19 @@ def check_device(device: str) -> None:
         raise ConfigError(f"device={device} needs an NVIDIA GPU that torch can use, and there is none; use device=cpu.")
     if int(device.partition(":")[2] or 0) >= gpus:
         raise ConfigError(f"There is no device {device}: torch sees {gpus} GPU{'s' if gpus > 1 else ''}.")
+    if (usable := _warp_gpus()) < gpus:
+        raise ConfigError(
+            f"device={device} needs a newer NVIDIA driver: of the GPUs that torch sees ({gpus}), MuJoCo Warp can use "
+            f"{usable or 'none'}; update the driver, or use device=cpu."
+        )
+
+
+def _warp_gpus() -> int:
+    """GPUs whose driver is new enough for Warp, which leaves out the others. Takes no memory there."""
+    import warp  # pyright: ignore[reportMissingImports]  # an optional package, for seconds
+
+    warp.config.log_level = warp.LOG_ERROR  # else a greeting, and in several lines what `check_device` says in one
+    return warp.get_cuda_device_count()
 
 
 def open_simulator(
