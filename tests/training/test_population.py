@@ -183,6 +183,16 @@ def test_a_lane_whose_policy_is_not_finite_is_masked_and_the_others_are_bit_iden
     assert dict(good.curves) == dict(calm.curves)
 
 
+@pytest.mark.parametrize("masked", [False, True])
+def test_an_observation_that_is_no_number_where_an_episode_ended_is_worth_nothing(masked: bool):
+    alone = Population("cartpole", [LaneSpec(id="human", program="human")], SMALL, threads=1)
+    alone.env.masked = masked  # as on a GPU
+    step = alone.env.step(torch.zeros(32, 1))
+    step.final_observation[0], step.timed_out[1] = torch.nan, True
+    worth = alone._beyond(step)[0]
+    assert worth.isfinite().all() and worth[1] != 0.0 and worth.count_nonzero() == 1
+
+
 def test_training_ends_when_every_lane_has_diverged():
     specs = [LaneSpec(id=name, program=upright(1e30)) for name in "ab"]
     found = results(specs, TrainBudget(env_steps=10**12, worlds=32))

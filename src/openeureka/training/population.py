@@ -159,10 +159,10 @@ class Population:
     def _beyond(self, step: Step) -> Tensor:
         """(L, n) value of what follows a time-out, 0 where there is none."""
         observation, timed_out = self._split(step.final_observation), self._split(step.timed_out)
+        if not self.env.masked:
+            return self.ppo.value_where(observation, timed_out)
         # On a GPU, asking how many time-outs there are costs more than values that nobody needs.
-        return (
-            self.ppo.value(observation) * timed_out if self.env.masked else self.ppo.value_where(observation, timed_out)
-        )
+        return torch.where(timed_out, self.ppo.value(observation), 0.0)
 
     def state_dict(self) -> dict[str, Any]:
         """All that the next epoch depends on: nested dictionaries and lists of tensors, numbers and text."""
