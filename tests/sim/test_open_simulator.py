@@ -1,6 +1,7 @@
 import sys
 from types import SimpleNamespace
 
+import mujoco
 import pytest
 import torch
 
@@ -15,6 +16,26 @@ def test_room_is_guessed_from_the_model():
     # 13 geoms may touch the floor: 16 + 4 * 13 contacts of 4 rows, and 8 joint limits.
     assert capacity(get("ant").compile_model(), Capacity()) == Capacity(68, 8 + 4 * 68)
     assert capacity(get("ant").compile_model(), Capacity(constraints=50)) == Capacity(68, 50)
+
+
+def test_room_is_guessed_from_the_larger_condim_of_what_touches():
+    def room(floor: int, *, pair: int = 0, solid: int = 1) -> Capacity:
+        spec = mujoco.MjSpec()
+        spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[9, 9, 1], condim=floor)
+        ball = spec.worldbody.add_body()
+        ball.add_freejoint()
+        ball.add_geom(name="ball", size=[0.1, 0, 0], condim=3, contype=solid, conaffinity=solid)
+        if pair:
+            spec.add_pair(geomname1="floor", geomname2="ball", condim=pair)
+        return capacity(spec.compile(), Capacity())
+
+    # 16 + 4 contacts of 2 * (condim - 1) rows
+    assert room(3) == Capacity(20, 20 * 4)
+    assert room(6) == Capacity(20, 20 * 10)
+    assert room(3, pair=4) == Capacity(20, 20 * 6)
+    # 16 contacts, of one row where nothing that moves touches anything
+    assert room(6, solid=0) == Capacity(16, 16)
+    assert room(6, solid=0, pair=3) == Capacity(16, 16 * 4)
 
 
 def test_a_device_that_does_not_exist_is_one_sentence(monkeypatch: pytest.MonkeyPatch):

@@ -127,11 +127,14 @@ def capacity(model: mujoco.MjModel, wanted: Capacity) -> Capacity:
     """`wanted`, its zeros filled in generously from the model.
 
     There is room for four contacts for each geom of a moving body that may touch something: a box lies on four points.
-    A contact with friction is up to 2 * (condim - 1) rows, a limit or dry friction of a joint one, an equality six.
+    A contact with friction is up to 2 * (condim - 1) rows, a limit or dry friction of a joint one, an equality six. The
+    larger condim of two geoms counts, which may be the floor's, or that of a pair.
     """
-    touching = (model.body_weldid[model.geom_bodyid] != 0) & ((model.geom_contype | model.geom_conaffinity) != 0)
+    solid = (model.geom_contype | model.geom_conaffinity) != 0
+    touching = solid & (model.body_weldid[model.geom_bodyid] != 0)
     contacts = wanted.contacts or _SPARE_CONTACTS + _CONTACTS_PER_GEOM * int(touching.sum())
-    rows = max(1, 2 * (int(model.geom_condim[touching].max(initial=1)) - 1))
+    condim = np.concatenate((model.geom_condim[solid & touching.any()], model.pair_dim)).max(initial=1)
+    rows = max(1, 2 * (int(condim) - 1))
     frictions = np.count_nonzero(model.dof_frictionloss) + np.count_nonzero(model.tendon_frictionloss)
     limits = np.count_nonzero(model.jnt_limited) + np.count_nonzero(model.tendon_limited)
     constraints = wanted.constraints or 6 * model.neq + int(frictions + limits) + rows * contacts
