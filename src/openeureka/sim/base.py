@@ -18,6 +18,11 @@ MAX_SPEED = 1000.0
 of such a world would outweigh those of all others."""
 
 
+def derives(field: str) -> bool:
+    """Whether `mj_setConst` derives others from a field of MjModel, or from `opt.<field>`."""
+    return field in mujoco.MjModel._setconst_inputs or field.startswith("opt.")
+
+
 class Worlds(ABC):
     """N worlds that step side by side, whatever steps them.
 

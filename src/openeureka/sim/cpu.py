@@ -10,7 +10,7 @@ import torch
 from mujoco.batch import Batch, SimulationError
 from torch import Tensor
 
-from .base import INPUT_FIELDS, MAX_SPEED, STATE_FIELDS, Simulator
+from .base import INPUT_FIELDS, MAX_SPEED, STATE_FIELDS, Simulator, derives
 
 _CURRENT = mujoco.mjtStage.mjSTAGE_VEL
 _ALL = slice(None)
@@ -122,7 +122,7 @@ class CpuSimulator(Simulator):
             changed = (values != array.astype(np.float32)).reshape(self.num_worlds, -1).any(axis=1)
             if changed.any():
                 array[changed] = values[changed]
-                if name in mujoco.MjModel._setconst_inputs or name.startswith("opt."):
+                if derives(name):
                     derived |= changed
         if derived.any():
             self._batch.set_const(np.flatnonzero(derived))

@@ -17,7 +17,7 @@ import warp as wp  # pyright: ignore[reportMissingImports]
 from torch import Tensor
 
 from ..errors import CapacityError
-from .base import INPUT_FIELDS, MAX_SPEED, Capacity, Simulator
+from .base import INPUT_FIELDS, MAX_SPEED, Capacity, Simulator, derives
 
 wp.config.log_level = wp.LOG_WARNING  # else a line for every kernel loaded
 
@@ -121,10 +121,10 @@ class WarpSimulator(Simulator):
                 self._bound[name].copy_(tensor)
 
     def forward(self, worlds: Tensor) -> None:
-        self._push()
         # Kernels run on every world: what the other worlds' last substep left is put back.
         others = ~self._mask(worlds)
         kept = {name: tensor.clone() for name, tensor in self._bound.items() if name not in _STATE}
+        self._push()
         self._launch(0)
         for name, before in kept.items():
             _put(self._bound[name], others, before)
@@ -190,7 +190,8 @@ class WarpSimulator(Simulator):
         changed = {name: values for name, (values, seen) in self._expanded.items() if values._version != seen}
         if changed:
             with wp.ScopedDevice(self._device):
-                mjw.set_const(self._model, self._data)
+                if any(map(derives, changed)):
+                    mjw.set_const(self._model, self._data)
                 self._refresh()
             self._expanded |= {name: (values, values._version) for name, values in changed.items()}
 
