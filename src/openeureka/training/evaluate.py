@@ -22,7 +22,7 @@ themselves (`gym:`) have 2^24 seeds: now and then one is met again."""
 EPISODES = 256
 """Of each policy, where nobody says how many."""
 WORLDS = 16384
-"""At once; a world costs about 0.15 MB."""
+"""At once; a world costs about 0.15 MB, on a GPU up to 0.5 MB."""
 LOOK = 32
 """[steps]"""
 HIGHEST = 20
