@@ -120,17 +120,21 @@ def raw(env: str, device: str, sizes: Sizes) -> Found:
     if device == "cpu":
         return {"worlds": worlds, "steps_per_second": round(raw_on_cpu(env, worlds, steps=RAW_EPISODE))}
     before = _used_memory(device)
-    rate = _calls_per_second(_stepper(env, worlds, device), device, sizes.measure)
+    step, check = _stepper(env, worlds, device)
+    rate = _calls_per_second(step, device, sizes.measure)
+    check()
     memory = (_used_memory(device) - before) / worlds
     return {"worlds": worlds, "steps_per_second": round(rate * worlds), "bytes_per_world": round(memory)}
 
 
-def _stepper(env: str, worlds: int, device: str) -> Callable[[], None]:
-    """One control step of mujoco_warp as its own documentation would have it; on a GPU a graph, captured once."""
+def _stepper(env: str, worlds: int, device: str) -> tuple[Callable[[], None], Callable[[], None]]:
+    """One control step of mujoco_warp as its own documentation would have it; on a GPU a graph, captured once. And what
+    raises CapacityError where contacts or constraints found no room in any step so far."""
     import mujoco_warp as mjw
     import warp as wp
 
     from openeureka.sim.base import Capacity, capacity
+    from openeureka.sim.warp import check_room
 
     task = registry.get(env)
     model = task.compile_model()
@@ -139,8 +143,10 @@ def _stepper(env: str, worlds: int, device: str) -> Callable[[], None]:
     with wp.ScopedDevice(place):
         warp_model = mjw.put_model(model)
         warp_model.opt.disableflags |= mjw.DisableBit.NATIVECCD  # the same contacts as in `sim/warp.py`
+        warp_model.opt.warn_overflow = 0
         data = mjw.make_data(model, nworld=worlds, nconmax=room.contacts, njmax=room.constraints)
-    ctrl = wp.to_torch(data.ctrl)
+    ctrl, overflow = wp.to_torch(data.ctrl), wp.to_torch(data.overflow)
+    lacked = torch.zeros_like(overflow)  # before the last reset, which forgets it
     calls = 0
 
     def substeps() -> None:
@@ -161,6 +167,7 @@ def _stepper(env: str, worlds: int, device: str) -> Callable[[], None]:
         calls += 1
         with wp.ScopedDevice(place):
             if calls % RAW_EPISODE == 0:
+                lacked.bitwise_or_(overflow)
                 mjw.reset_data(warp_model, data)
             ctrl.uniform_(-1.0, 1.0)
             if graph is not None:
@@ -168,7 +175,7 @@ def _stepper(env: str, worlds: int, device: str) -> Callable[[], None]:
             else:
                 substeps()
 
-    return step
+    return step, lambda: check_room((lacked | overflow).cpu().numpy(), room, env)
 
 
 def environment(env: str, device: str, sizes: Sizes) -> Found:
@@ -182,6 +189,7 @@ def environment(env: str, device: str, sizes: Sizes) -> Found:
         simulation.step(torch.rand(shape, device=simulation.sim.device) * 2.0 - 1.0)
 
     rate = _calls_per_second(step, device, sizes.measure)
+    simulation.check()
     return {
         "worlds": simulation.num_worlds,
         "steps_per_second": round(rate * simulation.num_worlds),

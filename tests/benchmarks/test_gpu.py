@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from openeureka.errors import CapacityError
+from openeureka.tasks import registry
 from openeureka.types import Evaluation
 
 ENV = "cartpole"
@@ -103,6 +105,16 @@ def test_simulation_is_measured(gpu, sizes):
     assert raw["worlds"] == environment["worlds"] == 12  # three lanes of four
     assert raw["steps_per_second"] > environment["steps_per_second"] > 0
     assert environment["broken_worlds"] == 0
+
+
+@pytest.mark.timeout(900)  # a minute of compilation on a quiet machine
+@pytest.mark.parametrize("part", ["raw", "environment"])
+def test_a_rate_of_physics_that_lacked_room_is_an_error(gpu, sizes, monkeypatch, part):
+    pytest.importorskip("mujoco_warp", reason="pip install 'openeureka[gpu]'")
+    monkeypatch.setattr(registry.get("ballbalance"), "max_constraints", 4)  # the pins of its feet are nine rows
+    monkeypatch.setattr(gpu, "RAW_EPISODE", 2)
+    with pytest.raises(CapacityError, match="4 constraints a world"):
+        getattr(gpu, part)("ballbalance", "warp-cpu", sizes)
 
 
 def test_trainings_are_measured(gpu, sizes):

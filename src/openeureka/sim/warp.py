@@ -130,14 +130,7 @@ class WarpSimulator(Simulator):
             _put(self._bound[name], others, before)
 
     def check(self, task: str) -> None:
-        overflow = int(np.bitwise_or.reduce(self._data.overflow.numpy()))
-        for setting, flags in _OVERFLOWS.items():
-            if overflow & flags:
-                room = self.capacity.contacts if setting == "max_contacts" else self.capacity.constraints
-                raise CapacityError(
-                    f"The GPU simulation of {task} has room for {room} {setting.removeprefix('max_')} a world, which "
-                    f"was not enough: raise `{setting}` of the task's class."
-                )
+        check_room(self._data.overflow.numpy(), self.capacity, task)
 
     def snapshot(self, world: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         model, data = copy.copy(self.model), mujoco.MjData(self.model)
@@ -251,6 +244,18 @@ class WarpSimulator(Simulator):
         for name, limit in LIMITS.items():
             sound &= (self._defaults[name][0].abs() <= limit).all(dim=1)  # False for NaN
         torch.logical_not(sound, out=self.bad)
+
+
+def check_room(overflow: np.ndarray, capacity: Capacity, task: str) -> None:
+    """Whether all contacts and constraints found room, by `Data.overflow` (N,); see `Worlds.check`."""
+    lacking = int(np.bitwise_or.reduce(overflow))
+    for setting, flags in _OVERFLOWS.items():
+        if lacking & flags:
+            room = capacity.contacts if setting == "max_contacts" else capacity.constraints
+            raise CapacityError(
+                f"The GPU simulation of {task} has room for {room} {setting.removeprefix('max_')} a world, which "
+                f"was not enough: raise `{setting}` of the task's class."
+            )
 
 
 @wp.kernel
