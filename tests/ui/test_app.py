@@ -5,6 +5,8 @@ import contextlib
 import json
 import os
 import re
+import shutil
+from dataclasses import replace
 
 import pytest
 from filelock import FileLock
@@ -13,10 +15,9 @@ from report.test_html import ELEMENTS, HOSTILE, NamesComponents, Page
 from starlette.requests import Request
 
 from openeureka.events import Began
-from openeureka.report.view import RunView
 from openeureka.store import Store
 from openeureka.store.db import LOCK, LOG
-from openeureka.testing.scripted import ScriptedModel, reply
+from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 from openeureka.ui import app
 
 from .serving import awaited, visitor
@@ -243,7 +244,17 @@ def test_buttons_to_judge_stand_only_where_a_run_listens(tmp_path):
     assert refused.status_code == 400 and "does not wait for a person" in refused.text
 
 
-def test_the_view_of_a_run_is_the_same_whether_read_anew_or_from_an_earlier_one(tmp_path):
-    directory = search_in(tmp_path / "run", [reply(7), reply(8), reply(9), "nothing"], iteration=2)
-    earlier = RunView.read(directory)
-    assert RunView.read(directory, earlier) == earlier
+def test_a_run_that_began_again_in_the_same_folder_shows_its_own_curves(tmp_path):
+    class Steadier(ToyTrainer):
+        """As good at its best as the other one, and before that better."""
+
+        def _result(self, lane):
+            whole = super()._result(lane)
+            return replace(whole, curves={**whole.curves, "fitness": (6.25, whole.fitness, whole.fitness)})
+
+    client = visitor(tmp_path)
+    for trainer in (ToyTrainer(), Steadier()):
+        search_in(tmp_path / "run", [reply(7), reply(8)], trainer=trainer)
+        drawn = [value for name, value in shown(client, "/runs/run/candidates?show=g0s1").attributes if "chart" in name]
+        assert any("6.25" in chart for chart in drawn) is isinstance(trainer, Steadier)
+        shutil.rmtree(tmp_path / "run")

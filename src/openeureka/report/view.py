@@ -73,13 +73,10 @@ class RunView:
     """Given rewards and weightings by name; not those that come with the task."""
 
     @staticmethod
-    def read(directory: Path, earlier: RunView | None = None) -> RunView:
-        """Read a run, also while it is going on. Raises StoreError when there is none.
-
-        What an earlier view of it holds is not decoded again: most of the time goes into curves.
-        """
+    def read(directory: Path) -> RunView:
+        """Read a run, also while it is going on. Raises StoreError when there is none."""
         with Store.view(directory) as store, store.moment():
-            results = store.lanes.results(earlier.results if earlier is not None else {})
+            results = store.lanes.results()
             config, history = store.config, store.history(results)
             videos = _videos(directory, results)
             played = {lane: score.played(plays, config.cost_limits) for lane, plays in store.lanes.plays().items()}

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import sqlite3
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from ..codec import DecodeError, decode, defined, encode, shaped
@@ -78,17 +76,10 @@ class LaneLog:
         row = self._database.row("results", lane=lane)
         return self._database.decoded(decode_result, lane, row["result"]) if row is not None else None
 
-    def results(self, known: Mapping[str, TrainingResult] = MappingProxyType({})) -> dict[str, TrainingResult]:
-        """By lane. Those that are known from before are not decoded again."""
-
-        def result(row: sqlite3.Row) -> TrainingResult:
-            earlier = known.get(row["lane"])
-            # Results never change, but a directory may hold another run by now.
-            if earlier is not None and earlier.fitness == row["fitness"]:
-                return earlier
-            return self._database.decoded(decode_result, row["lane"], row["result"])
-
-        return {row["lane"]: result(row) for row in self._database.rows("results")}
+    def results(self) -> dict[str, TrainingResult]:
+        """By lane, as `result` has them."""
+        rows = self._database.rows("results")
+        return {row["lane"]: self._database.decoded(decode_result, row["lane"], row["result"]) for row in rows}
 
     def policy(self, lane: str, peak: Peak) -> bytes | None:
         """One of the lane's policies (safetensors); None when it never had that one.

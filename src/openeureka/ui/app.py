@@ -273,7 +273,7 @@ class Pages:
         return name, directory
 
     def _view(self, name: str, directory: Path, fingerprint: Fingerprint) -> RunView:
-        return self._views.get(name, fingerprint, lambda earlier: RunView.read(directory, earlier))
+        return self._views.get(name, fingerprint, lambda _: RunView.read(directory))
 
     def _version(self, page: Page) -> Version:
         def parts() -> Parts:
