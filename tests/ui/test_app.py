@@ -6,7 +6,9 @@ import json
 import os
 import re
 import shutil
+import socket
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from filelock import FileLock
@@ -16,7 +18,7 @@ from starlette.requests import Request
 
 from openeureka.events import Began
 from openeureka.store import Store
-from openeureka.store.db import LOCK, LOG
+from openeureka.store.db import FILENAME, LOCK, LOG
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 from openeureka.ui import app
 
@@ -209,6 +211,16 @@ def test_a_run_that_cannot_be_read_is_explained(tmp_path):
     page = shown(visitor(tmp_path), "/runs/run/")
     assert "has not begun" in page.text and "There is no model <b>x</b>." in page.text
     assert_inert(page)
+
+
+def test_a_run_is_shown_whose_log_cannot_be_opened(tmp_path, monkeypatch):
+    search_in(tmp_path / "run", [reply(7), reply(8)])
+    monkeypatch.chdir(tmp_path / "run")
+    with socket.socket(socket.AF_UNIX) as odd:
+        odd.bind(LOG)
+        assert "g0s1 trained F 7" in shown(visitor(tmp_path), "/runs/run/").flat
+        Path(FILENAME).write_text("no database " * 100)
+        assert "is damaged or not a run" in shown(visitor(tmp_path), "/runs/run/").text
 
 
 def test_words_are_stored_and_shown_and_refused_ones_explained(tmp_path):

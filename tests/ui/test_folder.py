@@ -8,6 +8,7 @@ import pytest
 from report.scripted import search_in
 
 from openeureka.config import RunConfig
+from openeureka.errors import StoreError
 from openeureka.report.view import RunView
 from openeureka.score import human_normalised
 from openeureka.stats import mean
@@ -56,6 +57,18 @@ def test_a_link_to_nowhere_in_one_run_hides_no_other(tmp_path):
     (odd / LOG).symlink_to(LOG)  # in a circle
     assert folder.runs(tmp_path).keys() == {"own", "odd"}
     assert folder.fingerprint(own) and folder.fingerprint(odd)
+
+
+def test_a_link_to_a_name_that_is_too_long_hides_no_run(tmp_path):
+    search_in(tmp_path / "own", [reply(1), reply(2)])
+    (tmp_path / "odd").mkdir()
+    (tmp_path / "odd" / LOG).touch()
+    for link in (tmp_path / "nowhere", tmp_path / "odd" / FILENAME):
+        link.symlink_to("x" * 300)
+    assert folder.runs(tmp_path).keys() == {"own", "odd"}
+    assert folder.entry("odd", tmp_path / "odd").standing is Standing.UNBEGUN
+    with pytest.raises(StoreError, match="is not a run"):
+        RunView.read(tmp_path / "odd")
 
 
 def test_two_runs_never_share_a_name(tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import os
 import time
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager, suppress
@@ -93,8 +94,8 @@ def read_remarks(directory: Path | str) -> dict[int, tuple[Remark, ...]]:
 
 
 def is_run(directory: Path | str) -> bool:
-    """Whether the directory has the file of a run, begun or not."""
-    return (Path(directory) / FILENAME).is_file()
+    """Whether the directory has the file of a run, begun or not; not where nobody may look."""
+    return os.path.isfile(Path(directory) / FILENAME)
 
 
 def has_begun(directory: Path | str) -> bool:

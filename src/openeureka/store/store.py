@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import sqlite3
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, suppress
 from dataclasses import asdict
+from glob import glob
 from pathlib import Path
 from typing import TypeVar
 
@@ -125,7 +127,7 @@ class Store:
     def view(cls, directory: Path | str) -> Store:
         """Read a run, also while it is going on: see `moment`. Raises StoreError when there is none."""
         directory = Path(directory)
-        if not (directory / FILENAME).is_file():
+        if not os.path.isfile(directory / FILENAME):
             raise NotBegun(f"{directory} is not a run: {_missing(directory)}.")
         return cls(directory, Database(directory, writable=False), None)
 
@@ -386,5 +388,5 @@ def _missing(directory: Path) -> str:
     """Why a directory is no run, and what to name instead where that is plain."""
     if not directory.exists():
         return "there is no such directory"
-    below = sorted(path.parent for path in directory.glob(f"*/{FILENAME}"))
-    return f"it holds runs, name one such as {below[-1]}" if below else f"it has no {FILENAME}"
+    below = sorted(glob(f"*/{FILENAME}", root_dir=directory))
+    return f"it holds runs, name one such as {(directory / below[-1]).parent}" if below else f"it has no {FILENAME}"

@@ -58,11 +58,11 @@ def runs(root: Path) -> dict[str, Path]:
 def _below(root: Path, depth: int) -> Iterator[Path]:
     """Runs, and what the page began that is none yet. A run holds no others; a link may lead anywhere."""
     try:
-        found = [path for path in root.iterdir() if path.is_dir()]
+        found = [path for path in root.iterdir() if os.path.isdir(path)]  # `Path` raises where nobody may look
     except OSError:  # it is none, is gone by now, or belongs to somebody else
         return
     for path in found:
-        if os.path.isfile(path / FILENAME) or os.path.isfile(path / LOG):  # not where nobody may look
+        if is_run(path) or os.path.isfile(path / LOG):
             yield path
         elif depth > 1 and not path.is_symlink():
             yield from _below(path, depth - 1)
@@ -118,8 +118,11 @@ def entry(name: str, directory: Path) -> Entry:
 
 
 def log(directory: Path, lines: int = 15, size: int = 4000) -> str:
-    """The last lines of a run's log, at most `size` bytes."""
-    file = artifacts.opened(directory, LOG)
+    """The last lines of a run's log, at most `size` bytes; none where it may not be read."""
+    try:
+        file = artifacts.opened(directory, LOG)
+    except OSError:
+        return ""
     if file is None:
         return ""
     with file:
