@@ -125,20 +125,40 @@ def test_a_page_that_is_open_is_sent_what_is_new(tmp_path):
 
 def next_news(root, known):
     """The first event that a page with these marks is sent."""
-    pages = app.Pages(root, lambda: False)
+
+    async def first():
+        async for event in await opened(root, known):
+            return json.loads(event.removeprefix("data: "))
+
+    return awaited(first())
+
+
+async def opened(root, known):
+    """The events that a page with these marks is sent."""
     scope = {"type": "http", "method": "GET", "path": "/runs/run/", "query_string": f"shown={','.join(known)}".encode()}
     scope |= {"headers": [(b"accept", b"text/event-stream")], "path_params": {"name": "run"}}
 
+    async def receive():
+        await asyncio.sleep(60)
+
+    answer = await app.Pages(root, lambda: False).overview(Request(scope, receive))
+    assert answer.media_type == "text/event-stream"
+    return answer.body_iterator
+
+
+def test_a_page_that_is_open_says_that_its_run_was_deleted(tmp_path, monkeypatch):
+    monkeypatch.setattr("openeureka.ui.follow.PAUSE", 0.0)
+    search_in(tmp_path / "run", [reply(7), reply(8)])
+
     async def listen():
-        async def receive():
-            await asyncio.sleep(60)
+        events = await opened(tmp_path, [])
+        await anext(events)
+        shutil.rmtree(tmp_path / "run")
+        return json.loads((await anext(events)).removeprefix("data: "))
 
-        answer = await pages.overview(Request(scope, receive))
-        assert answer.media_type == "text/event-stream"
-        async for event in answer.body_iterator:
-            return json.loads(event.removeprefix("data: "))
-
-    return awaited(listen())
+    for news in (awaited(listen()), next_news(tmp_path, [])):  # also when it asks again
+        (said,) = news["changed"].values()
+        assert "There is no such run any more." in said
 
 
 def assert_inert(page: Page) -> None:

@@ -284,6 +284,13 @@ class Pages:
         shown = page.fingerprint, page.moment
         return self._versions.get(page.address, shown, lambda before: Version.make(parts, before))
 
+    def _followed(self, look: Callable[[], Page]) -> Version:
+        """The page as it is now, also of a run that somebody has deleted since it was opened."""
+        try:
+            return self._version(look())
+        except HTTPException:
+            return Version.make(pages.vanished)
+
     def _answer(
         self,
         request: Request,
@@ -297,15 +304,15 @@ class Pages:
             problem: with what a person asked for.
             filled: what they had written into the form, so that nothing is to be typed again.
         """
-        page = look()
         if "text/event-stream" in request.headers.get("accept", ""):
             shown = request.query_params.get("shown", "").split(",")
 
             async def gone() -> bool:
                 return self._ending() or await request.is_disconnected()
 
-            following = events(lambda: self._version(look()), shown, gone)
+            following = events(partial(self._followed, look), shown, gone)
             return StreamingResponse(following, media_type="text/event-stream")
+        page = look()
         text = pages.layout(
             page.template, self._version(page), address=page.address, problem=problem, filled=filled, **page.values
         )

@@ -153,6 +153,11 @@ def unreadable(directory: Path, problem: str) -> Parts:
     return {"problem": piece.problem(problem), "log": piece.log(folder.log(directory), True)}
 
 
+def vanished() -> Parts:
+    """What is left of an open page whose run is deleted."""
+    return {"problem": _pieces(run=None).problem("There is no such run any more.")}
+
+
 def _places(run: RunView) -> dict[str, str]:
     """What the lane of each candidate, and of each reward that came with the task, is called."""
     others = {name: f"{lane.reward} reward" for name, lane in run.lanes.items() if lane.role == "baseline"}
