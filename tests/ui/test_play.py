@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 from pathlib import Path
 
@@ -17,9 +18,10 @@ from openeureka.report import filming
 from openeureka.tasks import registry
 from openeureka.testing.scripted import reply
 from openeureka.training.policy import Policy
+from openeureka.ui import play
 
 from .conftest import PATIENCE, broken_rules, comes_true
-from .serving import stranger, visitor
+from .serving import awaited, stranger, visitor
 
 
 def of(env: str) -> bytes:
@@ -85,6 +87,29 @@ def test_candidates_of_a_task_whose_package_is_missing_here_are_shown(tmp_path: 
     page = visitor(tmp_path).get("/runs/run/candidates?show=g0s0")
     assert page.status_code == 200 and 'id="g0s0"' in page.text and "data-play" not in page.text
     assert visitor(tmp_path).get("/runs/run/play/g0s0").status_code == 404
+
+
+def test_who_must_leave_is_told_that_another_one_began():
+    players, policy = play.Players(), of("cartpole")
+
+    async def never() -> bool:
+        return False
+
+    async def first_word() -> str:
+        async for event in players.events("run/g0s0", "cartpole", policy, never):
+            return event
+        return ""
+
+    async def both() -> str:
+        first = asyncio.create_task(first_word())
+        while not players._playing:
+            await asyncio.sleep(0.01)
+        second = asyncio.create_task(first_word())
+        said = await first
+        second.cancel()
+        return said
+
+    assert awaited(both()) == 'event: end\ndata: "It plays no more. Another one began."\n\n'
 
 
 def test_a_person_plays_with_a_policy_in_3d(page: Page, run: Path):

@@ -68,7 +68,9 @@ class Players:
             except _Refused as refused:
                 yield _event("end", str(refused))
             except (WorkerDied, WorkerTimeout, ValueError):  # ValueError: closed, as another one began
-                yield _event("end", f"It plays no more: {player.ending() or 'another one began, or it took too long.'}")
+                ours = self._playing.get(key) is player
+                why = player.ending() or "It ended by itself, or took too long." if ours else "Another one began."
+                yield _event("end", f"It plays no more. {why}")
             finally:
                 if self._playing.get(key) is player:
                     del self._playing[key]
