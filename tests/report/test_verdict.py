@@ -154,7 +154,6 @@ def test_no_score_stands_alone_where_its_zero_is_as_good_as_its_one():
     method, one, three = Arm(held_out=(3.0,)), Arm(held_out=(1.0,)), Arm(held_out=(3.0,))
     assert on_scale(Outcome(best=None, method=method, human=three, sparse=one)) == 1.0
     assert on_scale(Outcome(best=None, method=method, human=one, sparse=three)) is None
-    assert on_scale(None) is None
 
 
 def test_f_is_explained_for_tasks_that_are_installed() -> None:

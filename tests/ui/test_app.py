@@ -16,7 +16,10 @@ from report.scripted import search_in
 from report.test_html import ELEMENTS, HOSTILE, NamesComponents, Page
 from starlette.requests import Request
 
-from openeureka.events import Began
+from openeureka.config import NO_MODEL, RunConfig
+from openeureka.events import Began, nobody
+from openeureka.method import given
+from openeureka.method.lanes import Lanes
 from openeureka.store import Store
 from openeureka.store.db import FILENAME, LOCK, LOG
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
@@ -213,6 +216,17 @@ def test_runs_of_other_steps_are_on_other_boards(tmp_path):
         search_in(tmp_path / name, [reply(7), reply(8)], steps=steps)
     boards = visitor(tmp_path).get("/").text.split("Leaderboards")[1].split('class="panel board"')[1:]
     assert [("1,000 steps" in board, board.count("<tr><td>")) for board in boards] == [(True, 1), (False, 2)]
+
+
+def test_given_rewards_are_compared_with_the_scores_that_the_list_has(tmp_path):
+    config = RunConfig(env="toy", model=NO_MODEL, seeds=2)
+    with Store.open(tmp_path / "train", config) as store:
+        given.keep(store, {"human": None, "sparse": None})
+        given.train(Lanes(config, store, ToyTrainer(), nobody))
+    for path in ("/", "/compare?run=train"):
+        cells = re.findall(r"<td[^>]*>([^<]*)</td>", visitor(tmp_path).get(path).text)
+        # The human reward is worth 10 and a hundredth of the seed, one less when played: 9 and 9.01.
+        assert {"9.005", "9.01"} <= set(cells), path
 
 
 @pytest.mark.parametrize(

@@ -228,14 +228,12 @@ def scale(outcome: Outcome) -> str:
     return f"{words} Here the sparse reward is the better of the two: 0 is better than the human reward."
 
 
-def on_scale(outcome: Outcome | Glance | None) -> float | None:
+def on_scale(outcome: Outcome | Glance) -> float | None:
     """The human-normalised score where no room is to say how to read it: None where its 0 is no worse than its 1."""
     if isinstance(outcome, Outcome):
         ends = mean(outcome.method.held_out), mean(outcome.human.held_out), mean(outcome.sparse.held_out)
-    elif outcome is not None:
-        ends = outcome.held_out, outcome.human, outcome.sparse
     else:
-        return None
+        ends = outcome.held_out, outcome.human, outcome.sparse
     _, human, sparse = ends
     return human_normalised(*ends) if human is not None and sparse is not None and human > sparse else None
 

@@ -6,6 +6,7 @@ Handlers work in the thread of the server: one person looks, and what has not ch
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from http import HTTPStatus
@@ -30,7 +31,9 @@ from ..errors import EurekaError
 from ..report import html
 from ..report.view import RunView
 from ..store import artifacts, is_run, say
+from ..store import look as glance
 from ..store.directory import ask_to_stop
+from ..types import Glance
 from . import actions, folder, guard, pages
 from .actions import Launcher
 from .follow import Fingerprint, Fresh, Parts, Version, events
@@ -216,12 +219,12 @@ class Pages:
 
         def parts() -> Parts:
             views: dict[str, RunView] = {}
+            glances: dict[str, Glance] = {}
             for name, directory in chosen.items():
-                try:
+                with suppress(EurekaError):  # the list says why
+                    _, glances[name] = glance(directory)
                     views[name] = self._view(name, directory, fingerprints[name])
-                except EurekaError:
-                    continue  # the list says why
-            return pages.compared(views)
+            return pages.compared(views, glances)
 
         address = "/compare?" + urlencode([("run", name) for name in chosen])
         fingerprint = tuple(fingerprints.items())

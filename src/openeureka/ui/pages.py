@@ -14,11 +14,10 @@ from ..report import filming, html, tables
 from ..report.candidates import CandidateView, PromptView
 from ..report.numbers import duration
 from ..report.view import RunView
-from ..score import Outcome, rank
-from ..stats import mean
+from ..score import rank
 from ..store import Store, is_held, is_run
 from ..tasks import registry
-from ..types import lane_id, of_components
+from ..types import Glance, lane_id, of_components
 from . import actions, folder
 from .folder import Entry, Standing
 from .follow import Parts, Version
@@ -132,7 +131,7 @@ def trained(directory: Path, run: RunView) -> Parts:
     return {f"live-{places[lane]}": piece.live(told.places, curves) for lane, curves in found.items()}
 
 
-def compared(views: Mapping[str, RunView]) -> Parts:
+def compared(views: Mapping[str, RunView], glances: Mapping[str, Glance]) -> Parts:
     """Several runs: what they found, their curves, and the settings in which they differ."""
     settings = {name: asdict(view.config) for name, view in views.items()}
     keys = next(iter(settings.values()), {})
@@ -142,7 +141,7 @@ def compared(views: Mapping[str, RunView]) -> Parts:
         if len({str(one[key]) for one in settings.values()}) > 1
     }
     piece = _pieces(run=None)
-    return {"runs": piece.compared(views), "settings": piece.differing(list(views), differing)}
+    return {"runs": piece.compared(views, glances), "settings": piece.differing(list(views), differing)}
 
 
 def unreadable(directory: Path, problem: str) -> Parts:
@@ -177,14 +176,10 @@ def _prompt(run: RunView, candidate: CandidateView) -> PromptView | None:
 def _pieces(run: RunView | None) -> Any:
     """The macros of the page, which see the run."""
     values = {"run": run, "best": run.best if run is not None else None}
-    helpers = {"called": _called, "parts_of": of_components, "held_out": _held_out}
+    helpers = {"called": _called, "parts_of": of_components}
     return html.environment().get_template("ui/pieces.html").make_module(values | helpers)
 
 
 def _called(curves: Mapping[str, outside.Curves], places: Mapping[str, str]) -> dict[str, tuple[float | None, ...]]:
     """F of each lane, by what people call it."""
     return {places.get(lane, lane): own.get("fitness", ()) for lane, own in curves.items()}
-
-
-def _held_out(outcome: Outcome | None) -> float | None:
-    return mean(outcome.method.scores) if outcome is not None else None
