@@ -9,6 +9,7 @@ import shutil
 import socket
 from dataclasses import replace
 from pathlib import Path
+from urllib.parse import urlencode
 
 import pytest
 from filelock import FileLock
@@ -227,6 +228,18 @@ def test_given_rewards_are_compared_with_the_scores_that_the_list_has(tmp_path):
         cells = re.findall(r"<td[^>]*>([^<]*)</td>", visitor(tmp_path).get(path).text)
         # The human reward is worth 10 and a hundredth of the seed, one less when played: 9 and 9.01.
         assert {"9.005", "9.01"} <= set(cells), path
+
+
+def test_runs_are_compared_whatever_they_are_called_and_those_too_many_are_counted(tmp_path, monkeypatch):
+    for name in ("a\u200cb", "ab", "50%25"):
+        search_in(tmp_path / name, [reply(7), reply(8)])
+    client = visitor(tmp_path)
+    boxes = re.findall(r'name="run" value="([^"]*)"', client.get("/").text)
+    page = shown(client, "/compare?" + urlencode([("run", box) for box in boxes]))
+    assert set(page.links()) >= {"/runs/a%E2%80%8Cb/", "/runs/ab/", "/runs/50%2525/"} and "not shown" not in page.text
+    monkeypatch.setattr(app, "VIEWS", 1)
+    page = shown(client, dict(page.attributes)["data-address"])  # which is followed
+    assert "2 more are not shown" in page.text and sum("/runs/" in link for link in page.links()) == 1
 
 
 @pytest.mark.parametrize(

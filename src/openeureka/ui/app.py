@@ -12,7 +12,7 @@ from functools import partial
 from http import HTTPStatus
 from pathlib import Path
 from types import MappingProxyType
-from urllib.parse import parse_qsl, quote, urlencode
+from urllib.parse import parse_qsl, quote, unquote, urlencode
 
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
@@ -134,7 +134,8 @@ class Pages:
         return self._answer(request, shown)
 
     async def compare(self, request: Request) -> Response:
-        return self._answer(request, partial(self._compared, request.query_params.getlist("run")))
+        names = [unquote(name) for name in request.query_params.getlist("run")]
+        return self._answer(request, partial(self._compared, names))
 
     async def say(self, request: Request) -> Response:
         form = await _form(request)
@@ -213,8 +214,8 @@ class Pages:
     def _compared(self, names: Sequence[str]) -> Page:
         """Some runs of the folder; unknown ones are left out, and those that are too many."""
         found = folder.runs(self._root)
-        chosen = {name: found[name] for name in dict.fromkeys(names) if name in found}
-        chosen = dict(list(chosen.items())[:VIEWS])
+        known = [name for name in dict.fromkeys(names) if name in found]
+        chosen = {name: found[name] for name in known[:VIEWS]}
         fingerprints = {name: folder.fingerprint(directory) for name, directory in chosen.items()}
 
         def parts() -> Parts:
@@ -224,9 +225,9 @@ class Pages:
                 with suppress(EurekaError):  # the list says why
                     _, glances[name] = glance(directory)
                     views[name] = self._view(name, directory, fingerprints[name])
-            return pages.compared(views, glances)
+            return pages.compared(views, glances, len(known) - len(chosen))
 
-        address = "/compare?" + urlencode([("run", name) for name in chosen])
+        address = "/compare?" + urlencode([("run", quote(name)) for name in known])
         fingerprint = tuple(fingerprints.items())
         return Page(template="compare.html", address=address, fingerprint=fingerprint, render=parts)
 

@@ -131,8 +131,8 @@ def trained(directory: Path, run: RunView) -> Parts:
     return {f"live-{places[lane]}": piece.live(told.places, curves) for lane, curves in found.items()}
 
 
-def compared(views: Mapping[str, RunView], glances: Mapping[str, Glance]) -> Parts:
-    """Several runs: what they found, their curves, and the settings in which they differ."""
+def compared(views: Mapping[str, RunView], glances: Mapping[str, Glance], more: int) -> Parts:
+    """Several runs: what they found, their curves, and the settings in which they differ; how many are left out."""
     settings = {name: asdict(view.config) for name, view in views.items()}
     keys = next(iter(settings.values()), {})
     differing = {
@@ -141,7 +141,7 @@ def compared(views: Mapping[str, RunView], glances: Mapping[str, Glance]) -> Par
         if len({str(one[key]) for one in settings.values()}) > 1
     }
     piece = _pieces(run=None)
-    return {"runs": piece.compared(views, glances), "settings": piece.differing(list(views), differing)}
+    return {"runs": piece.compared(views, glances, more), "settings": piece.differing(list(views), differing)}
 
 
 def unreadable(directory: Path, problem: str) -> Parts:
