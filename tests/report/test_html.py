@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from openeureka.refine.hardened import Robust, RobustArm
 from openeureka.report import html
 from openeureka.report.view import RunView
 from openeureka.testing.scripted import ToyTrainer, reply
@@ -142,6 +143,15 @@ def test_the_best_video_is_in_the_page_and_others_are_beside_it(tmp_path):
     with (directory / "best" / "video.mp4").open("wb") as file:
         file.truncate(html.MAX_EMBEDDED + 1)
     assert "best/video.mp4" in page(directory).links()
+
+
+def test_every_film_of_what_a_run_has_found_goes_with_the_page(tmp_path):
+    directory = search_in(tmp_path / "run", [reply(7), reply(8)])
+    plain = RobustArm(name="plain", ranges=None, nominal=None, hard=None, worlds={}, chosen_by=None)
+    (directory / "robust").mkdir()
+    (directory / "robust" / "video.mp4").write_bytes(b"mp4")
+    run = dataclasses.replace(RunView.read(directory), robust=Robust(arms=(plain,), ours="", before=(), after=()))
+    assert "data:video/mp4;base64,bXA0" in Page(html.report(run, directory)).links()
 
 
 def test_a_text_is_cut_at_its_limit():

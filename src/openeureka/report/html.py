@@ -13,6 +13,7 @@ import hashlib
 import json
 import math
 import re
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from itertools import groupby
@@ -32,7 +33,7 @@ from ..text import plain
 from . import charts, costs, fitted, hints, robust, tables, verdict
 from .candidates import CandidateState, CandidateView
 from .numbers import dollars, duration, number, scored
-from .view import RunView
+from .view import FOLDERS, RunView
 
 MAX_EMBEDDED = 8 << 20
 """Bytes of a video that goes into the page itself; the page is meant to be mailed."""
@@ -55,7 +56,9 @@ _KINDS: dict[str, Kind] = {"+": "added", "-": "removed", " ": "kept", "@": "plac
 
 
 def report(run: RunView, directory: Path) -> str:
-    """The page. The video of the best policy is part of it, those of single candidates are linked."""
+    """The page. Videos of what a run has found are part of it, those of single candidates are linked."""
+    found = {name: _embedded(directory, run.videos[name]) for name in FOLDERS if name in run.videos}
+    run = replace(run, videos={**run.videos, **found})
     return (
         environment()
         .get_template("report.html")
@@ -65,8 +68,6 @@ def report(run: RunView, directory: Path) -> str:
             where=_here(directory),
             title=short_name(run.config.env),
             intent=intent(run.config.env),
-            best_video=_embedded(directory, run.videos.get("best", "")),
-            polished_video=_embedded(directory, run.videos.get("polished", "")),
             baseline_videos=[(name, run.videos[r.lane]) for name, r in run.baselines.items() if r.lane in run.videos],
             linked_videos=any(candidate.video for candidate in run.candidates),
         )
@@ -100,7 +101,7 @@ def _here(directory: Path) -> str:
 
 def _embedded(directory: Path, path: str) -> str:
     """The video as a data URL; a large one stays a link."""
-    film = artifacts.read(directory, path) if path else None
+    film = artifacts.read(directory, path)
     if film is None or len(film) > MAX_EMBEDDED:
         return path
     return "data:video/mp4;base64," + base64.b64encode(film).decode()

@@ -34,6 +34,8 @@ from ..types import (
 from .candidates import CandidateView, GenerationView, Reader
 
 VIDEO = "video.mp4"
+FOLDERS = ("best", "polished", "robust")
+"""Of what a run has found, each with its policy."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +54,7 @@ class RunView:
     """Further held-out scores of the best reward's policies, by lane id and name (see `method.hacking`)."""
     usage: Usage
     videos: Mapping[str, str]
-    """Path in the run directory by lane id, of the best reward's policy by `best`, of one carried on by `polished`."""
+    """Path in the run directory by lane id, and of what the run has found by the names of `FOLDERS`."""
     lanes: Mapping[str, Lane] = field(default_factory=dict)
     """By id, trained or under way."""
     played: Mapping[str, Evaluation] = field(default_factory=dict)
@@ -229,7 +231,5 @@ class RunView:
 
 
 def _videos(directory: Path, results: Mapping[str, TrainingResult]) -> dict[str, str]:
-    places = {lane: f"lanes/{lane}/{VIDEO}" for lane in results} | {
-        name: f"{name}/{VIDEO}" for name in ("best", "polished", "robust")
-    }
+    places = {lane: f"lanes/{lane}/{VIDEO}" for lane in results} | {name: f"{name}/{VIDEO}" for name in FOLDERS}
     return {name: place for name, place in places.items() if artifacts.exists(directory, place)}
