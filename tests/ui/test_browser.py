@@ -201,14 +201,16 @@ def test_a_page_that_has_lost_its_server_says_so_until_it_is_back(chromium: Brow
 
 
 def test_lanes_are_followed_while_they_train(page: Page, tmp_path: Path):
-    release = threading.Event()
+    seen, release = threading.Event(), threading.Event()
 
     class Trains(ToyTrainer):
-        """Half-way until it is released."""
+        """Half-way until it is released; all but one lane have an F when that one's was seen."""
 
         def train(self, env, lanes, budget):
             for epoch in range(1, 6):
-                scores = {lane.id: float(epoch) for lane in lanes}
+                if epoch == 5:
+                    seen.wait(60)
+                scores = {lane.id: float(epoch) if epoch == 5 or lane is lanes[0] else None for lane in lanes}
                 yield TrainingProgress(epoch=epoch, epochs=9, env_steps_per_second=1234.0, fitness=scores)
             release.wait(60)
             yield from super().train(env, lanes, budget)
@@ -222,11 +224,16 @@ def test_lanes_are_followed_while_they_train(page: Page, tmp_path: Path):
         thread.start()
         try:
             enter(page)
+            chart = page.locator(".chart", has_text="F of every lane as it trains")
+            expect(chart.locator("canvas")).to_be_visible()
+            expect(chart.locator(".plot")).not_to_have_attribute("aria-label", re.compile("g0s1"))
+            seen.set()
             expect(page.get_by_text("Epoch 5 of 9, 1,234 steps/s")).to_be_visible()
-            expect(page.locator(".chart", has_text="F of every lane as it trains").locator("canvas")).to_be_visible()
+            expect(chart.locator(".plot")).to_have_attribute("aria-label", re.compile("g0s1"))
             page.locator("#candidates").get_by_role("link", name="g0s0").click()
             expect(page.get_by_text("It is being trained")).to_be_visible()
         finally:
+            seen.set()
             release.set()
             thread.join()
         expect(page.get_by_text("It is being trained")).to_be_hidden()

@@ -185,11 +185,14 @@ const eureka = (() => {
     }
   });
 
-  /** New numbers for a chart that is drawn: what a person zoomed into or hid stays so. */
-  function update(figure, data) {
+  /** The numbers and words of a fresh figure for one that is drawn: what a person zoomed into or hid stays so. */
+  function update(figure, fresh) {
     const state = drawn.get(figure);
-    figure.dataset.chart = data;
-    const chart = JSON.parse(data);
+    figure.dataset.chart = fresh.dataset.chart;
+    figure.querySelector(".plot").setAttribute("aria-label", fresh.querySelector(".plot").getAttribute("aria-label"));
+    figure.querySelector(".note")?.remove();
+    figure.append(...fresh.querySelectorAll(".note"));
+    const chart = JSON.parse(fresh.dataset.chart);
     if (!alike(chart, state.chart)) return draw(figure);
     const { min, max } = state.plot.scales.x;
     const whole = state.chart.places;

@@ -24,9 +24,9 @@ function keep(old, part) {
     const title = fresh.querySelector("figcaption").textContent;
     const index = charts.findIndex((chart) => chart.querySelector("figcaption").textContent === title);
     if (index < 0) continue;
-    const [chart] = charts.splice(index, 1), data = fresh.dataset.chart;
+    const [chart] = charts.splice(index, 1);
     fresh.replaceWith(chart);
-    if (chart.dataset.chart !== data) eureka.update(chart, data);
+    if (chart.dataset.chart !== fresh.dataset.chart) eureka.update(chart, fresh);
   }
 }
 
