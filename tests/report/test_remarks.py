@@ -1,12 +1,11 @@
 """What a person said is shown, and inert, in every format."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from openeureka import strategies
-from openeureka.cli.show import show
+from openeureka.cli.show import facts, show
 from openeureka.config import RunConfig
 from openeureka.events import nobody
 from openeureka.loop import run
@@ -63,11 +62,16 @@ def test_remarks_strengths_and_vetoes_are_in_every_report(finished, capsys) -> N
     assert "strength by votes" in html.report(view, directory)
 
 
-def test_what_nobody_has_heard_yet_is_shown_too(finished) -> None:
+def test_what_nobody_has_heard_yet_is_shown_too(finished, capsys) -> None:
     directory = finished("too jerky")
-    waiting = replace(RunView.read(directory), unheard=(Remark(kind=RemarkKind.WORDS, text="later"),))
-    text = html.report(waiting, directory)
+    with Store.open(directory, CONFIG) as store:
+        store.remarks.say(Remark(kind=RemarkKind.WORDS, text="later"))
+    view = RunView.read(directory)
+    text = html.report(view, directory)
     assert "What a person said since then" in text and "later" in text
+    show(directory)
+    assert "Since the last prompt:\n  later\n" in capsys.readouterr().out
+    assert facts(view)["unheard"] == [{"kind": "words", "text": "later", "candidate": None, "over": None}]
 
 
 def test_hostile_words_are_text_and_a_megabyte_is_cut(finished, capsys) -> None:

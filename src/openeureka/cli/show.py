@@ -26,14 +26,14 @@ from ..score import Arm, Outcome
 from ..store import artifacts, is_held, read_config
 from ..store.db import LOG
 from ..text import plain
-from ..types import CandidateId, Evaluation, Generation, Remark, Scored, TrainingResult
+from ..types import CandidateId, Evaluation, Remark, Scored, TrainingResult
 from .settings import ReportConfig, only_path, split
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 MAX_SAID = 4_000
-"""Characters shown of what a person said after a generation."""
+"""Characters shown of what a person said at a time."""
 
 
 def show(directory: Path, *, as_json: bool = False) -> None:
@@ -56,7 +56,8 @@ def show(directory: Path, *, as_json: bool = False) -> None:
     titles = ("generation", "slot", "candidate", "try", "F played", "F in training", *votes, "verdict")
     print(plain(columns([titles, *slots]) if slots else "No generation is trained yet."))
     print("".join(_costs(run)))
-    print("".join(_heard(generation) for generation in run.history.generations))
+    said = [_said(f"After generation {g.index}", g.remarks) for g in run.history.generations]
+    print("".join([*said, _said("Since the last prompt", run.unheard)]))
     print(plain("\n".join(summary(run))))
     if len(run.history.generations) < run.config.generations and not is_held(directory):
         log = f"{directory / LOG} says what it did last. " if artifacts.exists(directory, LOG) else ""
@@ -65,10 +66,10 @@ def show(directory: Path, *, as_json: bool = False) -> None:
         print(f"\nBest reward ({best.id}):\n\n{plain(best.source)}")
 
 
-def _heard(generation: Generation) -> str:
-    """What a person said after a generation, an indented line each."""
-    lines = plain(tables.said(generation.remarks)[:MAX_SAID]).splitlines()
-    return "".join([f"\nAfter generation {generation.index}:", *(f"\n  {line}" for line in lines)]) if lines else ""
+def _said(when: str, remarks: Sequence[Remark]) -> str:
+    """What a person said then, an indented line each."""
+    lines = plain(tables.said(remarks)[:MAX_SAID]).splitlines()
+    return "".join([f"\n{when}:", *(f"\n  {line}" for line in lines)]) if lines else ""
 
 
 def _costs(run: RunView) -> list[str]:
@@ -161,6 +162,7 @@ def facts(run: RunView) -> dict[str, object]:
         "settings": dataclasses.asdict(run.config),
         "ranked_by": run.ranks,
         "generations": [_generation(generation) for generation in run.generations],
+        "unheard": [_remark(remark) for remark in run.unheard],
         "baselines": {name: _scores(run.played.get(r.lane), r) for name, r in run.baselines.items()},
         "given": {
             name: {key: value for key, value in lane.row().items() if key not in ("lane", "role", "place")}
