@@ -24,7 +24,7 @@ from openeureka.method.lanes import Lanes
 from openeureka.store import Store
 from openeureka.store.db import FILENAME, LOCK, LOG
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
-from openeureka.ui import app
+from openeureka.ui import actions, app
 
 from .serving import awaited, visitor
 
@@ -301,6 +301,12 @@ def test_buttons_to_judge_stand_only_where_a_run_listens(tmp_path):
     assert "Favourite" not in shown(visitor(tmp_path), "/runs/run/candidates?show=g0s0").text
     refused = visitor(tmp_path).post("/runs/run/remarks", data={"words": "hello"})
     assert refused.status_code == 400 and "does not wait for a person" in refused.text
+
+
+def test_a_replay_repeats_what_was_said_and_listens_to_nobody(tmp_path):
+    for name, model in (("asks", "local"), ("repeats", "replay:asks")):
+        Store.open(tmp_path / name, RunConfig(env="toy", model=model, feedback="human", iteration=2)).close()
+    assert actions.ear(tmp_path / "asks").listens and not actions.ear(tmp_path / "repeats").listens
 
 
 def test_a_run_that_began_again_in_the_same_folder_shows_its_own_curves(tmp_path):

@@ -94,7 +94,8 @@ def ear(directory: Path) -> Ear:
     """Raises StoreError when there is no run."""
     with Store.view(directory) as store:
         hearings, done = store.config.hearings, store.glance().generations
-        listens = hearings > 0 and store.remarks.heard(hearings - 1) is None
+        replays = store.config.model.startswith("replay:")  # it repeats what was said
+        listens = hearings > 0 and not replays and store.remarks.heard(hearings - 1) is None
         waits = listens and 0 < done <= hearings and store.remarks.heard(done - 1) is None and is_held(directory)
     return Ear(listens=listens, waits=waits)
 
