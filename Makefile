@@ -45,7 +45,7 @@ clean: ## Remove the environment and caches, never outputs/
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "openeureka needs Python 3.11 or newer; try: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 2; }
-	$(PYTHON) -m venv $(VENV)
+	$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
 
 # The two files below mark a finished installation; they are older than pyproject.toml after it changes.
 $(VENV)/dev: pyproject.toml constraints.txt | $(BIN)/python

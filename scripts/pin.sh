@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Writes constraints.txt: every package of every extra, transitive ones included, as installed in a fresh environment.
+# Writes constraints.txt: every package of every extra but the trackers wandb and mlflow, transitive ones included, as installed in a fresh environment.
 # No index address and no local version (`+cpu`), so that the pins hold for any index and any build of torch.
 set -euo pipefail
 cd "$(dirname "$0")/.."

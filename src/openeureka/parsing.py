@@ -44,9 +44,13 @@ def is_setting(word: str) -> bool:
 
 def command_line(*words: object) -> str:
     """What a person types for `eureka` with these words: a directory with a space is in quotes, and one that looks like
-    a setting is told from it by a dot."""
-    typed = [f"./{word}" if isinstance(word, Path) and is_setting(str(word)) else str(word) for word in words]
-    return shlex.join(["eureka", *typed])
+    a setting or an option is told from it by a dot."""
+
+    def typed(word: object) -> str:
+        text = str(word)
+        return f"./{text}" if isinstance(word, Path) and (text.startswith("-") or is_setting(text)) else text
+
+    return shlex.join(["eureka", *map(typed, words)])
 
 
 def absolute(key: str, value: str, folder: Path = Path()) -> str:

@@ -1,4 +1,5 @@
 import io
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -142,6 +143,27 @@ def test_the_terminal_shows_each_candidate_and_keeps_lines_typed(directory: Path
     assert said(directory) == (JERKY, GO)
     desk.listen(0)  # the end of the input: from now on only other shells are heard
     assert said(directory) == (JERKY, GO)
+
+
+def test_a_job_in_the_background_leaves_the_keyboard_alone(directory: Path, monkeypatch) -> None:
+    """A shell stops one that reads what is typed for others."""
+
+    class Terminal(Keyboard):
+        def fileno(self) -> int:
+            return 0
+
+    monkeypatch.setattr("sys.stdin", Terminal("too jerky\n"))
+    monkeypatch.setattr(terminal.select, "select", lambda *lists: (lists[0], [], []))
+    desk = TerminalDesk(directory, CONFIG, [])
+    for group, heard in ((os.getpgrp() + 1, ()), (os.getpgrp(), (JERKY,))):
+        monkeypatch.setattr(terminal.os, "tcgetpgrp", lambda _, group=group: group)
+        desk.listen(0)
+        assert said(directory) == heard
+
+
+def test_where_standard_input_is_closed_other_shells_are_heard(directory: Path, monkeypatch) -> None:
+    monkeypatch.setattr("sys.stdin", None)
+    TerminalDesk(directory, CONFIG, []).listen(0)
 
 
 def test_without_films_nothing_is_to_be_watched(directory: Path, capsys) -> None:

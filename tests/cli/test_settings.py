@@ -33,7 +33,7 @@ def test_words_are_separated_from_paths():
     assert (settings, [str(path) for path in paths]) == (["env=ant"], ["my_reward.py"])
 
 
-@pytest.mark.parametrize("place", ["lr=3", "runs/lr=3", "/tmp/lr=3"])
+@pytest.mark.parametrize("place", ["lr=3", "runs/lr=3", "/tmp/lr=3", "-runs", "--runs"])
 def test_a_directory_with_an_equals_sign_is_gone_on_with(place):
     *_, word = command_line("resume", Path(place)).split()
     settings, paths = split([word, "max_cost=3"])

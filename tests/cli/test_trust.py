@@ -56,6 +56,16 @@ def foreign(directory: Path, **settings: object) -> Path:
     return directory
 
 
+def test_a_user_without_a_home_is_asked_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    def homeless(_: str) -> str:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(trust.platformdirs, "user_state_dir", homeless)
+    config = RunConfig(base_url=ADDRESS, model="m")
+    trust.remember(config)
+    assert trust.unknown(config)["base_url"] == ADDRESS
+
+
 def at_a_terminal(monkeypatch: pytest.MonkeyPatch, answer: str) -> list[str]:
     """Somebody sits there and gives this answer."""
     questions: list[str] = []

@@ -79,6 +79,15 @@ def test_a_terminal_that_cannot_redraw_is_given_lines():
     assert isinstance(view(RunConfig(), Usage(), dumb), PlainView)
 
 
+def test_a_log_is_no_terminal_whatever_colours_are_asked_for(monkeypatch, capsys):
+    for name, value in (("FORCE_COLOR", "1"), ("TTY_COMPATIBLE", "1")):
+        monkeypatch.setenv(name, value)
+        assert isinstance(view(RunConfig(), Usage()), PlainView)
+        with progress.working("Filming"):
+            pass
+    assert capsys.readouterr().out == "Filming\nFilming\n"
+
+
 def test_on_a_terminal_the_clock_is_redrawn():
     out = io.StringIO()
     with progress.working("Filming", Console(file=out, width=200, force_terminal=True, _environ={"TERM": "xterm"})):

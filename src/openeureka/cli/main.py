@@ -324,7 +324,8 @@ def _print_anything() -> None:
 
     codecs.register_error("eureka", replace)
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper) and stream.encoding.lower().replace("-", "") != "utf8":
+        # UTF-8 lacks names of files in older encodings; where Python prints those as they are, they stay.
+        if isinstance(stream, io.TextIOWrapper) and (stream.encoding.lower() != "utf-8" or stream.errors == "strict"):
             stream.reconfigure(errors="eureka")
 
 

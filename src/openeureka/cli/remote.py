@@ -18,8 +18,8 @@ from ..store.remarks import spoken
 from ..types import RemarkKind
 from .settings import PageConfig, only_path, split
 
-PATIENCE = 60.0
-"""[s] in which a run that was asked must have stopped."""
+PATIENCE = 150.0
+"""[s] in which a run that was asked must have stopped: where epochs are long, keeping a training takes up to 100."""
 
 
 def feedback(directory: Path, words: Sequence[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import select
 import sys
 import time
@@ -58,7 +59,7 @@ class TerminalDesk:
 
     def __init__(self, directory: Path, config: RunConfig, films: Sequence[Filming]) -> None:
         self._directory, self._config, self._films = directory, config, films
-        self._listening = sys.stdin.isatty()
+        self._listening = sys.stdin is not None and sys.stdin.isatty()
 
     def invite(self, generation: Generation) -> None:
         for films in self._films:
@@ -88,7 +89,7 @@ class TerminalDesk:
                 yield str(entry.sample.place), number(entry.score), shown
 
     def listen(self, seconds: float) -> None:
-        if not self._listening:
+        if not (self._listening and _in_front()):
             time.sleep(seconds)
         elif select.select([sys.stdin], [], [], seconds)[0]:
             self._hear(sys.stdin.readline())
@@ -101,3 +102,11 @@ class TerminalDesk:
             say(self._directory, *typed(line))
         except FeedbackError as error:
             print(plain(str(error)))
+
+
+def _in_front() -> bool:
+    """Whether what is typed is for this process: a shell's job in the background that reads it is stopped."""
+    try:
+        return os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
+    except OSError:  # no terminal that a shell shares out
+        return True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext, redirect_stdout
@@ -47,7 +48,14 @@ def resume(words: Sequence[str]) -> None:
     stored = compose.stored(directory)
     config = changed(stored, settings)
     expect_same(directory, stored, config)
-    trust.agree(config, directory, typed=_keys(settings), trusted=trusted, way=f"add trust={directory}", asks=True)
+    trust.agree(
+        config,
+        directory,
+        typed=_keys(settings),
+        trusted=trusted,
+        way=_trusting(directory),
+        asks=True,
+    )
     if config.model == NO_MODEL and config.tune:
         fit(config, directory, None)
     elif config.model == NO_MODEL:
@@ -60,6 +68,11 @@ def resume(words: Sequence[str]) -> None:
             settings = f"env={config.env}", f"init={best}", f"seed={unused_seed(config)}"
             print(plain(f"  {command_line('run', *settings)}"))
         _tell(directory, compose.search(config, directory, Terminal()))
+
+
+def _trusting(directory: Path) -> str:
+    """How to agree beforehand to what a run from elsewhere uses."""
+    return f"add {shlex.quote(f'trust={directory}')}"
 
 
 def _keys(words: Sequence[str]) -> set[str]:
@@ -162,7 +175,7 @@ def robust(words: Sequence[str]) -> None:
     typed = _keys(settings)
     wanted = parse(RobustConfig, settings)
     config = wanted.applied_to(compose.stored(directory), typed)
-    trust.agree(config, directory, typed=typed, trusted=trusted, way=f"add trust={directory}", asks=True)
+    trust.agree(config, directory, typed=typed, trusted=trusted, way=_trusting(directory), asks=True)
     again = command_line("robust", directory, *settings)
     problems = compose.robust(wanted, config, directory, Terminal(), again=again)
     found = RunView.read(directory).robust

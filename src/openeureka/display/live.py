@@ -26,7 +26,7 @@ from ..types import (
     Usage,
     lane_id,
 )
-from .progress import ProgressLine, by_node, redraws
+from .progress import ProgressLine, by_node, redraws, standard
 
 _PHASES: dict[Phase, str] = {
     "sample": "asking the model",
@@ -301,5 +301,5 @@ class TerminalView:
 
 def view(config: RunConfig, usage: Usage, console: Console | None = None) -> PlainView | TerminalView:
     """The display that fits where the output goes; `usage` is what earlier processes of this run spent."""
-    console = console or Console()
+    console = console or standard()
     return (TerminalView if redraws(console) else PlainView)(console, config, usage)

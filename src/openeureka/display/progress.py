@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -30,6 +31,11 @@ class _Clock:
         return Text(f"{self._text}, {duration(time.monotonic() - self._started)}")
 
 
+def standard() -> Console:
+    """Standard output: a terminal or none, whatever FORCE_COLOR says, which some set where a log is kept."""
+    return Console(force_terminal=None if sys.stdout is not None and sys.stdout.isatty() else False)
+
+
 def redraws(console: Console) -> bool:
     """Whether lines that stand there can be replaced; on a terminal that cannot, rich would show nothing of them."""
     return console.is_terminal and not console.is_dumb_terminal
@@ -38,7 +44,7 @@ def redraws(console: Console) -> bool:
 @contextmanager
 def working(text: str, console: Console | None = None) -> Iterator[None]:
     """Say what is being done that shows no progress of its own: with a clock on a terminal, once elsewhere."""
-    console = console or Console()
+    console = console or standard()
     if redraws(console):
         with console.status(_Clock(text)):
             yield

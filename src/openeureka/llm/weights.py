@@ -51,8 +51,15 @@ QWEN = Weights(
 
 
 def cache_dir() -> Path:
-    """Where weights are kept: `EUREKA_CACHE`, else the user's cache directory."""
-    return Path(os.environ.get("EUREKA_CACHE") or platformdirs.user_cache_dir("openeureka"))
+    """Where weights are kept: `EUREKA_CACHE`, else the user's cache directory.
+
+    Raises:
+        ModelError: where there is neither.
+    """
+    try:
+        return Path(os.environ.get("EUREKA_CACHE") or platformdirs.user_cache_dir("openeureka"))
+    except RuntimeError:
+        raise ModelError("This user has no home directory: set EUREKA_CACHE to a folder for the weights.") from None
 
 
 def default() -> Path:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -13,6 +15,7 @@ from ..errors import EurekaError, Interrupted, StoreError
 from ..store import Store
 from ..store.directory import is_asked_to_stop, withdraw
 
+_STOPPING = "Stopping: what is trained is being kept, for up to ten seconds or an epoch. Ctrl-C again does not wait."
 POLL = 0.5
 """[s] between two looks at whether the run is to stop."""
 
@@ -45,10 +48,10 @@ def stopped(again: str) -> str:
 def _interrupt(number: int, frame: FrameType | None) -> None:
     # What is printed right now may be in the middle of a line, and must not be entered twice.
     with suppress(RuntimeError):
-        print(
-            "Stopping: what is trained is being kept, for up to ten seconds or an epoch. Ctrl-C again does not wait.",
-            flush=True,
-        )
+        try:
+            print(_STOPPING, flush=True)
+        except OSError:  # Ctrl-C has ended who reads this, such as `tee`: the way on is told on the other stream
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     signal.default_int_handler(number, frame)
 
 

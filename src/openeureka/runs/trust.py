@@ -70,7 +70,7 @@ def remember(config: object) -> None:
     fresh = unknown(config)
     if not fresh:
         return
-    with suppress(OSError):
+    with suppress(OSError, RuntimeError):
         path = _record()
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW, 0o600)
@@ -100,7 +100,7 @@ def agree(
     """
     asked = {key: value for key, value in unknown(config).items() if key not in typed}
     if asked and not trusted:
-        if not (asks and sys.stdin.isatty() and sys.stdout.isatty()):
+        if not (asks and all(stream is not None and stream.isatty() for stream in (sys.stdin, sys.stdout))):
             listed = ", ".join(f"{key}={plain(value)}" for key, value in asked.items())
             raise ConfigError(
                 f"{directory} would use what was never typed here: {listed}; {way} if you know where it comes from."
@@ -129,9 +129,10 @@ def _line(key: str, value: str) -> str:
 def _known() -> frozenset[str]:
     try:
         return frozenset(_record().read_text().splitlines())
-    except (OSError, UnicodeDecodeError):
+    except (OSError, UnicodeDecodeError, RuntimeError):
         return frozenset()
 
 
 def _record() -> Path:
+    """Raises RuntimeError for a user without a home directory, as in some containers."""
     return Path(platformdirs.user_state_dir("openeureka")) / RECORD

@@ -190,7 +190,7 @@ def _known(trained: set[Place]) -> str:
 
 
 def ask_to_stop(directory: Path | str) -> None:
-    """Ask the process that works on a run to stop as by Ctrl-C; it does within a second.
+    """Ask the process that works on a run to stop as by Ctrl-C; it hears of it within a second.
 
     Raises:
         StoreError: when there is no run, or nobody works on it.
