@@ -187,8 +187,12 @@ def test_the_fingerprint_changes_with_a_commit_a_film_and_a_log_and_not_by_looki
     folder.entry("run", directory)
     assert not differs()
     (lane,) = {path for path in (directory / "lanes").iterdir() if path.name.startswith("human-s0")}
-    (lane / "video.mp4").write_bytes(b"film")
+    robust = directory / "robust"
+    robust.mkdir()
     assert differs()
+    for place in (lane, robust):
+        (place / "video.mp4").write_bytes(b"film")
+        assert differs()
     (directory / LOG).write_text("more")
     assert differs()
     with Store.open(directory, replace(CONFIG, device="cuda")):

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from ..config import RunConfig
 from ..errors import StoreError
+from ..report.view import FOLDERS
 from ..runs.run import finished
 from ..store import artifacts, is_held, is_run, look
 from ..store.db import FILENAME, LOG, NOW
@@ -83,7 +84,7 @@ def fingerprint(directory: Path) -> Fingerprint:
 
     Files are replaced by renaming, which changes their folder.
     """
-    files = [directory / name for name in (*_CHANGING, "best", "polished")]
+    files = [directory / name for name in (*_CHANGING, *FOLDERS)]
     with suppress(OSError):  # none, or nobody may look
         files += (directory / "lanes").iterdir()
     return (is_held(directory), *sorted((path.name, *_stat(path)) for path in files))
