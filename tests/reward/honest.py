@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 
 from openeureka.types import StateSpec, StateVar
@@ -557,3 +559,11 @@ def compute_reward(dof_pos, dof_vel):
     return spread - low + second + near + power / (1.0 + tiny) + fixed + blocks, {"power": power}
 """,
 )
+
+
+def sliced(states: dict[str, Any]) -> dict[str, Any]:
+    """The same states as parts of larger tensors, as those of a task may be: none is contiguous."""
+    return {
+        name: torch.stack((value, value), dim=-1)[..., 0] if isinstance(value, torch.Tensor) and value.dim() else value
+        for name, value in states.items()
+    }

@@ -131,6 +131,32 @@ def test_a_refusal_names_line_rule_and_fix(name: str) -> None:
     assert sentences(source)[0] == expected
 
 
+@pytest.mark.parametrize(
+    "source",
+    [
+        "KEPT = {'n': 0}\ndef f(dof_pos):\n    KEPT['n'] += 1\n    return dof_pos[:, 0], {}\n",
+        "KEPT = {}\ndef f(dof_pos):\n    KEPT['before'] = dof_pos\n    return dof_pos[:, 0], {}\n",
+        "KEPT = []\ndef f(dof_pos):\n    KEPT.append(1)\n    return dof_pos[:, 0], {}\n",
+        "def f(dof_pos, KEPT={'n': 0}):\n    KEPT['n'] = 1\n    return dof_pos[:, 0], {}\n",
+        "def f(dof_pos, *, KEPT=[0]):\n    KEPT[0] += 1\n    return dof_pos[:, 0], {}\n",
+    ],
+)
+def test_what_would_remember_is_refused(source: str) -> None:
+    (sentence,) = sentences(source)
+    assert "`KEPT` would keep a value from one call to the next [memory]" in sentence
+
+
+def test_what_is_made_anew_in_each_call_may_be_changed() -> None:
+    source = "PARTS = {'a': 1.0}\ndef f(dof_pos):\n    PARTS = {}\n    PARTS['a'] = dof_pos[:, 0]\n"
+    source += "    rest = []\n    rest.append(PARTS['a'])\n    return rest[0], PARTS\n"
+    assert isinstance(gate.check(source, CARTPOLE), gate.Program)
+
+
+def test_a_guess_that_would_change_the_reward_is_not_made() -> None:
+    (sentence,) = sentences("def f(dof_pos):\n    return dof_pos.data[:, 0], {}\n")
+    assert sentence.endswith("leave it out, the tensor itself is what it gives")
+
+
 @pytest.mark.parametrize("call", ["F.relu(dof_pos, inplace=False)", "torch.exp(dof_pos, out=None)"])
 def test_a_word_that_asks_for_no_edit_is_none(call: str) -> None:
     assert isinstance(gate.check(f"def f(dof_pos):\n    return {call}[:, 0], {{}}\n", CARTPOLE), gate.Program)

@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from openeureka.codec import encode
-from openeureka.reward import examine, graph, probe
-from openeureka.types import Node, RewardGraph
+from openeureka.reward import examine, gate, graph, load, probe
+from openeureka.types import Node, RewardGraph, StateSpec, StateVar
 from reward.honest import CARTPOLE, recorded
 
 
@@ -244,3 +244,32 @@ def test_a_forged_component_that_is_not_one_number_per_world_is_refused() -> Non
     wide = RewardGraph(nodes=made.nodes, reward=made.reward, components=(("wide", 0),))
     findings = examine.examine(probe.Traced(wide, ()), CARTPOLE, recorded(CARTPOLE))
     assert [finding.rule for finding in findings] == ["components"]
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        "q.flatten(1).sum(-1)",
+        "q.reshape(num_envs, -1).norm(dim=-1)",
+        "q.contiguous().view(num_envs, 6).sum(-1)",
+        "q.reshape(-1, 3).norm(dim=-1).reshape(-1, 2).sum(-1)",
+        "torch.einsum('nij,nij->n', q, q)",
+        "(q @ torch.eye(3)).sum((1, 2))",
+        "torch.matmul(q, torch.tensor([0.0, 0.0, 1.0])).sum(-1)",
+    ],
+)
+def test_a_reshape_is_one_of_slices_too(value: str) -> None:
+    """Tasks hand over parts of larger tensors; tracing sees contiguous ones, of which a reshape is a view."""
+    worlds = StateVar(name="num_envs", meaning="worlds", kind="num_envs")
+    spec = StateSpec((StateVar(name="q", shape=(2, 3), meaning="points"), worlds))
+    program = gate.check(f"def compute_reward(q, num_envs):\n    return {value}, {{}}\n", spec)
+    assert isinstance(program, gate.Program)
+    traced = probe.probe(load.load(program), spec, {"q": torch.randn(64, 2, 3), "num_envs": 64}).graph
+    part = torch.randn(5, 2, 9)[..., 3:6]
+    expected = eval(value, {"q": part.contiguous(), "num_envs": 5, "torch": torch})
+    torch.testing.assert_close(graph.compile(traced, spec)({"q": part})[0], expected)
+    (*_, last) = graph.values(traced, {"q": part}, 5)
+    torch.testing.assert_close(last, expected)
+    names: dict[str, Any] = {"torch": torch}
+    exec(graph.spelled(traced, spec), names)
+    torch.testing.assert_close(names["reward"]({"q": part})[0], expected)

@@ -14,7 +14,7 @@ from openeureka.reward import examine, gate, graph, load, probe, surface
 from openeureka.reward import math as helpers
 from openeureka.reward.trace import Refused
 from openeureka.types import StateSpec, StateVar
-from reward.honest import ANT, PROGRAMS, recorded
+from reward.honest import ANT, CARTPOLE, PROGRAMS, recorded, sliced
 
 
 def accepted(spec: StateSpec, source: str) -> probe.Traced:
@@ -70,6 +70,8 @@ def test_the_graph_computes_what_the_program_computes(name: str) -> None:
         assert reward.shape == (worlds,) and reward.dtype == torch.float32
         assert all(value.shape == (worlds,) and value.dtype == torch.float32 for value in components.values())
         assert all(torch.equal(states[key], value) for key, value in before.items())  # type: ignore[arg-type]
+        of_slices, _ = compiled(sliced(states))
+        torch.testing.assert_close(of_slices, reward, rtol=1e-5, atol=1e-6)
 
 
 def test_the_last_function_is_the_reward_and_its_helpers_survive() -> None:
@@ -336,3 +338,26 @@ def test_a_shift_is_named_as_it_is_written(shifted: str, sign: str, fix: str) ->
     with pytest.raises(Refused) as refusal:
         probe.probe(load.load(program), ANT, recorded(ANT))
     assert sign in refusal.value.finding.message and refusal.value.finding.fix == fix
+
+
+def test_closeness_is_that_of_torch_at_infinity_too() -> None:
+    for options in ("", ", equal_nan=True"):
+        call = f"torch.isclose(dof_pos[:, 0], dof_pos[:, 1]{options})"
+        source = f"def compute_reward(dof_pos):\n    return {call}.float(), {{}}\n"
+        compiled = graph.compile(accepted(CARTPOLE, source).graph, CARTPOLE)
+        inf, nan = math.inf, math.nan
+        pairs = torch.tensor([[1.0, inf], [inf, inf], [1.0, 1.0], [inf, 2.0], [-inf, inf], [nan, nan], [nan, 1.0]])
+        expected = torch.isclose(pairs[:, 0], pairs[:, 1], equal_nan=bool(options)).float()
+        assert torch.equal(compiled({"dof_pos": pairs})[0], expected)
+
+
+@pytest.mark.parametrize("made", ["torch.as_tensor", "to_torch", "torch.tensor"])
+def test_a_list_of_tensors_becomes_one(made: str) -> None:
+    spec = StateSpec((*CARTPOLE.variables, StateVar(name="ends", meaning="ends", shape=(2,), kind="constant")))
+    source = f"def compute_reward(dof_pos, ends):\n    return (dof_pos * {made}([ends[1], ends[0]])).sum(-1), {{}}\n"
+    program = gate.check(source, spec)
+    assert isinstance(program, gate.Program)
+    states = {**recorded(CARTPOLE), "ends": torch.tensor([2.0, 3.0])}
+    traced = probe.probe(load.load(program), spec, states)
+    reward, _ = graph.compile(traced.graph, spec)({"dof_pos": torch.tensor([[1.0, 10.0]]), "ends": states["ends"]})
+    assert float(reward) == 23.0

@@ -81,12 +81,15 @@ def _div_scalar(input: Any, other: Any, *, rounding_mode: str | None = None) -> 
     return torch.ops.aten.div.Scalar_mode(input, other, rounding_mode=rounding_mode)
 
 
+_COPIES = {"view.default": "reshape.default"}
+"""What runs in place of an operation: tracing writes a reshape as a view of the tensors that it sees, which are
+contiguous, and those of a task may be slices. Of equal ones both give the same."""
 _GUARDED = {"div.Tensor_mode": _div_tensor, "div.Scalar_mode": _div_scalar}
 
 
 def _callable(op: str) -> Callable[..., Any]:
     """What runs for a node: the overload itself, or one that looks at its arguments first."""
-    return _GUARDED.get(op) or operation(op)
+    return _GUARDED.get(op) or operation(_COPIES.get(op, op))
 
 
 def _named(kwargs: dict[str, Any]) -> dict[str, Any]:
@@ -278,7 +281,7 @@ def _value(node: Node) -> str:
     words = [_argument(arg) for arg in node.args]
     words += [f"{key}={_keyword(key, arg)}" for key, arg in node.kwargs.items()]
     words += ["device=device"] if node.op in MADE_FROM_NOTHING else []
-    return f"torch.ops.aten.{node.op}({', '.join(words)})"
+    return f"torch.ops.aten.{_COPIES.get(node.op, node.op)}({', '.join(words)})"
 
 
 def _keyword(key: str, arg: Arg) -> str:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import builtins
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -14,7 +14,7 @@ from torch import Tensor
 from . import math as helper_functions
 from . import surface
 from .gate import Program
-from .math import norm
+from .math import holds_tensor, norm, tensor_of
 from .syntax import numpy_name
 
 Runner = Callable[[Mapping[str, Any]], object]
@@ -33,8 +33,10 @@ def _cdist(x1: Tensor, x2: Tensor, p: float = 2.0) -> Tensor:
     return norm(x1.unsqueeze(-2) - x2.unsqueeze(-3), p=p)
 
 
-def _isclose(input: Tensor, other: Tensor, rtol: float = 1e-5, atol: float = 1e-8) -> Tensor:
-    return (input - other).abs() <= atol + rtol * other.abs()
+def _isclose(input: Tensor, other: Tensor, rtol: float = 1e-5, atol: float = 1e-8, equal_nan: bool = False) -> Tensor:
+    error = (input - other).abs()
+    close = (input == other) | ((error <= atol + rtol * other.abs()) & error.isfinite())
+    return close | (input.isnan() & other.isnan()) if equal_nan else close
 
 
 def _count_nonzero(input: Tensor, dim: int | tuple[int, ...] | None = None) -> Tensor:
@@ -45,15 +47,7 @@ def _tensor(data: Any, **options: Any) -> Tensor:
     """`torch.tensor`, also of lists of tensors: torch's own reads their numbers out where tracing cannot see it."""
     if isinstance(data, Tensor):
         return torch.as_tensor(data, **options).clone()
-    if _holds_tensor(data):
-        return torch.stack([_tensor(part, **options) for part in data])
-    return torch.tensor(data, **options)
-
-
-def _holds_tensor(data: object) -> bool:
-    if isinstance(data, list | tuple):
-        return any(map(_holds_tensor, cast(Sequence[object], data)))
-    return isinstance(data, Tensor)
+    return tensor_of(data, **options) if holds_tensor(data) else torch.tensor(data, **options)
 
 
 # torch's own write in place below the level that tracing sees, read numbers out, or leave memory as it was.
@@ -63,6 +57,7 @@ _REPLACED = {
     "isclose": _isclose,
     "count_nonzero": _count_nonzero,
     "tensor": _tensor,
+    "as_tensor": tensor_of,
     "empty": torch.zeros,
     "empty_like": torch.zeros_like,
 }

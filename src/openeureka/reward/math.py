@@ -7,7 +7,8 @@ the conventions that published rewards rely on (`get_euler_xyz` wraps to [0, 2 p
 from __future__ import annotations
 
 import math
-from typing import cast
+from collections.abc import Sequence
+from typing import Any, cast
 
 import torch
 from torch import Tensor
@@ -17,7 +18,21 @@ _TINY = 1e-9
 
 def to_torch(x: object, dtype: torch.dtype = torch.float, device: object = None, requires_grad: bool = False) -> Tensor:
     """A tensor of literal numbers; `device` and `requires_grad` are accepted for compatibility and have no effect."""
-    return torch.as_tensor(x, dtype=dtype)
+    return tensor_of(x, dtype=dtype)
+
+
+def tensor_of(data: Any, **options: Any) -> Tensor:
+    """`torch.as_tensor`, also of lists of tensors: torch's own reads their numbers out where tracing cannot see it."""
+    if isinstance(data, list | tuple) and holds_tensor(cast(object, data)):
+        return torch.stack([tensor_of(part, **options) for part in cast(Sequence[object], data)])
+    return torch.as_tensor(data, **options)
+
+
+def holds_tensor(data: object) -> bool:
+    """Whether it is a tensor, or a list with one in it."""
+    if isinstance(data, list | tuple):
+        return any(map(holds_tensor, cast(Sequence[object], data)))
+    return isinstance(data, Tensor)
 
 
 def norm(x: Tensor, p: float = 2, dim: int = -1) -> Tensor:

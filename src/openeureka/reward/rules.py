@@ -40,6 +40,9 @@ _FIXES: dict[type[ast.AST], str] = {
     ast.Match: "use torch.where",
     ast.With: "remove it",
 }
+_INSTEAD = {"data": "leave it out, the tensor itself is what it gives", "format": "use an f-string"}
+_CHANGES = frozenset(("append", "clear", "extend", "insert", "pop", "popitem", "remove", "setdefault", "update"))
+"""Methods that change a list or a dict."""
 _COPY = "copy it first: `{name} = {name}.clone()`"
 _AUGMENTED: dict[type[ast.operator], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 
@@ -55,6 +58,8 @@ class Rules(ast.NodeVisitor):
         self._locals: frozenset[str] = frozenset()
         """Names bound in the function that is visited or, for functions in it, around it."""
         self._protected: frozenset[str] = frozenset()
+        self._remembered: frozenset[str] = frozenset()
+        """Arguments whose default is a list or a dict: one for all calls."""
         self._guesses = MAX_GUESSES
 
     def run(self) -> None:
@@ -183,7 +188,7 @@ class Rules(ast.NodeVisitor):
             self._refuse("data-read", message, node, "stay with tensors of one value per world")
         elif name not in surface.METHODS and name not in surface.IN_PLACE_METHODS:
             function = f"use `torch.{name}`" if name in surface.MODULES["torch"] else ""
-            fix = function or self._guess(name, surface.METHODS) or "remove it"
+            fix = function or _INSTEAD.get(name) or self._guess(name, surface.METHODS) or "remove it"
             self._refuse("attribute", f"`.{name[:40]}` is not an allowed attribute", node, fix)
 
     def _self_attribute(self, node: ast.Attribute) -> None:
@@ -226,9 +231,10 @@ class Rules(ast.NodeVisitor):
         if isinstance(node, ast.FunctionDef | ast.Lambda):
             for default in filter(None, (*node.args.defaults, *node.args.kw_defaults)):
                 self.visit(default)  # `i=i` names the one outside
-        outer, self._locals = self._locals, self._locals | bound(node)
+        outer = self._locals, self._remembered
+        self._locals, self._remembered = self._locals | bound(node), self._remembered - bound(node) | _mutable(node)
         self.generic_visit(node)
-        self._locals = outer
+        self._locals, self._remembered = outer
 
     def visit_arguments(self, node: ast.arguments) -> None:
         for argument in (*node.args, *node.kwonlyargs):
@@ -261,9 +267,13 @@ class Rules(ast.NodeVisitor):
                 message, pure = f"in-place `.{node.func.attr}` on input `{name}`", node.func.attr[:-1]
                 fix = f"use `.{pure}` and keep the result" if pure in surface.METHODS else _COPY.format(name=name)
                 self._refuse("input-edit", message, node, fix)
+        if isinstance(node.func, ast.Attribute) and node.func.attr in _CHANGES:
+            self._expect_no_memory(node.func.value, node)
         self.generic_visit(node)
 
     def visit_AugAssign(self, node: ast.AugAssign) -> None:
+        if isinstance(node.target, ast.Subscript):
+            self._expect_no_memory(node.target, node)
         name = self._protected_root(node.target)
         if name:
             sign = _AUGMENTED.get(type(node.op), "op")
@@ -276,11 +286,24 @@ class Rules(ast.NodeVisitor):
 
     def visit_Assign(self, node: ast.Assign) -> None:
         for target in node.targets:
+            if isinstance(target, ast.Subscript):
+                self._expect_no_memory(target, node)
             name = self._protected_root(target) if isinstance(target, ast.Subscript) else None
             if name:
                 message = f"assignment into input `{name}`"
                 self._refuse("input-edit", message, node, _COPY.format(name=name))
         self.generic_visit(node)
+
+    def _expect_no_memory(self, changed: ast.AST, node: ast.AST) -> None:
+        """What is changed must be made anew in each call: a graph would keep the value of one call for ever."""
+        while isinstance(changed, ast.Subscript):
+            changed = changed.value
+        if not isinstance(changed, ast.Name):
+            return
+        name = changed.id
+        if name in self._remembered or (name in self.draft.constants and name not in self._locals):
+            message = f"`{name}` would keep a value from one call to the next"
+            self._refuse("memory", message, node, "compute the reward from the state variables alone")
 
     def _protected_root(self, node: ast.AST) -> str | None:
         """The input tensor that `x`, `x[...]` or `self.x[...]` names."""
@@ -291,3 +314,13 @@ class Rules(ast.NodeVisitor):
         if not isinstance(node, ast.Name) or node.id not in self._protected or node.id not in self.state:
             return None
         return node.id if self.state[node.id].kind in ("world", "constant") else None
+
+
+def _mutable(node: Scope) -> frozenset[str]:
+    """Arguments of a function whose default is a list or a dict."""
+    if not isinstance(node, ast.FunctionDef | ast.Lambda):
+        return frozenset()
+    spec = node.args
+    positional = zip(reversed(spec.args), reversed(spec.defaults), strict=False)
+    pairs = (*positional, *zip(spec.kwonlyargs, spec.kw_defaults, strict=True))
+    return frozenset(arg.arg for arg, default in pairs if isinstance(default, ast.List | ast.Dict))
