@@ -52,6 +52,24 @@ def actions(first: int, second: int, count: int = 2) -> torch.Tensor:
     return row.expand(count, -1)
 
 
+def test_columns_of_whole_numbers_say_which_value_they_stand_for():
+    """A table of the documentation names the numbers, not the ones among zeros. Not each maker takes `render_mode`."""
+    told = {v.name: v.meaning for v in registry.get("gym:Openeureka/Cells-v0").spec.variables}
+    assert [told[f"observation_{i}"] for i in range(5)] == [
+        f"1 where it observes {option}, else 0"
+        for option in ("0 as number 1", "1 as number 1", "5 as number 2", "6 as number 2", "7 as number 2")
+    ]
+    assert not {"column_of_cart", "row_of_cart"} & set(told)
+    simulation = registry.make("gym:Openeureka/Cells-v0", worlds=1)
+    assert simulation.reset().tolist() == [[0.0, 1.0, 0.0, 1.0, 0.0]]
+
+
+@pytest.mark.parametrize(("name", "documented"), [("Turned", False), ("Stacked", False), ("Heavy", True)])
+def test_words_on_another_observation_are_no_names_of_this_one(name: str, documented: bool):
+    names = registry.get(f"gym-asis:Openeureka/{name}-v0").spec.names
+    assert ("pole_angle" in names) is documented and ("observation_0" in names) is not documented
+
+
 def test_an_episode_that_ends_hands_over_its_last_observation_and_the_first_of_the_next():
     simulation = registry.make("gym:Openeureka/Short-v0", worlds=2)
     assert simulation.reset()[:, STEP].tolist() == [0.0, 0.0]

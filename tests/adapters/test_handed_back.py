@@ -94,6 +94,8 @@ def test_a_wrapper_makes_the_environment_as_it_was_trained_on():
     assert theirs.unwrapped._healthy_reward == 0.5
     fixed = gymnasium.spaces.Box(np.float32([-1.0, 0.5]), np.float32([1.0, 0.5]))
     assert loaded(text).normal(fixed, [0.5, 0.5]).tolist() == [0.5, 0.0]
+    several = gymnasium.spaces.MultiBinary([2, 2])
+    assert loaded(text).normal(several, [[0, 1], [1, 0]]).tolist() == [1, 0, 0, 1, 0, 1, 1, 0]
     endless = gymnasium.spaces.Box(-3e38, 3e38, (1,))  # bounds that nobody reaches are none, as in training
     assert loaded(text).normal(endless, [0.5]).tolist() == [0.5]
 

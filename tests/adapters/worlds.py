@@ -6,6 +6,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.envs.classic_control import CartPoleEnv
 
 
 class Clock(gymnasium.Env):
@@ -104,6 +105,58 @@ class Eye(Clock):
     """Observes a picture."""
 
     observation_space = spaces.Box(0, 255, (64, 48, 3), np.uint8)
+
+
+class Cells(gymnasium.Env):
+    """Observes two whole numbers, of which its documentation has a table.
+
+    ## Observation Space
+
+    | Num | Observation |
+    | --- | --- |
+    | 0 | Column of the cart |
+    | 1 | Row of the cart |
+    """
+
+    metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012  and its constructor takes no `render_mode`
+    observation_space = spaces.MultiDiscrete([2, 3], start=[0, 5])
+    action_space = spaces.Discrete(2)
+
+    def __init__(self) -> None: ...
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        super().reset(seed=seed)
+        return np.array([1, 6]), {}
+
+    def step(self, action):
+        return np.array([int(action), 7]), 1.0, False, False, {}
+
+
+class Turned(CartPoleEnv):
+    def _ordered(self, seen):
+        return seen[::-1].copy()
+
+    def reset(self, **given):
+        seen, info = super().reset(**given)
+        return self._ordered(seen), info
+
+    def step(self, action):
+        seen, *rest = super().step(action)
+        return self._ordered(seen), *rest
+
+
+class Heavy(CartPoleEnv):
+    def __init__(self, mass: float = 1.0, **given: Any) -> None:
+        super().__init__(**given)
+        self.masscart = mass
+
+
+def _stacked(**given: Any) -> gymnasium.Env:
+    return gymnasium.wrappers.FlattenObservation(gymnasium.wrappers.FrameStackObservation(CartPoleEnv(**given), 2))
+
+
+for name, maker in {"Cells": Cells, "Turned": Turned, "Heavy": Heavy, "Stacked": _stacked}.items():
+    gymnasium.register(f"Openeureka/{name}-v0", entry_point=maker, max_episode_steps=20)
 
 
 for kind in (Void, Eye, Teller, Presser, Astray, Quitter, Pointed):

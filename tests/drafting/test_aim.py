@@ -201,3 +201,24 @@ def test_what_hangs_on_a_driven_string_is_driven():
     )
     pulled = pulled.replace('<motor joint="turn"/>', "").replace("<worldbody>", '<worldbody><site name="peg"/>')
     assert [link.name for link in survey(pulled).links] == ["forearm"]
+
+
+def test_what_stays_where_it_is_gives_no_goal():
+    disk = mujoco.MjModel.from_xml_string("""<mujoco><worldbody><body name="disk"><joint name="spin" axis="0 0 1"/>
+      <geom type="cylinder" size="0.2 0.02"/></body></worldbody><actuator><motor joint="spin"/></actuator></mujoco>""")
+    aim = find_aim(Survey(disk), "")
+    assert aim.missing == "disk stays where it is, whatever turns"
+
+
+@pytest.mark.parametrize(
+    ("turn", "along"), [("0 0 0", "qvel[:, 0].clone()"), ("0 0 180", "-self.qvel[:, 0]"), ("0 0 90", "")]
+)
+def test_along_x_is_that_of_the_world(turn: str, along: str):
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><worldbody><geom type="plane" size="9 9 1"/>
+      <body name="torso" pos="0 0 1" euler="{turn}"><joint name="x" type="slide" axis="1 0 0"/><geom size="0.1"/>
+        <body name="leg"><joint name="hip"/><geom type="capsule" fromto="0 0 0 0 0 -0.8" size="0.05"/></body></body>
+      </worldbody><actuator><motor joint="hip"/></actuator></mujoco>""")
+    survey = Survey(model)
+    assert (survey.base is not None) is bool(along)
+    speeds = [v.value for v in survey.variables() if v.name == "forward_speed"] if along else []
+    assert [along in speed for speed in speeds] == [True] * len(speeds) and len(speeds) == bool(along)

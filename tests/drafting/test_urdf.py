@@ -130,3 +130,20 @@ def test_what_is_wrong_with_a_urdf_is_one_sentence(arm: Path, before: str, after
 def test_a_xacro_is_refused_with_the_command_that_expands_it(arm: Path, tmp_path: Path):
     with pytest.raises(TaskError, match="run `xacro"):
         draft(tmp_path / "mine.py", arm.rename(arm.with_suffix(".xacro")))
+
+
+@pytest.mark.parametrize("height", [0.0, 0.5])
+def test_a_robot_that_is_set_afloat_stands_on_its_floor_wherever_its_world_carries_it(tmp_path: Path, height: float):
+    (tmp_path / "leg.urdf").write_text(f"""<robot name="leg"><link name="world"/>
+      <link name="base"><collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision>
+        <inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <joint name="on" type="fixed"><parent link="world"/><child link="base"/><origin xyz="0 0 {height}"/></joint>
+      <link name="arm"><inertial><mass value="1"/>
+        <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+        <limit lower="-1" upper="1" effort="5" velocity="4"/></joint>
+    </robot>""")
+    model = read_urdf(tmp_path / "leg.urdf", floating=True).compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    assert data.geom("floor").xpos[2] == 0.0 and data.geom_xpos[1, 2] == pytest.approx(0.1)

@@ -32,6 +32,14 @@ def test_two_policies_play_side_by_side_under_their_captions_in_any_browser():
     assert (left[16:60, 16:60] != right[16:60, 16:60]).any()
 
 
+def test_a_long_film_is_given_the_time_that_it_takes(monkeypatch):
+    given = []
+    monkeypatch.setattr(video, "_first_that_works", lambda *_: given.append(_[2]) or {"video": b""})
+    for settings in ({"seconds": 3.0}, {"seconds": 60.0}, {"seconds": 60.0, "timeout": 5.0}):
+        render("ant", "random", **settings)
+    assert given == [600.0, 3600.0, 5.0]
+
+
 def test_a_film_that_ffmpeg_refuses_is_no_film():
     with pytest.raises(RuntimeError, match=r"ffmpeg ended with \d+: .*not divisible by 2"):
         mp4.encode([np.zeros((47, 63, 3), np.uint8)] * 3, rate=10)

@@ -102,6 +102,14 @@ def test_a_method_goes_before_the_program_of_the_task_that_it_builds_on() -> Non
         human.program(Constant)
 
 
+def test_a_constant_that_is_computed_has_the_attribute_s_value_whole(tmp_path: Path) -> None:
+    text = '    most = 12 * math.pi / 180\n    human = """\nMOST = 12 * math.pi / 180  # [rad]\n'
+    text += 'def compute_reward(angle):\n    return (angle < MOST).float(), {}\n"""'
+    env = with_human(tmp_path / "a.py", text)
+    assert "MOST = 0.20943951023931953  # [rad]\n" in human.program(get(env))
+    assert "MOST = 0.5  # [rad]\n" in human.program(get(f"{env}+most=0.5"))
+
+
 def test_a_task_without_a_human_reward_is_not_complete(tmp_path: Path) -> None:
     with pytest.raises(TaskError, match="is not complete: define human"):
         get(with_human(tmp_path / "a.py", ""))

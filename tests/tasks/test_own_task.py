@@ -14,6 +14,7 @@ from openeureka.executors.local import LocalExecutor
 from openeureka.parsing import parse
 from openeureka.store.directory import output_directory
 from openeureka.tasks.context import context
+from openeureka.tasks.record import record_states
 from openeureka.tasks.registry import get, make
 from openeureka.testing.conformance.task import TaskConformance
 from openeureka.training.policy import Policy
@@ -201,6 +202,29 @@ def test_a_forgotten_clone_is_named_before_anything_is_recorded(tmp_path, value)
         TaskError, match=r"`angular_velocity` of the task `pendulum` would change .* with \.clone\(\)\."
     ):
         make(str(file), worlds=2).reset()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("self.qvel[:, 0].clone()", "self.qvel[:, 0].double()", "`angular_velocity` as torch.float64; torch.float32"),
+        ("self.qvel[:, 0].clone()", "self.qvel[:, 0] > 0", "`angular_velocity` as torch.bool; torch.float32"),
+        (
+            's["angular_velocity"]), dim=-1)',
+            's["angular_velocity"]), dim=-1).double()',
+            "observations as torch.float64",
+        ),
+        ('torch.zeros_like(s["angle"], dtype=torch.bool)', 'torch.zeros_like(s["angle"])', "torch.bool is wanted"),
+    ],
+)
+def test_numbers_of_another_type_are_named_before_a_model_is_paid(tmp_path, old, new, says):
+    file = tmp_path / "mine.py"
+    text = FILE.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new))
+    with pytest.raises(TaskError) as caught:
+        record_states(str(file), worlds=4, steps=3, keep=2)
+    assert says in str(caught.value) and str(file) in str(caught.value)
 
 
 def test_an_import_string_of_an_older_version_finds_the_task_where_it_is_now():

@@ -119,6 +119,8 @@ def _reach_a_point(survey: Survey, mover: Place) -> Aim:
     reach = sorted(survey.reach(mover, POSES), key=lambda place: float(np.linalg.norm(place - start)))
     point = reach[POSES // 2].round(3)
     reached = max(NEAREST, round(NEAR * float(np.linalg.norm(point - start)), 3))
+    if np.linalg.norm(point - start) < reached:
+        return _unsaid(f"{mover.name} stays where it is, whatever turns")
     where = f"({', '.join(f'{x:g}' for x in point)})"
     why = "No goal of the model would do" if _marks(survey, mover) else "The model has no goal"
     return Aim(

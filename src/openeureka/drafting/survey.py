@@ -16,6 +16,7 @@ from ..tasks.anatomy import (
     HINGE,
     SLIDE,
     along_x,
+    axis,
     base,
     columns,
     driven_joints,
@@ -232,7 +233,8 @@ class Survey:
         """How fast, high and upright a robot is that runs."""
         called, height = self._called(body), self._data.xpos[body, 2]
         dof = along_x(self.model, body)
-        backwards = self.model.jnt_axis[self.model.dof_jntid[dof]][0] < 0.0
+        joint = self.model.dof_jntid[dof]
+        backwards = self.model.jnt_type[joint] == SLIDE and axis(self.model, joint)[0] < 0.0
         value = f"-self.qvel[:, {dof}]" if backwards else f"self.qvel[:, {dof}].clone()"
         meaning = f"speed of {called} along x [m/s]"
         yield Variable(name="forward_speed", value=value, meaning=meaning, use="directional")
@@ -262,7 +264,7 @@ class Survey:
         yield Variable(name="joint_vel", value=value, meaning=meaning, size=size, use="zero_centred", seen=range(size))
 
     def _travels(self, joint: int) -> bool:
-        level = abs(self.model.jnt_axis[joint][2]) < 0.5
+        level = abs(axis(self.model, joint)[2]) < 0.5
         return bool(self.model.jnt_bodyid[joint] == self.base and self.model.jnt_type[joint] == SLIDE and level)
 
     def _floating(self) -> Iterator[Variable]:

@@ -100,10 +100,17 @@ def own_joints(model: mujoco.MjModel, body: int) -> range:
     return range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body])
 
 
+def axis(model: mujoco.MjModel, joint: int) -> np.ndarray:
+    """Of a joint, in the world frame (3,), as the model's own pose has it."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return data.xaxis[joint].copy()
+
+
 def along_x(model: mujoco.MjModel, body: int) -> int | None:
     """The degree of freedom that carries a body along x."""
     for joint in own_joints(model, body):
-        along = model.jnt_type[joint] == SLIDE and abs(model.jnt_axis[joint][0]) > 0.9
+        along = model.jnt_type[joint] == SLIDE and abs(axis(model, joint)[0]) > 0.9
         if model.jnt_type[joint] == FREE or along:
             return int(model.jnt_dofadr[joint])
     return None
@@ -112,7 +119,7 @@ def along_x(model: mujoco.MjModel, body: int) -> int | None:
 def rises(model: mujoco.MjModel, body: int) -> bool:
     """Whether a body's own joints let it up and down."""
     return any(
-        model.jnt_type[joint] == FREE or (model.jnt_type[joint] == SLIDE and abs(model.jnt_axis[joint][2]) > 0.5)
+        model.jnt_type[joint] == FREE or (model.jnt_type[joint] == SLIDE and abs(axis(model, joint)[2]) > 0.5)
         for joint in own_joints(model, body)
     )
 

@@ -144,8 +144,8 @@ class BatchedEnv:
         state = self.current_state()
         if (outcome := task.outcome(state)) is not None:
             state["outcome"] = faults.per_world(task, "outcome", outcome).clone()
-        terminated = faults.per_world(task, "terminated", task.terminated(state)) | bad
-        timed_out = faults.per_world(task, "timed_out", task.timed_out(state)) & ~terminated
+        terminated = faults.decided(task, "terminated", task.terminated(state)) | bad
+        timed_out = faults.decided(task, "timed_out", task.timed_out(state)) & ~terminated
         done = terminated | timed_out
         ended = done & self._whole
         score = self._score(state, ended, bad)

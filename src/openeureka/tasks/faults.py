@@ -6,6 +6,7 @@ import traceback
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import torch
 from torch import Tensor
 
 from ..errors import TaskError
@@ -81,6 +82,8 @@ def check_variables(task: Task, state: Mapping[str, Any]) -> None:
         if variable.kind in ("world", "constant"):
             shape = (task.num_envs, *variable.shape) if variable.kind == "world" else variable.shape
             _expect(task, "compute_state", f"`{variable.name}`", state[variable.name], shape, "as `spec` says")
+            if state[variable.name].dtype in (torch.bool, torch.float64):  # whole numbers may be indices
+                _expect_float(task, "compute_state", f"`{variable.name}`", state[variable.name])
 
 
 def marks(task: Task) -> dict[str, tuple[Tensor, int]]:
@@ -102,14 +105,22 @@ def check_memory(task: Task, before: Mapping[str, tuple[Tensor, int]]) -> None:
 
 def check_observation(task: Task, state: Mapping[str, Any]) -> None:
     """Raises TaskError unless the observation has the size that the class says."""
-    wanted = (task.num_envs, task.num_observations)
-    _expect(task, "observe", "observations", state["obs_buf"], wanted, f"as num_observations={wanted[1]} says")
+    seen, wanted = state["obs_buf"], (task.num_envs, task.num_observations)
+    _expect(task, "observe", "observations", seen, wanted, f"as num_observations={wanted[1]} says")
+    _expect_float(task, "observe", "observations", seen)
 
 
 def per_world(task: Task, method: str, value: Any) -> Tensor:
     """The value, one number per world. Raises TaskError where it is anything else."""
     if not isinstance(value, Tensor) or value.shape != (task.num_envs,):
         _expect(task, method, "a value", value, (task.num_envs,), "one per world")
+    return value
+
+
+def decided(task: Task, method: str, value: Any) -> Tensor:
+    """The value, true or false per world. Raises TaskError where it is anything else."""
+    if per_world(task, method, value).dtype != torch.bool:
+        raise _broken(task, method, f"gives a value of {value.dtype}; torch.bool is wanted, as a comparison makes it")
     return value
 
 
@@ -126,6 +137,11 @@ def _expect(task: Task, method: str, what: str, value: Any, shape: tuple[int, ..
         raise _broken(task, method, f"gives {what} as {type(value).__name__}; a tensor of shape {shape} is wanted")
     if tuple(value.shape) != shape:
         raise _broken(task, method, f"gives {what} of shape {tuple(value.shape)}; {shape} is wanted, {why}")
+
+
+def _expect_float(task: Task, method: str, what: str, value: Tensor) -> None:
+    if value.dtype != torch.float32:
+        raise _broken(task, method, f"gives {what} as {value.dtype}; torch.float32 is wanted: add .float()")
 
 
 def _broken(task: Task, method: str, what: str) -> TaskError:

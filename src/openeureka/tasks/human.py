@@ -23,7 +23,7 @@ from ..types import Finding, RewardGraph
 if TYPE_CHECKING:
     from .task import Task
 
-_CONSTANT = re.compile(r"^([A-Z][A-Z0-9_]*) = ([-+.\w]+)", re.MULTILINE)
+_CONSTANT = re.compile(r"^([A-Z][A-Z0-9_]*) = [^\n#]*[^\s#]", re.MULTILINE)
 
 
 def program(task: type[Task]) -> str:

@@ -127,10 +127,10 @@ def _set_afloat(spec: mujoco.MjSpec) -> None:
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    lowest = 0.0
+    lowest: list[float] = []
     for geom in range(model.ngeom):
         centre, half = model.geom_aabb[geom].reshape(2, 3)
         turn = data.geom_xmat[geom].reshape(3, 3)
-        lowest = min(lowest, float(data.geom_xpos[geom, 2] + (turn @ centre)[2] - abs(turn[2]) @ half))
-    root.pos = [0.0, 0.0, -lowest]
+        lowest.append(float(data.geom_xpos[geom, 2] + (turn @ centre)[2] - abs(turn[2]) @ half))
+    root.pos = [0.0, 0.0, root.pos[2] - min(lowest, default=0.0)]
     spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.1])

@@ -128,8 +128,13 @@ def _make(name: str, **keywords: Any) -> Env[Any, Any]:
                 importlib.import_module(package)
             spec = gymnasium.spec(bare)
             modes = _render_modes(spec)
-            draws = {"render_mode": "rgb_array"} if "rgb_array" in modes else {}
-            return gymnasium.make(bare, disable_env_checker=True, **draws, **keywords)
+            make = functools.partial(gymnasium.make, bare, disable_env_checker=True, **keywords)
+            try:
+                return make(render_mode="rgb_array") if "rgb_array" in modes else make()
+            except TypeError as fault:
+                if "render_mode" not in str(fault):
+                    raise
+                return make()  # its class says that it can be drawn, and its constructor takes no word of it
         except error.DependencyNotInstalled as fault:
             raise TaskError(
                 f"{bare} needs a package that is not here ({_line(fault)}): pip install 'openeureka[gym]'."

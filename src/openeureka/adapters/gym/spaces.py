@@ -33,6 +33,17 @@ class Part:
     def size(self) -> int:
         return int(np.prod(self.shape, dtype=int))
 
+    @property
+    def options(self) -> list[str]:
+        """What each column stands for where whole numbers are ones among zeros; else none."""
+        if isinstance(self.space, spaces.Discrete):
+            return [str(self.space.start + value) for value in range(int(self.space.n))]
+        if not isinstance(self.space, spaces.MultiDiscrete):
+            return []
+        ends = zip(self.space.start.reshape(-1), self.space.nvec.reshape(-1), strict=True)
+        numbers = enumerate((range(first, first + count) for first, count in ends), start=1)
+        return [f"{value} as number {place}" for place, values in numbers for value in values]
+
     def of(self, observation: Any) -> np.ndarray:
         """What it is in an observation, or in a batch of them."""
         for key in self.path:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from gymnasium import Env
+from gymnasium import Env, ObservationWrapper
 
 from ...errors import TaskError
 from ...types import StateVar
@@ -66,9 +66,22 @@ def survey(env: Env[Any, Any], name: str) -> Survey:
         steps=(spec.max_episode_steps if spec else None) or _own_limit(env) or LONGEST,
         dt=_dt(env),
         infos=_shapes(infos),
-        sections=_structure(env),
-        document=inspect.getdoc(type(env.unwrapped)) or "",
+        sections=_structure(env) if _is_as_documented(env) else {},
+        document=(inspect.getdoc(type(env.unwrapped)) or "") if _is_as_documented(env) else "",
     )
+
+
+def _is_as_documented(env: Env[Any, Any]) -> bool:
+    """Whether it observes what its class documents: no wrapper, and no class without words of its own, makes another
+    observation."""
+    inner = env
+    while inner is not env.unwrapped:
+        if isinstance(inner, ObservationWrapper):
+            return False
+        inner = inner.env  # pyright: ignore[reportAttributeAccessIssue]
+    own = vars(type(inner))
+    inherited = not own.get("__doc__") and any(name in ("step", "reset") or "obs" in name for name in own)
+    return not inherited and env.observation_space == inner.observation_space
 
 
 def _structure(env: Env[Any, Any]) -> dict[str, int]:
@@ -145,9 +158,12 @@ def _observed(found: Survey) -> list[tuple[StateVar, slice | str]]:
         if len(single.shape) != 1:
             return []
         bare = found.env.rpartition(":")[2].rpartition("/")[2].rpartition("-v")[0]
-        named = documents.columns(found.document, bare, single.size)
+        told = single.options
+        named = documents.columns(found.document, bare, single.size) if not told else []
         if not named and single.size <= MAX_COLUMNS:
-            named = [(f"observation_{i}", f"column {i} of the observation") for i in range(single.size)]
+            said = [f"1 where it observes {option}, else 0" for option in told]
+            said = said or [f"column {i} of the observation" for i in range(single.size)]
+            named = [(f"observation_{i}", meaning) for i, meaning in enumerate(said)]
         columns = [
             (StateVar(name=name, meaning=meaning, use=documents.use_of(f"{name} {meaning}")), slice(i, i + 1))
             for i, (name, meaning) in enumerate(named)
