@@ -60,6 +60,7 @@ def test_columns_of_whole_numbers_say_which_value_they_stand_for():
         for option in ("0 as number 1", "1 as number 1", "5 as number 2", "6 as number 2", "7 as number 2")
     ]
     assert not {"column_of_cart", "row_of_cart"} & set(told)
+    assert {"value_max", "speed"} <= set(told) and "max" not in told  # which is a function of rewards
     simulation = registry.make("gym:Openeureka/Cells-v0", worlds=1)
     assert simulation.reset().tolist() == [[0.0, 1.0, 0.0, 1.0, 0.0]]
 

@@ -126,10 +126,10 @@ class Cells(gymnasium.Env):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         super().reset(seed=seed)
-        return np.array([1, 6]), {}
+        return np.array([1, 6]), {"max": 3.0, "speed": 2.0}
 
     def step(self, action):
-        return np.array([int(action), 7]), 1.0, False, False, {}
+        return np.array([int(action), 7]), 1.0, False, False, {"max": 3.0, "speed": 2.0}
 
 
 class Turned(CartPoleEnv):

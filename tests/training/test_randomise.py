@@ -22,6 +22,7 @@ from openeureka.training.wire import pack_lanes, unpack_lanes
 from openeureka.types import NOMINAL, Lane, LaneSpec, Ranges, TrainBudget, TrainingProgress, TrainingResult
 from openeureka.types.dynamics import QUANTITIES
 
+PENDULUM = str(Path(__file__).parents[2] / "examples" / "pendulum.py")
 SAME = Ranges(NOMINAL, NOMINAL)
 HARD = ranges({"mass": (0.5, 2.0), "strength": (0.7, 1.3), "delay": (0.0, 0.06), "noise": (0.0, 0.1)})
 SMALL = TrainBudget(env_steps=16 * 32 * 4, worlds=32)
@@ -249,6 +250,11 @@ def test_what_flies_by_propellers_alone_is_pushed():
     assert not useless(registry.get("quadcopter"), spec.compile(), "push")
 
 
+def test_a_delay_that_rounds_to_no_step_is_not_drawn():
+    assert find(PENDULUM, "mild") is not None and "delay" not in find(PENDULUM, "mild").drawn
+    assert "delay" in find(PENDULUM, "wide").drawn and "delay" in find("cartpole", "mild").drawn
+
+
 def test_a_file_gives_ranges_by_quantity(tmp_path: Path):
     (tmp_path / "r.yaml").write_text("mass: [0.8, 1.2]\nstiffness: [0.9, 1]\npush_every: 5\n")
     found = find("anymal", str(tmp_path / "r.yaml"))
@@ -274,6 +280,11 @@ def test_a_file_gives_ranges_by_quantity(tmp_path: Path):
         ("anymal", "mass: [true, 1]", "is no range"),
         ("anymal", "- mass", "holds no ranges, such as"),
         ("anymal", "a: b: c", "are not YAML"),
+        (
+            PENDULUM,
+            "delay: [0, 0.02]",
+            "`delay` in .* changes nothing of `pendulum`, whose steps of 0.05 s are too long",
+        ),
         ("cartpole", "push: [0, 1]", "`push` in .* changes nothing of `cartpole`, which has no floating base"),
         ("allegro_hand", "push_every: 5", "`push_every` in .* changes nothing of `allegro_hand`, which has no"),
         ("cartpole", "stiffness: [0.9, 1.1]", "changes nothing of `cartpole`, whose model has nothing of the kind"),

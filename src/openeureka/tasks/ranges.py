@@ -88,8 +88,8 @@ def written(task: type[Task], model: mujoco.MjModel, text: str, where: str) -> R
     if not (isinstance(found, dict) and found):
         raise ConfigError(f"{where} holds no ranges, such as `mass: [0.8, 1.2]`.")
     pairs = {str(name): checked(str(name), value, where) for name, value in cast(dict[Any, Any], found).items()}
-    for name in pairs:
-        if why := useless(task, model, name):
+    for name, (_, most) in pairs.items():
+        if why := useless(task, model, name, most):
             raise ConfigError(f"`{name}` in {where} changes nothing of `{task.env}`, {why}; leave it out.")
     return ranges(pairs)
 
@@ -100,7 +100,7 @@ def uniform(task: type[Task], model: mujoco.MjModel) -> Ranges:
 
 
 def _taken(task: type[Task], model: mujoco.MjModel, pairs: Pairs) -> Ranges:
-    return ranges({name: pair for name, pair in pairs.items() if not useless(task, model, name)})
+    return ranges({name: pair for name, pair in pairs.items() if not useless(task, model, name, pair[1])})
 
 
 def described(task: type[Task], model: mujoco.MjModel) -> str:
@@ -159,12 +159,14 @@ def _example(name: str) -> list[float]:
     return [round(0.8 * own, 3), round(1.2 * own, 3)] if own else [0.0, {"delay": 0.04, "push": 0.5}.get(name, 0.05)]
 
 
-def useless(task: type[Task], model: mujoco.MjModel, name: str) -> str:
-    """Why a quantity changes nothing of a task; empty where it does."""
+def useless(task: type[Task], model: mujoco.MjModel, name: str, most: float = math.inf) -> str:
+    """Why a quantity of at most so much changes nothing of a task; empty where it does."""
     if name in FACTORS and not acts(model, name):
         return "whose model has nothing of the kind"
     if name in ("push", "push_every") and floating_joint(model) < 0:
         return "which has no floating base"
     if name == "delay" and task.choices:
         return "whose actions are choices"
+    if name == "delay" and most < task.control_dt / 2:
+        return f"whose steps of {task.control_dt:g} s are too long for it"
     return ""

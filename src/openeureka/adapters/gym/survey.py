@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import builtins
 import inspect
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -148,7 +149,8 @@ def variables(found: Survey, hidden: frozenset[str] = frozenset()) -> tuple[tupl
     for name, shape in found.infos.items():
         if name not in hidden and name not in taken and not documents.betrays(name):
             meaning = f"{name.replace('_', ' ')}, as `info` has it"
-            made.append((StateVar(name=name, shape=shape, meaning=meaning, use=documents.use_of(name)), name))
+            called = documents.identifiers([name])[0] if hasattr(builtins, name) else name
+            made.append((StateVar(name=called, shape=shape, meaning=meaning, use=documents.use_of(name)), name))
     return tuple(made)
 
 
