@@ -48,14 +48,7 @@ def resume(words: Sequence[str]) -> None:
     stored = compose.stored(directory)
     config = changed(stored, settings)
     expect_same(directory, stored, config)
-    trust.agree(
-        config,
-        directory,
-        typed=_keys(settings),
-        trusted=trusted,
-        way=_trusting(directory),
-        asks=True,
-    )
+    trust.agree(config, directory, typed=_keys(settings), trusted=trusted, way=_trusting(directory), asks=True)
     if config.model == NO_MODEL and config.tune:
         fit(config, directory, None)
     elif config.model == NO_MODEL:

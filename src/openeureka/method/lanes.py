@@ -40,8 +40,8 @@ from ..types import (
 from .schedule import RUNGS, WHOLE, Ladder
 
 HELD_OUT, CHOOSING, COMPARING, ROBUST = 1_000_003, 2_000_003, 3_000_003, 4_000_003
-"""Added to the seed of a run: start states of its final scores, those it chooses by, and those on which a policy that
-was chosen by its final score is compared. No lane trains with them."""
+"""Added to the seed of a run: start states of its final scores, those it chooses by, those on which a policy that was
+chosen by its final score is compared, and those on which robust policies are judged. No lane trains with them."""
 EPISODES = (8, 64)
 """Of each policy and look, the least and the most."""
 SHARE = 0.1

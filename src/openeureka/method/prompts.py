@@ -163,9 +163,10 @@ def _standing(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"])
         scores = "The score of its policy is undefined"
     best = plan.best is not None and plan.best.sample.verdict.candidate == turn.sample.verdict.candidate
     votes = " by the votes of a person" if plan.opinion.ranks else ""
-    rank = f"the best of all so far{votes}" if best else f"not the best so far{votes}"
     if plan.best is None and plan.limits:
         rank = "no policy keeps the limits so far"
+    else:
+        rank = f"the best of all so far{votes}" if best else f"not the best so far{votes}"
     if style == "grammar":
         return f"{scores}, {rank}.\n"
     if turn is not plan.turns[-1] or plan.crossover:

@@ -5,7 +5,7 @@ One training says little of a reward: another seed may rank it anew.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from ..config import RunConfig
 from ..reward.form import form
@@ -35,10 +35,8 @@ def contenders(history: History) -> tuple[Scored, ...]:
     if best is None or best.played is None or ranking.by_votes:
         return (best,) if best is not None else ()
     entries = [entry for generation in history.generations for entry in generation.entries]
-    able: dict[CandidateId, Scored] = {}
-    for entry in entries:
-        if entry.sample.verdict.candidate not in ranking.rejected and not entry.breaks(history.limits):
-            able.setdefault(entry.sample.verdict.candidate, entry)
+    keeping = (entry for entry in entries if not entry.breaks(history.limits))
+    able = {name: entry for name, entry in _first_of_each(keeping).items() if name not in ranking.rejected}
     close = level({name: entry.played for name, entry in able.items() if entry.played is not None})
     ordered = sorted((able[name] for name in close), key=lambda entry: -rank(entry.score))
     different: dict[str, Scored] = {}
@@ -115,9 +113,7 @@ def outcome(
     if best is None:
         return Outcome(best=None)
     entries = [entry for generation in history.generations for entry in generation.entries]
-    others: dict[str, Scored] = {}
-    for entry in sorted(entries, key=lambda entry: -rank(entry.score)):
-        others.setdefault(entry.sample.verdict.candidate, entry)
+    others = _first_of_each(sorted(entries, key=lambda entry: -rank(entry.score)))
     others.pop(best.sample.verdict.candidate, None)
     lanes = final_lanes(config, [best, *others.values()], results, scores)
     # Not whom the scores of now would race: what plays after the race may change those.
@@ -151,3 +147,11 @@ def sure(scores: Scores, own: str, other: str, claims: float = 1) -> bool:
     rivals = [values for name, values in scores.items() if name not in (own, other, "sparse")]
     found = difference(scores[own], scores.get(other, ()), rivals, claims=claims)
     return found is not None and found.sure
+
+
+def _first_of_each(entries: Iterable[Scored]) -> dict[CandidateId, Scored]:
+    """By program, where it first came."""
+    found: dict[CandidateId, Scored] = {}
+    for entry in entries:
+        found.setdefault(entry.sample.verdict.candidate, entry)
+    return found

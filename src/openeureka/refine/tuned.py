@@ -141,9 +141,9 @@ def read(
     if ORIGINAL not in texts:
         return None
     origin = texts[ORIGINAL].source
-    ids = {candidate.id: results.get(lane_id(candidate.id, config.seed)) for candidate in texts.values()}
+    ended = {candidate.id: results.get(lane_id(candidate.id, config.seed)) for candidate in texts.values()}
     # The text as it came may have led a search without training to its end: then it says nothing beside the others.
-    cut = {name for name, result in ids.items() if result is not None and result.state is TrainingState.CUT}
+    cut = {name for name, result in ended.items() if result is not None and result.state is TrainingState.CUT}
     trials = [
         Weighting(
             name=name,
@@ -154,7 +154,7 @@ def read(
         for name, candidate in texts.items()
         if (own := values(candidate.source, origin)) is not None
     ]
-    trained = [trial for trial in trials if ids[trial.candidate.id] is not None]
+    trained = [trial for trial in trials if ended[trial.candidate.id] is not None]
     whole = [trial for trial in trained if trial.candidate.id not in cut]
     lanes = final_lanes(config, texts, results)
     limits = config.cost_limits

@@ -296,24 +296,27 @@ class Rules(ast.NodeVisitor):
 
     def _expect_no_memory(self, changed: ast.AST, node: ast.AST) -> None:
         """What is changed must be made anew in each call: a graph would keep the value of one call for ever."""
-        while isinstance(changed, ast.Subscript):
-            changed = changed.value
-        if not isinstance(changed, ast.Name):
-            return
-        name = changed.id
+        whole = _whole(changed)
+        name = whole.id if isinstance(whole, ast.Name) else ""
         if name in self._remembered or (name in self.draft.constants and name not in self._locals):
             message = f"`{name}` would keep a value from one call to the next"
             self._refuse("memory", message, node, "compute the reward from the state variables alone")
 
     def _protected_root(self, node: ast.AST) -> str | None:
         """The input tensor that `x`, `x[...]` or `self.x[...]` names."""
-        while isinstance(node, ast.Subscript):
-            node = node.value
+        node = _whole(node)
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "self":
             return f"self.{node.attr}" if node.attr in self.state else None
         if not isinstance(node, ast.Name) or node.id not in self._protected or node.id not in self.state:
             return None
         return node.id if self.state[node.id].kind in ("world", "constant") else None
+
+
+def _whole(node: ast.AST) -> ast.AST:
+    """What `x`, `x[...]` and `x[...][...]` are, or are a part of."""
+    while isinstance(node, ast.Subscript):
+        node = node.value
+    return node
 
 
 def _mutable(node: Scope) -> frozenset[str]:

@@ -212,9 +212,8 @@ class Database:
 
     def _prepare(self, writable: bool, migrate: bool) -> None:
         self._connection.execute("PRAGMA trusted_schema = OFF")
-        self._connection.execute("BEGIN")  # number and tables of one moment: another process may be migrating
-        schema, objects = self._schema(), _objects(self._connection)
-        self._connection.execute("COMMIT")
+        with self.moment():  # another process may be migrating
+            schema, objects = self._schema(), _objects(self._connection)
         if schema > len(MIGRATIONS):
             raise StoreError(f"{self.directory} was written by a newer openeureka; install that version to open it.")
         if schema < 0 or objects != _layout(tuple(MIGRATIONS[:schema]))[0]:

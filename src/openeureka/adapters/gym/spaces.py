@@ -34,15 +34,22 @@ class Part:
         return int(np.prod(self.shape, dtype=int))
 
     @property
-    def options(self) -> list[str]:
-        """What each column stands for where whole numbers are ones among zeros; else none."""
+    def counted(self) -> bool:
+        """Whether its columns are ones among zeros, for whole numbers."""
+        return isinstance(self.space, spaces.Discrete | spaces.MultiDiscrete)
+
+    @property
+    def columns(self) -> list[str]:
+        """What each column is."""
         if isinstance(self.space, spaces.Discrete):
-            return [str(self.space.start + value) for value in range(int(self.space.n))]
-        if not isinstance(self.space, spaces.MultiDiscrete):
-            return []
-        ends = zip(self.space.start.reshape(-1), self.space.nvec.reshape(-1), strict=True)
-        numbers = enumerate((range(first, first + count) for first, count in ends), start=1)
-        return [f"{value} as number {place}" for place, values in numbers for value in values]
+            seen = [f"{self.space.start + value}" for value in range(int(self.space.n))]
+        elif isinstance(self.space, spaces.MultiDiscrete):
+            firsts, counts = self.space.start.reshape(-1), self.space.nvec.reshape(-1)
+            numbers = enumerate(zip(firsts, counts, strict=True), start=1)
+            seen = [f"{first + i} as number {place}" for place, (first, count) in numbers for i in range(count)]
+        else:
+            return [f"column {i} of the observation" for i in range(self.size)]
+        return [f"1 where it observes {value}, else 0" for value in seen]
 
     def of(self, observation: Any) -> np.ndarray:
         """What it is in an observation, or in a batch of them."""

@@ -59,7 +59,7 @@ def survey(env: Env[Any, Any], name: str) -> Survey:
     observed, infos = _play(env)
     if not all(np.isfinite(part.of(seen)).all() for seen in observed for part in found):
         raise TaskError(f"`{name}` observes a value that is not finite, within {_TRIED} random steps.")
-    spec = env.spec
+    spec, told = env.spec, _is_as_documented(env)
     return Survey(
         env=name,
         parts=found,
@@ -67,8 +67,8 @@ def survey(env: Env[Any, Any], name: str) -> Survey:
         steps=(spec.max_episode_steps if spec else None) or _own_limit(env) or LONGEST,
         dt=_dt(env),
         infos=_shapes(infos),
-        sections=_structure(env) if _is_as_documented(env) else {},
-        document=(inspect.getdoc(type(env.unwrapped)) or "") if _is_as_documented(env) else "",
+        sections=_structure(env) if told else {},
+        document=(inspect.getdoc(type(env.unwrapped)) or "") if told else "",
     )
 
 
@@ -160,12 +160,10 @@ def _observed(found: Survey) -> list[tuple[StateVar, slice | str]]:
         if len(single.shape) != 1:
             return []
         bare = found.env.rpartition(":")[2].rpartition("/")[2].rpartition("-v")[0]
-        told = single.options
-        named = documents.columns(found.document, bare, single.size) if not told else []
+        # A table of whole numbers names those, not the ones among zeros that stand for them.
+        named = documents.columns(found.document, bare, single.size) if not single.counted else []
         if not named and single.size <= MAX_COLUMNS:
-            said = [f"1 where it observes {option}, else 0" for option in told]
-            said = said or [f"column {i} of the observation" for i in range(single.size)]
-            named = [(f"observation_{i}", meaning) for i, meaning in enumerate(said)]
+            named = [(f"observation_{i}", meaning) for i, meaning in enumerate(single.columns)]
         columns = [
             (StateVar(name=name, meaning=meaning, use=documents.use_of(f"{name} {meaning}")), slice(i, i + 1))
             for i, (name, meaning) in enumerate(named)
