@@ -84,15 +84,15 @@ def breach(score: Evaluation | None, limits: Limits) -> str:
 
 
 def played(plays: Mapping[Peak, Sequence[Evaluation]], limits: Limits = NO_LIMITS) -> Evaluation:
-    """What a lane scores: that of its policies which plays best counts, one that keeps the limits before others; of
-    equals the first."""
+    """What a lane scores: that of its policies which is worth most counts, of equals the first."""
     return max(map(pooled, plays.values()), key=lambda score: worth(score, limits))
 
 
-def worth(score: Evaluation | None, limits: Limits = NO_LIMITS) -> tuple[bool, float]:
-    """To rank policies by: one that keeps the limits comes before others, then F counts. Of one without a score nothing
-    is known."""
-    return score is not None and not score.broken(limits), rank(score.fitness if score is not None else None)
+def worth(score: Evaluation | None, limits: Limits = NO_LIMITS) -> tuple[float, float]:
+    """To rank policies by: the less one is beyond the limits the better, then F counts. One without a score is last."""
+    if score is None:
+        return -math.inf, -math.inf
+    return -excess(score, limits), rank(score.fitness)
 
 
 def standing(plays: Mapping[Peak, Sequence[Evaluation]] | None, otherwise: Peak, limits: Limits = NO_LIMITS) -> Peak:

@@ -115,6 +115,8 @@ def test_of_a_lane_s_policies_one_that_keeps_the_limits_stands_for_it() -> None:
     plays = {"reward": [play("reward", 3.0, 90.0)], "last": [play("last", 2.0, 60.0), play("last", 2.0, 80.0)]}
     assert played(plays).peak == "reward" and played(plays, {"torque": 75.0}).peak == "last"  # type: ignore[arg-type]
     assert played(plays, {"torque": 75.0}).costs == {"torque": 70.0}  # type: ignore[arg-type]
+    # Where each breaks them, the one that is least beyond them, whatever its F.
+    assert played(plays, {"torque": 65.0}).peak == "last"  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("limits", ["torque", "torque=", "torque=nan", "torque=-1", "torque=4O"])

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from ..score import NO_LIMITS, excess, rank
+from ..score import NO_LIMITS, worth
 from ..store.lane_log import LaneLog
 from ..types import Evaluation, LaneSpec, Limits, Standing, TrainingResult, TrainingState
 
@@ -36,19 +36,15 @@ RUNGS: Mapping[str, tuple[Rung, ...]] = {
 def leaders(scores: Mapping[str, Evaluation], rung: Rung, limits: Limits = NO_LIMITS) -> frozenset[str]:
     """The lanes that go on: those that play best, of equals the earlier one. One beyond a limit comes after all that
     keep them."""
-    ordered = sorted(scores, key=lambda lane: _worth(scores[lane], limits), reverse=True)
+    ordered = sorted(scores, key=lambda lane: worth(scores[lane], limits), reverse=True)
     return frozenset(ordered[: max(1, math.ceil(rung.kept * len(ordered)))])
 
 
 def why(rung: Rung, lane: str, scores: Mapping[str, Evaluation], limits: Limits = NO_LIMITS) -> str:
     """Why a lane was cut, for people."""
-    own = _worth(scores[lane], limits)
-    place = sum(_worth(score, limits) > own for score in scores.values()) + 1
+    own = worth(scores[lane], limits)
+    place = sum(worth(score, limits) > own for score in scores.values()) + 1
     return f"after {rung.share:.3g} of its steps, at place {place} of {len(scores)}"
-
-
-def _worth(score: Evaluation, limits: Limits) -> tuple[float, float]:
-    return -excess(score, limits), rank(score.fitness)
 
 
 @dataclass(frozen=True, slots=True)

@@ -276,7 +276,7 @@ def _peak(lanes: Lanes, lane: Lane, quantities: Sequence[str]) -> Peak:
     return (found.peak if found is not None else None) or PEAKS[0]
 
 
-def _worth(lanes: Lanes, lane: str) -> tuple[bool, float]:
+def _worth(lanes: Lanes, lane: str) -> tuple[float, float]:
     """To rank lanes by, on start states for choosing."""
     limits = lanes.config.cost_limits
     return worth(chosen(lanes.store.lanes.trials().get(lane, {}), limits), limits)
