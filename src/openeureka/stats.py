@@ -72,31 +72,33 @@ def difference(
     """Student's interval of mean(own) - mean(other), a value a seed; None where either has fewer than two.
 
     With two or three seeds each a spread of its own is worth little: that of all rewards is pooled, as if they were
-    equally noisy. All play the same start states, so what those share is no part of it.
+    equally noisy. One that scores the same with every seed, as at F = 0, is no part of the pool, since it would make
+    noisy ones look steady; where it is compared with a noisy one, it adds no noise. All play the same start states, so
+    what those share is no part of it.
 
     Where the two rewards have but two values, as where F is 0 or 1, no spread tells what chance does. Then the interval
     ends at zero at the least, until Fisher's exact test is sure as well.
 
     Args:
-        rivals: scores of the others in the race, for the spread. Those that score the same with every seed tell nothing
-            of it: they would make two noisy rewards look steady.
+        rivals: scores of the others in the race, for the spread.
         claims: how many such intervals are to hold together (Bonferroni), as where the best of several is compared.
     """
     if len(own) < 2 or len(other) < 2:
         return None
-    among = [own, other, *(values for values in rivals if len({*values}) > 1)]
+    noisy = [values for values in (own, other) if len({*values}) > 1] or [own, other]
+    among = [*noisy, *(values for values in rivals if len({*values}) > 1)]
     freedom = sum(len(values) - 1 for values in among)
     squares = [(x - math.fsum(values) / len(values)) ** 2 for values in among for x in values]
     spread = math.sqrt(math.fsum(squares) / freedom)
     value = math.fsum(own) / len(own) - math.fsum(other) / len(other)
-    half = _quantile(freedom, claims) * spread * math.sqrt(1 / len(own) + 1 / len(other))
+    half = _quantile(freedom, claims) * spread * math.sqrt(sum(1 / len(values) for values in noisy))
     rates = _rates(own, other)
     if rates is not None and claims * _exact(rates, len(own), len(other)) > 1 - CONFIDENCE:
         half = max(half, abs(value))
     enough = (
         n
         for n in range(2, MOST_SEEDS + 1)
-        if _quantile(2 * n - 2) * spread * (2 / n) ** 0.5 < abs(value)
+        if _quantile(len(noisy) * (n - 1)) * spread * (len(noisy) / n) ** 0.5 < abs(value)
         and (rates is None or _exact(rates, n, n) <= 1 - CONFIDENCE)
     )
     return Difference(value=value, low=value - half, high=value + half, seeds=next(enough, None))
