@@ -115,8 +115,8 @@ class Task(ABC):
     """F tells of whole episodes in every step: those of an episode that began in its middle have no weight."""
     episode_length: ClassVar[int]
     """[steps]"""
-    time_out_early: ClassVar[int] = 1
-    """[steps] by which the time-out comes before episode_length: 1 in the originals of `isaac`, 0 in `dexterity`'s."""
+    time_out_early: ClassVar[int] = 0
+    """[steps] by which the time-out comes before episode_length: 1 in the originals of `isaac`."""
     control_dt: ClassVar[float]
     """[s] between two actions."""
     substeps: ClassVar[int]

@@ -34,7 +34,6 @@ class PaidTask(Task):
     over an episode, or what `fitness=` says."""
 
     suite = "gymnasium"
-    time_out_early = 0
     memory = ("returned",)
     decided: ClassVar[tuple[str, ...]] = ("control_dt", "substeps", "num_observations", "num_actions")
     """Attributes that nobody can set: they follow from the environment."""

@@ -42,7 +42,6 @@ class TwoHands(Task):
     score_unit, score_range = "share of episodes in which it is done", (0.0, 1.0)
     ends = "No episode ends early."
     substeps = 2
-    time_out_early = 0
     view = View(azimuth=160.0, elevation=-25.0)
     scene: ClassVar[Scene]
     transition_scale: ClassVar[float] = 0.0

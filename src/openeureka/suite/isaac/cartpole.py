@@ -28,6 +28,7 @@ class Cartpole(Task):
         "from the middle."
     )
     episode_length = 500
+    time_out_early = 1
     control_dt = 0.0166
     substeps = 2
     num_observations = 4

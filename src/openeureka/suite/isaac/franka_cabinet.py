@@ -65,6 +65,7 @@ class FrankaCabinet(Task):
     scores_episodes = True
     ends = "An episode ends early as soon as the top drawer is pulled out all the way."
     episode_length = 500
+    time_out_early = 1
     control_dt = 0.0166
     substeps = 3  # the original takes one
     num_observations = 23

@@ -26,6 +26,7 @@ class Runner(Task):
     """
 
     score_unit = "m/s"
+    time_out_early = 1
     memory = ("prev_potentials",)
     unmeasured = (("torso_height", range(0, 1)), ("torso_velocity", range(1, 4)))
     feet: ClassVar[tuple[str, ...]]

@@ -34,6 +34,7 @@ class Reorientation(Task):
 
     suite = "isaac"
     episode_length = 600
+    time_out_early = 1
     score_unit, score_range = "goals reached in an episode", (0.0, None)
     ends = (
         "An episode ends early when the object is 0.24 m from its goal position; a goal reached gives way to "
