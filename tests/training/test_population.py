@@ -1,4 +1,5 @@
 import dataclasses
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -98,7 +99,7 @@ def test_a_state_that_an_older_version_saved_is_gone_on_from(monkeypatch: pytest
         if isinstance(message, TrainingProgress) and message.epoch == 2:
             break
     saved = first.state_dict()
-    del saved["clock"]
+    del saved["clock"], saved["curves"]["where"]
     for name in STATISTICS:
         del saved["curves"]["curves"][0][f"ppo/{name}"]
     second = Population("cartpole", specs, SMALL, threads=1)
@@ -298,6 +299,79 @@ def test_fitness_looks_back_over_the_window_and_weighs_episodes_alike():
     assert curves.curves[0]["episode_length"] == [7.0, 7.0, 7.0]
 
 
+def ended(*wins: bool, terminated: bool) -> Step:
+    """A step that ends the episodes of two worlds."""
+    done, none = torch.ones(2, dtype=torch.bool), torch.zeros(2, dtype=torch.bool)
+    score = Score(torch.tensor(wins).float(), torch.ones(2))
+    return step_of(score, ended=True)._replace(terminated=done if terminated else none, timed_out=none)
+
+
+def test_fitness_waits_where_only_the_quick_episodes_can_have_ended():
+    """Two successes end, then two failures that took their time: 2 of 4 succeed, and no epoch says that all do."""
+    zero, settled = torch.zeros(1, 2), {}
+    for epochs in (0, 2):
+        curves = Curves(lanes=1, worlds=2, window=2, settled=epochs)
+        for step in (ended(True, True, terminated=True), ended(False, False, terminated=False)):
+            curves.add(step, zero, zero, torch.zeros(0, 2), zero[0])
+            settled.setdefault(epochs, []).extend(curves.close_epoch()[0])
+    assert settled == {0: [1.0, 0.5], 2: [None, 0.5]}
+
+
+def test_fitness_waits_neither_for_episodes_that_last_nor_where_it_tells_of_every_step():
+    zero = torch.zeros(1, 2)
+    lasting, every = ended(True, False, terminated=False), step_of(Score(torch.ones(2), torch.ones(2)), ended=False)
+    every = every._replace(timed_out=torch.zeros(2, dtype=torch.bool))
+    for steps, wanted in (([lasting], 0.5), ([every, ended(True, False, terminated=True)], 0.75)):
+        curves = Curves(lanes=1, worlds=2, window=2, settled=4)
+        for step in steps:
+            curves.add(step, zero, zero, torch.zeros(0, 2), zero[0])
+        assert curves.close_epoch()[0] == [wanted]
+
+
+LUCKY = """
+import torch
+from openeureka.suite.isaac.cartpole import Cartpole
+from openeureka.tasks.task import mean_over_episodes
+
+class Lucky(Cartpole):
+    env = "lucky"
+    episode_length, time_out_early, counts_early = 64, 0, False
+    memory = ("lucky",)
+
+    def __init__(self, *args):
+        super().__init__(*args)
+        self.lucky = torch.zeros(self.num_envs, dtype=torch.bool)
+
+    def reset(self, worlds):
+        super().reset(worlds)
+        self.lucky[worlds] = self.noise.uniform(worlds, 1)[:, 0] < 1 / 8
+
+    def terminated(self, s):
+        return self.lucky & (self.progress > 2)
+
+    def fitness(self, s, ended):
+        return mean_over_episodes(self.lucky, ended)
+"""
+
+
+def test_a_policy_that_seldom_succeeds_is_no_peak_because_its_successes_come_first(tmp_path: Path):
+    """One episode in eight succeeds, at once, whatever the policy does; the others take 64 steps, four epochs."""
+    (tmp_path / "lucky.py").write_text(LUCKY)
+
+    def train(epochs: int, until: float = 1.0) -> TrainingResult:
+        budget = TrainBudget(env_steps=256 * 16 * epochs, worlds=256, until=until)
+        spec = LaneSpec(id="human", program="human")
+        messages = Population(f"{tmp_path}/lucky.py", [spec], budget, threads=1).train()
+        return next(message for message in messages if isinstance(message, TrainingResult))
+
+    found = train(12)
+    assert found.curves["fitness"][:7] == (None,) * 7 and found.best_fitness is not None
+    assert found.best_fitness.epoch >= 7 and found.fitness == pytest.approx(1 / 8, abs=0.05)
+    short = train(3).curves["fitness"]  # too short: the end counts, and no epoch before
+    assert short[:2] == (None, None) and short[2] is not None
+    assert train(12, until=0.25).fitness is None
+
+
 def paused(specs: list[LaneSpec], until: int) -> dict[str, TrainingResult]:
     budget = dataclasses.replace(SMALL, until=until / 4)
     found = {
@@ -349,6 +423,6 @@ def test_lanes_that_paused_on_another_kind_of_device_begin_anew():
 def test_lanes_that_paused_before_their_device_was_kept_go_on():
     specs = [LaneSpec(id="human", program="human")]
     state = pausing.load(paused(specs, until=2)["human"].paused or b"", torch.device("cpu"))
-    del state["device"]
+    del state["device"], state["curves"]["where"]
     (again,) = results([dataclasses.replace(specs[0], paused=pausing.save({**state, "seconds": 1000.0}))]).values()
     assert again.seconds > 1000.0 and again.curves["reward"] == results(specs)["human"].curves["reward"]

@@ -113,6 +113,9 @@ class Task(ABC):
     """When `terminated` ends an episode: a sentence for the language model, which does not say what F wants."""
     scores_episodes: ClassVar[bool] = False
     """F tells of whole episodes in every step: those of an episode that began in its middle have no weight."""
+    counts_early: ClassVar[bool] = False
+    """F of a training tells of the first episodes that end, where it tells of whole ones at their ends: right where
+    only a failure ends one early. Elsewhere those are at first the quick successes, and F waits (`training.curves`)."""
     episode_length: ClassVar[int]
     """[steps]"""
     time_out_early: ClassVar[int] = 0

@@ -21,11 +21,16 @@ class Curves:
     F alone looks back over `window` epochs, as long as an episode. In one epoch only a dozen of some hundred worlds end
     theirs, and worlds that once failed together stay in step: the maximum over epochs would reward luck and phase.
 
+    Where F tells of whole episodes at their ends, and one ended before its time, F waits for `settled` epochs. Until
+    twice the length of an episode has passed, episodes that last are missing among those that ended: a policy that
+    seldom succeeds, but then ends the episode, would show the F of its successes alone.
+
     Sums stay on the device until the epoch is closed.
 
     Args:
         lanes, worlds: L lanes of n worlds.
         window: epochs that F looks back over.
+        settled: epochs after which F tells of episodes whose end may come early; 0 tells of them from the first.
         components: (lane, name) of each reward component.
 
     Attributes:
@@ -38,12 +43,16 @@ class Curves:
         worlds: int,
         window: int = 1,
         *,
+        settled: int = 0,
         components: Sequence[tuple[int, str]] = (),
         device: torch.device | str = "cpu",
     ) -> None:
         self.lanes, self.worlds, self.components, self.device = lanes, worlds, components, device
         self.curves: list[dict[str, list[float | None]]] = [{} for _ in range(lanes)]
         self._scores: deque[Tensor] = deque(maxlen=window)
+        self._settled = settled
+        self._where = torch.zeros(lanes, 2, dtype=torch.float64, device=device)
+        """Weight in F so far: of steps that terminated an episode, and of steps that ended none."""
         self.moments = torch.zeros(lanes, 6, dtype=torch.float64, device=device)
         self._parts = torch.zeros(len(components), 4, dtype=torch.float64)
         """Of each component, over the epochs whose parts count: its sum over transitions, their number, and both of
@@ -52,7 +61,7 @@ class Curves:
         self._start()
 
     def _start(self) -> None:
-        self._sums = torch.zeros(self.lanes, 7, dtype=torch.float64, device=self.device)
+        self._sums = torch.zeros(self.lanes, 9, dtype=torch.float64, device=self.device)
         self._means = torch.zeros(len(self.components), 2, dtype=torch.float64, device=self.device)
         self._steps = 0
 
@@ -65,8 +74,9 @@ class Curves:
 
         value, weight = step.score
         length = step.episode_length * step.ended
+        where = (weight.masked_fill(~step.terminated, 0.0), weight.masked_fill(step.done, 0.0))
         self._sums += torch.stack(
-            [per_lane(x) for x in (value * weight, weight, length, step.ended, own, human, early)], dim=-1
+            [per_lane(x) for x in (value * weight, weight, length, step.ended, own, human, early, *where)], dim=-1
         )
         self.moments += moments(own, human)
         self._means += means
@@ -75,7 +85,8 @@ class Curves:
     def close_epoch(self, *, parts: bool = False) -> tuple[list[float | None], list[float]]:
         """Append the epoch to every curve; returns F and the mean own reward per step of each lane.
 
-        F is None where no episode was scored; NaN or infinite where the task made it so, and None in its curve.
+        F is None where no episode was scored, and where it waits; NaN or infinite where the task made it so, and None
+        in its curve.
 
         Args:
             parts: whether the epoch counts for `early_and_late`.
@@ -83,6 +94,8 @@ class Curves:
         fitness, own_means = [], []
         self._scores.append(self._sums[:, :2])
         scores = torch.stack(list(self._scores)).sum(0).tolist()
+        self._where += self._sums[:, 7:]
+        waits = [terminated > 0 and not elsewhere for terminated, elsewhere in self._where.tolist()]
         components: list[dict[str, float | None]] = [{} for _ in range(self.lanes)]
         for (lane, name), (total, _) in zip(self.components, self._means.tolist(), strict=True):
             components[lane][COMPONENT + name] = total / self._steps
@@ -94,14 +107,15 @@ class Curves:
             value, weight = scores[lane]
             length, done, own, human = row[2:6]
             transitions = self._steps * self.worlds
+            before = len(self.curves[lane].get("fitness", ()))  # an older version saved no such curves
+            told = weight and not (waits[lane] and before + 1 < self._settled)
             point: dict[str, float | None] = {
-                "fitness": value / weight if weight else None,
+                "fitness": value / weight if told else None,
                 "episode_length": length / done if done else None,
                 "reward": own / transitions,
                 "human_reward": human / transitions,
             }
             learnt: dict[str, float | None] = {f"ppo/{name}": None for name in STATISTICS}  # `learned` fills it in
-            before = len(self.curves[lane].get("fitness", ()))  # an older version saved no such curves
             for name, number in (point | components[lane] | learnt).items():
                 finite = number is not None and abs(number) < float("inf")
                 self.curves[lane].setdefault(name, [None] * before).append(number if finite else None)
@@ -138,11 +152,18 @@ class Curves:
 
     def state_dict(self) -> dict[str, Any]:
         """All that is remembered between two epochs."""
-        return {"curves": self.curves, "scores": list(self._scores), "moments": self.moments, "parts": self._parts}
+        return {
+            "curves": self.curves,
+            "scores": list(self._scores),
+            "where": self._where,
+            "moments": self.moments,
+            "parts": self._parts,
+        }
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         self.curves, self.moments = saved["curves"], saved["moments"]
         self._scores.extend(saved["scores"])
+        self._where = saved.get("where", self._where)  # an older version saved none
         self._parts = saved.get("parts", self._parts).cpu()  # an older version saved none; others load onto the GPU
 
     def correlation(self, lane: int) -> float | None:

@@ -86,6 +86,7 @@ def cut(population: Population, lane: int, state: State | None = None) -> State:
         "curves": {
             "curves": [curves["curves"][lane]],
             "scores": [own(scores) for scores in curves["scores"]],
+            "where": own(curves["where"]),
             "moments": own(curves["moments"]),
             "parts": curves["parts"][own_parts],
         },
@@ -111,10 +112,12 @@ def put(population: Population, lanes: Sequence[State]) -> None:
     for part in ("env", "ppo"):
         state[part] |= _joined([lane[part] for lane in lanes], {**state[part]})
     streams = dict(zip(population.ppo.streams, listed(lambda lane: lane["ppo"]["generators"]), strict=True))
+    fresh = state["curves"]["where"][:1]
     state["ppo"]["generators"] = [streams[stream] for stream in range(len(streams))]
     state["curves"] |= {
         "curves": listed(lambda lane: lane["curves"]["curves"]),
         "scores": [torch.cat(step) for step in zip(*(lane["curves"]["scores"] for lane in lanes), strict=True)],
+        "where": joined(lambda lane: lane["curves"].get("where", fresh)),  # an older version saved none
         "moments": joined(lambda lane: lane["curves"]["moments"]),
         "parts": joined(lambda lane: lane["curves"]["parts"]),
     }

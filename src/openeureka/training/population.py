@@ -92,10 +92,13 @@ class Population:
         self.rollout = Rollout(
             self.lanes, self.worlds, self.horizon, task.num_observations, task.num_actions, self.device
         )
+        window = -(-task.episode_length // self.horizon)
         self.curves = Curves(
             self.lanes,
             self.worlds,
-            window=-(-task.episode_length // self.horizon),
+            window=window,
+            # A training that is too short for it has the F of its end at least.
+            settled=0 if task.counts_early else min(2 * window, self.epochs),
             components=self.rewards.components,
             device=self.device,
         )

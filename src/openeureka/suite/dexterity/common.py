@@ -42,6 +42,7 @@ class TwoHands(Task):
     score_unit, score_range = "share of episodes in which it is done", (0.0, 1.0)
     ends = "No episode ends early."
     substeps = 2
+    counts_early = True  # also where a success stands when an episode fails: so the published trainings were measured
     view = View(azimuth=160.0, elevation=-25.0)
     scene: ClassVar[Scene]
     transition_scale: ClassVar[float] = 0.0

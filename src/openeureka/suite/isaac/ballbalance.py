@@ -48,6 +48,7 @@ class BallBalance(Task):
     human = REWARDS / "ballbalance.py"
     score_unit, score_range = "steps the ball stays on the table", (0.0, 499.0)
     ends = "An episode ends early when the ball's centre is less than 0.15 m above the ground."
+    counts_early = True
     episode_length = 500
     time_out_early = 1
     control_dt = 0.01

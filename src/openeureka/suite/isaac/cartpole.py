@@ -27,6 +27,7 @@ class Cartpole(Task):
         "An episode ends early when the pole is more than pi / 2 rad from upright, or the cart more than 3 m "
         "from the middle."
     )
+    counts_early = True
     episode_length = 500
     time_out_early = 1
     control_dt = 0.0166

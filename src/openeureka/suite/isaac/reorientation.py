@@ -33,6 +33,7 @@ class Reorientation(Task):
     """
 
     suite = "isaac"
+    counts_early = True
     episode_length = 600
     time_out_early = 1
     score_unit, score_range = "goals reached in an episode", (0.0, None)
