@@ -204,6 +204,24 @@ def test_a_forgotten_clone_is_named_before_anything_is_recorded(tmp_path, value)
         make(str(file), worlds=2).reset()
 
 
+@pytest.mark.parametrize("value", ["self.goal", "self.goal.view(-1)"])
+def test_what_the_task_remembers_is_no_state_variable_as_it_is(tmp_path, value):
+    """The last step of an episode would be paid by the goal of the next one, which the reset wrote."""
+    file = tmp_path / "mine.py"
+    text = FILE.read_text().replace("self.qvel[:, 0].clone()", value)
+    text = text.replace("    recipe =", '    memory = ("goal",)\n    recipe =', 1)
+    for method, line in (
+        ("apply_action", "self.goal = torch.zeros(self.num_envs)"),
+        ("fitness", "self.goal[worlds] = self.noise.uniform(worlds, 1)[:, 0]"),
+    ):
+        text = text.replace(f"    def {method}", f"        {line}\n\n    def {method}", 1)
+    file.write_text(text)
+    with pytest.raises(TaskError, match=r"`angular_velocity` .*, end `self\.goal` with \.clone\(\)\."):
+        make(str(file), worlds=2).reset()
+    file.write_text(text.replace(f'velocity": {value}', f'velocity": {value}.clone()'))
+    make(str(file), worlds=2).reset()
+
+
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [

@@ -84,8 +84,8 @@ class BatchedEnv:
     def reset(self, *, stagger: bool = False) -> Tensor:
         """Start an episode in every world; returns the first observation (N, O).
 
-        Raises TaskError when a state variable is a view of the simulator's memory, or a reset writes what the task does
-        not say that it remembers.
+        Raises TaskError when a state variable is a view of the simulator's or the task's memory, or a reset writes what
+        the task does not say that it remembers.
 
         Args:
             stagger: let the first episodes be cut off after a random part of the episode length. Worlds that all start
@@ -106,15 +106,19 @@ class BatchedEnv:
         return self._observe(state)
 
     def _refuse_views(self, state: State) -> None:
-        """Raises TaskError where a state variable is the simulator's own memory: what was recorded would change."""
-        own = {value.untyped_storage().data_ptr() for value in self.sim.memory().values()}
+        """Raises TaskError where a state variable is the memory of the simulator or of the task: what was recorded
+        would change, and the last step of an episode be paid by what the reset wrote."""
+        task = self.task
+        remembered = {name: getattr(task, name) for name in (*task.memory, "progress")}
+        owners = {value.untyped_storage().data_ptr(): f"`self.{name}`" for name, value in remembered.items()}
+        owners |= {value.untyped_storage().data_ptr(): "what comes from `bind`" for value in self.sim.memory().values()}
         tensors = {name: value for name, value in state.items() if isinstance(value, Tensor) and value.numel()}
-        views = [name for name, value in tensors.items() if value.untyped_storage().data_ptr() in own]
-        if views:
-            called = ", ".join(f"`{name}`" for name in views)
+        owned = {name: owners.get(value.untyped_storage().data_ptr()) for name, value in tensors.items()}
+        if views := {f"`{name}`": owner for name, owner in owned.items() if owner is not None}:
+            called, whose = (", ".join(dict.fromkeys(words)) for words in (views, views.values()))
             raise TaskError(
-                f"{called} of the task `{self.task.env}` would change after it was recorded, being the simulator's own"
-                " memory; in `compute_state`, end what comes from `bind` with .clone()."
+                f"{called} of the task `{task.env}` would change after it was recorded, being the memory of the"
+                f" simulator or of the task; in `compute_state`, end {whose} with .clone()."
             )
 
     def state_dict(self) -> dict[str, Any]:
