@@ -51,6 +51,26 @@ class Forgotten(Cartpole):
         self.falls[worlds] = 0.0
 
 
+class Levels(Cartpole):
+    """A level that a world rises to step by step decides where it starts anew, and `memory` does not say so."""
+
+    def __init__(self, *args) -> None:
+        super().__init__(*args)
+        self.level = torch.zeros(self.num_envs)
+
+    def outcome(self, s: State) -> Tensor:
+        self.level = self.level + 1.0
+        return self.level
+
+    def reset(self, worlds: Tensor) -> None:
+        super().reset(worlds)
+        self.qpos[worlds, 0] += 0.01 * self.level[worlds]
+
+
+class Remembered(Levels):
+    memory = ("level",)
+
+
 class InfiniteReward(Cartpole):
     def human_reward(self, s: State) -> Tensor:
         return 1.0 / torch.zeros_like(s["pole_angle"])
@@ -71,6 +91,7 @@ class Talkative(Cartpole):
         (GlobalNoise, "test_worlds_of_equal_seed_live_equal_lives_and_others_do_not"),
         (ForgetfulReset, "test_a_broken_world_is_reset_and_counted_and_leaves_the_others_alone"),
         (Forgotten, "test_a_reset_by_mask_is_a_reset_by_index"),
+        (Levels, "test_another_environment_goes_on_from_a_saved_state"),
         (InfiniteReward, "test_fitness_and_rewards_are_finite_numbers_per_world"),
         (Talkative, "test_the_context_shows_the_motion_and_hides_the_goal"),
     ],
@@ -90,6 +111,12 @@ def test_what_a_reset_writes_and_memory_does_not_list_is_named():
     misspelt = type("Misspelt", (Forgotten,), {"memory": ("fals",)})
     with pytest.raises(TaskError, match=r"`memory` of the task `cartpole` lists `fals`, which is no tensor"):
         BatchedEnv(misspelt, worlds=2).reset()
+
+
+def test_what_lives_on_is_kept_where_memory_lists_it():
+    suite = TaskConformance()
+    suite.env = f"{__name__}:Remembered"
+    suite.test_another_environment_goes_on_from_a_saved_state()
 
 
 class Counting(Cartpole):

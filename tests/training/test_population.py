@@ -426,3 +426,17 @@ def test_lanes_that_paused_before_their_device_was_kept_go_on():
     del state["device"], state["curves"]["where"]
     (again,) = results([dataclasses.replace(specs[0], paused=pausing.save({**state, "seconds": 1000.0}))]).values()
     assert again.seconds > 1000.0 and again.curves["reward"] == results(specs)["human"].curves["reward"]
+
+
+def test_a_lane_that_paused_keeps_what_its_task_remembers(tmp_path: Path):
+    """`level` counts the steps of each world; no reset writes it."""
+    text = LUCKY.replace('memory = ("lucky",)', 'memory = ("lucky", "level")')
+    count = "\n    def outcome(self, s):\n        self.level = self.level + 1.0\n"
+    (tmp_path / "levels.py").write_text(
+        f"{text}{count}".replace("self.lucky =", "self.level = torch.zeros(self.num_envs); self.lucky =")
+    )
+    env, specs = f"{tmp_path}/levels.py", [LaneSpec(id=name, program="human", seed=i) for i, name in enumerate("ab")]
+    first = Population(env, specs, dataclasses.replace(SMALL, until=0.5), threads=1)
+    states = {x.lane: x.paused for x in first.train() if isinstance(x, TrainingResult)}
+    (alone,) = [dataclasses.replace(spec, paused=states[spec.id]) for spec in specs[1:]]
+    assert Population(env, [alone], SMALL, threads=1).env.task.level.tolist() == [32.0] * 32

@@ -93,7 +93,7 @@ def marks(task: Task) -> dict[str, tuple[Tensor, int]]:
 
 def check_memory(task: Task, before: Mapping[str, tuple[Tensor, int]]) -> None:
     """Raises TaskError when a reset wrote what `memory` does not list: a GPU would put it back in no other world."""
-    known, after = (*task.memory, "progress", "actions"), marks(task)
+    known, after = task.lasting(), marks(task)
     for name in task.memory:
         if name not in after or after[name][0].shape[:1] != (task.num_envs,):
             raise TaskError(f"`memory` of the task `{task.env}` lists `{name}`, which is no tensor (N, ...) of it.")

@@ -140,7 +140,8 @@ class Task(ABC):
     curricula: ClassVar[Mapping[str, tuple[Stage, ...]]] = {}
     """What `curriculum=NAME` trains instead of the task alone; each ends with the task itself."""
     memory: ClassVar[tuple[str, ...]] = ()
-    """Attributes, tensors (N, ...), that `reset` writes; those of a class that this one builds on among them."""
+    """Attributes, tensors (N, ...), that live from step to step: all that `reset` writes, and what else a step leaves
+    to later ones; those of a class that this one builds on among them."""
     source: ClassVar[str] = ""
     """What the language model reads in place of the task's own code; empty for that."""
     unmeasured: ClassVar[tuple[tuple[str, range], ...]] = ()
@@ -257,6 +258,11 @@ class Task(ABC):
             f"`{cls.env}` is a task of openeureka's own kind. Rewards go back only to environments that came from "
             "elsewhere, such as gym:Hopper-v5; this one is in best/reward.py."
         )
+
+    @classmethod
+    def lasting(cls) -> tuple[str, ...]:
+        """Attributes that a lane keeps where it pauses; all others are as a new task has them."""
+        return (*cls.memory, "progress", "actions")
 
     @classmethod
     def time_limit(cls) -> int:

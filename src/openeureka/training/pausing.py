@@ -69,7 +69,7 @@ def cut(population: Population, lane: int, state: State | None = None) -> State:
         "observation": own(state["observation"]),
         "env": {
             **{name: worlds(env[name]) for name in ("whole", "draws")},
-            "task": {name: worlds(env["task"][name]) for name in (*task.memory, "progress", "actions")},
+            "task": {name: worlds(env["task"][name]) for name in task.lasting()},
             **{
                 part: {name: worlds(value) for name, value in env[part].items()}
                 for part in ("sim", "random")
