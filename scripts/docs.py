@@ -159,7 +159,7 @@ def parts() -> Mapping[str, Mapping[str, str]]:
                     _rows(choosing, choosing.checkpoints, choosing.CHECKPOINTS),
                 )
             ),
-            "make run": f"{make_run.markdown()}\n",
+            "make run": f"{make_run.markdown()}\n\n{make_run.shared()}".rstrip() + "\n",
             "generations": _rows(generations),
         },
         "docs/concepts/schedule.md": {

@@ -1,0 +1,30 @@
+"""Runs of `make run` that are set side by side: which count, and what is said of those that share trainings."""
+
+import json
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+import make_run
+
+
+def test_its_seeds_share_no_training():
+    # The run's own seed beside the first generation, then three fresh ones of the final trainings.
+    assert make_run.reach() == 4
+    assert all(other - one >= make_run.reach() for one, other in pairwise(make_run.SEEDS))
+
+
+def test_runs_of_other_seeds_count_until_its_own_are_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(make_run, "RESULTS", tmp_path / "make_run.json")
+
+    def summary(*seeds: int) -> str:
+        make_run.RESULTS.write_text(json.dumps({str(seed): {"verdict": "Not decided: F 2."} for seed in seeds}))
+        return make_run.summary()
+
+    start = "How {} runs of `make run` ended, each with a seed of its own: *not decided* ({})."
+    assert summary(0, 1, 10).startswith(f"{start.format(3, 3)} Runs whose seeds are less than 4 apart, as 0 and 1 are,")
+    assert summary(0, 4, 10) == start.format(3, 3)
+    assert summary(0, 1, 2, 3, 10, 20, 30, 40) == start.format(5, 5)
