@@ -44,6 +44,9 @@ def pooled(looks: Sequence[Evaluation], *, shared: bool = False) -> Evaluation:
     """
     defined = [look for look in looks if look.fitness is not None] or looks
     episodes = sum(look.episodes for look in defined)
+    lost = sum(look.lost for look in looks)
+    if not episodes:  # to take a mean over
+        return replace(looks[0], lost=lost)
 
     def total(values: Sequence[float | None]) -> float | None:
         """Mean over episodes."""
@@ -59,6 +62,7 @@ def pooled(looks: Sequence[Evaluation], *, shared: bool = False) -> Evaluation:
         error=summed / episodes if defined[0].error is not None else None,
         episode_length=total([look.episode_length for look in defined]) or 0.0,
         episodes=episodes,
+        lost=lost,
         costs={name: total([look.costs.get(name) for look in defined]) or 0.0 for name in looks[0].costs},
     )
 

@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import pytest
@@ -56,3 +57,10 @@ def test_an_outcome_is_normalised_by_means_over_seeds() -> None:
     )
     assert outcome.normalised_training == 1.5  # (8 - 2) / (6 - 2)
     assert outcome.normalised == 0.5  # (3 - 2) / (4 - 2)
+
+
+def test_looks_whose_episodes_were_lost_weigh_nothing() -> None:
+    none = Evaluation(lane="a", fitness=None, episode_length=3.0, episodes=0, lost=8)
+    some = Evaluation(lane="a", fitness=2.0, episode_length=6.0, episodes=4, lost=4)
+    assert pooled([none, none]) == dataclasses.replace(none, lost=16)
+    assert pooled([none, some]) == dataclasses.replace(some, lost=12)

@@ -147,6 +147,17 @@ def test_a_policy_that_fails_in_a_changed_world_is_a_sign_by_itself() -> None:
     assert [sign.kind for sign in hacking.signs([sound, sound, fragile])] == [Kind.FRAGILITY]
 
 
+def test_a_policy_that_breaks_the_physics_in_more_than_one_episode_of_a_hundred_is_a_sign_by_itself() -> None:
+    few, more = (dataclasses.replace(score(110.0), episodes=300 - lost, lost=lost) for lost in (3, 4))
+    assert hacking.signs([lane(few)]) == ()
+    (sign,) = hacking.signs([lane(few), lane(few), lane(more)])
+    assert sign.kind is Kind.PHYSICS
+    assert sign.sentence == (
+        "In 1 of 3 trainings; the first: the physics broke down in 4 of 300 held-out episodes; F leaves out what was "
+        "lost of them."
+    )
+
+
 def test_only_the_kept_policy_plays_in_changed_worlds_and_only_drifting_trainings_play_twice() -> None:
     late = dataclasses.replace(RESULT, lane="a-s2", best_fitness=peak(4))  # F and the own reward peak together
     trials = hacking.trials({"a-s1": RESULT, "a-s2": late}, kept="a-s2", peaks={"a-s1": "reward", "a-s2": "reward"})

@@ -56,3 +56,12 @@ def test_where_a_task_has_no_other_world_none_was_looked_at(tmp_path: Path) -> N
 
 def test_a_run_that_was_never_tried_says_nothing(tmp_path: Path) -> None:
     assert "hacking" not in html.report(search.finished(), tmp_path)
+
+
+def test_broken_physics_is_told_where_it_was_seen(tmp_path: Path) -> None:
+    run = judged(0.06)
+    assert "breaks the physics" not in words(html.report(run, tmp_path)), "an older run did not count it"
+    broken = {lane: dataclasses.replace(score, lost=12) for lane, score in run.evaluations.items()}
+    run = dataclasses.replace(run, evaluations=broken)
+    assert "| breaks the physics | SUSPECTED | In 2 of 2 trainings" in words(html.report(run, tmp_path))
+    assert any(line.startswith("Suspected reward hacking: breaks the physics.") for line in summary(run))

@@ -147,6 +147,16 @@ def test_an_undefined_fitness_is_null_in_the_tables(store: Store) -> None:
         assert connection.execute("SELECT fitness FROM evaluations").fetchall() == [(None,)]
 
 
+def test_episodes_that_were_lost_are_kept(store: Store) -> None:
+    store.lanes.save_results([result("a"), result("b")])
+    scores = [
+        Evaluation(lane=lane, fitness=1.0, episode_length=2.0, episodes=3, lost=lost)
+        for lane, lost in (("a", 5), ("b", 0))
+    ]
+    store.lanes.save_evaluations(scores)
+    assert store.lanes.evaluations() == {"a": scores[0], "b": scores[1]}
+
+
 def test_a_generation_comes_back_whole(store: Store) -> None:
     no_program = Verdict(candidate="", code=VerdictCode.NO_PROGRAM, findings=(Finding(rule="r", message="m"),))
     store.save_verdict(CANDIDATE, ACCEPTED, REPLY)

@@ -3,6 +3,8 @@ shows none."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 import torch
 
@@ -75,6 +77,29 @@ def test_more_worlds_than_there_is_room_for_are_played_in_turn(monkeypatch: pyte
     in_turn = evaluate("cartpole", policies, seed=5, dynamics=dynamics, episodes=8, threads=1)
     assert [(one.lane, one.episodes) for one in in_turn] == [("a", 8), ("b", 8), ("c", 8)]
     assert [one.fitness for one in in_turn] == pytest.approx([one.fitness for one in together])
+
+
+def test_episodes_that_break_the_physics_are_counted_apart(tmp_path: Path):
+    """Poles that start to the left spin too fast to be simulated; of the other episodes each lasts its 7 steps."""
+    (tmp_path / "loose.py").write_text("""
+from openeureka.suite.isaac.cartpole import Cartpole
+
+class Loose(Cartpole):
+    env = "loose"
+    episode_length = 8
+
+    def reset(self, worlds):
+        super().reset(worlds)
+        self.qvel[worlds, 1] += 1e4 * (self.qpos[worlds, 1] < 0)
+""")
+    env, spec = f"{tmp_path}/loose.py", LaneSpec(id="a", program="human")
+    population = Population(env, [spec], TrainBudget(env_steps=16 * 8, worlds=8), threads=1)
+    (result,) = (message for message in population.train() if isinstance(message, TrainingResult))
+    (score,) = evaluate(env, {"a": result.last or b""}, seed=5, episodes=64, threads=1)
+    assert 16 < score.lost < 48 and score.episodes == 64 - score.lost
+    assert score.fitness == 7.0
+    (sound,) = evaluate("cartpole", {"a": result.last or b""}, seed=5, episodes=64, threads=1)
+    assert (sound.episodes, sound.lost) == (64, 0)
 
 
 def test_concentration_is_the_share_of_the_highest_twentieth():

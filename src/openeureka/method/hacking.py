@@ -18,6 +18,8 @@ ERRORS = 2.0
 """Standard errors that a loss must exceed, else it may be luck."""
 CONCENTRATED = 0.5
 """Share of F that the highest twentieth of its contributions may make; a twentieth where all are equal."""
+LOST = 0.01
+"""Share of the episodes that the physics may break down in."""
 FRAGILE = 0.5
 """Share of the learnt F that a tenth more or less of mass or friction may cost."""
 
@@ -39,6 +41,7 @@ class Kind(StrEnum):
     CONCENTRATION = "F rests on few moments"
     FRAGILITY = "fails in a slightly changed world"
     LIMITS = "breaks a limit that its search kept"
+    PHYSICS = "breaks the physics"
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,17 +108,18 @@ def signs(lanes: Sequence[Tried], limits: Limits = NO_LIMITS) -> tuple[Sign, ...
     """What speaks against a reward, given its final trainings.
 
     Drift, concentration and broken limits count when at least half of the trainings show them: one seed in three may be
-    an accident.
+    an accident. One that breaks the physics is none: F leaves out what it lost.
     """
-    found = [_majority(Kind.DRIFT, lanes, drift), _majority(Kind.CONCENTRATION, lanes, concentration)]
-    found.append(_majority(Kind.LIMITS, lanes, lambda lane: _breach(lane, limits)))
+    found = [_shared(Kind.DRIFT, lanes, drift), _shared(Kind.CONCENTRATION, lanes, concentration)]
+    found.append(_shared(Kind.LIMITS, lanes, lambda lane: _breach(lane, limits)))
+    found.append(_shared(Kind.PHYSICS, lanes, breakage, least=0.0))
     found += [Sign(Kind.FRAGILITY, sentence) for lane in lanes if (sentence := fragility(lane))]
     return tuple(sign for sign in found if sign is not None)
 
 
-def _majority(kind: Kind, lanes: Sequence[Tried], look: Callable[[Tried], str]) -> Sign | None:
+def _shared(kind: Kind, lanes: Sequence[Tried], look: Callable[[Tried], str], least: float = 0.5) -> Sign | None:
     sentences = [sentence for lane in lanes if (sentence := look(lane))]
-    if not sentences or 2 * len(sentences) < len(lanes):
+    if not sentences or len(sentences) < least * len(lanes):
         return None
     return Sign(kind, f"In {len(sentences)} of {len(lanes)} trainings; the first: {sentences[0]}")
 
@@ -158,6 +162,15 @@ def _breach(lane: Tried, limits: Limits) -> str:
     """What held-out play costs beyond the limits."""
     broke = breach(lane.held_out, limits)
     return f"held out, {broke}." if broke else ""
+
+
+def breakage(lane: Tried) -> str:
+    """Whether the physics breaks down in more than a few of its episodes."""
+    lost = lane.held_out.lost
+    played = lane.held_out.episodes + lost
+    if lost <= LOST * played:
+        return ""
+    return f"the physics broke down in {lost} of {played} held-out episodes; F leaves out what was lost of them."
 
 
 def fragility(lane: Tried) -> str:

@@ -247,7 +247,7 @@ def exploits(run: RunView) -> Table:
     rows = [
         (kind, "SUSPECTED" if kind in found else unseen.get(kind, "not seen"), found.get(kind, ""))
         for kind in Kind
-        if kind is not Kind.LIMITS or run.config.cost_limits
+        if (kind is not Kind.LIMITS or run.config.cost_limits) and (kind is not Kind.PHYSICS or kind in found)
     ]
     before = ", before numbers were fitted" if run.fitted is not None else ""
     note = f"Signs of reward hacking in the final trainings{before}; a sign is no proof."
@@ -259,7 +259,7 @@ def worlds(run: RunView) -> Table:
     rows = [
         (name, scored(score))
         for lane in run.tried
-        if any(score.episodes for name, score in lane.trials.items() if name in WORLDS)
+        if any(score.episodes + score.lost for name, score in lane.trials.items() if name in WORLDS)
         for name, score in {"as the task has it": lane.held_out, **lane.trials}.items()
         if (name in WORLDS or score is lane.held_out) and name not in PEAKS.values()
     ]
@@ -320,7 +320,10 @@ def facts(candidate: CandidateView) -> Table:
 
 
 def _episodes(score: Evaluation | None) -> str:
-    return f"{scored(score)}, {score.episodes} episodes" if score is not None else "-"
+    if score is None:
+        return "-"
+    lost = f", {score.lost} more lost as the physics broke down" if score.lost else ""
+    return f"{scored(score)}, {score.episodes} episodes{lost}"
 
 
 def said(remarks: Sequence[Remark]) -> str:

@@ -238,6 +238,11 @@ CREATE TABLE ended (                 -- a search of which nothing is left but re
 );
 """
 
+_LOST = "".join(
+    f"ALTER TABLE {table} ADD COLUMN lost INTEGER NOT NULL DEFAULT 0;  -- episodes, as the physics broke down\n"
+    for table in ("evaluations", "plays", "trials", "rungs")
+)
+
 MIGRATIONS: list[str] = [
     _TABLES + _immutable("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations"),
     _REMARKS + _immutable("remarks", "heard"),
@@ -252,6 +257,7 @@ MIGRATIONS: list[str] = [
     _ROBUST + _immutable("ranges", "proposals"),
     _SCREENS + _immutable("screens"),
     _ENDED + _immutable("ended"),
+    _LOST,
 ]
 """Script n brings a file from schema n to n + 1. Published scripts are never edited, only followed by new ones."""
 

@@ -93,23 +93,25 @@ def evaluate(
     recorded = [place for place, lane in enumerate(policies) if lane in record]
     recorder = Recorder(simulation.task.spec, recorded, worlds)
     play = Player([Policy.from_bytes(data) for data in policies.values()], simulation.sim.device)
-    total, contributions = _play_once(simulation, play, meter, recorder, alive)
+    total, contributions, broken = _play_once(simulation, play, meter, recorder, alive)
     sums, parts = (x.unflatten(1, (lanes, worlds)).transpose(0, 1) for x in (total, contributions))
+    lost = broken.view(lanes, worlds).sum(1).tolist()
     costs = meter.read(lanes)
     kept = dict(zip(recorded, recorder.read([sums[place] for place in recorded]), strict=True))
-    played = zip(policies, sums, parts, costs, map(kept.get, range(lanes)), strict=True)
+    played = zip(policies, sums, parts, lost, costs, map(kept.get, range(lanes)), strict=True)
     return scores + [_evaluation(*one) for one in played]
 
 
 def _play_once(
     simulation: BatchedEnv, play: Player, meter: Meter, recorder: Recorder, alive: Callable[[], None]
-) -> tuple[Tensor, Tensor]:
-    """One episode in every world: the sums (3, N) of value times weight, weight and steps, and the contributions
-    (steps, N) to the first of them."""
+) -> tuple[Tensor, Tensor, Tensor]:
+    """One episode in every world: the sums (3, N) of value times weight, weight and steps, the contributions (steps, N)
+    to the first of them, and (N,) bool, where the physics broke down."""
     observation = simulation.reset()
     alive()
     running = torch.ones(simulation.num_worlds, dtype=torch.bool, device=observation.device)
     simulation.sim.playing = running  # changes with it
+    broken = torch.zeros_like(running)
     total = torch.zeros(3, simulation.num_worlds, dtype=torch.float64, device=observation.device)
     contributions: list[Tensor] = []
     for number in itertools.count():
@@ -122,18 +124,19 @@ def _play_once(
         total += torch.stack([contributions[-1], weight, running])
         meter.add(step, running)
         recorder.add(number, step.state, running)
+        broken |= step.bad & running
         running &= ~step.done
         observation = step.observation
         alive()
     simulation.check()
-    return total, torch.stack(contributions)
+    return total, torch.stack(contributions), broken
 
 
 def _evaluation(
-    lane: str, sums: Tensor, contributions: Tensor, costs: Mapping[str, float], recorded: Episodes | None
+    lane: str, sums: Tensor, contributions: Tensor, lost: int, costs: Mapping[str, float], recorded: Episodes | None
 ) -> Evaluation:
-    """One lane's score from the sums (3, n) of value times weight, weight and steps of each world, and the
-    contributions (steps, n) to the first of them."""
+    """One lane's score from the sums (3, n) of value times weight, weight and steps of each world, the contributions
+    (steps, n) to the first of them, and in how many worlds the physics broke down."""
     value, weight, steps = sums
     worlds, whole = len(weight), float(weight.sum())
     fitness = float(value.sum()) / whole if whole else None
@@ -145,7 +148,8 @@ def _evaluation(
         lane=lane,
         fitness=fitness,
         episode_length=float(steps.sum()) / worlds,
-        episodes=worlds,
+        episodes=worlds - lost,
+        lost=lost,
         error=error,
         concentration=concentration(contributions),
         costs=costs,

@@ -280,6 +280,10 @@ class Evaluation:
     fitness: Finite | None
     episode_length: Finite
     episodes: int
+    """Those that were played to their end."""
+    lost: int = 0
+    """Further ones, in which the physics broke down: where F tells of whole episodes, it does not tell of them. 0 also
+    where an older version did not count."""
     error: Finite | None = None
     """Standard error of `fitness` over episodes; None where nobody measured it."""
     concentration: Finite | None = None
