@@ -28,6 +28,7 @@ class LiftedTask(PaidTask):
     """
 
     recipe = RECIPE
+    counts_early = True  # only failures end an episode of these early
     path: ClassVar[str]
     """Of the model."""
     constants: ClassVar[Mapping[str, Any]]
