@@ -19,7 +19,7 @@ import lzma
 import shutil
 import sqlite3
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -35,7 +35,7 @@ from openeureka.config import short_name
 from openeureka.llm.registry import archived
 from openeureka.report.numbers import number, spread
 from openeureka.report.view import RunView
-from openeureka.score import clipped, rank
+from openeureka.score import clipped, human_normalised, rank
 from openeureka.stats import mean
 from openeureka.store.db import FILENAME
 
@@ -178,17 +178,18 @@ def rows(measured: Mapping[str, Record]) -> list[list[str]]:
     for env in (env for env in load(PLAN).tasks if env in measured):
         row = measured[env]
         again = row.get("confirmed")
-        first = f"{row['steps']:,}", *_scores(row, spread(row["sparse"]))
-        of_search = number(row["score"], 3), number(clipped(row["score"]), 3)
-        found.append([short_name(env), *first, *of_search, number(row["correlation_with_human"], 2)])
+        first = short_name(env), f"{row['steps']:,}", *_scores(row, row["sparse"])
+        found.append([*first, number(row["correlation_with_human"], 2)])
         if again is not None:
-            found.append([f"{len(again['seeds'])} other seeds", "", *_scores(again, ""), "", "", ""])
+            found.append([f"{len(again['seeds'])} other seeds", "", *_scores(again, row["sparse"]), ""])
     return found
 
 
-def _scores(row: Record, sparse: str) -> tuple[str, ...]:
+def _scores(row: Record, sparse: Sequence[float | None]) -> tuple[str, ...]:
     between = interval(*row["difference"], digits=3) if row["difference"] is not None else "-"
-    return spread(row["generated"]), spread(row["human"]), sparse, between, ending({**row, "confirmed": {}})
+    arms = row["generated"], row["human"], sparse
+    score = human_normalised(*map(mean, arms))
+    return *map(spread, arms), between, ending({**row, "confirmed": {}}), number(score, 3), number(clipped(score), 3)
 
 
 def differences(measured: Mapping[str, Record]) -> Iterator[tuple[str, Record]]:
@@ -223,14 +224,25 @@ def summary(measured: Mapping[str, Record]) -> str:
     """The rows in a sentence."""
     ends = Counter(map(ending, measured.values()))
     decisive = [decided(row) for row in measured.values() if ending(row) != "both at zero"]
-    above = sum(rank(mean(row["generated"])) >= rank(mean(row["human"])) for row in decisive)
+    means = [(rank(mean(row["generated"])), rank(mean(row["human"]))) for row in decisive]
+    above, equal = sum(own > human for own, human in means), sum(own == human for own, human in means)
     unknown = f", not known (one seed) on {ends['one seed']}" if ends["one seed"] else ""
     return (
         f"{len(measured)} of {len(load(PLAN).tasks)} tasks are measured. The generated reward is better than the human "
         f"one on {ends['better']}, level on {ends['level']}, worse on {ends['worse']}{unknown}.\n"
-        f"On {ends['both at zero']} both score zero. On {above} of the other {len(decisive)} the generated one's mean "
-        "is at or above the human one's."
+        f"On {ends['both at zero']} both score zero. Of the other {len(decisive)} the generated one's mean is above "
+        f"the human one's on {above}, equal on {equal}, below on {len(decisive) - above - equal}."
     )
+
+
+def measured_on(measured: Mapping[str, Record]) -> str:
+    """When the rows were measured, and on what: trainings repeat to the bit on one kind of processor alone."""
+    looks = [look for row in measured.values() for look in (row, row.get("confirmed")) if look is not None]
+    dates = sorted(look["date"] for look in looks)
+    kinds = Counter(look.get("processor", "a processor that nobody wrote down") for look in looks)
+    each = "; ".join(f"{kind} ({count})" for kind, count in kinds.most_common())
+    when = f"Measured from {dates[0]} to {dates[-1]}, on 2 cores."
+    return f"{when} Rows by processor, other seeds a row of their own: {each}."
 
 
 def left(measured: Mapping[str, Record]) -> str:

@@ -145,7 +145,7 @@ def parts() -> Mapping[str, Mapping[str, str]]:
         },
         "CONTRIBUTING.md": {"tree": tree()},
         "docs/reference/headline.md": {
-            "headline": f"{_summary_of(headline)}\n{_rows(headline)}",
+            "headline": f"{_summary_of(headline)}\n{_rows(headline)}\n{headline.measured_on(read(headline.RESULTS))}\n",
             "greedy": f"{_summary_of(greedy)}\n{_table(greedy.TITLES, greedy.rows(read(greedy.RESULTS)))}",
             "claims": f"{_rows(claims, claims.answers, claims.ANSWERS)}\n{_rows(claims)}",
             "words": _rows(words),
