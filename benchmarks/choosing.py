@@ -19,7 +19,7 @@ from math import comb
 from typing import get_args
 
 from ledger import Script
-from records import FOLDER, OUTPUTS, Record, command_line, correlation, read, results, today
+from records import FOLDER, OUTPUTS, Record, command_line, correlation, machine, read, results
 
 from openeureka.config import RunConfig
 from openeureka.method.lanes import deal
@@ -126,7 +126,7 @@ def _write(env: str, records: Record) -> None:
     done = read(RESULTS)
     own: Record = done.setdefault(env, {"lanes": {}})
     own["lanes"] |= records
-    own |= {"steps": STEPS[env], "date": today()}
+    own |= {"steps": STEPS[env], **machine("cpu")}
     RESULTS.write_text(json.dumps(done, indent=1, sort_keys=True) + "\n")
 
 

@@ -16,7 +16,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from records import FOLDER, OUTPUTS, command_line, read, results, today, write
+from records import FOLDER, OUTPUTS, command_line, machine, read, results, write
 
 from openeureka.report.numbers import number
 from openeureka.stats import difference, mean
@@ -45,7 +45,7 @@ def measure() -> dict[str, Any]:
     lanes = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)["given"].values()
     return {
         "settings": " ".join(SETTINGS),
-        "date": today(),
+        **machine("cpu"),
         "held_out": {name: _seeds(lanes, name, "held_out_fitness") for name in AUTHORS},
         "in_training": {name: _seeds(lanes, name, "fitness") for name in AUTHORS},
     }

@@ -121,7 +121,9 @@ def _gym_row(one: Record) -> tuple[str, ...]:
     name, _, fitness = one["env"].removeprefix("gym:").partition("+fitness=")
     played = ", ".join(number(score["fitness"] if score is not None else None) for score in one["best"])
     size = (f"{one['sample']} x {len(one['best'])}", f"{one['steps']:,}", f"{one['all_steps']:,}")
-    ends = (spread(one["generated"]), spread(one["human"]), one["verdict"].partition(":")[0])
+    said, _, apart = one["verdict"].removesuffix(".").partition(": ")
+    between = apart.partition("held out; ")[2].partition(". ")[0]
+    ends = spread(one["generated"]), spread(one["human"]), f"{said}: {between}" if between else said
     return (name, fitness or "return", *size, f"{one['minutes']:.0f}", played, *ends, *_further(one.get("fresh")))
 
 

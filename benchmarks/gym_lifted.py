@@ -28,7 +28,7 @@ NAMES = (
 )
 ROUNDS = 3
 RESULTS = results("gym_lifted")
-TITLES = ("environment", "on lanes, steps/s", "Gymnasium, steps/s", "ratio")
+TITLES = ("environment", "on lanes, steps/s", "Gymnasium, one process, steps/s", "ratio")
 
 
 def lifted(name: str, worlds: int, steps: int) -> float:

@@ -19,7 +19,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from records import OUTPUTS, ROOT, command_line, read, results, today, write
+from records import OUTPUTS, ROOT, command_line, machine, read, results, write
 
 from openeureka.config import RunConfig
 from openeureka.method.lanes import unused_seed
@@ -94,7 +94,7 @@ def outcome(directory: Path, **minutes: float) -> dict[str, Any]:
     return {
         "settings": " ".join(settings()),
         **{name: round(value, 1) for name, value in minutes.items()},
-        "date": today(),
+        **machine("cpu"),
         "best_played_up_to_generation": [winner.score if winner else None for winner in winners],
         "human_played": run.baseline_score("human"),
         "crowned": str(run.best.place),

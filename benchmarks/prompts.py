@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from statistics import stdev
 
 import rungs
-from records import FOLDER, Record, command_line, read, results, today, write
+from records import FOLDER, Record, command_line, machine, read, results, write
 
 from openeureka.report.numbers import number
 from openeureka.stats import mean
@@ -47,7 +47,7 @@ def measure(env: str, seed: int) -> None:
     def keep(records: Record) -> None:
         found = read(RESULTS)
         own = found.setdefault(env, {"lanes": {}})
-        own |= {"steps": STEPS[env], "date": today(), "rewards": {name: list(ids) for name, ids in rewards.items()}}
+        own |= {"steps": STEPS[env], **machine("cpu"), "rewards": {name: list(ids) for name, ids in rewards.items()}}
         own["lanes"] |= {lane: record["played"][-1] for lane, record in records.items()}
         write(RESULTS, found)
 

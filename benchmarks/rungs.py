@@ -26,7 +26,7 @@ import choosing
 import torch
 from ledger import in_sentences
 from predictors import window
-from records import FOLDER, Record, command_line, correlation, read, results, rounded, today, write
+from records import FOLDER, Record, command_line, correlation, machine, read, results, rounded, write
 
 from openeureka.report.numbers import number
 from openeureka.reward import extract
@@ -174,7 +174,7 @@ def measure(
     def keep(records: Record) -> None:
         found = read(RESULTS)
         own = found.setdefault(env, {}).setdefault(name, {"lanes": {}})
-        own |= {"steps": steps, "date": today()}
+        own |= {"steps": steps, **machine("cpu")}
         own["lanes"] |= records
         write(RESULTS, found)
         for lane, record in records.items():
