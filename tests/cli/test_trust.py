@@ -14,7 +14,6 @@ from toys import ToySandbox
 from openeureka import strategies
 from openeureka.cli import train
 from openeureka.cli.play import play
-from openeureka.cli.settings import PlayConfig
 from openeureka.cli.show import report, show
 from openeureka.config import RunConfig, TrainConfig
 from openeureka.errors import ConfigError
@@ -234,7 +233,7 @@ def test_a_cluster_elsewhere_needs_consent(address: str, claimed: dict[str, str]
 
 @pytest.mark.parametrize("env", ["cartpole", "cartpole+episode_length=100", "shadow_hand_spin"])
 def test_an_installed_task_needs_no_consent(env):
-    assert trust.claims(PlayConfig(env=env)) == {}
+    assert trust.claims(RunConfig(env=env)) == {}
 
 
 def test_a_home_that_cannot_be_written_is_no_error(tmp_path, monkeypatch):

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import platformdirs
 
-from ..config import NO_MODEL
+from ..config import NO_MODEL, RunConfig, TrainConfig
 from ..errors import ConfigError
 from ..executors import EXECUTORS
 from ..parsing import absolute, command_line
@@ -40,23 +40,27 @@ _EFFECTS = {
 }
 
 
-def claims(config: object) -> dict[str, str]:
+def claims(config: RunConfig | TrainConfig) -> dict[str, str]:
     """The settings of a run or a training that reach outside it, by key; paths are whole."""
-    env, search, executor, address, curriculum, randomise, init, model, base_url, price, log = (
-        str(getattr(config, key, "")) for key in _EFFECTS
-    )
+
+    def said(key: str) -> str:
+        return str(getattr(config, key, ""))  # a training has fewer settings than a run
+
+    def file(key: str) -> str:
+        return absolute(key, said(key)) if said(key).endswith((".yaml", ".yml")) else ""
+
     found = {
-        "env": "" if registry.installed(env) else absolute("env", env),
-        "search": "" if SEARCHES.installed(search) else absolute("search", search),
-        "executor": "" if EXECUTORS.installed(executor) else absolute("executor", executor),
-        "address": "" if address in ("auto", "local") else address,
-        "curriculum": absolute("curriculum", curriculum) if curriculum.endswith((".yaml", ".yml")) else "",
-        "randomise": absolute("randomise", randomise) if randomise.endswith((".yaml", ".yml")) else "",
-        "init": "" if init == "human" else _whole(init),
-        "model": "" if model in ("local", "random", NO_MODEL) else absolute("model", model),
-        "base_url": base_url,
-        "price": price,
-        "log": "" if log == "tensorboard" else log,
+        "env": "" if registry.installed(said("env")) else absolute("env", said("env")),
+        "search": "" if SEARCHES.installed(said("search")) else absolute("search", said("search")),
+        "executor": "" if EXECUTORS.installed(said("executor")) else absolute("executor", said("executor")),
+        "address": "" if said("address") in ("auto", "local") else said("address"),
+        "curriculum": file("curriculum"),
+        "randomise": file("randomise"),
+        "init": "" if said("init") == "human" else _whole(said("init")),
+        "model": "" if said("model") in ("local", "random", NO_MODEL) else absolute("model", said("model")),
+        "base_url": said("base_url"),
+        "price": said("price"),
+        "log": "" if said("log") == "tensorboard" else said("log"),
     }
     return {key: value for key, value in found.items() if value}
 
@@ -65,7 +69,7 @@ def _whole(path: str) -> str:
     return str(Path(os.path.expanduser(path)).resolve()) if path else ""
 
 
-def remember(config: object) -> None:
+def remember(config: RunConfig | TrainConfig) -> None:
     """Keep what was typed. Where that cannot be written, it will be asked about."""
     fresh = unknown(config)
     if not fresh:
@@ -78,14 +82,20 @@ def remember(config: object) -> None:
             file.write("".join(f"{_line(*claim)}\n" for claim in fresh.items()))
 
 
-def unknown(config: object) -> dict[str, str]:
+def unknown(config: RunConfig | TrainConfig) -> dict[str, str]:
     """Those of the `claims` that this user has not typed before."""
     known = _known()
     return {key: value for key, value in claims(config).items() if _line(key, value) not in known}
 
 
 def agree(
-    config: object, directory: Path, *, typed: Collection[str], trusted: bool, way: str, asks: bool = False
+    config: RunConfig | TrainConfig,
+    directory: Path,
+    *,
+    typed: Collection[str],
+    trusted: bool,
+    way: str,
+    asks: bool = False,
 ) -> None:
     """Have a person agree to what the stored settings of a run reach, unless they typed it, now or before.
 
