@@ -21,7 +21,7 @@ import rungs
 from records import Record, interval, read, show
 
 from openeureka.method.schedule import RUNGS, Rung
-from openeureka.report.numbers import number
+from openeureka.numbers import number
 from openeureka.score import rank
 from openeureka.stats import estimate, mean
 from openeureka.types import lane_id

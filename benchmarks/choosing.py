@@ -24,7 +24,7 @@ from records import FOLDER, OUTPUTS, Record, command_line, correlation, machine,
 from openeureka.config import RunConfig
 from openeureka.method.lanes import deal
 from openeureka.method.race import CONTENDERS
-from openeureka.report.numbers import number
+from openeureka.numbers import number
 from openeureka.reward import extract
 from openeureka.runs.compose import comparing
 from openeureka.sandbox.client import Sandbox

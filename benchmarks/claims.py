@@ -25,7 +25,7 @@ from scipy.stats import t
 
 import openeureka
 from openeureka.benchmark.plan import load
-from openeureka.report.numbers import number, spread
+from openeureka.numbers import number, spread
 from openeureka.stats import mean
 
 REPLIES = FOLDER / "claims"

@@ -18,7 +18,7 @@ from typing import Any
 
 from records import FOLDER, OUTPUTS, command_line, machine, read, results, write
 
-from openeureka.report.numbers import number
+from openeureka.numbers import number
 from openeureka.stats import difference, mean
 
 REPLIES = FOLDER / "found"

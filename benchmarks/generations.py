@@ -25,7 +25,7 @@ import openeureka
 from openeureka.benchmark import figures
 from openeureka.benchmark.plan import Cell
 from openeureka.config import short_name
-from openeureka.report.numbers import number, spread
+from openeureka.numbers import number, spread
 from openeureka.stats import difference, mean
 from openeureka.store import read_replies
 from openeureka.types import Generation

@@ -22,7 +22,7 @@ from records import OUTPUTS, Record, command_line, interval, keep, machine, read
 from openeureka.benchmark.plan import load
 from openeureka.config import short_name
 from openeureka.method import race
-from openeureka.report.numbers import spread
+from openeureka.numbers import spread
 from openeureka.report.view import RunView
 from openeureka.strategies import Ranking
 from openeureka.types import History, Scored

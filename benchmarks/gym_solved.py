@@ -17,7 +17,7 @@ from ledger import learn
 from records import OUTPUTS, Record, command_line, keep, machine, read, record, results, show
 
 from openeureka.config import TrainConfig
-from openeureka.report.numbers import number, spread
+from openeureka.numbers import number, spread
 from openeureka.tasks import registry
 
 STEPS = {

@@ -33,7 +33,7 @@ from openeureka.benchmark import bench
 from openeureka.benchmark.plan import Cell, Plan, load
 from openeureka.config import short_name
 from openeureka.llm.registry import archived
-from openeureka.report.numbers import number, spread
+from openeureka.numbers import number, spread
 from openeureka.report.view import RunView
 from openeureka.score import clipped, human_normalised, rank
 from openeureka.stats import mean

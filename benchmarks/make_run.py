@@ -23,8 +23,8 @@ from records import OUTPUTS, ROOT, command_line, machine, read, results, write
 
 from openeureka.config import RunConfig
 from openeureka.method.lanes import unused_seed
+from openeureka.numbers import number, spread
 from openeureka.parsing import parse
-from openeureka.report.numbers import number, spread
 from openeureka.report.verdict import verdict
 from openeureka.report.view import RunView
 from openeureka.score import Arm

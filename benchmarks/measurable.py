@@ -18,7 +18,7 @@ from typing import Any
 from records import OUTPUTS, Record, command_line, interval, keep, machine, read, results, show
 
 import openeureka
-from openeureka.report.numbers import spread
+from openeureka.numbers import spread
 from openeureka.stats import difference, mean
 from openeureka.tasks.registry import get
 

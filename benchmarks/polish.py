@@ -22,8 +22,8 @@ from records import OUTPUTS, Record, command_line, correlation, keep, machine, r
 
 from openeureka.config import NO_MODEL, RunConfig
 from openeureka.method.lanes import Lanes, deal
+from openeureka.numbers import number
 from openeureka.refine.polishing import PARTS
-from openeureka.report.numbers import number
 from openeureka.runs.compose import comparing
 from openeureka.score import played, rank
 from openeureka.stats import mean

@@ -19,7 +19,7 @@ from statistics import stdev
 from records import Record, command_line, correlation, read, results, rounded, show, today
 
 import openeureka
-from openeureka.report.numbers import number
+from openeureka.numbers import number
 from openeureka.score import rank
 from openeureka.stats import mean
 

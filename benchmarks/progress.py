@@ -21,7 +21,7 @@ from ledger import learn
 from records import FOLDER, OUTPUTS, PEAKS, Record, command_line, keep, machine, read, record, results, show
 
 from openeureka.config import TrainConfig
-from openeureka.report.numbers import number, spread
+from openeureka.numbers import number, spread
 from openeureka.score import rank
 from openeureka.stats import mean
 from openeureka.tasks.registry import get

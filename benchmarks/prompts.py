@@ -18,7 +18,7 @@ from statistics import stdev
 import rungs
 from records import FOLDER, Record, command_line, machine, read, results, write
 
-from openeureka.report.numbers import number
+from openeureka.numbers import number
 from openeureka.stats import mean
 from openeureka.types import RewardProgram
 

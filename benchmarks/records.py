@@ -12,7 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from openeureka.report.numbers import number
+from openeureka.numbers import number
 from openeureka.stats import midranks, pearson
 from openeureka.types import Evaluation, Peak, TrainingResult
 

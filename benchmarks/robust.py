@@ -23,8 +23,8 @@ from records import OUTPUTS, Record, command_line, keep, machine, read, results,
 import openeureka
 from openeureka.cli.train import robust
 from openeureka.config import BEST, SCRATCH, STARTS
+from openeureka.numbers import spread
 from openeureka.refine.hardened import LONGER, PLAIN, UNIFORM, Carried, RobustArm
-from openeureka.report.numbers import spread
 from openeureka.report.view import RunView
 from openeureka.stats import mean
 

@@ -28,7 +28,7 @@ from ledger import in_sentences
 from predictors import window
 from records import FOLDER, Record, command_line, correlation, machine, read, results, rounded, write
 
-from openeureka.report.numbers import number
+from openeureka.numbers import number
 from openeureka.reward import extract
 from openeureka.sandbox.client import Sandbox
 from openeureka.score import rank

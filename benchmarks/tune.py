@@ -24,8 +24,8 @@ from records import OUTPUTS, Record, command_line, conditions, interval, keep, r
 
 import openeureka
 from openeureka.benchmark.plan import load
+from openeureka.numbers import spread
 from openeureka.refine.tuned import ORIGINAL
-from openeureka.report.numbers import spread
 from openeureka.reward.weights import weighed, weights
 from openeureka.stats import mean
 from openeureka.tasks import human

@@ -30,7 +30,7 @@ from safetensors.torch import load
 
 import openeureka
 from openeureka.film import mp4, video
-from openeureka.report.numbers import spread
+from openeureka.numbers import spread
 from openeureka.store import Store
 from openeureka.training.episodes import EPISODES
 from openeureka.training.evaluate import evaluate

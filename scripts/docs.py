@@ -18,7 +18,7 @@ import python_page
 from typer.testing import CliRunner
 
 from openeureka.cli.main import app
-from openeureka.report.numbers import sparkline, spread
+from openeureka.numbers import sparkline, spread
 from openeureka.tasks import registry
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from ..config import short_name
+from ..numbers import dollars, duration, number
 from ..report import charts
-from ..report.numbers import dollars, duration, number
 from ..report.tables import Table
 from ..score import clipped, human_normalised
 from ..stats import Estimate, estimate, mean

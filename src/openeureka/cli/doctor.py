@@ -15,8 +15,8 @@ from ..executors.local import devices
 from ..film import video
 from ..film.video import VideoUnavailable
 from ..llm import weights
+from ..numbers import columns
 from ..parsing import parse
-from ..report.numbers import columns
 from ..sandbox import confine
 from ..worker import usable_cores
 from .settings import DoctorConfig

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..display.live import verdict_line
 from ..display.progress import working
+from ..numbers import columns, dollars, number, scored
 from ..parsing import command_line, parse
 from ..refine.hardened import Robust
 from ..refine.polishing import Polished
@@ -17,7 +18,6 @@ from ..refine.tuned import Tuned
 from ..report import costs, fitted, robust, tables
 from ..report.build import build
 from ..report.candidates import CandidateView, GenerationView
-from ..report.numbers import columns, dollars, number, scored
 from ..report.verdict import deciding, meaning, none_found, of_polishing, of_tuning, verdict
 from ..report.view import RunView
 from ..runs import trust

@@ -17,8 +17,8 @@ from ..config import RunConfig
 from ..drafting.draft import Draft, class_name, draft
 from ..errors import ConfigError
 from ..method import baselines, prompts
+from ..numbers import columns, number
 from ..parsing import command_line, parse
-from ..report.numbers import columns, number
 from ..reward.extract import in_file
 from ..runs.rewards import explain, judge, meaning
 from ..stats import mean

@@ -14,9 +14,9 @@ from ..config import NO_MODEL, RunConfig, short_name
 from ..display.live import PlainView, TerminalView, view
 from ..display.progress import working
 from ..errors import FeedbackError
+from ..numbers import columns, duration, number
 from ..parsing import command_line
 from ..report.filming import Filming
-from ..report.numbers import columns, duration, number
 from ..report.view import VIDEO
 from ..store import artifacts, say
 from ..store.remarks import typed

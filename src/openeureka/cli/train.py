@@ -14,8 +14,8 @@ from ..config import NO_MODEL, RobustConfig, RunConfig, TrainConfig, TuneConfig
 from ..errors import WorkerError
 from ..method.given import Given
 from ..method.lanes import unused_seed
+from ..numbers import columns
 from ..parsing import changed, command_line, parse
-from ..report.numbers import columns
 from ..report.view import RunView
 from ..runs import compose, trust
 from ..runs.rewards import listed, named, to_tune

@@ -12,8 +12,8 @@ from rich.text import Text
 from ..config import RunConfig, short_name
 from ..events import Asked, Began, Checked, Event, Phase, Played, Replied
 from ..method.lanes import BASELINES
+from ..numbers import duration, number, scored, sparkline
 from ..refine.tuned import last_index
-from ..report.numbers import duration, number, scored, sparkline
 from ..score import Outcome
 from ..text import one_line
 from ..types import (

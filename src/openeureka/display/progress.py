@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.text import Text
 
-from ..report.numbers import duration, number
+from ..numbers import duration, number
 from ..text import one_line
 from ..types import TrainingProgress
 

@@ -10,13 +10,13 @@ What programs, models and trainings wrote is data: it is cleaned and capped befo
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from typing import Literal
 
 from ..llm import grammar
+from ..numbers import scored
 from ..reward import extract, surface
 from ..score import breach
 from ..text import plain
@@ -202,13 +202,8 @@ def _siblings(plan: PromptPlan) -> str:
 
 
 def with_error(score: Evaluation) -> str:
-    """`428 ± 33`: the error with two significant digits, the score with as many decimals."""
-    if score.fitness is None:
-        return "undefined"
-    if not score.error:
-        return f"{score.fitness:.4g}"
-    decimals = max(0, 1 - math.floor(math.log10(score.error)))
-    return f"{score.fitness:.{decimals}f} ± {score.error:.{decimals}f}"
+    """What a policy scored, `428 ± 33`; where it has no score, that."""
+    return "undefined" if score.fitness is None else scored(score)
 
 
 def scale(unit: str, ends: tuple[float | None, float | None]) -> str:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from ..config import NO_MODEL
 from ..method.lanes import BASELINES
+from ..numbers import number, scored
 from ..score import breach
 from ..types import COSTS, Evaluation, lane_id
-from .numbers import number, scored
 from .tables import Table
 from .view import RunView
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from ..numbers import number, spread
 from ..refine.tuned import ORIGINAL, Correlation, Effect, Tuned
-from .numbers import number, spread
 from .tables import Table
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from ..numbers import number
 from ..stats import mean
 from ..text import one_line
 from ..types import TrainingResult, of_components
-from .numbers import number
 
 STILL = 1e-3
 """A component whose mean changes by less than this share of its largest size never moved."""

@@ -27,12 +27,12 @@ from pygments.token import STANDARD_TYPES
 
 from ..codec import plain as data_of
 from ..config import NO_MODEL, short_name
+from ..numbers import dollars, duration, number, scored
 from ..store import artifacts
 from ..tasks import registry
 from ..text import plain
 from . import charts, costs, fitted, hints, robust, tables, verdict
 from .candidates import CandidateState, CandidateView
-from .numbers import dollars, duration, number, scored
 from .view import FOLDERS, RunView
 
 MAX_EMBEDDED = 8 << 20

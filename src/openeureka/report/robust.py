@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from ..numbers import number, scored
 from ..refine.hardened import LONGER, PLAIN, UNIFORM, Robust
 from ..score import gain, pooled
-from .numbers import number, scored
 from .tables import Table
 from .verdict import decided
 

@@ -10,13 +10,13 @@ from typing import NamedTuple
 from ..config import RunConfig
 from ..method import baselines
 from ..method.hacking import PEAKS, WORLDS, Kind
+from ..numbers import dollars, duration, number, scored, spread
 from ..refine.polishing import Polished, Try
 from ..refine.tuned import ORIGINAL, Tuned
 from ..score import Arm, Baselines, Outcome, human_normalised
 from ..stats import mean
 from ..types import Evaluation, Glance, Remark, RemarkKind
 from .candidates import CandidateView
-from .numbers import dollars, duration, number, scored, spread
 from .view import RunView
 
 MOST_ARMS = 4

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from ..config import TrainConfig
 from ..method.lanes import beside, unused_seed
 from ..method.prompts import scale
+from ..numbers import number, scored
 from ..parsing import command_line
 from ..refine.polishing import Polished
 from ..refine.tuned import ORIGINAL, Tuned
@@ -15,7 +16,6 @@ from ..stats import Difference, Estimate, difference, mean
 from ..tasks import registry
 from ..types import of_components
 from .costs import nobody
-from .numbers import number, scored
 from .view import RunView
 
 WORTH_REPEATING = ("curriculum", "randomise", "observe", "steps", "worlds", "bonus", "device", "executor", "address")

@@ -10,9 +10,9 @@ from urllib.parse import urlencode
 
 from ..config import FEEDBACKS, VIDEOS, RunConfig
 from ..display import outside
+from ..numbers import duration
 from ..report import filming, html, tables
 from ..report.candidates import CandidateView, PromptView
-from ..report.numbers import duration
 from ..report.view import RunView
 from ..score import rank
 from ..store import Store, is_held, is_run

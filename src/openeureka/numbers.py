@@ -6,7 +6,7 @@ import math
 import statistics
 from collections.abc import Sequence
 
-from ..types import Evaluation
+from .types import Evaluation
 
 LARGE = 1e6
 """From here on numbers are written with an exponent."""

@@ -1,6 +1,6 @@
 import pytest
 
-from openeureka.report.numbers import columns, dollars, duration, number, spread
+from openeureka.numbers import columns, dollars, duration, number, spread
 
 
 def test_columns_are_as_wide_as_their_widest_cell():
