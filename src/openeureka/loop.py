@@ -59,7 +59,7 @@ def run(
         if index == 0:
             wanted += deal(beside(config), [config.seed], "baseline")
         results = lanes.train(wanted)
-        if strategy.judge == "played":
+        if strategy.ranks == "played":
             tell(Began(index, "play"))
         scores = lanes.play([*history.lanes, *results], strategy)
 

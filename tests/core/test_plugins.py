@@ -20,7 +20,7 @@ from openeureka.strategies import SEARCHES, Best, Eureka
 CONFIG = RunConfig(sample=3)
 MODULE = """
 class Tournament:
-    judge, peaks = "played", ("last",)
+    ranks, peaks = "played", ("last",)
 
     def __init__(self, config):
         self.samples = config.sample
@@ -29,7 +29,7 @@ class Tournament:
 
 
 class Half:
-    judge = "played"
+    ranks = "played"
 
     def __init__(self, config): ...
 

@@ -187,7 +187,7 @@ def test_the_choice_of_a_person_is_marked_as_such():
     told = [m.content for m in prompts.render(BALANCED, plan, "free").messages if m.role == "user"]
     assert "302 ± 20 (higher is better): the best of all so far." in told[1]
     assert "not the best so far, but the choice of a person. This is the one to improve." in told[2]
-    plan = replace(INFORMED, opinion=Opinion(ranks=True))
+    plan = replace(INFORMED, opinion=Opinion(by_votes=True))
     assert (
         "the best of all so far by the votes of a person" in prompts.render(BALANCED, plan, "free").messages[-1].content
     )

@@ -376,7 +376,7 @@ def test_a_tuning_plays_its_lanes_and_a_search_that_ranks_by_training_does_not_t
     def found(tune: int):
         wanted = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2, tune=tune, search=search)
         texts, strategy = [reply(worth) for worth in (7.5, 8.0)], strategies.make(wanted)
-        with Store.open(tmp_path / str(tune), wanted, strategy.judge) as store:
+        with Store.open(tmp_path / str(tune), wanted, strategy.ranks) as store:
             run(wanted, store, ScriptedModel(texts), ToyChecker(), ToyTrainer(), TOY, strategy)
         return RunView.read(tmp_path / str(tune))
 

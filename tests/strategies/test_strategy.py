@@ -92,11 +92,11 @@ def test_failures_are_told_only_of_a_last_generation_in_which_nothing_trained() 
         assert plan.failures == ()
 
 
-@pytest.mark.parametrize(("name", "kind", "judge"), [("eureka", Eureka, "training"), ("best", Best, "played")])
-def test_strategies_are_made_by_name(name, kind, judge) -> None:
+@pytest.mark.parametrize(("name", "kind", "ranks"), [("eureka", Eureka, "training"), ("best", Best, "played")])
+def test_strategies_are_made_by_name(name, kind, ranks) -> None:
     strategy = make(RunConfig(search=name, sample=7))
     assert isinstance(strategy, kind)
-    assert (strategy.samples, strategy.judge) == (7, judge)
+    assert (strategy.samples, strategy.ranks) == (7, ranks)
 
 
 def test_sizes_default_to_the_kind_of_model_and_can_be_set() -> None:

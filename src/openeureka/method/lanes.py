@@ -285,7 +285,7 @@ class Lanes:
         All play some episodes; those candidates that are level with the best of them within the errors of both play
         some more. All of it takes at most about a tenth of the steps of training.
         """
-        if strategy.judge == "training":
+        if strategy.ranks == "training":
             return {}
         ids = tuple(dict.fromkeys(ids))
         self._look(0, ids, strategy.peaks)

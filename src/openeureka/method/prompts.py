@@ -162,7 +162,7 @@ def _standing(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"])
     else:
         scores = "The score of its policy is undefined"
     best = plan.best is not None and plan.best.sample.verdict.candidate == turn.sample.verdict.candidate
-    votes = " by the votes of a person" if plan.opinion.ranks else ""
+    votes = " by the votes of a person" if plan.opinion.by_votes else ""
     if plan.best is None and plan.limits:
         rank = "no policy keeps the limits so far"
     else:

@@ -61,7 +61,7 @@ def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | 
     arms = {entry.sample.verdict.candidate: entry for entry in contenders(history)}
     if not arms:
         return None
-    config, names, raced = lanes.config, list(arms), strategy.judge == "played"
+    config, names, raced = lanes.config, list(arms), strategy.ranks == "played"
     known, others = baselines.chosen(config), beside(config)[: 1 if raced else None]
     seeds: list[int] = []
     for more in rounds(final_seeds(config), raced=raced):

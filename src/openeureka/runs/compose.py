@@ -173,7 +173,7 @@ def _parts(
             if not begun:
                 sampling.admit(config, checker)
             with (
-                _store(directory, config, begins.judge) as store,
+                _store(directory, config, begins.ranks) as store,
                 continuable(host.again(directory), store),
                 stoppable(directory),
                 logged(directory, config, store.talk.usage()) as log,

@@ -18,7 +18,7 @@ class SearchStrategy(Protocol):
     """Decides who becomes a parent."""
 
     @property
-    def judge(self) -> Ranks:
+    def ranks(self) -> Ranks:
         """What ranks candidates: F of their policies when played, or the maximum of F over training."""
         ...
 
@@ -41,7 +41,7 @@ class Eureka:
     """As published: greedy. The best of the last generation is the parent, even where an earlier one was better."""
 
     samples: int
-    judge: Ranks = "training"
+    ranks: Ranks = "training"
     peaks: tuple[Peak, ...] = ("fitness",)
 
     def ask(self, history: History, rng: Random) -> Sequence[PromptPlan]:
@@ -55,7 +55,7 @@ class Best:
     """The reward that plays best so far is the parent, and the winners of recent generations show the way to it."""
 
     samples: int
-    judge: Ranks = "played"
+    ranks: Ranks = "played"
     peaks: tuple[Peak, ...] = ("reward", "last", "fitness")
 
     def ask(self, history: History, rng: Random) -> Sequence[PromptPlan]:
@@ -82,7 +82,7 @@ SEARCHES = Door(
     setting="search",
     group="openeureka.searches",
     built_in={"best": f"{__name__}:best", "eureka": f"{__name__}:eureka"},
-    members=("judge", "peaks", "ask"),
+    members=("ranks", "peaks", "ask"),
 )
 """Each is called with the settings of the run, in which `sample` is filled in; what it makes is a `SearchStrategy`."""
 
@@ -97,9 +97,9 @@ def make(config: RunConfig, ranks: Ranks = "played") -> SearchStrategy:
         ConfigError: when there is none of that name, or it is none, or settings need one that lets policies play.
     """
     if config.search == "best" and ranks == "training":
-        return Best(config.sample, judge="training", peaks=("reward",))
+        return Best(config.sample, ranks="training", peaks=("reward",))
     found: SearchStrategy = SEARCHES.make(config.search, config)
-    if found.judge == "training" and (config.cost_limits or config.screen > 1):
+    if found.ranks == "training" and (config.cost_limits or config.screen > 1):
         key = "limits" if config.cost_limits else "screen"
         raise ConfigError(
             f"`search={config.search}` ranks by training, and `{key}=` needs policies that play; leave one of them out."
@@ -164,5 +164,5 @@ def _opinion(parents: Sequence[Scored], history: History, ranking: Ranking) -> O
         won=won,
         lost=lost,
         vetoed=ranking.vetoed,
-        ranks=ranking.by_votes,
+        by_votes=ranking.by_votes,
     )

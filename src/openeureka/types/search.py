@@ -217,7 +217,7 @@ class Opinion:
     """Comparisons of the parent's policy with others."""
     vetoed: tuple[Scored, ...] = ()
     """Rejected programs, the newest veto last."""
-    ranks: bool = False
+    by_votes: bool = False
     """Comparisons decide who is the best, not scores."""
 
 
