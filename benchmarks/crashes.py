@@ -79,7 +79,7 @@ class Person(EmptyDesk):
 
     def invite(self, generation: Generation) -> None:
         words = Remark(kind=RemarkKind.WORDS, text=f"of generation {generation.index}")
-        chosen = Remark(kind=RemarkKind.FAVOURITE, candidate=Place(generation.index, 0))
+        chosen = Remark(kind=RemarkKind.FAVOURITE, place=Place(generation.index, 0))
         self.remarks = [words, chosen, Remark(kind=RemarkKind.GO)]
 
     def listen(self, seconds: float) -> None:

@@ -103,7 +103,7 @@ def confirm(env: str, count: int) -> Record:
     run, known = archive(env), read(GREEDY).get(env, {})
     assert run.best is not None
     again = known.get("best") == str(run.best.place) and len(known.get("seeds", ())) == count
-    rewards = ["human"] if again else ["human", run.best.candidate.source]
+    rewards = ["human"] if again else ["human", run.best.program.source]
     seeds, (human, *rest) = fresh.trained(run.config, rewards, CONFIRMED / env, count)
     (generated,) = [known["own"]] if again else rest
     apart = fresh.between(human, generated)

@@ -71,7 +71,7 @@ def first_generation(env: str, model: str, options: argparse.Namespace) -> RunVi
 def report(arm: RunView) -> dict[str, Any]:
     accepted = [slot for slot in arm.candidates if slot.verdict is not None and slot.verdict.accepted]
     reached = sorted((slot.fitness for slot in accepted if slot.fitness is not None), reverse=True)
-    sources = {slot.candidate.source for slot in arm.candidates if slot.candidate is not None}
+    sources = {slot.program.source for slot in arm.candidates if slot.program is not None}
     replies = [attempt.reply for slot in arm.candidates for attempt in slot.attempts]
     return {
         "samples": len(replies),
@@ -100,9 +100,9 @@ def measure(env: str, options: argparse.Namespace) -> dict[str, Any]:
     arms = {model: first_generation(env, model, options) for model in options.model or ("local", "random")}
     for model, arm in arms.items():
         for slot in arm.candidates:
-            if slot.candidate is not None and slot.verdict is not None:
+            if slot.program is not None and slot.verdict is not None:
                 reasons = "".join(f"\n# {finding.sentence()}" for finding in slot.verdict.findings)
-                print(f"# {env}, {model}: {slot.verdict.code}{reasons}\n{slot.candidate.source}\n")
+                print(f"# {env}, {model}: {slot.verdict.code}{reasons}\n{slot.program.source}\n")
     one = next(iter(arms.values()))
     human = one.results.get(lane_id("human", options.seed))
     return {

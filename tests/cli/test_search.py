@@ -302,7 +302,7 @@ def test_a_given_reward_may_be_a_chat_reply_and_is_found_from_any_directory(part
     monkeypatch.chdir(tmp_path)
     assert run("run", *SETTINGS, "init=chat.txt", f"dir={tmp_path}/run") == 0
     (given,) = RunView.read(tmp_path / "run").generations[0].candidates
-    assert given.candidate is not None and given.candidate.source == program(9.0)
+    assert given.program is not None and given.program.source == program(9.0)
     assert read_config(tmp_path / "run").init == f"{tmp_path}/chat.txt"
 
 

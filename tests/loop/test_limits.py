@@ -46,7 +46,7 @@ def test_a_reward_whose_policy_breaks_a_limit_cannot_win(tmp_path: Path) -> None
     assert free.best is not None and free.best.played is not None and free.best.played.fitness == 7.0
     assert run.best is not None and run.best.played is not None and run.best.played.fitness == 6.0
     assert run.crown == run.best.place and run.outcome is not None and run.outcome.rivals == {}
-    assert not [lane for lane in run.lanes.values() if lane.role == "final" and lane.reward == free.best.candidate.id]  # type: ignore[union-attr]
+    assert not [lane for lane in run.lanes.values() if lane.role == "final" and lane.reward == free.best.program.id]  # type: ignore[union-attr]
     found = costs.table(run)
     assert found.titles == ("costs when played", "F", "torque [N m], at most 75", "falls [share], at most 0.5")
     assert [row[0] for row in found.rows] == ["g0s0", "g0s1", "human reward", "sparse reward"]

@@ -29,15 +29,15 @@ def words(text: str) -> Remark:
 
 
 def favourite(generation: int, slot: int) -> Remark:
-    return Remark(kind=RemarkKind.FAVOURITE, candidate=Place(generation, slot))
+    return Remark(kind=RemarkKind.FAVOURITE, place=Place(generation, slot))
 
 
 def veto(generation: int, slot: int) -> Remark:
-    return Remark(kind=RemarkKind.VETO, candidate=Place(generation, slot))
+    return Remark(kind=RemarkKind.VETO, place=Place(generation, slot))
 
 
 def vote(better: tuple[int, int], worse: tuple[int, int]) -> Remark:
-    return Remark(kind=RemarkKind.VOTE, candidate=Place(*better), over=Place(*worse))
+    return Remark(kind=RemarkKind.VOTE, place=Place(*better), over=Place(*worse))
 
 
 @dataclass

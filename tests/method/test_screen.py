@@ -155,7 +155,7 @@ def test_the_screen_is_open_until_something_played(tmp_path: Path):
     assert lane(2) not in trainer.trained and lane(-3) not in trainer.trained
     states = {str(c.place): c.state for c in view.candidates}
     assert sum(state is CandidateState.SCREENED for state in states.values()) == 4
-    wrong = next(c for c in view.candidates if c.candidate is not None and c.candidate == Candidate.of(program(-3)))
+    wrong = next(c for c in view.candidates if c.program is not None and c.program == Candidate.of(program(-3)))
     assert wrong.verdict is not None and wrong.result is None
     assert wrong.verdict.findings[0].message.startswith("agreement with F -1.00 ± 0.00, of others ")
     assert wrong.feedback.startswith("The reward function was not trained: agreement with F -1.00")
@@ -200,7 +200,7 @@ def test_a_program_that_comes_again_trains_no_second_time_and_takes_nobodys_plac
     states = [c.state for c in view.candidates][2:]
     assert states[:2] == [CandidateState.TRAINED] * 2 and states[2] is states[3]
     assert trainer.trained.count(lane(4)) == trainer.trained.count(lane(7)) == 1
-    fresh = {c.candidate.id for c in view.candidates if c.generation and c.candidate and c.result}
+    fresh = {c.program.id for c in view.candidates if c.generation and c.program and c.result}
     assert len(fresh - {Candidate.of(program(4)).id}) == 2
 
 

@@ -332,7 +332,7 @@ def test_a_search_that_fits_numbers_compares_what_it_would_without(tmp_path: Pat
         return RunView.read(tmp_path / name)
 
     alone, fitted_too = search("alone", 0, Wavering()), search("fitted", 8, Wavering())
-    own = alone.best and alone.best.candidate
+    own = alone.best and alone.best.program
     assert own is not None and len(alone.outcome.method.held_out) == 2
     assert {lane.seed for lane in fitted_too.lanes.values() if lane.role == "final"} == {1, 2, 4, 5, 6}
     assert unused_seed(fitted_too.config) == 7
@@ -441,7 +441,7 @@ def test_numbers_whose_policies_break_a_limit_do_not_win(
         run(wanted, store, ScriptedModel([text] * 8), ToyChecker(), trainer, TOY, strategies.make(wanted))
     view = RunView.read(tmp_path)
     found, own = view.tuned, view.best
-    assert found is not None and own is not None and own.candidate is not None
+    assert found is not None and own is not None and own.program is not None
     before, after = (max(found.arms[name].scores) for name in (ORIGINAL, found.after))
     assert before < after <= 6.5  # played, a policy scores one less than its worth
     best = (tmp_path / "best" / "reward.py").read_text()
@@ -454,5 +454,5 @@ def test_numbers_whose_policies_break_a_limit_do_not_win(
     assert ("before its numbers were fitted" in tables.worlds(view).note) == (not more)
     open_ = Difference(value=0.5, low=-0.5, high=1.5, seeds=9)
     monkeypatch.setattr(Outcome, "difference", property(lambda outcome: open_))
-    folder = "best" if more else f"candidates/{own.candidate.id}"
+    folder = "best" if more else f"candidates/{own.program.id}"
     assert f"reward=human,DIR/{folder}/reward.py" in deciding(view) and (tmp_path / folder / "reward.py").exists()

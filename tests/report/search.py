@@ -90,7 +90,7 @@ def view(entry: Scored) -> CandidateView:
     return CandidateView(
         generation=sample.generation,
         slot=sample.slot,
-        candidate=sample.candidate,
+        program=sample.candidate,
         verdict=sample.verdict,
         result=entry.result,
     )

@@ -30,8 +30,8 @@ class Person:
         say(
             self.directory,
             Remark(kind=RemarkKind.WORDS, text=self.words),
-            Remark(kind=RemarkKind.VOTE, candidate=a, over=b),
-            Remark(kind=RemarkKind.VETO, candidate=b),
+            Remark(kind=RemarkKind.VOTE, place=a, over=b),
+            Remark(kind=RemarkKind.VETO, place=b),
             Remark(kind=RemarkKind.GO),
         )
 

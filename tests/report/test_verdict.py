@@ -116,7 +116,7 @@ def test_a_search_that_stops_before_its_final_trainings_are_judged_has_not_lost(
 
 def test_a_person_who_rejects_all_that_trained_is_the_reason_that_nothing_was_found(tmp_path: Path) -> None:
     view = RunView.read(search_in(tmp_path, [reply(7), reply(8)]))
-    vetoes = [Remark(kind=RemarkKind.VETO, candidate=Place(0, slot)) for slot in (0, 1)]
+    vetoes = [Remark(kind=RemarkKind.VETO, place=Place(0, slot)) for slot in (0, 1)]
     rejected = replace(view, history=view.history.heard(vetoes), crown=None)
     assert verdict(rejected) == "No reward was found: every one that has a score was rejected."
 
@@ -125,7 +125,7 @@ def test_the_best_f_in_lists_of_runs_is_none_of_a_rejected_reward(tmp_path: Path
     directory = search_in(tmp_path, [reply(7), reply(8)])
     with Store.open(directory, RunView.read(directory).config) as store:
         before = store.glance().fitness
-        store.remarks.say(Remark(kind=RemarkKind.VETO, candidate=Place(0, 1)))
+        store.remarks.say(Remark(kind=RemarkKind.VETO, place=Place(0, 1)))
         assert store.glance().fitness == before, "nobody has heard it yet"
         store.remarks.hear(0)
         ranking = Ranking(store.history())

@@ -42,7 +42,7 @@ def test_every_slot_has_its_state_its_program_and_what_it_cost(tmp_path):
     first, second = view.candidates
     assert (first.state, first.fitness, len(first.attempts)) == (CandidateState.TRAINED, 7.0, 1)
     assert (second.state, second.fitness, len(second.attempts)) == (CandidateState.TRAINED, 8.0, 2)
-    assert second.candidate is not None and second.candidate.source == program(8)
+    assert second.program is not None and second.program.source == program(8)
     # The scripted model reads 100 tokens and writes 10 for a cent, each time.
     assert (second.usage.prompt_tokens, second.usage.completion_tokens, second.usage.cost_usd) == (200, 20, 0.02)
     assert view.best == second
@@ -68,7 +68,7 @@ def test_refused_replies_keep_their_program_and_their_findings(tmp_path):
     verdicts = [attempt.verdict for attempt in view.candidates[0].attempts]
     assert [verdict.code for verdict in verdicts if verdict] == ["refused", "no_program", "accepted"]
     assert verdicts[0] is not None and verdicts[0].findings[0].rule == "no-number"
-    refused = view.candidates[0].attempts[0].candidate
+    refused = view.candidates[0].attempts[0].program
     assert refused is not None and "return x" in refused.source
 
 

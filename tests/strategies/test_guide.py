@@ -26,7 +26,7 @@ class TestTournament(SearchConformance):
 
 def test_it_tells_the_model_what_a_person_said_and_improves_nothing_that_was_vetoed() -> None:
     search = tournament()
-    veto = Remark(kind=RemarkKind.VETO, candidate=Place(0, 1))
+    veto = Remark(kind=RemarkKind.VETO, place=Place(0, 1))
     said = [Remark(kind=RemarkKind.WORDS, text="too jerky"), veto]
     plans = search.ask(grown([1.0, 2.0]).heard(said), Random(0))
     assert [plan.opinion.words for plan in plans] == [("too jerky",)] * 4

@@ -95,7 +95,7 @@ def test_an_island_whose_policies_break_a_limit_is_the_weakest() -> None:
 
 def test_where_votes_decide_they_say_which_island_is_the_weakest() -> None:
     history = replace(grown(*[[1.0, 0.5, 5.0, 4.0]] * RENEWAL), judge="votes")
-    vote = Remark(kind=RemarkKind.VOTE, candidate=Place(RENEWAL - 1, 0), over=Place(RENEWAL - 1, 2))
+    vote = Remark(kind=RemarkKind.VOTE, place=Place(RENEWAL - 1, 0), over=Place(RENEWAL - 1, 2))
     assert parents(asked(history.heard([vote]))) == [Place(RENEWAL - 1, 0)] * 2
 
 
@@ -104,7 +104,7 @@ def test_an_island_on_which_nothing_trained_takes_from_another() -> None:
 
 
 def test_a_favourite_is_the_parent_on_all_islands() -> None:
-    history = grown([1.0, 5.0, 2.0, 3.0]).heard([Remark(kind=RemarkKind.FAVOURITE, candidate=Place(0, 2))])
+    history = grown([1.0, 5.0, 2.0, 3.0]).heard([Remark(kind=RemarkKind.FAVOURITE, place=Place(0, 2))])
     assert parents(asked(history)) == [Place(0, 2)] * 2
 
 

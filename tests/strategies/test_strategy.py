@@ -68,14 +68,14 @@ def test_best_tells_of_the_other_rewards_of_the_parents_generation() -> None:
 
 
 def test_best_tells_nothing_of_rewards_that_a_person_rejected() -> None:
-    vetoes = [Remark(kind=RemarkKind.VETO, candidate=Place(0, slot)) for slot in (0, 2)]
+    vetoes = [Remark(kind=RemarkKind.VETO, place=Place(0, slot)) for slot in (0, 2)]
     (plan,) = Best(samples=1).ask(grown([5.0, 4.0, 6.0, 1.0]).heard(vetoes), Random(0))
     assert [turn.fitness for turn in plan.turns] == [4.0]
     assert [entry.fitness for entry in plan.siblings] == [1.0]
 
 
 def test_a_favourite_is_told_of_where_it_is_the_parent() -> None:
-    history = grown([5.0, 4.0]).heard([Remark(kind=RemarkKind.FAVOURITE, candidate=Place(0, 1))])
+    history = grown([5.0, 4.0]).heard([Remark(kind=RemarkKind.FAVOURITE, place=Place(0, 1))])
     ranking = Ranking(history)
     other, own = history.generations[0].entries
     told = [prompt_plan(1, turns, history, ranking).opinion.chosen for turns in ([other], [own], [])]

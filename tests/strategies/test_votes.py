@@ -9,11 +9,11 @@ from openeureka.types import History, Place, Remark, RemarkKind
 
 
 def vote(better: Place, worse: Place) -> Remark:
-    return Remark(kind=RemarkKind.VOTE, candidate=better, over=worse)
+    return Remark(kind=RemarkKind.VOTE, place=better, over=worse)
 
 
 def veto(place: Place) -> Remark:
-    return Remark(kind=RemarkKind.VETO, candidate=place)
+    return Remark(kind=RemarkKind.VETO, place=place)
 
 
 def first(ranking: Ranking) -> Place | None:
@@ -58,14 +58,14 @@ def test_votes_do_not_outrank_f_where_f_judges() -> None:
 
 def test_a_favourite_wins_against_its_whole_generation_and_is_the_next_parent() -> None:
     history = History(judge="votes").grown(entries(0, [5.0, 1.0, 9.0]))
-    ranking = Ranking(history.heard([Remark(kind=RemarkKind.FAVOURITE, candidate=Place(0, 1))]))
+    ranking = Ranking(history.heard([Remark(kind=RemarkKind.FAVOURITE, place=Place(0, 1))]))
     assert first(ranking) == Place(0, 1)
     assert ranking.favourite == history.generations[0].entries[1]
     assert ranking.record(history.generations[0].entries[1].sample.verdict.candidate) == (2, 0)
 
 
 def test_a_vetoed_favourite_is_no_parent_and_a_favourite_counts_for_one_generation() -> None:
-    liked = Remark(kind=RemarkKind.FAVOURITE, candidate=Place(0, 1))
+    liked = Remark(kind=RemarkKind.FAVOURITE, place=Place(0, 1))
     history = History().grown(entries(0, [5.0, 1.0]))
     assert Ranking(history.heard([liked, veto(Place(0, 1))])).favourite is None
     assert Ranking(history.heard([liked]).grown(entries(1, [2.0]))).favourite is None

@@ -9,9 +9,9 @@ def test_a_form_becomes_remarks():
     form = {"words": " too jerky\n", "favourite": "g0s3", "veto": "g1s12", "vote": "g0s3:g0s1", "go": "1"}
     assert set(actions.read(form)) == {
         Remark(kind=RemarkKind.WORDS, text="too jerky"),
-        Remark(kind=RemarkKind.FAVOURITE, candidate=Place(0, 3)),
-        Remark(kind=RemarkKind.VETO, candidate=Place(1, 12)),
-        Remark(kind=RemarkKind.VOTE, candidate=Place(0, 3), over=Place(0, 1)),
+        Remark(kind=RemarkKind.FAVOURITE, place=Place(0, 3)),
+        Remark(kind=RemarkKind.VETO, place=Place(1, 12)),
+        Remark(kind=RemarkKind.VOTE, place=Place(0, 3), over=Place(0, 1)),
         Remark(kind=RemarkKind.GO),
     }
 

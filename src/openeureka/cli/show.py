@@ -256,7 +256,7 @@ def _generation(generation: GenerationView) -> dict[str, object]:
 
 
 def _remark(remark: Remark) -> dict[str, str | None]:
-    places = {"candidate": remark.candidate, "over": remark.over}
+    places = {"candidate": remark.place, "over": remark.over}
     named = {name: str(place) if place is not None else None for name, place in places.items()}
     return {"kind": remark.kind, "text": remark.text, **named}
 
@@ -264,7 +264,7 @@ def _remark(remark: Remark) -> dict[str, str | None]:
 def _slot_facts(slot: CandidateView) -> dict[str, object]:
     return {
         "name": str(slot.place),
-        "candidate": slot.candidate.id if slot.candidate is not None else None,
+        "candidate": slot.program.id if slot.program is not None else None,
         "state": slot.state,
         "verdict": slot.verdict.code if slot.verdict is not None else None,
         "findings": [dataclasses.asdict(finding) for finding in slot.verdict.findings] if slot.verdict else [],

@@ -57,7 +57,7 @@ class AttemptView:
     repair: tuple[Message, ...]
     """The messages that a repair turn added to the generation's prompt; empty for a fresh sample."""
     reply: Reply
-    candidate: Candidate | None
+    program: Candidate | None
     verdict: Verdict | None
     """None: not judged yet."""
 
@@ -68,7 +68,7 @@ class CandidateView:
 
     generation: int
     slot: int
-    candidate: Candidate | None
+    program: Candidate | None
     """The program of the last reply; None when that held none."""
     verdict: Verdict | None
     result: TrainingResult | None = None
@@ -189,16 +189,16 @@ class Reader:
     def _candidate(self, place: Place, replies: Mapping[int, Reply]) -> CandidateView:
         attempts = tuple(self._attempt(place, number, reply) for number, reply in replies.items())
         entry = self._entries.get(place)
-        candidate = entry.sample.candidate if entry is not None else attempts[-1].candidate
+        program = entry.sample.candidate if entry is not None else attempts[-1].program
         verdict = entry.sample.verdict if entry is not None else attempts[-1].verdict
-        if entry is None and candidate is not None and place in self._screens and not self._screens[place].kept:
-            verdict = screen.verdict(candidate.id, self._screens[place])
-        lane = lane_id(candidate.id, self._config.seed) if candidate is not None else ""
+        if entry is None and program is not None and place in self._screens and not self._screens[place].kept:
+            verdict = screen.verdict(program.id, self._screens[place])
+        lane = lane_id(program.id, self._config.seed) if program is not None else ""
         parent = self._entries.get(self._parents[place]) if place in self._parents else None
         return CandidateView(
             generation=place.generation,
             slot=place.slot,
-            candidate=candidate,
+            program=program,
             verdict=verdict,
             result=entry.result if entry is not None else self._results.get(lane),
             played=entry.played if entry is not None else self._played.get(lane),
@@ -206,13 +206,13 @@ class Reader:
             parent=parent.sample if parent is not None else None,
             attempts=attempts,
             video=self._videos.get(lane, ""),
-            strength=self._ranking.strengths.get(candidate.id) if candidate is not None else None,
-            vetoed=candidate is not None and candidate.id in self._ranking.rejected,
+            strength=self._ranking.strengths.get(program.id) if program is not None else None,
+            vetoed=program is not None and program.id in self._ranking.rejected,
         )
 
     def _attempt(self, place: Place, number: int, reply: Reply) -> AttemptView:
         found = self._attempts.get((place.generation, number, place.slot))
         if found is None:
-            return AttemptView(repair=(), reply=reply, candidate=None, verdict=None)
+            return AttemptView(repair=(), reply=reply, program=None, verdict=None)
         verdict = self._store.verdict(found.candidate.id) if found.candidate is not None else NO_PROGRAM
-        return AttemptView(repair=found.repair, reply=reply, candidate=found.candidate, verdict=verdict)
+        return AttemptView(repair=found.repair, reply=reply, program=found.candidate, verdict=verdict)

@@ -212,7 +212,7 @@ class Line(NamedTuple):
 def changes(candidate: CandidateView) -> tuple[Line, ...]:
     """What a program changed of its parent, a unified diff; empty without a parent, without a change, or where either
     program is too long."""
-    own, parent = candidate.candidate, candidate.parent.candidate if candidate.parent else None
+    own, parent = candidate.program, candidate.parent.candidate if candidate.parent else None
     if own is None or parent is None or max(len(own.source), len(parent.source)) > MAX_CHARACTERS:
         return ()
     lines = difflib.unified_diff(parent.source.splitlines(), own.source.splitlines(), n=CONTEXT, lineterm="")

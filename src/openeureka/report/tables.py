@@ -60,7 +60,7 @@ def tiles(run: RunView) -> list[Tile]:
     slots, best = run.candidates, run.best
     human = run.baseline_score("human") if "human" in run.baselines else None
     played = human is not None and run.baselines["human"].lane in run.played
-    different = len({c.candidate.id for c in slots if c.candidate is not None})
+    different = len({c.program.id for c in slots if c.program is not None})
     drawn = [
         Tile("generations", f"{len(run.history.generations)} of {run.config.generations}"),
         Tile("candidates", str(len(slots)), f"{different} different, {sum(c.score is not None for c in slots)} scored"),
@@ -184,7 +184,7 @@ def _carried(run: RunView, one: Try) -> tuple[str, str, str]:
 def _reward(run: RunView, identity: str) -> str:
     """What people call a reward: its first place in the search, or the weighting that it is."""
     places = (
-        str(slot.place) for slot in run.candidates if slot.candidate is not None and slot.candidate.id == identity
+        str(slot.place) for slot in run.candidates if slot.program is not None and slot.program.id == identity
     )
     names = (name for name, candidate in run.texts.items() if candidate.id == identity)
     return next(places, "") or next(names, identity)
@@ -297,7 +297,7 @@ def facts(candidate: CandidateView) -> Table:
     """One candidate in numbers."""
     usage, result = candidate.usage, candidate.result
     rows = [
-        ("program", candidate.candidate.id if candidate.candidate else "none"),
+        ("program", candidate.program.id if candidate.program else "none"),
         ("F when played", _episodes(candidate.played)),
         ("F in training, maximum over epochs", number(candidate.fitness)),
         ("replies", str(len(candidate.attempts))),
@@ -336,10 +336,10 @@ def _said(remark: Remark) -> str:
         case RemarkKind.WORDS:
             return remark.text
         case RemarkKind.VOTE:
-            return f"[{remark.candidate} is better than {remark.over}]"
+            return f"[{remark.place} is better than {remark.over}]"
         case RemarkKind.GO:
             return "[go on]"
-    return f"[{remark.kind}: {remark.candidate}]"
+    return f"[{remark.kind}: {remark.place}]"
 
 
 def settings(config: RunConfig) -> Table:

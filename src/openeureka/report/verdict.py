@@ -199,7 +199,7 @@ def _left_open(run: RunView, directory: str) -> tuple[Difference | None, tuple[s
     where it compares none.
     """
     if run.searched:
-        ended, own = run.outcome, run.best.candidate if run.best is not None else None
+        ended, own = run.outcome, run.best.program if run.best is not None else None
         if ended is None or own is None or not beside(run.config) or not (ended.method.scores and ended.human.scores):
             return None
         kept = "best" if run.fitted is None else f"candidates/{own.id}"  # with fitted numbers it is another reward

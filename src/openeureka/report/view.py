@@ -165,7 +165,7 @@ class RunView:
     @property
     def best_text(self) -> Candidate | None:
         """The program of the best reward, with fitted numbers where those are better."""
-        return self.fitted or (self.best.candidate if self.best is not None else None)
+        return self.fitted or (self.best.program if self.best is not None else None)
 
     @property
     def baselines(self) -> dict[str, TrainingResult]:
@@ -183,7 +183,7 @@ class RunView:
     def twins(self) -> dict[Place, Place]:
         """The candidates whose program an earlier one had, which trained for both, and that one."""
         first: dict[str, Place] = {}
-        named = [(own.candidate.id, own.place) for own in self.candidates if own.candidate is not None]
+        named = [(own.program.id, own.place) for own in self.candidates if own.program is not None]
         return {place: before for name, place in named if (before := first.setdefault(name, place)) != place}
 
     @property

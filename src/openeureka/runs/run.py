@@ -84,8 +84,8 @@ def lanes(run: RunView) -> dict[str, LaneView]:
     """By id, in the order in which they were begun."""
     places: dict[str, str] = {}
     for slot in run.candidates:
-        if slot.candidate is not None:
-            places.setdefault(slot.candidate.id, str(slot.place))
+        if slot.program is not None:
+            places.setdefault(slot.program.id, str(slot.place))
     return {
         name: LaneView(
             lane=lane,

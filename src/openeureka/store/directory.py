@@ -164,7 +164,7 @@ def check(store: Store, remarks: Iterable[Remark]) -> None:
         raise FeedbackError(f"The run in {store.directory} has asked for its last generation; nothing more is heard.")
     trained = {e.sample.place for g in store.history().generations for e in g.entries if e.result is not None}
     for remark in remarks:
-        for place in (remark.candidate, remark.over):
+        for place in (remark.place, remark.over):
             if place is not None and place not in trained:
                 raise FeedbackError(f"{place} is no trained candidate of a finished generation; {_known(trained)}.")
 
@@ -176,10 +176,10 @@ def _expect_standing(store: Store, remarks: Sequence[Remark]) -> None:
         entry.sample.place: entry.sample.verdict.candidate for entry in entries
     }
     said = (*store.remarks.all(), *remarks)
-    vetoed = {programs.get(remark.candidate) for remark in said if remark.kind is RemarkKind.VETO}
+    vetoed = {programs.get(remark.place) for remark in said if remark.kind is RemarkKind.VETO}
     for remark in remarks:
-        if remark.kind is RemarkKind.FAVOURITE and programs.get(remark.candidate) in vetoed:
-            raise FeedbackError(f"{remark.candidate} was vetoed, which holds for good; choose another favourite.")
+        if remark.kind is RemarkKind.FAVOURITE and programs.get(remark.place) in vetoed:
+            raise FeedbackError(f"{remark.place} was vetoed, which holds for good; choose another favourite.")
 
 
 def _known(trained: set[Place]) -> str:

@@ -96,7 +96,7 @@ def remark(word: str) -> Remark:
         return Remark(kind=RemarkKind.WORDS, text=word)
     kind, named = RemarkKind(mark[1].replace("favorite", "favourite")), mark[2]
     if kind is not RemarkKind.VOTE:
-        return Remark(kind=kind, candidate=_place(named, word))
+        return Remark(kind=kind, place=_place(named, word))
     better, _, worse = named.replace(">", ":").partition(":")  # an unquoted > is the shell's
     if not (better and worse):
         raise FeedbackError(
@@ -104,7 +104,7 @@ def remark(word: str) -> Remark:
         )
     if _place(better, word) == _place(worse, word):
         raise FeedbackError(f"`{named}` votes for a candidate over itself; name two, as g0s3:g0s1.")
-    return Remark(kind=kind, candidate=_place(better, word), over=_place(worse, word))
+    return Remark(kind=kind, place=_place(better, word), over=_place(worse, word))
 
 
 def _is_go(word: str) -> bool:

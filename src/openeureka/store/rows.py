@@ -148,7 +148,7 @@ def decode_result(lane: str, text: str | bytes) -> TrainingResult:
 
 def encode_remark(remark: Remark) -> dict[str, str | int | None]:
     """The columns of a row."""
-    generation, slot = remark.candidate or (None, None)
+    generation, slot = remark.place or (None, None)
     over_generation, over_slot = remark.over or (None, None)
     return {
         "kind": remark.kind,
@@ -162,8 +162,8 @@ def encode_remark(remark: Remark) -> dict[str, str | int | None]:
 
 def decode_remark(row: Mapping[str, Any]) -> Remark:
     """Raises DecodeError for a kind of remark that nobody makes."""
-    candidate, over = (row["generation"], row["slot"]), (row["over_generation"], row["over_slot"])
-    places = {name: place for name, place in (("candidate", candidate), ("over", over)) if None not in place}
+    place, over = (row["generation"], row["slot"]), (row["over_generation"], row["over_slot"])
+    places = {name: found for name, found in (("place", place), ("over", over)) if None not in found}
     return shaped(Remark, {"kind": row["kind"], "text": row["text"], **places})
 
 

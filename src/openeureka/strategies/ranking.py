@@ -97,18 +97,18 @@ class Ranking:
     def _compared(self, generation: Generation) -> Iterable[tuple[CandidateId, CandidateId]]:
         """Winner and loser of the votes after a generation; a favourite wins against its whole generation."""
         for remark in generation.remarks:
-            if remark.candidate is None:
+            if remark.place is None:
                 continue
-            winner = self._id(remark.candidate)
+            winner = self._id(remark.place)
             others = [remark.over] if remark.over is not None else []
             if remark.kind is RemarkKind.FAVOURITE:
-                others = [e.sample.place for e in self._generations[remark.candidate.generation].entries if e.trained]
+                others = [e.sample.place for e in self._generations[remark.place.generation].entries if e.trained]
             yield from ((winner, self._id(other)) for other in others if self._id(other) != winner)
 
     def _named(self, kind: RemarkKind, generations: Sequence[Generation]) -> list[Scored]:
         """The entries that remarks of one kind are about, in the order in which they were said."""
         remarks = [remark for generation in generations for remark in generation.remarks if remark.kind is kind]
-        return [self._entries[remark.candidate] for remark in remarks if remark.candidate is not None]
+        return [self._entries[remark.place] for remark in remarks if remark.place is not None]
 
     def _id(self, place: Place) -> CandidateId:
         return self._entries[place].sample.verdict.candidate

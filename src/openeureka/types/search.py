@@ -43,7 +43,7 @@ class Remark:
     kind: RemarkKind
     text: str = ""
     """The words."""
-    candidate: Place | None = None
+    place: Place | None = None
     """The favourite, the vetoed one, or the one preferred in a vote."""
     over: Place | None = None
     """The other one of a vote."""

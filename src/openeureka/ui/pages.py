@@ -161,9 +161,9 @@ def _places(run: RunView) -> dict[str, str]:
     """What the lane of each candidate, and of each reward that came with the task, is called."""
     others = {name: f"{lane.reward} reward" for name, lane in run.lanes.items() if lane.role == "baseline"}
     return others | {
-        lane_id(candidate.candidate.id, run.config.seed): str(candidate.place)
+        lane_id(candidate.program.id, run.config.seed): str(candidate.place)
         for candidate in reversed(run.candidates)
-        if candidate.candidate is not None
+        if candidate.program is not None
     }
 
 
