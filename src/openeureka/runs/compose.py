@@ -122,8 +122,8 @@ def search(config: RunConfig, directory: Path, host: Host, model: LanguageModel 
             with _parts(config, directory, host, model, mirrors) as parts:
                 loop.run(*parts)
         except KeyboardInterrupt:  # before the search, or a resumed one, was at work
-            known = begun or has_begun(directory)
-            raise Interrupted(stopped(host.again(directory)) if known else "Stopped before it began.") from None
+            begun = begun or has_begun(directory)
+            raise Interrupted(stopped(host.again(directory)) if begun else "Stopped before it began.") from None
         doing = "Writing the report" if config.video == "none" else "Filming, and writing the report"
         return _reported(config, directory, host, "search", doing)
 
@@ -149,31 +149,31 @@ def _parts(
     config: RunConfig, directory: Path, host: Host, model: LanguageModel | None, mirrors: Sequence[Tell]
 ) -> Iterator[Parts]:
     """What a search is made of, as long as it is at work."""
-    known = context(config.env)
-    baselines.chosen(config)
+    task = context(config.env)
+    baselines.expect(config)
     costs.check(config.env, config.cost_limits)
     begun = has_begun(directory)
     if config.init and not begun:
-        sampling.given(config)
+        sampling.expect_given(config)
     trainer = trainer_of(config, directory)
     model = model or _model(config, directory)
     if begun:  # its model may be its own replies now, which do not say in which style they were asked
         before = read_config(directory)
         config = replace(config, sample=config.sample or before.sample, iteration=config.iteration or before.iteration)
     config = strategies.sized(config, model.style)
-    begins = strategies.make(config)  # refuses what is none; a run of before may rank otherwise, so it is made again
+    strategy = strategies.make(config)  # refuses what is none; a run of before may rank otherwise, so it is made again
     expect_free(directory, config)
     with host.working("Trying the task out"):
         states = record_states(config.env)
     host.begins(config, directory)
-    known = informed(known, states, config)
+    task = informed(task, states, config)
     try:
         worlds = config.worlds or get(config.env).recipe.worlds
-        with Sandbox(known.state, states, worlds=worlds, unsafe=config.unsafe_no_sandbox) as checker:
+        with Sandbox(task.state, states, worlds=worlds, unsafe=config.unsafe_no_sandbox) as checker:
             if not begun:
                 sampling.admit(config, checker)
             with (
-                _store(directory, config, begins.ranks) as store,
+                _store(directory, config, strategy.ranks) as store,
                 continuable(host.again(directory), store),
                 stoppable(directory),
                 logged(directory, config, store.talk.usage()) as log,
@@ -183,7 +183,7 @@ def _parts(
                 desk = host.desk(config, directory, films)
                 strategy = strategies.make(config, store.ranks)
                 tell = everyone(*log, *films, *mirrors, view)
-                yield config, store, model, checker, trainer, known, strategy, tell, desk
+                yield config, store, model, checker, trainer, task, strategy, tell, desk
     finally:
         model.close()
 
@@ -292,14 +292,14 @@ def robust(
         raise ConfigError("The run has no model: name one, as in model=gpt-5, or model=random for chance.")
     with Store.view(directory) as store:
         training = planned(store, wanted.start, wanted.steps)
-    trainer, known = trainer_of(config, directory), task.compile_model()
+    trainer, mechanics = trainer_of(config, directory), task.compile_model()
     model = model or open_model(config)
     robot = Robot(
         task=task.description,
-        description=ranges.described(task, known),
-        quantities=tuple(name for name in GRID if not ranges.useless(task, known, name)),
-        uniform=ranges.uniform(task, known),
-        read=lambda text: ranges.written(task, known, text, "the reply"),
+        description=ranges.described(task, mechanics),
+        quantities=tuple(name for name in GRID if not ranges.useless(task, mechanics, name)),
+        uniform=ranges.uniform(task, mechanics),
+        read=lambda text: ranges.written(task, mechanics, text, "the reply"),
     )
     began = stored(directory)
     with (
@@ -354,7 +354,7 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
     options |= {"address": config.address} if config.address else {}
     trainer: Trainer = EXECUTORS.make(config.executor, **options)
     _expect_storable(config)
-    ranges.find(config.env, config.randomise)  # refuses what is none, before anything is trained
+    ranges.expect(config.env, config.randomise)
     if config.observe != "all" and not (task := get(config.env)).unmeasured:
         raise ConfigError(f"All that `{task.env}` observes counts as measurable: leave observe=measurable out.")
     if not config.curriculum:
