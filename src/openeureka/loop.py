@@ -104,7 +104,7 @@ def conclude(lanes: Lanes, strategy: SearchStrategy, history: History) -> None:
     finals = lanes.final(race.contenders(history))
     scores = lanes.evaluate(lanes.standing([lane for arm in finals.values() for lane in arm], strategy))
     results = store.lanes.results()
-    own = {lane: results[lane] for lane in finals[best.sample.verdict.candidate] if lane in scores}
+    own = {lane: results[lane] for lane in finals[best.candidate_id] if lane in scores}
     winner = max(own, key=lambda lane: worth(scores[lane], config.cost_limits), default=None)
     keep(lanes, strategy, best, winner)
     if winner is not None:
@@ -126,7 +126,7 @@ def keep(lanes: Lanes, strategy: SearchStrategy, best: Scored | None, lane: str 
     """Leave the best reward, if any, in `best/`, with the policy of a lane; None for its lane in the search."""
     if best is None:  # who led may be rejected by now
         return lanes.store.lanes.withdraw("best")
-    lane = lane or lane_id(best.sample.verdict.candidate, lanes.config.seed)
+    lane = lane or lane_id(best.candidate_id, lanes.config.seed)
     lanes.store.save_best(best.sample.candidate, PolicyId(lane, lanes.standing([lane], strategy)[lane]))
 
 

@@ -226,7 +226,7 @@ def compare(
     def arm(name: str) -> Arm:
         return Arm(training=tuple(map(fitness.get, lanes[name])), held_out=tuple(map(held_out.get, lanes[name])))
 
-    own = best.sample.verdict.candidate
+    own = best.candidate_id
     trained = [results[lane] for lane in lanes[own] if lane in results]
     curves = [(result.curves.get("reward", ()), result.curves.get("human_reward", ())) for result in trained]
     return Outcome(
@@ -234,7 +234,7 @@ def compare(
         method=arm(own),
         human=known.human if known else arm("human"),
         sparse=known.sparse if known else arm("sparse"),
-        rivals={rival.sample.place: arm(rival.sample.verdict.candidate) for rival in rivals},
+        rivals={rival.sample.place: arm(rival.candidate_id) for rival in rivals},
         share=share,
         correlation=mean([result.correlation for result in trained]),
         curve_correlation=mean([pearson(own, human) for own, human in curves]),

@@ -142,7 +142,7 @@ def test_eureka_s_rule_looks_at_training_alone(headline: ModuleType):
     import greedy  # pyright: ignore[reportMissingImports]
 
     run = headline.archive("ballbalance")
-    entries = [entry for generation in run.history.generations for entry in generation.entries]
+    entries = run.history.entries
     first = max(entries, key=lambda entry: entry.result.fitness if entry.result else -1e9)
     assert greedy.greedy(run.history) == replace(first, played=None) and first.sample.place != run.crown
     same = {"best": "g0s1", "eureka": "g0s1"}

@@ -34,9 +34,7 @@ def said(directory: Path) -> tuple[Remark, ...]:
 def test_marks_are_told_from_words() -> None:
     assert remark("go") == GO
     assert remark("go slower") == Remark(kind=RemarkKind.WORDS, text="go slower")
-    assert (
-        remark("favourite=g0s3") == remark("favorite=g0s3") == Remark(kind=RemarkKind.FAVOURITE, place=Place(0, 3))
-    )
+    assert remark("favourite=g0s3") == remark("favorite=g0s3") == Remark(kind=RemarkKind.FAVOURITE, place=Place(0, 3))
     assert remark("veto=g12s0") == Remark(kind=RemarkKind.VETO, place=Place(12, 0))
     wanted = Remark(kind=RemarkKind.VOTE, place=Place(0, 3), over=Place(0, 1))
     assert remark("vote=g0s3:g0s1") == remark("vote=g0s3>g0s1") == wanted

@@ -87,7 +87,7 @@ def test_lanes_go_on_from_the_policy_in_best_with_different_shares(tmp_path: Pat
     trainer = Runner()
     outcome = search(tmp_path, trainer)
     assert outcome.best is not None
-    own, policy = outcome.best.sample.verdict.candidate, (tmp_path / "best" / "policy.safetensors").read_bytes()
+    own, policy = outcome.best.candidate_id, (tmp_path / "best" / "policy.safetensors").read_bytes()
     assert policy == b"8.02"  # the better of seeds 1 and 2
     carried = {name: trainer.specs[name] for name in (f"{own}-s3", f"{own}-s4", f"{own}-s5")}
     assert [(spec.start, spec.fresh, spec.rescaled) for spec in carried.values()] == [
@@ -166,7 +166,7 @@ def test_the_other_rewards_that_raced_carry_it_on_too(tmp_path: Path) -> None:
     trainer = Runner(error=0.5)
     outcome = search(tmp_path, trainer, polish=5)
     assert outcome.best is not None and len(outcome.rivals) == 1
-    own = outcome.best.sample.verdict.candidate
+    own = outcome.best.candidate_id
     tries = polished(tmp_path).tries
     assert [(one.lane.reward == own, one.start.fresh) for one in tries] == [
         *((True, 0.0), (True, 0.1), (False, 0.0), (True, 0.25), (False, 0.1))
@@ -209,7 +209,7 @@ def test_where_no_lane_leaves_a_policy_the_best_stays(tmp_path: Path) -> None:
     trainer = Runner()
     outcome = search(tmp_path / "a", trainer)
     assert outcome.best is not None
-    own = outcome.best.sample.verdict.candidate
+    own = outcome.best.candidate_id
     search(tmp_path / "b", Runner(failing=[f"{own}-s{seed}" for seed in (3, 4, 5)]))
     found = polished(tmp_path / "b")
     assert found.chosen is None and not found.better

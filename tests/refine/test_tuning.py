@@ -278,7 +278,7 @@ def test_a_search_fits_the_numbers_of_its_winner(tmp_path: Path) -> None:
     ]
     found = RunView.read(tmp_path).tuned
     assert found is not None and found.difference is not None and found.difference.sure
-    own = outcome.best.sample.verdict.candidate
+    own = outcome.best.candidate_id
     assert trainer.trained.count(f"{own}-s0") == trainer.trained.count(f"{own}-s1") == 1
     assert (tmp_path / "best" / "reward.py").read_text() == found_text(found)
     view = RunView.read(tmp_path)
@@ -352,7 +352,7 @@ def test_a_tuning_that_has_begun_goes_on_with_its_text_whoever_leads_by_then(tmp
             strategies.make(wanted))  # fmt: skip
         (entries,) = (generation.entries for generation in store.history().generations)
         lanes, began = Lanes(wanted, store, ToyTrainer(), nobody), dict(store.given())
-        other = next(entry for entry in entries if entry.sample.verdict.candidate != began[ORIGINAL])
+        other = next(entry for entry in entries if entry.candidate_id != began[ORIGINAL])
         assert tuning.tune_winner(lanes, ToyChecker(), other, ("fitness", "reward", "last")) is not None
         assert tuning.tune_winner(lanes, ToyChecker(), None, ("fitness", "reward", "last")) is not None
         assert store.given() == began

@@ -85,7 +85,7 @@ def test_an_island_whose_policies_break_a_limit_is_the_weakest() -> None:
             lane=entry.result.lane, fitness=entry.score, episode_length=1.0, episodes=8,
             costs={"torque": 99.0 if entry.sample.slot > 1 else 10.0},
         )
-        for generation in history.generations for entry in generation.entries if entry.result is not None
+        for entry in history.entries if entry.result is not None
     }  # fmt: skip
     limited = replace(history.replayed(played), limits={"torque": 40.0})
     assert parents(asked(limited)) == [Place(0, 0), Place(0, 0)]

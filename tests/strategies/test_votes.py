@@ -61,7 +61,7 @@ def test_a_favourite_wins_against_its_whole_generation_and_is_the_next_parent() 
     ranking = Ranking(history.heard([Remark(kind=RemarkKind.FAVOURITE, place=Place(0, 1))]))
     assert first(ranking) == Place(0, 1)
     assert ranking.favourite == history.generations[0].entries[1]
-    assert ranking.record(history.generations[0].entries[1].sample.verdict.candidate) == (2, 0)
+    assert ranking.record(history.generations[0].entries[1].candidate_id) == (2, 0)
 
 
 def test_a_vetoed_favourite_is_no_parent_and_a_favourite_counts_for_one_generation() -> None:

@@ -51,7 +51,7 @@ def show(directory: Path, *, as_json: bool = False) -> None:
         print("\n".join(robust_lines(run.robust) if run.robust is not None else []))
         return
     strengths = run.ranking.strengths
-    slots = [_slot(entry, strengths) for generation in run.history.generations for entry in generation.entries]
+    slots = [_slot(entry, strengths) for entry in run.history.entries]
     votes = ["votes"] if strengths else []
     titles = ("generation", "slot", "candidate", "try", "F played", "F in training", *votes, "verdict")
     print(plain(columns([titles, *slots]) if slots else "No generation is trained yet."))

@@ -84,7 +84,7 @@ class TerminalDesk:
     def _videos(self, generation: Generation) -> Iterator[tuple[str, str, str]]:
         for entry in generation.entries:
             if entry.result is not None:
-                video = f"lanes/{lane_id(entry.sample.verdict.candidate, self._config.seed)}/{VIDEO}"
+                video = f"lanes/{lane_id(entry.candidate_id, self._config.seed)}/{VIDEO}"
                 shown = str(self._directory / video) if artifacts.exists(self._directory, video) else "none"
                 yield str(entry.sample.place), number(entry.score), shown
 

@@ -116,7 +116,7 @@ def final_lanes(
         seeds: fresh ones to look for; None for all that a run may take.
     """
     wanted = final_seeds(config) if seeds is None else seeds
-    fresh = {entry.sample.verdict.candidate: list(wanted) for entry in arms}
+    fresh = {entry.candidate_id: list(wanted) for entry in arms}
     fresh |= {name: [config.seed, *wanted] for name, _ in beside(config)}
     return {
         name: [

@@ -161,7 +161,7 @@ def _standing(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"])
         scores = f"Its policy scored {turn.score:.4g} at best during training"
     else:
         scores = "The score of its policy is undefined"
-    best = plan.best is not None and plan.best.sample.verdict.candidate == turn.sample.verdict.candidate
+    best = plan.best is not None and plan.best.candidate_id == turn.candidate_id
     votes = " by the votes of a person" if plan.opinion.by_votes else ""
     if plan.best is None and plan.limits:
         rank = "no policy keeps the limits so far"

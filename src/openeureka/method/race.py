@@ -34,8 +34,7 @@ def contenders(history: History) -> tuple[Scored, ...]:
     best = ranking.best
     if best is None or best.played is None or ranking.by_votes:
         return (best,) if best is not None else ()
-    entries = [entry for generation in history.generations for entry in generation.entries]
-    keeping = (entry for entry in entries if not entry.breaks(history.limits))
+    keeping = (entry for entry in history.entries if not entry.breaks(history.limits))
     able = {name: entry for name, entry in _first_of_each(keeping).items() if name not in ranking.rejected}
     close = level({name: entry.played for name, entry in able.items() if entry.played is not None})
     ordered = sorted((able[name] for name in close), key=lambda entry: -rank(entry.score))
@@ -58,7 +57,7 @@ def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | 
     Raises:
         WorkerError: see `Lanes.train`.
     """
-    arms = {entry.sample.verdict.candidate: entry for entry in contenders(history)}
+    arms = {entry.candidate_id: entry for entry in contenders(history)}
     if not arms:
         return None
     config, names, raced = lanes.config, list(arms), strategy.ranks == "played"
@@ -96,8 +95,7 @@ def play_finals(
 
 def crowned(history: History, place: Place | None) -> Scored | None:
     """The entry that was confirmed; before that, and in older runs, the best of the search."""
-    entries = (entry for generation in history.generations for entry in generation.entries)
-    found = next((entry for entry in entries if entry.sample.place == place), None)
+    found = next((entry for entry in history.entries if entry.sample.place == place), None)
     return found or Ranking(history).best
 
 
@@ -112,13 +110,12 @@ def outcome(
     best = crowned(history, place)
     if best is None:
         return Outcome(best=None)
-    entries = [entry for generation in history.generations for entry in generation.entries]
-    others = _first_of_each(sorted(entries, key=lambda entry: -rank(entry.score)))
-    others.pop(best.sample.verdict.candidate, None)
+    others = _first_of_each(sorted(history.entries, key=lambda entry: -rank(entry.score)))
+    others.pop(best.candidate_id, None)
     lanes = final_lanes(config, [best, *others.values()], results, scores)
     # Not whom the scores of now would race: what plays after the race may change those.
     rivals = [entry for name, entry in others.items() if lanes[name]]
-    own = share(config, len(lanes[best.sample.verdict.candidate])) if best.played is not None else 1.0
+    own = share(config, len(lanes[best.candidate_id])) if best.played is not None else 1.0
     return compare(best, lanes, results, scores, baselines.chosen(config), rivals, own)
 
 
@@ -153,5 +150,5 @@ def _first_of_each(entries: Iterable[Scored]) -> dict[CandidateId, Scored]:
     """By program, where it first came."""
     found: dict[CandidateId, Scored] = {}
     for entry in entries:
-        found.setdefault(entry.sample.verdict.candidate, entry)
+        found.setdefault(entry.candidate_id, entry)
     return found

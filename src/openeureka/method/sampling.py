@@ -73,7 +73,7 @@ class Sampler:
 
     def fill(self, generation: int, plans: Sequence[PromptPlan]) -> tuple[Sample, ...]:
         """One sample per slot; slots are numbered through the plans in order."""
-        earlier = [entry.sample for finished in self.store.history().generations for entry in finished.entries]
+        earlier = [entry.sample for entry in self.store.history().entries]
         samples: list[Sample] = []
         for plan in plans:
             slots = range(len(samples), len(samples) + plan.count)

@@ -167,9 +167,9 @@ def decide(
         rooms: of each prompt, how many of its answers may train.
     """
     trained = dict[CandidateId, Sample]()
-    for entry in (entry for generation in history.generations for entry in generation.entries):
+    for entry in history.entries:
         if entry.result is not None:
-            trained.setdefault(entry.sample.verdict.candidate, entry.sample)
+            trained.setdefault(entry.candidate_id, entry.sample)
     asked = dict[CandidateId, tuple[Sample, int]]()
     for sample, prompt in zip(samples, prompts, strict=True):
         if sample.verdict.accepted and sample.verdict.candidate not in trained:

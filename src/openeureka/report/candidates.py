@@ -155,7 +155,7 @@ class Reader:
     ) -> None:
         self._store, self._config, self._history = store, config, history
         self._results, self._played, self._videos = results, played, videos
-        self._entries = {entry.sample.place: entry for g in history.generations for entry in g.entries}
+        self._entries = {entry.sample.place: entry for entry in history.entries}
         self._parents = {} if config.model == "random" else store.talk.parents()  # chance reads no parent
         self._attempts, self._screens = store.attempts(), store.screens.all()
         self._ranking = strategies.Ranking(history)

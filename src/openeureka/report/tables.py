@@ -183,9 +183,7 @@ def _carried(run: RunView, one: Try) -> tuple[str, str, str]:
 
 def _reward(run: RunView, identity: str) -> str:
     """What people call a reward: its first place in the search, or the weighting that it is."""
-    places = (
-        str(slot.place) for slot in run.candidates if slot.program is not None and slot.program.id == identity
-    )
+    places = (str(slot.place) for slot in run.candidates if slot.program is not None and slot.program.id == identity)
     names = (name for name, candidate in run.texts.items() if candidate.id == identity)
     return next(places, "") or next(names, identity)
 

@@ -208,7 +208,7 @@ class RunView:
         """Whether all final trainings are judged, and no crown is kept: by versions that kept none, or where none of
         them left a policy."""
         best = self.ranking.best
-        names = [best.sample.verdict.candidate if best is not None else "", *(name for name, _ in beside(self.config))]
+        names = [best.candidate_id if best is not None else "", *(name for name, _ in beside(self.config))]
         lanes = [lane_id(name, seed) for name in names for seed in final_seeds(self.config)]
         judged = self.ended or any(lane in self.evaluations for lane in lanes)
         return self.ranks == "training" and judged and all(lane in self.results for lane in lanes)
@@ -220,7 +220,7 @@ class RunView:
         if best is None or self.outcome is None or not self.trials:
             return ()
         arms = final_lanes(self.config, [best], self.results, self.evaluations)
-        final = {lane: self.results[lane] for lane in arms[best.sample.verdict.candidate]}
+        final = {lane: self.results[lane] for lane in arms[best.candidate_id]}
         unsaid: Peak = "fitness" if self.config.search == "eureka" else "reward"  # by versions before
         return tuple(hacking.tried(final, self.evaluations, self.trials, unsaid))
 

@@ -162,7 +162,7 @@ def check(store: Store, remarks: Iterable[Remark]) -> None:
         raise FeedbackError(f"The run in {store.directory} does not wait for a person; start one with feedback=human.")
     if store.remarks.heard(config.hearings - 1) is not None:
         raise FeedbackError(f"The run in {store.directory} has asked for its last generation; nothing more is heard.")
-    trained = {e.sample.place for g in store.history().generations for e in g.entries if e.result is not None}
+    trained = {entry.sample.place for entry in store.history().entries if entry.result is not None}
     for remark in remarks:
         for place in (remark.place, remark.over):
             if place is not None and place not in trained:
@@ -171,9 +171,8 @@ def check(store: Store, remarks: Iterable[Remark]) -> None:
 
 def _expect_standing(store: Store, remarks: Sequence[Remark]) -> None:
     """Refuse a favourite whose program was vetoed: it would be kept, and never be a parent. Raises FeedbackError."""
-    entries = [entry for generation in store.history().generations for entry in generation.entries]
     programs: dict[Place | None, CandidateId] = {
-        entry.sample.place: entry.sample.verdict.candidate for entry in entries
+        entry.sample.place: entry.candidate_id for entry in store.history().entries
     }
     said = (*store.remarks.all(), *remarks)
     vetoed = {programs.get(remark.place) for remark in said if remark.kind is RemarkKind.VETO}

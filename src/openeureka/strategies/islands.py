@@ -94,7 +94,7 @@ def _ahead(line: Sequence[Scored], ranking: Ranking) -> list[Scored]:
     best = ranking.best_of(line)
     if best is None:
         return []
-    others = [entry for entry in line if entry.sample.verdict.candidate != best.sample.verdict.candidate]
+    others = [entry for entry in line if entry.candidate_id != best.candidate_id]
     second = ranking.best_of(others)
     return [best, second] if second is not None else [best]
 

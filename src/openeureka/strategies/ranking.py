@@ -30,7 +30,7 @@ class Ranking:
 
     def __init__(self, history: History) -> None:
         self._generations, self._limits = history.generations, history.limits
-        self._entries = {e.sample.place: e for generation in history.generations for e in generation.entries}
+        self._entries = {entry.sample.place: entry for entry in history.entries}
         self._votes = [vote for generation in history.generations for vote in self._compared(generation)]
         self.strengths = strengths(self._votes)
         """Bradley-Terry strength by candidate id, of those that took part in a vote."""
@@ -40,7 +40,7 @@ class Ranking:
         vetoed = self._named(RemarkKind.VETO, history.generations)
         self.vetoed = tuple({entry.sample.place: entry for entry in vetoed}.values())
         """Rejected for good, in the order of the vetoes."""
-        self.rejected = frozenset(entry.sample.verdict.candidate for entry in self.vetoed)
+        self.rejected = frozenset(entry.candidate_id for entry in self.vetoed)
 
     @property
     def best(self) -> Scored | None:
@@ -66,7 +66,7 @@ class Ranking:
     def favourite(self) -> Scored | None:
         """Whom a person, after the last generation, chose as the next parent."""
         chosen = self._named(RemarkKind.FAVOURITE, self._generations[-1:])
-        return next((e for e in reversed(chosen) if e.sample.verdict.candidate not in self.rejected), None)
+        return next((e for e in reversed(chosen) if e.candidate_id not in self.rejected), None)
 
     def record(self, candidate: CandidateId) -> Record:
         return Record(
@@ -84,7 +84,7 @@ class Ranking:
         undecided = -math.inf
         if entry is None:
             return undecided, undecided
-        strength = self.strengths.get(entry.sample.verdict.candidate, undecided) if self.by_votes else undecided
+        strength = self.strengths.get(entry.candidate_id, undecided) if self.by_votes else undecided
         return strength, entry.score if entry.score is not None else -math.inf
 
     def _may_win(self, entry: Scored) -> bool:
@@ -92,7 +92,7 @@ class Ranking:
 
     def _stands(self, entry: Scored) -> bool:
         trained = entry.trained if self.by_votes else entry.score is not None
-        return trained and entry.sample.verdict.candidate not in self.rejected
+        return trained and entry.candidate_id not in self.rejected
 
     def _compared(self, generation: Generation) -> Iterable[tuple[CandidateId, CandidateId]]:
         """Winner and loser of the votes after a generation; a favourite wins against its whole generation."""
@@ -111,7 +111,7 @@ class Ranking:
         return [self._entries[remark.place] for remark in remarks if remark.place is not None]
 
     def _id(self, place: Place) -> CandidateId:
-        return self._entries[place].sample.verdict.candidate
+        return self._entries[place].candidate_id
 
 
 def strengths(votes: Sequence[tuple[Item, Item]]) -> dict[Item, float]:

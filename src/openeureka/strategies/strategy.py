@@ -141,8 +141,8 @@ def prompt_plan(samples: int, turns: Sequence[Scored], history: History, ranking
 def _siblings(parent: Scored, history: History, ranking: Ranking) -> tuple[Scored, ...]:
     """The other programs of the parent's generation, each once; not those that a person rejected."""
     entries = history.generations[parent.sample.generation].entries
-    others = {entry.sample.verdict.candidate: entry for entry in reversed(entries)}
-    left_out = {parent.sample.verdict.candidate, *ranking.rejected}
+    others = {entry.candidate_id: entry for entry in reversed(entries)}
+    left_out = {parent.candidate_id, *ranking.rejected}
     return tuple(entry for own, entry in reversed(others.items()) if own not in left_out)
 
 
@@ -156,11 +156,11 @@ def _failures(history: History) -> tuple[Scored, ...]:
 
 def _opinion(parents: Sequence[Scored], history: History, ranking: Ranking) -> Opinion:
     remarks = [remark for generation in history.generations for remark in generation.remarks]
-    own = parents[0].sample.verdict.candidate if parents else None
+    own = parents[0].candidate_id if parents else None
     won, lost = ranking.record(own) if own is not None else (0, 0)
     return Opinion(
         words=tuple(remark.text for remark in remarks if remark.kind is RemarkKind.WORDS),
-        chosen=ranking.favourite is not None and ranking.favourite.sample.verdict.candidate == own,
+        chosen=ranking.favourite is not None and ranking.favourite.candidate_id == own,
         won=won,
         lost=lost,
         vetoed=ranking.vetoed,

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 from .bounds import Finite
 from .replies import Usage
-from .rewards import Candidate, Verdict
+from .rewards import Candidate, CandidateId, Verdict
 from .training import Evaluation, Limits, TrainingResult, TrainingState
 
 Ranks = Literal["played", "training"]
@@ -90,6 +90,11 @@ class Scored:
         """Whether its training came to the end, or so far that others went on; with or without a defined F."""
         return self.result is not None and self.result.state in (TrainingState.FINISHED, TrainingState.CUT)
 
+    @property
+    def candidate_id(self) -> CandidateId:
+        """Of its program; slots with equal programs share it. Empty where the reply held none."""
+        return self.sample.verdict.candidate
+
     def breaks(self, limits: Limits) -> bool:
         """Whether its policy, as it played, breaks one of them."""
         return self.played is not None and bool(self.played.broken(limits))
@@ -155,6 +160,11 @@ class History:
     limits: Limits = field(default_factory=dict[str, float], hash=False)
     """Whose policy breaks one of these cannot win."""
 
+    @property
+    def entries(self) -> tuple[Scored, ...]:
+        """The slots of all finished generations, in their order."""
+        return tuple(entry for generation in self.generations for entry in generation.entries)
+
     def grown(self, entries: Sequence[Scored]) -> History:
         """With one more generation."""
         generation = Generation(len(self.generations), tuple(entries), limits=self.limits)
@@ -177,8 +187,7 @@ class History:
     @property
     def lanes(self) -> tuple[str, ...]:
         """The lanes of its candidates."""
-        entries = (entry for generation in self.generations for entry in generation.entries)
-        return tuple(entry.result.lane for entry in entries if entry.result is not None)
+        return tuple(entry.result.lane for entry in self.entries if entry.result is not None)
 
     def spent(self) -> Iterator[tuple[Scored, int]]:
         """The slots with a result in order, and the environment steps that each added.

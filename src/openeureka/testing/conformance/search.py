@@ -71,10 +71,9 @@ class SearchConformance:
 
     def test_parents_are_entries_of_the_history_that_trained(self) -> None:
         history = grown(*SCORES)
-        known = [entry for generation in history.generations for entry in generation.entries]
         for plan in self.make().ask(history, Random(0)):
             assert plan.turns, "a strategy that knows trained rewards shows one"
-            assert all(turn in known and turn.fitness is not None for turn in plan.turns)
+            assert all(turn in history.entries and turn.fitness is not None for turn in plan.turns)
 
     def test_when_nothing_trained_the_next_prompts_say_why(self) -> None:
         failed = entries(0, [0.0, 0.0], refused=True)
