@@ -125,7 +125,7 @@ def score_nearest(lanes: Lanes, strategy: SearchStrategy, history: History) -> N
 def keep(lanes: Lanes, strategy: SearchStrategy, best: Scored | None, lane: str | None = None) -> None:
     """Leave the best reward, if any, in `best/`, with the policy of a lane; None for its lane in the search."""
     if best is None:  # who led may be rejected by now
-        return lanes.store.lanes.withdraw("best")
+        return lanes.store.folders.clear("best")
     lane = lane or lane_id(best.candidate_id, lanes.config.seed)
     lanes.store.save_best(best.sample.candidate, PolicyId(lane, lanes.standing([lane], strategy)[lane]))
 

@@ -157,7 +157,7 @@ def test_of_the_winner_s_policies_one_that_keeps_the_limits_is_handed_over(tmp_p
     settings: dict[str, Any] = {"limits": "torque=75", "seeds": 3}
     run = RunView.read(search_in(tmp_path / "run", [reply(7), reply(5)], trainer=trainer, **settings))
     with Store.view(tmp_path / "run") as store:
-        (kept, *_) = store.lanes.exposed("best")
+        (kept, *_) = store.folders.held("best")
     assert run.crown is not None and run.evaluations[kept.lane].costs["torque"] == 50.0
 
 

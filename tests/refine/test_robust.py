@@ -183,7 +183,7 @@ def test_they_begin_with_the_best_policy_and_take_half_of_its_steps(tmp_path: Pa
     trainer = Recording()
     make(run, ScriptedModel([TABLE.format(0.9, 1.1)]), trainer, sample=1)
     with Store.view(run) as store:
-        began = store.lanes.policy(*store.lanes.exposed("best")[0])
+        began = store.lanes.policy(*store.folders.held("best")[0])
     assert trainer.steps == [half] and [(lane.start, lane.fresh) for lane in trainer.lanes] == [(began, 0.0)] * 3
 
 
@@ -331,7 +331,7 @@ def test_it_goes_on_with_the_policy_that_it_began_with(searched: Path) -> None:
     with Store.open(searched, RunView.read(searched).config) as store:
         (began,) = {lane.start.policy for lane in store.lanes.all().values() if lane.start is not None}
         other = next(lane for lane in store.lanes.results() if lane != began.lane and not store.lanes.all()[lane].start)
-        store.lanes.expose("best", PolicyId(other, "last"))
+        store.folders.fill("best", PolicyId(other, "last"))
     trainer = Recording()
     found = make(searched, ScriptedModel([]), trainer, sample=1).robust
     with Store.view(searched) as store:

@@ -148,7 +148,7 @@ def drawn(config: RunConfig) -> Ranges | None:
 
 @dataclass(frozen=True, slots=True)
 class Lanes:
-    """A Trainer that remembers through the store."""
+    """Trains, plays and scores the lanes that the store lacks, and stores what comes."""
 
     config: RunConfig
     store: Store

@@ -54,7 +54,7 @@ def polish(lanes: Lanes) -> None:
     better = max((began.lane, *results), key=lambda lane: worth(scores.get(lane), config.cost_limits))
     best = PolicyId(better, scores[better].peak or began.peak) if better != began.lane else began
     if best != began:
-        log.expose("polished", best)
+        store.folders.fill("polished", best)
     log.save_best_policy(best)
 
 

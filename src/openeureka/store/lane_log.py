@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,6 @@ from .rows import (
     decode_evaluation,
     decode_lane,
     decode_result,
-    digest,
     encode_evaluation,
     encode_lane,
     encode_result,
@@ -97,39 +96,6 @@ class LaneLog:
             where = self._directory / name
             raise StoreError(f"{where} is missing or damaged; restore it from a copy, or begin again in another dir=.")
         return found
-
-    def expose(self, folder: str, policy: PolicyId) -> None:
-        """Keep a copy of a policy in a folder where people look for it.
-
-        What was made of another policy there (its video, its ONNX file) goes before the policy does: a file in the
-        folder is missing or fits, whatever the clock says that dates them.
-        """
-        data, kept = self.policy(*policy), f"{folder}/policy.safetensors"
-        if data is None or artifacts.read(self._directory, kept) == data:
-            return
-        self.withdraw(folder, but=("reward.py", "policy.safetensors"))
-        artifacts.write(self._directory, kept, data)
-
-    def withdraw(self, folder: str, *, but: Collection[str] = ()) -> None:
-        """Delete what such a folder holds, all but some files."""
-        for name in artifacts.names(self._directory, folder):
-            if name not in but:
-                artifacts.remove(self._directory, f"{folder}/{name}")
-
-    def exposed(self, folder: str) -> list[PolicyId]:
-        """Whose policy a folder holds a copy of: several where lanes are equal, as after their first epoch."""
-        data = artifacts.read(self._directory, f"{folder}/policy.safetensors")
-        if data is None:
-            return []
-        peaks: tuple[Peak, ...] = ("reward", "last", "fitness")
-        wanted = digest(data)
-        rows = self._database.rows("results")
-        return [
-            PolicyId(row["lane"], peak)
-            for row in rows
-            for peak in peaks
-            if self._database.decoded(decode_digest, row["result"], peak) == wanted
-        ]
 
     def save_best_policy(self, policy: PolicyId) -> None:
         """Keep which policy is the best of all, judged as it is."""

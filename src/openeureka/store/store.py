@@ -42,6 +42,7 @@ from ..types import (
 from ..version import __version__
 from . import artifacts, summary
 from .db import AGAIN, FILENAME, LOCK, Database, at_work, changed_row, explained
+from .folders import Folders
 from .lane_log import LaneLog
 from .remarks import RemarkLog
 from .rows import decode_messages, decode_usage, decode_verdict, encode_messages
@@ -81,6 +82,7 @@ class Store:
     twice is a programming error and raises sqlite3.IntegrityError.
 
     Attributes:
+        folders: where people look for policies.
         lanes: what trained, and what came of it.
         remarks: what a person says while the run goes on.
         screens: which programs do not train, and why.
@@ -92,6 +94,7 @@ class Store:
         self._database = database
         self._lock = lock
         self.lanes = LaneLog(database)
+        self.folders = Folders(database, self.lanes)
         self.remarks = RemarkLog(database)
         self.screens = ScreenLog(database)
         self.talk = TalkLog(database)
@@ -338,7 +341,7 @@ class Store:
             artifacts.write(self.directory, "best/reward.py", program.source)
         else:
             artifacts.remove(self.directory, "best/reward.py")
-        self.lanes.expose("best", policy)
+        self.folders.fill("best", policy)
 
     def best(self) -> PolicyId | None:
         """The policy in `best/`; of equal ones that of the reward which lies beside it. None before there is one."""
@@ -350,7 +353,7 @@ class Store:
             lane = lanes[policy.lane]
             return lane.role != "robust", given.get(lane.reward, lane.reward) == own, policy.lane in judged
 
-        return max(self.lanes.exposed("best"), key=fits, default=None)
+        return max(self.folders.held("best"), key=fits, default=None)
 
     @property
     def ended(self) -> bool:
@@ -366,7 +369,7 @@ class Store:
 
     def save_robust(self, ranges: str, policy: PolicyId) -> None:
         """Fill `robust/` with a policy and, as YAML, the ranges that made it."""
-        self.lanes.expose("robust", policy)
+        self.folders.fill("robust", policy)
         artifacts.write(self.directory, "robust/ranges.yaml", ranges)
 
     def save_hardening(self, hardening: Hardening) -> None:

@@ -1,0 +1,52 @@
+"""The folders of a run in which people look for a policy: `best/`, `polished/` and `robust/`."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from ..types import Peak, PolicyId
+from . import artifacts
+from .db import Database
+from .lane_log import LaneLog
+from .rows import decode_digest, digest
+
+
+class Folders:
+    """Copies of policies that lanes left; what a folder holds changes as better ones come."""
+
+    def __init__(self, database: Database, lanes: LaneLog) -> None:
+        self._database = database
+        self._lanes = lanes
+
+    def fill(self, folder: str, policy: PolicyId) -> None:
+        """Put a copy of a lane's policy into a folder.
+
+        What was made of another policy there (its video, its ONNX file) goes before the policy does: a file in the
+        folder is missing or fits, whatever the clock says that dates them.
+        """
+        data, kept = self._lanes.policy(*policy), f"{folder}/policy.safetensors"
+        if data is None or artifacts.read(self._database.directory, kept) == data:
+            return
+        self.clear(folder, but=("reward.py", "policy.safetensors"))
+        artifacts.write(self._database.directory, kept, data)
+
+    def clear(self, folder: str, *, but: Collection[str] = ()) -> None:
+        """Delete what a folder holds, all but some files."""
+        for name in artifacts.names(self._database.directory, folder):
+            if name not in but:
+                artifacts.remove(self._database.directory, f"{folder}/{name}")
+
+    def held(self, folder: str) -> list[PolicyId]:
+        """Whose policy a folder holds a copy of: several where lanes are equal, as after their first epoch."""
+        data = artifacts.read(self._database.directory, f"{folder}/policy.safetensors")
+        if data is None:
+            return []
+        peaks: tuple[Peak, ...] = ("reward", "last", "fitness")
+        wanted = digest(data)
+        rows = self._database.rows("results")
+        return [
+            PolicyId(row["lane"], peak)
+            for row in rows
+            for peak in peaks
+            if self._database.decoded(decode_digest, row["result"], peak) == wanted
+        ]
