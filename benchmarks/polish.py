@@ -76,7 +76,7 @@ def measure(options: argparse.Namespace, env: str) -> None:
 def judge(lanes: Lanes, ids: Mapping[str, object]) -> None:
     """Let policies play, and score the one that stands for each lane on held-out episodes."""
     lanes.play(ids, STRATEGY)
-    lanes.evaluate(lanes.standing(ids, STRATEGY))
+    lanes.evaluate(lanes.counted_peaks(ids, STRATEGY))
 
 
 def began(lanes: Lanes) -> PolicyId:
@@ -86,7 +86,7 @@ def began(lanes: Lanes) -> PolicyId:
         if lane.start is not None:
             return lane.start.policy
     best = max(plays, key=lambda lane: rank(played(plays[lane]).fitness))
-    return PolicyId(best, lanes.standing([best], STRATEGY)[best])
+    return PolicyId(best, lanes.counted_peaks([best], STRATEGY)[best])
 
 
 def carried(

@@ -102,13 +102,13 @@ def conclude(lanes: Lanes, strategy: SearchStrategy, history: History) -> None:
         return score_nearest(lanes, strategy, history)
     tell(Began(config.generations, "evaluate"))
     finals = lanes.final(race.contenders(history))
-    scores = lanes.evaluate(lanes.standing([lane for arm in finals.values() for lane in arm], strategy))
+    scores = lanes.evaluate(lanes.counted_peaks([lane for arm in finals.values() for lane in arm], strategy))
     results = store.lanes.results()
     own = {lane: results[lane] for lane in finals[best.candidate_id] if lane in scores}
     winner = max(own, key=lambda lane: worth(scores[lane], config.cost_limits), default=None)
     keep(lanes, strategy, best, winner)
     if winner is not None:
-        lanes.try_out(hacking.trials(own, winner, lanes.standing(own, strategy)))
+        lanes.try_out(hacking.trials(own, winner, lanes.counted_peaks(own, strategy)))
     if confirmed is None:
         store.save_crown(best.sample.place)
 
@@ -119,7 +119,7 @@ def score_nearest(lanes: Lanes, strategy: SearchStrategy, history: History) -> N
     nearest = ranking.nearest or ranking.best
     if nearest is not None and nearest.result is not None:
         lanes.tell(Began(lanes.config.generations, "evaluate"))
-        lanes.evaluate(lanes.standing([nearest.result.lane], strategy))
+        lanes.evaluate(lanes.counted_peaks([nearest.result.lane], strategy))
 
 
 def keep(lanes: Lanes, strategy: SearchStrategy, best: Scored | None, lane: str | None = None) -> None:
@@ -127,7 +127,7 @@ def keep(lanes: Lanes, strategy: SearchStrategy, best: Scored | None, lane: str 
     if best is None:  # who led may be rejected by now
         return lanes.store.folders.clear("best")
     lane = lane or lane_id(best.candidate_id, lanes.config.seed)
-    lanes.store.save_best(best.sample.candidate, PolicyId(lane, lanes.standing([lane], strategy)[lane]))
+    lanes.store.save_best(best.sample.candidate, PolicyId(lane, lanes.counted_peaks([lane], strategy)[lane]))
 
 
 def summarise(config: RunConfig, store: Store, history: History) -> Outcome:

@@ -99,8 +99,10 @@ def worth(score: Evaluation | None, limits: Limits = NO_LIMITS) -> tuple[float, 
     return -excess(score, limits), rank(score.fitness)
 
 
-def standing(plays: Mapping[Peak, Sequence[Evaluation]] | None, otherwise: Peak, limits: Limits = NO_LIMITS) -> Peak:
-    """Which of its policies stands for a lane: that which plays best, or another where none was played."""
+def counted_peak(
+    plays: Mapping[Peak, Sequence[Evaluation]] | None, otherwise: Peak, limits: Limits = NO_LIMITS
+) -> Peak:
+    """Which of its policies counts for a lane: that which plays best, or another where none was played."""
     return (played(plays, limits).peak if plays else None) or otherwise
 
 

@@ -228,10 +228,10 @@ def test_a_stopped_training_goes_on_with_what_is_missing(toy, tmp_path, monkeypa
     with monkeypatch.context() as once, pytest.raises(Interrupted, match=f"eureka resume {tmp_path}/out"):
         stopping(toy, 3, once)
         train(words)
-    assert folder.entry("", tmp_path / "out").standing is folder.Standing.STOPPED
+    assert folder.entry("", tmp_path / "out").state is folder.RunState.STOPPED
     again(words if again is train else [f"{tmp_path}/out"])
     assert toy.trained == ["human-s0", "human-s1", "sparse-s0", "sparse-s1", "sparse-s1"]
-    assert folder.entry("", tmp_path / "out").standing is folder.Standing.FINISHED
+    assert folder.entry("", tmp_path / "out").state is folder.RunState.FINISHED
     run = RunView.read(tmp_path / "out")
     assert {name: arm.held_out for name, arm in run.given.items()} == {"human": (9.0, 9.01), "sparse": (4.0, 4.01)}
 

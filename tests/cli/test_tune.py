@@ -126,7 +126,7 @@ def test_it_prints_numbers_before_and_after_and_leaves_a_run(tuned):
     best = (tuned.directory / "best" / "reward.py").read_text()
     assert best == MINE.replace("8.0", repr(width.after)).replace("0.25", repr(centred.after))
     assert {lane.role for lane in run.lanes.values()} == {"tuned", "final"}
-    assert folder.entry("", tuned.directory).standing is folder.Standing.FINISHED
+    assert folder.entry("", tuned.directory).state is folder.RunState.FINISHED
 
 
 def test_the_report_the_page_and_show_say_the_same(tuned, capsys):
@@ -165,13 +165,13 @@ def test_a_stopped_tuning_goes_on_with_the_same_words_or_with_resume(toy, mine, 
     with monkeypatch.context() as once, pytest.raises(Interrupted, match=f"eureka resume {tmp_path}/out"):
         once.setattr(toy, "_result", result)
         tune(words(mine, tmp_path))
-    assert folder.entry("", tmp_path / "out").standing is folder.Standing.STOPPED
+    assert folder.entry("", tmp_path / "out").state is folder.RunState.STOPPED
     trained = toy.trained[:-1]
     toy.trained.clear()
     again(words(mine, tmp_path) if again is tune else [f"{tmp_path}/out"])
     assert not set(trained) & set(toy.trained)
     assert len([lane for lane in (*trained, *toy.trained) if lane.endswith("-s0")]) == 12
-    assert folder.entry("", tmp_path / "out").standing is folder.Standing.FINISHED
+    assert folder.entry("", tmp_path / "out").state is folder.RunState.FINISHED
 
 
 def test_the_human_reward_is_tuned_as_the_text_that_it_is(one_sandbox):

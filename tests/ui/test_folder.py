@@ -16,7 +16,7 @@ from openeureka.store import Store
 from openeureka.store.db import FILENAME, LOG
 from openeureka.testing.scripted import ScriptedModel, reply
 from openeureka.ui import folder
-from openeureka.ui.folder import Standing
+from openeureka.ui.folder import RunState
 
 CONFIG = RunConfig(env="toy", sample=2, iteration=1, refill=0, seeds=1)
 
@@ -66,7 +66,7 @@ def test_a_link_to_a_name_that_is_too_long_hides_no_run(tmp_path):
     for link in (tmp_path / "nowhere", tmp_path / "odd" / FILENAME):
         link.symlink_to("x" * 300)
     assert folder.runs(tmp_path).keys() == {"own", "odd"}
-    assert folder.entry("odd", tmp_path / "odd").standing is Standing.UNBEGUN
+    assert folder.entry("odd", tmp_path / "odd").state is RunState.UNBEGUN
     with pytest.raises(StoreError, match="is not a run"):
         RunView.read(tmp_path / "odd")
 
@@ -94,7 +94,7 @@ def test_a_folder_that_is_a_run_lists_itself(tmp_path, monkeypatch):
 
 def test_a_finished_run_shows_its_best_and_what_it_cost(tmp_path):
     entry = folder.entry("run", search_in(tmp_path / "run", [reply(1), reply(2)]))
-    assert entry.standing is Standing.FINISHED
+    assert entry.state is RunState.FINISHED
     assert entry.glance is not None
     assert (entry.glance.generations, entry.glance.fitness) == (1, 1.0)  # played: one less than in training
     assert entry.glance.usage.cost_usd == pytest.approx(0.02)  # two replies of a cent
@@ -110,13 +110,13 @@ def test_the_list_scores_a_run_as_its_own_page_does(tmp_path):
 
 def test_a_search_that_found_nothing_is_finished_too(tmp_path):
     entry = folder.entry("run", search_in(tmp_path / "run", ["nothing", "nothing"]))
-    assert entry.standing is Standing.FINISHED
+    assert entry.state is RunState.FINISHED
 
 
 def test_a_run_is_running_while_a_process_has_it_and_stopped_after_that(tmp_path):
     with Store.open(tmp_path / "run", CONFIG):
-        assert folder.entry("run", tmp_path / "run").standing is Standing.RUNNING
-    assert folder.entry("run", tmp_path / "run").standing is Standing.STOPPED
+        assert folder.entry("run", tmp_path / "run").state is RunState.RUNNING
+    assert folder.entry("run", tmp_path / "run").state is RunState.STOPPED
 
 
 def test_a_run_that_was_killed_when_it_was_judged_is_stopped(tmp_path, monkeypatch):
@@ -128,7 +128,7 @@ def test_a_run_that_was_killed_when_it_was_judged_is_stopped(tmp_path, monkeypat
         search_in(tmp_path / "run", [reply(1), reply(2)])
     entry = folder.entry("run", tmp_path / "run")
     assert entry.glance is not None and entry.glance.evaluations > 0
-    assert entry.standing is Standing.STOPPED
+    assert entry.state is RunState.STOPPED
 
 
 @pytest.mark.parametrize("ended", [True, False])
@@ -142,13 +142,13 @@ def test_an_older_run_is_finished_where_its_last_rows_say_so(tmp_path, ended):
         connection.execute("DROP TABLE ended")
         connection.execute("PRAGMA user_version = 12")
     connection.close()
-    assert folder.entry("run", tmp_path / "run").standing is (Standing.FINISHED if ended else Standing.STOPPED)
+    assert folder.entry("run", tmp_path / "run").state is (RunState.FINISHED if ended else RunState.STOPPED)
 
 
 def test_looking_does_not_keep_a_run_from_starting(tmp_path):
     search_in(tmp_path / "run", [reply(1), reply(2)])
     for _ in range(3):
-        assert folder.entry("run", tmp_path / "run").standing is Standing.FINISHED
+        assert folder.entry("run", tmp_path / "run").state is RunState.FINISHED
         with Store.open(tmp_path / "run", CONFIG):
             pass
 
@@ -157,7 +157,7 @@ def test_a_directory_with_only_a_log_has_not_begun(tmp_path):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / LOG).write_text("There is no model of this name.")
     assert list(folder.runs(tmp_path)) == ["run"]
-    assert folder.entry("run", tmp_path / "run").standing is Standing.UNBEGUN
+    assert folder.entry("run", tmp_path / "run").state is RunState.UNBEGUN
     assert folder.log(tmp_path / "run") == "There is no model of this name."
     with Store.open(tmp_path / "run", CONFIG):  # the log does not make it somebody else's
         pass

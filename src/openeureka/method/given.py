@@ -63,8 +63,8 @@ def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
     lanes.tell(Began(0, "play"))
     lanes.play(results, strategy)
     lanes.tell(Began(0, "evaluate"))
-    standing = lanes.standing(results, strategy)
-    scores = lanes.evaluate(standing)
+    peaks = lanes.counted_peaks(results, strategy)
+    scores = lanes.evaluate(peaks)
     fitness = {lane: score.fitness for lane, score in scores.items()}
     arms: dict[str, list[str]] = {}
     for lane, record in of_given(store).items():
@@ -72,7 +72,7 @@ def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
     best = max(arms, key=lambda name: rank(mean([fitness.get(lane) for lane in arms[name]])))
     lane = max(arms[best], key=lambda lane: rank(fitness.get(lane)))
     kept = scores[lane].peak if lane in scores else None  # beside later lanes it may have played once more
-    store.save_best(store.candidate(store.given()[best]), PolicyId(lane, kept or standing[lane]))
+    store.save_best(store.candidate(store.given()[best]), PolicyId(lane, kept or peaks[lane]))
 
 
 def of_given(store: Store) -> dict[str, Lane]:

@@ -12,7 +12,7 @@ from typing import cast
 from ..config import NO_MODEL, NO_RANGES, RunConfig
 from ..errors import WorkerError
 from ..events import Played, Tell
-from ..score import level, played, standing
+from ..score import counted_peak, level, played
 from ..store import Store
 from ..strategies import SearchStrategy
 from ..types import (
@@ -347,11 +347,11 @@ class Lanes:
                 firsts.setdefault(lane, key)
         return frozenset(firsts.values())
 
-    def standing(self, ids: Iterable[str], strategy: SearchStrategy) -> dict[str, Peak]:
-        """Which of its policies stands for each lane: that which plays best, or the first where none was played."""
+    def counted_peaks(self, ids: Iterable[str], strategy: SearchStrategy) -> dict[str, Peak]:
+        """Which of its policies counts for each lane: that which plays best, or the first where none was played."""
         plays = self.store.lanes.plays()
         limits = self.config.cost_limits
-        return {lane: standing(plays.get(lane), strategy.peaks[0], limits) for lane in ids}
+        return {lane: counted_peak(plays.get(lane), strategy.peaks[0], limits) for lane in ids}
 
     def evaluate(self, ids: Mapping[str, Peak]) -> dict[str, Evaluation]:
         """Held-out scores by lane id, each of the named policy; a lane without it has none."""

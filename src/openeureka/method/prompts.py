@@ -144,7 +144,7 @@ def _turn(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"]) -> 
     candidate = turn.sample.candidate
     program = clean(candidate.source, MAX_PROGRAM).strip() if candidate is not None else ""
     feedback = template(f"{style}_feedback").format(
-        standing=_standing(turn, plan, style) if plan.informed else "",
+        score=_score(turn, plan, style) if plan.informed else "",
         feedback=clean(turn.feedback, MAX_FEEDBACK if style == "free" else MAX_BRIEF_FEEDBACK),
         siblings=_siblings(plan) if turn is plan.turns[-1] else "",
         tips=template("free_tips") if turn is plan.turns[-1] else "",
@@ -152,7 +152,7 @@ def _turn(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"]) -> 
     return Message("assistant", f"```python\n{program}\n```"), Message("user", feedback)
 
 
-def _standing(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"]) -> str:
+def _score(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"]) -> str:
     """A line: how high a shown reward scores, whether it is the best and whether it is the one to improve."""
     if turn.played is not None:
         episodes = f" in {turn.played.episodes} episodes" if style == "free" else ""

@@ -243,13 +243,13 @@ def _conclude(lanes: Lanes, texts: tuned.Texts, judge: Best) -> PolicyId | None:
     config, store = lanes.config, lanes.store
     results = store.lanes.results()
     own = tuned.final_lanes(config, texts, results)
-    standing = lanes.standing([lane for ids in own.values() for lane in ids], judge)
-    scores = lanes.evaluate(standing)
+    peaks = lanes.counted_peaks([lane for ids in own.values() for lane in ids], judge)
+    scores = lanes.evaluate(peaks)
     found = tuned.read(config, texts, results, lanes.scores(), scores)
     if found is None or not own[found.better]:
         return None
     lane = max(own[found.better], key=lambda lane: worth(scores.get(lane), config.cost_limits))
     kept = scores[lane].peak if lane in scores else None
-    policy = PolicyId(lane, kept or standing[lane])
+    policy = PolicyId(lane, kept or peaks[lane])
     store.save_best(texts[found.better], policy)
     return policy if found.lawful else None

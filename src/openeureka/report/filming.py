@@ -18,7 +18,7 @@ from ..config import RunConfig
 from ..errors import EurekaError
 from ..events import Event
 from ..film import video
-from ..score import standing
+from ..score import counted_peak
 from ..store import Store, artifacts, is_run
 from ..types import Generation
 from .view import VIDEO
@@ -43,7 +43,8 @@ def policies(store: Store, lanes: Iterable[str]) -> dict[str, bytes]:
     """By lane id, the policies that count, where there is one."""
     plays = store.lanes.plays()
     found = {
-        lane: store.lanes.policy(lane, standing(plays.get(lane), "fitness", store.config.cost_limits)) for lane in lanes
+        lane: store.lanes.policy(lane, counted_peak(plays.get(lane), "fitness", store.config.cost_limits))
+        for lane in lanes
     }
     return {lane: policy for lane, policy in found.items() if policy is not None}
 

@@ -20,7 +20,7 @@ from ..types import Glance
 from .follow import Fingerprint
 
 
-class Standing(StrEnum):
+class RunState(StrEnum):
     """What a run is doing."""
 
     RUNNING = "running"
@@ -34,7 +34,7 @@ class Entry:
     """A run in the list."""
 
     name: str
-    standing: Standing
+    state: RunState
     config: RunConfig | None = None
     """None, as `glance`, where the run cannot be read."""
     glance: Glance | None = None
@@ -107,15 +107,15 @@ def _stat(path: Path) -> tuple[int, int]:
 def entry(name: str, directory: Path) -> Entry:
     """How the run stands."""
     if not is_run(directory):
-        return Entry(name=name, standing=Standing.UNBEGUN)
+        return Entry(name=name, state=RunState.UNBEGUN)
     held = is_held(directory)
     try:
         config, glance = look(directory)
     except StoreError as error:
-        return Entry(name=name, standing=Standing.RUNNING if held else Standing.STOPPED, problem=str(error))
-    left = Standing.FINISHED if finished(config, glance) else Standing.STOPPED
-    standing = Standing.RUNNING if held else left
-    return Entry(name=name, standing=standing, config=config, glance=glance)
+        return Entry(name=name, state=RunState.RUNNING if held else RunState.STOPPED, problem=str(error))
+    left = RunState.FINISHED if finished(config, glance) else RunState.STOPPED
+    state = RunState.RUNNING if held else left
+    return Entry(name=name, state=state, config=config, glance=glance)
 
 
 def log(directory: Path, lines: int = 15, size: int = 4000) -> str:

@@ -19,7 +19,7 @@ from ..store import Store, is_held, is_run
 from ..tasks import registry
 from ..types import Glance, lane_id, of_components
 from . import actions, folder
-from .folder import Entry, Standing
+from .folder import Entry, RunState
 from .follow import Parts, Version
 
 
@@ -36,7 +36,7 @@ def lost(problem: str) -> str:
 
 def start_form() -> dict[str, object]:
     """What the form that starts a run offers, and the one that filters the list."""
-    shown = {"feedbacks": FEEDBACKS, "videos": VIDEOS, "standings": tuple(Standing)}
+    shown = {"feedbacks": FEEDBACKS, "videos": VIDEOS, "states": tuple(RunState)}
     return {"envs": registry.names(), "defaults": RunConfig(), **shown}
 
 
@@ -63,7 +63,7 @@ def overview(directory: Path, run: RunView) -> Parts:
         "said": piece.said(*actions.ear(directory)),
         "result": piece.result(),
         "table": piece.overview(),
-        "log": piece.log(folder.log(directory), entry.standing is not Standing.FINISHED),
+        "log": piece.log(folder.log(directory), entry.state is not RunState.FINISHED),
     }
     for generation in reversed(run.generations):
         parts[f"g{generation.index}"] = piece.generation(generation)
