@@ -46,7 +46,7 @@ def greedy(history: History) -> Scored | None:
 
 def choices(run: RunView) -> tuple[Scored, Scored]:
     """What both rules crown; one entry twice where that is the same reward."""
-    own, other = race.crowned(run.history, run.crown), greedy(run.history)
+    own, other = race.crowned_or_leading(run.history, run.crown), greedy(run.history)
     assert own is not None and other is not None
     return own, own if other.sample.verdict.graph == own.sample.verdict.graph else other
 

@@ -77,7 +77,7 @@ def run(
     history = hearing.hear(history)  # where votes decide, the last generation needs some too
     if not tuning.begun(store):
         conclude(lanes, strategy, history)
-    winner = race.crowned(history, store.crown())
+    winner = race.crowned_or_leading(history, store.crown())
     tuned = tuning.tune_winner(lanes, checker, winner, strategy.peaks) if config.tune else None
     if config.polish and (tuned is not None or store.crown() is not None):
         polishing.polish(lanes)
@@ -96,7 +96,9 @@ def conclude(lanes: Lanes, strategy: SearchStrategy, history: History) -> None:
     config, store, tell = lanes.config, lanes.store, lanes.tell
     tell(Began(config.generations, "final"))
     confirmed = store.crown()
-    best = race.crowned(history, confirmed) if confirmed is not None else race.crown(history, lanes, strategy)
+    best = (
+        race.crowned_or_leading(history, confirmed) if confirmed is not None else race.crown(history, lanes, strategy)
+    )
     if best is None:
         keep(lanes, strategy, Ranking(history).best)
         return score_nearest(lanes, strategy, history)

@@ -128,4 +128,4 @@ def test_what_ppo_did_is_no_component():
     entry = dataclasses.replace(entry, result=dataclasses.replace(entry.result, curves=curves))
     chart = charts.components(entry.result)
     assert chart is not None and [line.name for line in chart.lines] == ["$upright"]
-    assert "ppo" not in verdict.why(finished()) and verdict.why(finished())
+    assert "ppo" not in verdict.components(finished()) and verdict.components(finished())

@@ -18,7 +18,7 @@ from ..refine.tuned import Tuned
 from ..report import costs, fitted, robust, tables
 from ..report.build import build
 from ..report.candidates import CandidateView, GenerationView
-from ..report.verdict import deciding, meaning, none_found, of_polishing, of_tuning, verdict
+from ..report.verdict import deciding, limits_reason, meaning, none_found, of_polishing, of_tuning, verdict
 from ..report.view import RunView
 from ..runs import trust
 from ..runs.run import lanes
@@ -99,7 +99,7 @@ def summary(run: RunView) -> list[str]:
         score = f"Human-normalised score, held out: {number(run.outcome.normalised)}. {tables.scale(run.outcome)}"
         lines += ["", *_lines(tables.final(run.outcome, run.known)), score, verdict(run), meaning(run)]
         lines += [f"Suspected reward hacking: {sign.kind}. {sign.sentence}" for sign in run.signs]
-    elif lost := costs.nobody(run) or none_found(run):
+    elif lost := limits_reason(run) or none_found(run):
         lines.append(lost)
     elif len(run.history.generations) < run.config.generations:
         lines.append(f"{len(run.history.generations)} of {run.config.generations} generations are done.")

@@ -93,7 +93,7 @@ def play_finals(
     return first, {name: [look.fitness for look in own if look.fitness is not None] for name, own in first.items()}
 
 
-def crowned(history: History, place: Place | None) -> Scored | None:
+def crowned_or_leading(history: History, place: Place | None) -> Scored | None:
     """The entry that was confirmed; before that, and in older runs, the best of the search."""
     found = next((entry for entry in history.entries if entry.sample.place == place), None)
     return found or Ranking(history).best
@@ -107,7 +107,7 @@ def outcome(
     scores: Mapping[str, Evaluation],
 ) -> Outcome:
     """What a search found, as far as its final trainings (`results`) and held-out `scores`, by lane id, go."""
-    best = crowned(history, place)
+    best = crowned_or_leading(history, place)
     if best is None:
         return Outcome(best=None)
     others = _first_of_each(sorted(history.entries, key=lambda entry: -rank(entry.score)))

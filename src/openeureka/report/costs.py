@@ -5,7 +5,6 @@ from __future__ import annotations
 from ..config import NO_MODEL
 from ..method.lanes import BASELINES
 from ..numbers import number, scored
-from ..score import breach
 from ..types import COSTS, Evaluation, lane_id
 from .tables import Table
 from .view import RunView
@@ -36,20 +35,6 @@ def facts(score: Evaluation | None) -> list[tuple[str, str]]:
     """A row for each cost of one policy."""
     costs = score.costs if score is not None else {}
     return [(f"{name} [{COSTS[name].unit}]", number(value, 3)) for name, value in costs.items() if name in COSTS]
-
-
-def nobody(run: RunView) -> str:
-    """Why no reward won, where limits are the reason; empty where one did or the search is not done."""
-    limits = run.config.cost_limits
-    if not limits or run.crown is not None or not run.ended:
-        return ""
-    nearest = run.ranking.nearest
-    if nearest is not None:
-        broke = breach(nearest.played, limits)
-        return f"No reward won: every policy breaks a limit. The nearest is {nearest.sample.place}: {broke}."
-    if run.ranking.best is not None:
-        return "No reward won: trained again with fresh seeds, every one of the best breaks a limit."
-    return ""
 
 
 def _scores(run: RunView) -> dict[str, Evaluation]:

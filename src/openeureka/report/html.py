@@ -135,7 +135,7 @@ def environment() -> Environment:
         "SCRIPT": SCRIPT,
         "STATES": tuple(CandidateState),
         "changes": changes,
-        "name": tables.name,
+        "spelled_out": tables.spelled_out,
     }
     environment.globals |= LIMITS
     return environment

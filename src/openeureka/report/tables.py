@@ -345,7 +345,7 @@ def settings(config: RunConfig) -> Table:
     return Table(("setting", "value"), [(key, str(value)) for key, value in asdict(config).items()])
 
 
-def name(generation: int, slot: int) -> str:
+def spelled_out(generation: int, slot: int) -> str:
     """What a candidate is called."""
     return f"generation {generation}, slot {slot}"
 

@@ -11,11 +11,10 @@ from ..numbers import number, scored
 from ..parsing import command_line
 from ..refine.polishing import Polished
 from ..refine.tuned import ORIGINAL, Tuned
-from ..score import Arm, rank
+from ..score import Arm, breach, rank
 from ..stats import Difference, Estimate, difference, mean
 from ..tasks import registry
 from ..types import of_components
-from .costs import nobody
 from .view import RunView
 
 WORTH_REPEATING = ("curriculum", "randomise", "observe", "steps", "worlds", "bonus", "device", "executor", "address")
@@ -103,8 +102,8 @@ def _of_two(arms: Mapping[str, Arm], best: str, next_: str) -> Difference | None
 def _of_search(run: RunView) -> str:
     """From held-out scores of fresh trainings."""
     outcome = run.outcome
-    if lost := nobody(run):
-        return lost
+    if reason := limits_reason(run):
+        return reason
     if run.best is None:
         return none_found(run) or "No reward has been trained yet."
     if outcome is None:
@@ -114,8 +113,8 @@ def _of_search(run: RunView) -> str:
         return "The generated reward lost: none of its final trainings left a policy that could be scored."
     if not human.scores:
         lost = "of the human reward's, none left a policy that could be scored"
-        none = lost if human.held_out else "there is no human reward to compare with"
-        return f"The generated reward reaches F {_arm(generated)}, held out; {none}."
+        without = lost if human.held_out else "there is no human reward to compare with"
+        return f"The generated reward reaches F {_arm(generated)}, held out; {without}."
     if len({*generated.held_out, *human.held_out}) == 1 and min(len(generated.scores), len(human.scores)) > 1:
         return f"No difference: both rewards reach F {number(human.scores[0])} with every seed, held out."
     between = f"F {_arm(generated)} against {_arm(human)}, held out"
@@ -128,11 +127,25 @@ def _of_search(run: RunView) -> str:
     return told if found.sure else f"{told} {_needed(found)}"
 
 
+def limits_reason(run: RunView) -> str:
+    """Why no reward won, where limits are the reason; empty where one did or the search is not done."""
+    limits = run.config.cost_limits
+    if not limits or run.crown is not None or not run.ended:
+        return ""
+    nearest = run.ranking.nearest
+    if nearest is not None:
+        broke = breach(nearest.played, limits)
+        return f"No reward won: every policy breaks a limit. The nearest is {nearest.sample.place}: {broke}."
+    if run.ranking.best is not None:
+        return "No reward won: trained again with fresh seeds, every one of the best breaks a limit."
+    return ""
+
+
 def none_found(run: RunView) -> str:
     """Why a search that is over found no reward: what was said of one of the newest replies. Empty where it found one,
     goes on, or limits are the reason."""
     done = run.history.generations
-    if not run.searched or run.best is not None or len(done) < run.config.generations or nobody(run):
+    if not run.searched or run.best is not None or len(done) < run.config.generations or limits_reason(run):
         return ""
     if any(entry.score is not None for entry in run.ranking.vetoed):
         return "No reward was found: every one that has a score was rejected."
@@ -149,7 +162,7 @@ def meaning(run: RunView) -> str:
     return f"F: {found}; higher is better." if found else "F is the task's own score; higher is better."
 
 
-def why(run: RunView) -> str:
+def components(run: RunView) -> str:
     """The components of the best reward; empty before anything trained."""
     result = run.best.result if run.best is not None else None
     names = of_components(result.curves) if result is not None else ()
@@ -159,7 +172,7 @@ def why(run: RunView) -> str:
 def nexts(run: RunView, directory: str = "DIR") -> list[tuple[str, str]]:
     """What to type next: the command, and what it does."""
     unfinished = run.tunes and verdict(run).startswith("Not decided yet")
-    if none_found(run) or nobody(run):
+    if none_found(run) or limits_reason(run):
         return [(command_line("show", directory), "what became of each reply")]
     refining = bool(run.config.tune or run.config.polish) and not run.ended
     if unfinished or (run.searched and (run.outcome is None or refining)):
