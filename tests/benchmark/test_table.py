@@ -92,5 +92,5 @@ def test_the_figure_has_a_panel_a_task_and_a_line_an_arm():
         ("human reward, held out", "dashed"),
     ]
     # The mean begins where both seeds have something, at two million steps, and stays to the end of the picture.
-    assert dict(zip(chart.places, chart.lines[0].values, strict=True)) == {2.0: 5.0, 4.0: 5.0}
+    assert dict(zip(chart.xs, chart.lines[0].values, strict=True)) == {2.0: 5.0, 4.0: 5.0}
     assert list(compared().figures()) == []

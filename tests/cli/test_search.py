@@ -13,7 +13,7 @@ from openeureka import __main__ as door
 from openeureka.cli import main as command
 from openeureka.cli import remote
 from openeureka.config import RunConfig
-from openeureka.display import outside
+from openeureka.display import log
 from openeureka.errors import ModelError
 from openeureka.film import video
 from openeureka.llm import open_model
@@ -407,7 +407,7 @@ def test_what_is_printed_into_the_log_is_not_written_there_twice(tmp_path, print
     try:
         with (tmp_path / printed).open("wb") as file:
             os.dup2(file.fileno(), 1)
-        with outside.logged(tmp_path, RunConfig(env="cartpole"), Usage()) as found:
+        with log.logged(tmp_path, RunConfig(env="cartpole"), Usage()) as found:
             assert len(found) == observers  # one writes what the page follows
     finally:
         os.dup2(stdout, 1)

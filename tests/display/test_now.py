@@ -1,7 +1,9 @@
+import json
+
 import pytest
 
 from openeureka.config import RunConfig
-from openeureka.display import outside
+from openeureka.display import now
 from openeureka.events import Asked, Began, Replied
 from openeureka.store.db import NOW
 from openeureka.types import NodeShare, Reply, TrainingProgress, Usage
@@ -22,15 +24,15 @@ def told(epoch: int, **fitness: float | None) -> TrainingProgress:
 
 @pytest.fixture
 def recorder(tmp_path, monkeypatch):
-    monkeypatch.setattr(outside, "PAUSE", 0.0)
-    return outside.Recorder(tmp_path, CONFIG, Usage())
+    monkeypatch.setattr(now, "PAUSE", 0.0)
+    return now.Recorder(tmp_path, CONFIG, Usage())
 
 
 def test_what_is_written_is_read_back(recorder, tmp_path):
     recorder(Began(0, "sample"))
     recorder(Asked((0, 1)))
     recorder(Replied(0, 1, Reply(text="x", model="m", usage=Usage(prompt_tokens=100, completion_tokens=10))))
-    found = outside.read(tmp_path)
+    found = now.read(tmp_path)
     assert found is not None
     assert (found.doing, found.writing, found.usage.prompt_tokens) == ("asking the model", 1, 100)
 
@@ -39,13 +41,13 @@ def test_every_lane_has_a_value_at_each_place_whenever_it_began(recorder, tmp_pa
     recorder(Began(0, "train"))
     recorder(told(1, a=0.5))
     recorder(told(2, a=0.75, b=None))
-    found = outside.read(tmp_path)
+    found = now.read(tmp_path)
     assert found is not None
-    assert (found.epoch, found.epochs, found.places) == (2, 1000, (1, 2))
+    assert (found.epoch, found.epochs, found.at_epochs) == (2, 1000, (1, 2))
     assert found.curves["a"] == {"fitness": (0.5, 0.75), "component/up": (2.0, 2.0)}
     assert found.curves["b"] == {"fitness": (None, None), "component/up": (None, 2.0)}
     recorder(Began(0, "play"))
-    found = outside.read(tmp_path)
+    found = now.read(tmp_path)
     assert found is not None and not found.curves
 
 
@@ -53,12 +55,12 @@ def test_a_long_training_keeps_few_values_over_its_whole_length(recorder, tmp_pa
     recorder(Began(0, "train"))
     for epoch in range(1000):
         recorder(told(epoch, a=float(epoch)))
-    found = outside.read(tmp_path)
+    found = now.read(tmp_path)
     assert found is not None
-    assert outside.MOST / 2 <= len(found.places) <= outside.MOST
-    assert found.curves["a"]["fitness"] == tuple(map(float, found.places))
-    assert found.places[0] == 0 and found.places[-1] > 950
-    gaps = [after - before for before, after in zip(found.places, found.places[1:], strict=False)]
+    assert now.MOST / 2 <= len(found.at_epochs) <= now.MOST
+    assert found.curves["a"]["fitness"] == tuple(map(float, found.at_epochs))
+    assert found.at_epochs[0] == 0 and found.at_epochs[-1] > 950
+    gaps = [after - before for before, after in zip(found.at_epochs, found.at_epochs[1:], strict=False)]
     assert max(gaps) <= 4 * min(gaps)
 
 
@@ -67,18 +69,32 @@ def test_lanes_of_the_next_round_take_the_place_of_those_before(recorder, tmp_pa
     for epoch in range(100):
         recorder(told(epoch, first=1.0))
     recorder(told(0, second=2.0))
-    found = outside.read(tmp_path)
+    found = now.read(tmp_path)
     assert found is not None
-    assert (found.places, set(found.curves)) == ((0,), {"second"})
+    assert (found.at_epochs, set(found.curves)) == ((0,), {"second"})
+
+
+def test_the_file_of_a_run_of_before_is_read(tmp_path):
+    said = {
+        "doing": "x",
+        "generation": 0,
+        "seconds": 1.0,
+        "left": None,
+        "places": [3],
+        "curves": {"a": {"reward": [1]}},
+    }
+    (tmp_path / NOW).write_text(json.dumps(said))
+    found = now.read(tmp_path)
+    assert found is not None and found.at_epochs == (3,)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"doing": 1}', '{"doing": "x", "generation": -1}'])
 def test_what_is_no_such_file_says_nothing(tmp_path, text):
     (tmp_path / NOW).write_text(text)
-    assert outside.read(tmp_path) is None
+    assert now.read(tmp_path) is None
 
 
 def test_a_link_is_not_followed(tmp_path):
     (tmp_path / "elsewhere").write_text("{}")
     (tmp_path / NOW).symlink_to(tmp_path / "elsewhere")
-    assert outside.read(tmp_path) is None
+    assert now.read(tmp_path) is None

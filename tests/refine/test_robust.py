@@ -111,7 +111,7 @@ def test_the_proposal_that_plays_best_in_hard_worlds_is_kept_with_its_ranges(sea
     assert f"95 % interval {gap - 2.772:+.3g} to {gap + 2.772:+.3g}" in told.verdict(shared)
     mass = charts.carried(found)[0]
     assert mass.x_label == "mass [factor]" and [line.name for line in mass.lines] == ["before", "after"]
-    assert dict(zip(mass.places, mass.lines[0].values, strict=True))[1.5] == pytest.approx(2.01)
+    assert dict(zip(mass.xs, mass.lines[0].values, strict=True))[1.5] == pytest.approx(2.01)
     assert told.carried(found).rows[0][0] == "mass"
     page = html.report(run, searched)
     assert "Robust in hard worlds" in page and "r1, chosen" in page

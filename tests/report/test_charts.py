@@ -27,14 +27,14 @@ def test_undefined_and_absurd_values_are_gaps():
 def test_long_curves_are_thinned_and_keep_their_end():
     chart = components(tuple(float(n) for n in range(10_001)))
     assert chart is not None
-    assert len(chart.places) == len(chart.lines[0].values) <= MAX_POINTS + 1
-    assert (chart.places[-1], chart.lines[0].values[-1]) == (10_000, 10_000.0)
+    assert len(chart.xs) == len(chart.lines[0].values) <= MAX_POINTS + 1
+    assert (chart.xs[-1], chart.lines[0].values[-1]) == (10_000, 10_000.0)
 
 
 def test_curves_of_different_lengths_share_places_and_each_keeps_its_end():
     chart = components((0.0, 1.0, 2.0, 3.0), (5.0, 6.0))
     assert chart is not None
-    assert chart.places == (0, 1, 2, 3)
+    assert chart.xs == (0, 1, 2, 3)
     assert [line.values for line in chart.lines] == [(0.0, 1.0, 2.0, 3.0), (5.0, 6.0, None, None)]
 
 
@@ -80,7 +80,7 @@ def test_nothing_defined_is_no_chart():
 def test_steps_hold_what_was_reached_until_more_is():
     chart = charts.spending("", {"a": [(1e6, 1.0), (3e6, 2.0)], "b": [(2e6, 5.0)]}, {"human": 4.0})
     assert chart is not None
-    assert chart.places == (1.0, 2.0, 3.0)
+    assert chart.xs == (1.0, 2.0, 3.0)
     assert [line.values for line in chart.lines] == [(1.0, 1.0, 2.0), (None, 5.0, 5.0), (4.0, 4.0, 4.0)]
 
 
@@ -112,7 +112,7 @@ def test_every_value_that_is_drawn_is_a_number_of_strict_json(values):
     chart = components(tuple(values))
     if chart is not None:
         data = json.loads(html.data(chart), parse_constant=lambda _: 1 / 0)
-        assert len(data["places"]) == len(data["lines"][0]["values"])
+        assert len(data["xs"]) == len(data["lines"][0]["values"])
         assert all(value is None or math.isfinite(value) for value in data["lines"][0]["values"])
 
 

@@ -20,7 +20,7 @@ from report.scripted import search_in
 from report.test_html import NamesComponents
 
 from openeureka.config import RunConfig
-from openeureka.display import outside
+from openeureka.display import now
 from openeureka.film.mp4 import encode
 from openeureka.report import html
 from openeureka.report.view import VIDEO, RunView
@@ -216,10 +216,10 @@ def test_lanes_are_followed_while_they_train(page: Page, tmp_path: Path):
             yield from super().train(env, lanes, budget)
 
     directory, config = tmp_path / "run", RunConfig(env="toy", sample=2, iteration=1)
-    recorder = outside.Recorder(directory, config, Usage())
+    recorder = now.Recorder(directory, config, Usage())
     settings = {"trainer": Trains(), "tell": recorder}
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(outside, "PAUSE", 0.0)
+        patched.setattr(now, "PAUSE", 0.0)
         thread = threading.Thread(target=search_in, args=(directory, [reply(7), reply(8)]), kwargs=settings)
         thread.start()
         try:

@@ -39,7 +39,7 @@ Kind = Literal["line", "dots", "dashed", "steps"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """One curve over the places of its chart."""
+    """One curve over the x values of its chart."""
 
     name: str
     color: int
@@ -50,16 +50,16 @@ class Line:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chart:
-    """Lines over common places."""
+    """Lines over common x values."""
 
     title: str
     x_label: str
-    places: tuple[float, ...]
+    xs: tuple[float, ...]
     lines: tuple[Line, ...]
     names: tuple[str, ...] = ()
-    """What each place is called, where those are candidates."""
+    """What each x is called, where those are candidates."""
     bounds: tuple[int, ...] = ()
-    """Places at which a generation begins."""
+    """The xs at which a generation begins."""
     note: str = ""
 
 
@@ -68,13 +68,13 @@ def carried(found: Robust) -> list[Chart]:
     after = {one.name: one for one in found.after}
     charts: list[Chart] = []
     for one in found.before:
-        places = tuple(value for value, _, _ in one.points)
+        xs = tuple(value for value, _, _ in one.points)
         lines = [Line(name="before", values=_rounded([fitness for _, fitness, _ in one.points]), color=1)]
         if one.name in after:
             values = [fitness for _, fitness, _ in after[one.name].points]
             lines.append(Line(name="after", values=_rounded(values), color=0))
         unit = SCALES[one.name].unit
-        charts.append(Chart(title="F", x_label=f"{one.name} [{unit}]", places=places, lines=tuple(lines)))
+        charts.append(Chart(title="F", x_label=f"{one.name} [{unit}]", xs=xs, lines=tuple(lines)))
     return charts
 
 
@@ -136,10 +136,10 @@ def components(result: TrainingResult | None) -> Chart | None:
 
 
 def under_way(
-    places: Sequence[float], curves: Mapping[str, Curve], title: str = "F of every lane as it trains"
+    xs: Sequence[float], curves: Mapping[str, Curve], title: str = "F of every lane as it trains"
 ) -> Chart | None:
     """Curves of lanes that are being trained, by epoch."""
-    return _chart(title, "epoch", places, _lines(curves), note=_undrawn(len(curves), "lines"))
+    return _chart(title, "epoch", xs, _lines(curves), note=_undrawn(len(curves), "lines"))
 
 
 def best_by_candidate(runs: Mapping[str, RunView]) -> list[Chart]:
@@ -170,22 +170,22 @@ def spending(title: str, lines: Mapping[str, Sequence[Point]], levels: Mapping[s
         lines: by name, environment steps and the value from there on, in order; in the colours of their places.
         levels: by name, a value that needed none.
     """
-    places = sorted({steps for points in lines.values() for steps, _ in points})
-    if len(places) < 2:
+    xs = sorted({steps for points in lines.values() for steps, _ in points})
+    if len(xs) < 2:
         return None
     drawn = [
-        Line(name=name, values=_rounded(_reached(points, places)), color=color % MAX_LINES, kind="steps")
+        Line(name=name, values=_rounded(_reached(points, xs)), color=color % MAX_LINES, kind="steps")
         for color, (name, points) in enumerate(lines.items())
     ]
     drawn += [
-        Line(name=name, values=_rounded([value] * len(places)), color=color % MAX_LINES, kind="dashed")
+        Line(name=name, values=_rounded([value] * len(xs)), color=color % MAX_LINES, kind="dashed")
         for color, (name, value) in enumerate(levels.items(), start=len(lines))
     ]
-    return _chart(title, "million environment steps", [steps / 1e6 for steps in places], drawn)
+    return _chart(title, "million environment steps", [steps / 1e6 for steps in xs], drawn)
 
 
-def _reached(points: Sequence[Point], places: Iterable[float]) -> list[float | None]:
-    return [next((value for steps, value in reversed(points) if steps <= place), None) for place in places]
+def _reached(points: Sequence[Point], xs: Iterable[float]) -> list[float | None]:
+    return [next((value for steps, value in reversed(points) if steps <= place), None) for place in xs]
 
 
 def spark(curve: Curve, width: float = 80.0, height: float = 20.0) -> str:
@@ -207,9 +207,9 @@ def _curves(title: str, curves: Mapping[str, Curve], what: str = "", dashed: Seq
     """Curves over epochs, thinned alike."""
     drawn = dict(list(curves.items())[:MAX_LINES])
     longest = max(map(len, drawn.values()), default=0)
-    places = sorted({*_kept(longest), *(len(curve) - 1 for curve in drawn.values() if curve)})
-    thinned = {name: [curve[x] if x < len(curve) else None for x in places] for name, curve in drawn.items()}
-    return _chart(title, "epoch", places, _lines(thinned, dashed), note=_undrawn(len(curves), what))
+    xs = sorted({*_kept(longest), *(len(curve) - 1 for curve in drawn.values() if curve)})
+    thinned = {name: [curve[x] if x < len(curve) else None for x in xs] for name, curve in drawn.items()}
+    return _chart(title, "epoch", xs, _lines(thinned, dashed), note=_undrawn(len(curves), what))
 
 
 def _kept(length: int, most: int = MAX_POINTS) -> list[int]:
@@ -240,7 +240,7 @@ def _undrawn(count: int, what: str) -> str:
 def _chart(
     title: str,
     x_label: str,
-    places: Iterable[float],
+    xs: Iterable[float],
     lines: Iterable[Line],
     *,
     names: tuple[str, ...] = (),
@@ -255,9 +255,7 @@ def _chart(
     )
     if not defined:
         return None
-    return Chart(
-        title=title, x_label=x_label, places=tuple(places), lines=defined, names=names, bounds=bounds, note=note
-    )
+    return Chart(title=title, x_label=x_label, xs=tuple(xs), lines=defined, names=names, bounds=bounds, note=note)
 
 
 # --- the family -------------------------------------------------------------------------------------------------------

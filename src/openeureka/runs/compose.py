@@ -10,7 +10,7 @@ from typing import Protocol
 
 from .. import loop, strategies
 from ..config import NO_MODEL, RobustConfig, RunConfig
-from ..display.outside import logged
+from ..display.log import logged
 from ..display.trackers import mirrored
 from ..errors import ConfigError, Interrupted
 from ..events import Tell, everyone

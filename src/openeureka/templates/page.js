@@ -29,10 +29,10 @@ const eureka = (() => {
     return size !== 0 && (size < 1e-3 || size >= 1e6) ? value.toExponential(2) : String(Number(value.toPrecision(4)));
   }
 
-  const called = (chart, place) => chart.names[place] ?? `${chart.x_label} ${short(chart.places[place])}`;
+  const called = (chart, place) => chart.names[place] ?? `${chart.x_label} ${short(chart.xs[place])}`;
   const knob = document.querySelector("#smooth input");
   if (knob) knob.value = kept.get("smooth") ?? 0;
-  const columns = (chart) => [chart.places, ...chart.lines.map(({ values }) => (chart.x_label === "epoch" ? smoothed(values) : values))];
+  const columns = (chart) => [chart.xs, ...chart.lines.map(({ values }) => (chart.x_label === "epoch" ? smoothed(values) : values))];
 
   /** An exponential average, corrected for its beginning at zero (arXiv 1412.6980, section 3). */
   function smoothed(values) {
@@ -195,7 +195,7 @@ const eureka = (() => {
     const chart = JSON.parse(fresh.dataset.chart);
     if (!alike(chart, state.chart)) return draw(figure);
     const { min, max } = state.plot.scales.x;
-    const whole = state.chart.places;
+    const whole = state.chart.xs;
     const zoomed = min > whole[0] || max < whole.at(-1);
     state.chart = chart;
     state.plot.setData(columns(chart), !zoomed);

@@ -9,7 +9,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from ..config import FEEDBACKS, VIDEOS, RunConfig
-from ..display import outside
+from ..display.now import Curves, read
 from ..numbers import duration
 from ..report import filming, html, tables
 from ..report.candidates import CandidateView, PromptView
@@ -73,7 +73,7 @@ def overview(directory: Path, run: RunView) -> Parts:
 
 def now(directory: Path, run: RunView) -> Parts:
     """How a run stands, and what it is doing while it is at work."""
-    piece, told = _pieces(run=run), outside.read(directory) if is_held(directory) else None
+    piece, told = _pieces(run=run), read(directory) if is_held(directory) else None
     entry, tiles = folder.entry("", directory), tables.tiles(run)
     if told is not None:
         left = f"about {duration(told.left)} of search left" if told.left is not None else ""
@@ -123,12 +123,12 @@ def _in_depth(env: str) -> bool:
 
 def trained(directory: Path, run: RunView) -> Parts:
     """The curves of candidates that are being trained."""
-    told = outside.read(directory) if is_held(directory) else None
+    told = read(directory) if is_held(directory) else None
     if told is None:
         return {}
     piece, places = _pieces(run=run), _places(run)
     found = {lane: curves for lane, curves in told.curves.items() if lane in places and lane not in run.results}
-    return {f"live-{places[lane]}": piece.live(told.places, curves) for lane, curves in found.items()}
+    return {f"live-{places[lane]}": piece.live(told.at_epochs, curves) for lane, curves in found.items()}
 
 
 def compared(views: Mapping[str, RunView], glances: Mapping[str, Glance], more: int) -> Parts:
@@ -180,6 +180,6 @@ def _pieces(run: RunView | None) -> Any:
     return html.environment().get_template("ui/pieces.html").make_module(values | helpers)
 
 
-def _called(curves: Mapping[str, outside.Curves], places: Mapping[str, str]) -> dict[str, tuple[float | None, ...]]:
+def _called(curves: Mapping[str, Curves], places: Mapping[str, str]) -> dict[str, tuple[float | None, ...]]:
     """F of each lane, by what people call it."""
     return {places.get(lane, lane): own.get("fitness", ()) for lane, own in curves.items()}

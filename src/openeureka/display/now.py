@@ -1,5 +1,4 @@
-"""What a run leaves for those who look at its directory or page, and not at its terminal: lines on how it went, and
-what it is doing now, in a small file that is replaced every few seconds.
+"""`run.now.json`: what a run is doing now, for its page, in a small file that is replaced every few seconds.
 
 A store holds what is finished. Curves of lanes that still train, and the time left, interest nobody once the run is
 over; the file goes with it.
@@ -7,93 +6,28 @@ over; the file goes with it.
 
 from __future__ import annotations
 
-import io
-import os
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO
 
-from rich.console import Console
-
-from ..codec import DecodeError, decode, defined, encode
+from ..codec import DecodeError, decode, defined, encode, shaped
 from ..config import RunConfig
-from ..errors import EurekaError, StoreError
-from ..events import Asked, Began, Event, Replied, Tell
+from ..errors import StoreError
+from ..events import Asked, Began, Event, Replied
 from ..store import artifacts
-from ..store.db import LOG, NOW
-from ..text import plain
+from ..store.db import NOW
 from ..types import Generation, NodeShare, TrainingProgress, Usage
 from ..types.bounds import Count, Finite, Name
-from .live import PlainView, Tally
+from .live import Tally
 
-WIDTH = 120
 PAUSE = 2.0
 """[s] between two writings while a training goes on."""
 MOST = 80
 """Points kept of a curve; of a longer one every second goes, and those to come are that much farther apart."""
-
-
-class _LogFile(io.TextIOWrapper):
-    """Says nothing of a full disk: a search does not stop for its log, and the store will speak of it."""
-
-    def write(self, text: str) -> int:
-        with suppress(OSError):
-            super().write(text)
-        return len(text)
-
-    def flush(self) -> None:
-        with suppress(OSError):
-            super().flush()
-
-    def close(self) -> None:
-        with suppress(OSError):
-            super().close()
-
-
-@contextmanager
-def logged(directory: Path, config: RunConfig, usage: Usage) -> Iterator[list[Tell]]:
-    """Listeners that keep what the run is doing while it is at work, and write `run.log`, where that can be written and
-    the process does not print to it already."""
-    recorder = Recorder(directory, config, usage)
-    try:
-        with _lines(directory, config, usage) as lines:
-            yield [recorder, *lines]
-    finally:
-        with suppress(StoreError):
-            artifacts.remove(directory, NOW)
-
-
-@contextmanager
-def _lines(directory: Path, config: RunConfig, usage: Usage) -> Iterator[list[Tell]]:
-    raw = _opened(directory)
-    if raw is None:
-        yield []
-        return
-    with _LogFile(raw, encoding="utf-8") as file:
-        try:
-            yield [PlainView(Console(file=file, width=WIDTH, force_terminal=False), config, usage)]
-        except EurekaError as error:
-            print(plain(str(error)), file=file)
-            raise
-        except KeyboardInterrupt:
-            print("Stopped", file=file)
-            raise
-
-
-def _opened(directory: Path) -> BinaryIO | None:
-    try:
-        file = artifacts.appended(directory, LOG)
-    except (OSError, StoreError):
-        return None
-    with suppress(OSError):  # no stdout
-        if os.path.samestat(os.fstat(1), os.fstat(file.fileno())):  # as the page starts runs
-            file.close()
-            return None
-    return file
-
+AT_EPOCHS = "places"
+"""The file's word for `at_epochs`: a run and the page that reads it may be of different versions."""
 
 Curves = Mapping[Name, tuple[Finite | None, ...]]
 
@@ -116,7 +50,7 @@ class Now:
     epochs: Count = 0
     env_steps_per_second: Finite = 0.0
     nodes: Mapping[Name, NodeShare] = field(default_factory=dict[str, NodeShare])
-    places: tuple[Count, ...] = ()
+    at_epochs: tuple[Count, ...] = ()
     """Epochs of the values in `curves`."""
     curves: Mapping[Name, Curves] = field(default_factory=dict[str, Curves])
     """By lane id, those under way: F, `reward` and each `component/<name>`."""
@@ -126,7 +60,10 @@ def read(directory: Path) -> Now | None:
     """What a run is doing; None where it does not say, or what is there is no such thing: it may come from anybody."""
     try:
         data = artifacts.read(directory, NOW)
-        return decode(Now, data) if data is not None else None
+        if data is None:
+            return None
+        said = decode(dict[str, object], data)
+        return shaped(Now, {**said, "at_epochs": said.get(AT_EPOCHS, ())})
     except (DecodeError, StoreError):
         return None
 
@@ -143,7 +80,7 @@ class Recorder:
 
     def _clear(self) -> None:
         self._progress: TrainingProgress | None = None
-        self._places: list[int] = []
+        self._epochs: list[int] = []
         self._curves: dict[str, dict[str, list[float | None]]] = {}
         self._apart = 1
 
@@ -172,16 +109,16 @@ class Recorder:
         if self._progress is not None and progress.epoch < self._progress.epoch:
             self._clear()  # other lanes have begun, as in each round of the final trainings
         self._progress = progress
-        if not self._places or progress.epoch - self._places[-1] >= self._apart:
+        if not self._epochs or progress.epoch - self._epochs[-1] >= self._apart:
             self._add(progress)
         if time.monotonic() - self._written >= PAUSE:
             self._write()
 
     def _add(self, progress: TrainingProgress) -> None:
         """A value of each curve; one that begins late has none before."""
-        if len(self._places) >= MOST:
-            self._apart = max(1, 2 * (self._places[-1] - self._places[0]) // len(self._places))
-            del self._places[1::2]
+        if len(self._epochs) >= MOST:
+            self._apart = max(1, 2 * (self._epochs[-1] - self._epochs[0]) // len(self._epochs))
+            del self._epochs[1::2]
             for curves in self._curves.values():
                 for values in curves.values():
                     del values[1::2]
@@ -189,12 +126,12 @@ class Recorder:
         for lane, values in newest.items():
             for name, value in values.items():
                 curve = self._curves.setdefault(lane, {}).setdefault(name, [])
-                curve += [None] * (len(self._places) - len(curve)) + [value]
-        self._places.append(progress.epoch)
+                curve += [None] * (len(self._epochs) - len(curve)) + [value]
+        self._epochs.append(progress.epoch)
 
     def _write(self) -> None:
         self._written, made = time.monotonic(), self._progress
-        count = len(self._places)
+        count = len(self._epochs)
         now = Now(
             doing=self._tally.doing,
             generation=self._tally.index,
@@ -206,11 +143,13 @@ class Recorder:
             epochs=made.epochs if made else 0,
             env_steps_per_second=made.env_steps_per_second if made else 0.0,
             nodes=made.nodes if made else {},
-            places=tuple(self._places),
+            at_epochs=tuple(self._epochs),
             curves={
                 lane: {name: (*values, *[None] * (count - len(values))) for name, values in curves.items()}
                 for lane, curves in self._curves.items()
             },
         )
+        said = defined(now)
+        said[AT_EPOCHS] = said.pop("at_epochs")
         with suppress(StoreError):
-            artifacts.write(self._directory, NOW, encode(defined(now)))
+            artifacts.write(self._directory, NOW, encode(said))
