@@ -140,7 +140,7 @@ def test_numbers_of_info_are_those_of_their_world_and_none_is_cut_to_its_neighbo
 
 def test_continuous_actions_fill_the_range_of_the_box():
     task = registry.get("gym:Pendulum-v1")
-    taken = task.found.actions.taken(torch.tensor([[-1.0], [0.0], [0.5]]))
+    taken = task.survey.actions.taken(torch.tensor([[-1.0], [0.0], [0.5]]))
     assert taken.tolist() == [[-2.0], [0.0], [1.0]] and taken.dtype == np.float32  # torques of 2 N m at most
 
 

@@ -56,7 +56,7 @@ def test_observation_reward_and_end_are_those_of_dm_control(name: str, steps: in
         paid.append(float(ours.task.paid[0]))
         ended.append(bool(step.timed_out[0]))
         assert not bool(step.terminated[0])
-    np.save(tmp_path / "actions.npy", ours.task.found.actions.taken(torch.from_numpy(random)))
+    np.save(tmp_path / "actions.npy", ours.task.survey.actions.taken(torch.from_numpy(random)))
     arguments = [str(tmp_path / "actions.npy"), str(seed), name]
     subprocess.run([PYTHON, "-c", ITSELF, *arguments], check=True, capture_output=True)
     theirs = np.load(tmp_path / "actions.npy.npz")

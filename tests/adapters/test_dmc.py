@@ -39,7 +39,7 @@ def test_observations_measures_and_joints_are_the_state_table(arm: BatchedEnv):
 
 
 def test_actions_fill_bounds_and_are_taken_as_they_are_where_there_is_none(arm: BatchedEnv):
-    taken = arm.task.found.actions.taken(torch.tensor([[-1.0, 0.5], [0.0, -0.5]]))
+    taken = arm.task.survey.actions.taken(torch.tensor([[-1.0, 0.5], [0.0, -0.5]]))
     assert taken.tolist() == [[-1.0, 0.5], [1.0, -0.5]]  # [-1, 3], and no bounds
 
 

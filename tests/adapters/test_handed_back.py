@@ -77,7 +77,7 @@ def test_a_wrapper_pays_what_the_graph_paid(env: str):
         if bool(step.done[0]):
             break
         ours, components = reward(step.state)
-        (taken,) = simulation.task.found.actions.taken(step.state["actions"])
+        (taken,) = simulation.task.survey.actions.taken(step.state["actions"])
         _, paid, _, _, info = theirs.step(taken)
         assert paid == pytest.approx(float(ours[0]), abs=2e-6)
         assert info["parts"] == pytest.approx({name: float(part[0]) for name, part in components.items()}, abs=2e-6)

@@ -166,7 +166,7 @@ class ForeignTask(GymTask):
 
     @classmethod
     def handed_back(cls, graph: RewardGraph, program: str) -> str:
-        return terms(cls.found.env, cls.suite, cls.spec, graph, program)
+        return terms(cls.survey.env, cls.suite, cls.spec, graph, program)
 
     @classmethod
     def simulate(cls, num_worlds: int, device: str, threads: int) -> ForeignWorlds:
@@ -174,4 +174,4 @@ class ForeignTask(GymTask):
         if device != "cpu":
             raise TaskError(f"`{cls.env}` steps elsewhere; leave device={device} out, and say env={cls.env}+device=...")
         make = functools.partial(cls.opened, threads=threads)
-        return ForeignWorlds(make, num_worlds, cls.found, name=cls.env, episode=cls.episode_length)
+        return ForeignWorlds(make, num_worlds, cls.survey, name=cls.env, episode=cls.episode_length)

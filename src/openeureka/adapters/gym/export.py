@@ -31,7 +31,7 @@ def draft(task: type[PaidTask], name: str, own: str, intent: str = "") -> str:
     """
     return template("adapter.py.jinja").render(
         env=task.env,
-        fitness=task.wanted is not None,
+        fitness=task.step_fitness is not None,
         name=name,
         own=own,
         description=(intent or task.description).replace("\\", "/").replace('"', "'"),

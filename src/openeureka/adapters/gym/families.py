@@ -22,17 +22,17 @@ class Runner(LiftedTask):
     clipped = False
     """Whether the observation clips speeds."""
 
-    def seen(self) -> Tensor:
+    def observation(self) -> Tensor:
         speeds = self.qvel.clamp(-FASTEST, FASTEST) if self.clipped else self.qvel
         return torch.cat((self.qpos[:, self.skipped :], speeds), dim=1)
 
-    def said(self) -> Mapping[str, Tensor]:
+    def info(self) -> Mapping[str, Tensor]:
         speed, place = self.speed(), self.qpos[:, :2]
-        said = {"x_position": place[:, 0].clone(), "x_velocity": speed[:, 0].clone()}
+        info = {"x_position": place[:, 0].clone(), "x_velocity": speed[:, 0].clone()}
         if self.has_y:
-            said |= {"y_position": place[:, 1].clone(), "y_velocity": speed[:, 1].clone()}
-            said |= {"distance_from_origin": place.norm(dim=1)}
-        return said
+            info |= {"y_position": place[:, 1].clone(), "y_velocity": speed[:, 1].clone()}
+            info |= {"distance_from_origin": place.norm(dim=1)}
+        return info
 
     def healthy(self) -> Tensor | None:
         """(N,) bool; None for those that cannot fall."""
@@ -44,7 +44,7 @@ class Runner(LiftedTask):
             return super().terminated(s)
         return ~healthy
 
-    def pays(self, terminated: Tensor) -> Tensor:
+    def env_reward(self, terminated: Tensor) -> Tensor:
         paid = self.constants["forward_reward_weight"] * self.speed()[:, 0]
         paid = paid - self.constants["ctrl_cost_weight"] * self.effort()
         healthy = self.healthy()
@@ -68,8 +68,8 @@ class Hopper(Runner):
 
     clipped = True
 
-    def said(self) -> Mapping[str, Tensor]:
-        return {**super().said(), "z_distance_from_origin": self.qpos[:, 1] - self.start[1]}
+    def info(self) -> Mapping[str, Tensor]:
+        return {**super().info(), "z_distance_from_origin": self.qpos[:, 1] - self.start[1]}
 
     def healthy(self) -> Tensor:
         z, angle = self.qpos[:, 1], self.qpos[:, 2]
@@ -99,19 +99,19 @@ class Ant(Runner):
         """(N, B, 6) clipped."""
         return self.read("cfrc_ext").clamp(*self.constants["contact_force_range"])
 
-    def seen(self) -> Tensor:
-        seen = super().seen()
+    def observation(self) -> Tensor:
+        observation = super().observation()
         if not self.constants["include_cfrc_ext_in_observation"]:
-            return seen
-        return torch.cat((seen, self.contact_forces()[:, 1:].flatten(1)), dim=1)
+            return observation
+        return torch.cat((observation, self.contact_forces()[:, 1:].flatten(1)), dim=1)
 
     def healthy(self) -> Tensor:
         low, high = self.constants["healthy_z_range"]
         return (self.qpos[:, 2] >= low) & (self.qpos[:, 2] <= high)
 
-    def pays(self, terminated: Tensor) -> Tensor:
+    def env_reward(self, terminated: Tensor) -> Tensor:
         contact = self.contact_forces().square().sum((1, 2))
-        return super().pays(terminated) - self.constants["contact_cost_weight"] * contact
+        return super().env_reward(terminated) - self.constants["contact_cost_weight"] * contact
 
 
 class Humanoid(Runner):
@@ -120,9 +120,9 @@ class Humanoid(Runner):
     has_y, forces = True, True
     fields = ("xipos", "cinert", "cvel", "qfrc_actuator", "cfrc_ext", "ten_length", "ten_velocity")
 
-    def said(self) -> Mapping[str, Tensor]:
+    def info(self) -> Mapping[str, Tensor]:
         return {
-            **super().said(),
+            **super().info(),
             "tendon_length": self.read("ten_length"),
             "tendon_velocity": self.read("ten_velocity"),
         }
@@ -132,8 +132,8 @@ class Humanoid(Runner):
         mass = torch.from_numpy(self.sim.model.body_mass).float().to(self.device)
         return (self.data["xipos"][:, :, :2] * mass[:, None]).sum(1) / mass.sum()
 
-    def seen(self) -> Tensor:
-        parts = [super().seen()]
+    def observation(self) -> Tensor:
+        parts = [super().observation()]
         for field, skipped in (("cinert", 1), ("cvel", 1), ("qfrc_actuator", 6), ("cfrc_ext", 1)):
             if self.constants[f"include_{field}_in_observation"]:
                 parts.append(self.read(field)[:, skipped:].flatten(1))
@@ -142,9 +142,9 @@ class Humanoid(Runner):
     def healthy(self) -> Tensor:
         return _between(self.qpos[:, 2], self.constants["healthy_z_range"])
 
-    def pays(self, terminated: Tensor) -> Tensor:
+    def env_reward(self, terminated: Tensor) -> Tensor:
         contact = self.constants["contact_cost_weight"] * self.read("cfrc_ext").square().sum((1, 2))
-        return super().pays(terminated) - contact.clamp(*self.constants["contact_cost_range"])
+        return super().env_reward(terminated) - contact.clamp(*self.constants["contact_cost_range"])
 
 
 class Reacher(LiftedTask):
@@ -159,11 +159,11 @@ class Reacher(LiftedTask):
         places, model = self.read("xpos"), self.sim.model
         return places[:, model.body("fingertip").id] - places[:, model.body("target").id]
 
-    def seen(self) -> Tensor:
+    def observation(self) -> Tensor:
         angles = self.qpos[:, :2]
         return torch.cat((angles.cos(), angles.sin(), self.qpos[:, 2:], self.qvel[:, :2], self.gap()[:, :2]), dim=1)
 
-    def pays(self, terminated: Tensor) -> Tensor:
+    def env_reward(self, terminated: Tensor) -> Tensor:
         distance = self.constants["reward_dist_weight"] * self.gap().norm(dim=1)
         return -distance - self.constants["reward_control_weight"] * self.effort()
 
@@ -190,11 +190,11 @@ class Pusher(LiftedTask):
         """(N, 3) [m]"""
         return self.read("xpos")[:, self.sim.model.body(name).id]
 
-    def seen(self) -> Tensor:
+    def observation(self) -> Tensor:
         bodies = [self.body(name) for name in ("tips_arm", "object", "goal")]
         return torch.cat((self.qpos[:, :7], self.qvel[:, :7], *bodies), dim=1)
 
-    def pays(self, terminated: Tensor) -> Tensor:
+    def env_reward(self, terminated: Tensor) -> Tensor:
         thing = self.body("object")
         near = self.constants["reward_near_weight"] * (thing - self.body("tips_arm")).norm(dim=1)
         far = self.constants["reward_dist_weight"] * (thing - self.body("goal")).norm(dim=1)
@@ -218,13 +218,13 @@ class InvertedPendulum(LiftedTask):
     leaning = 0.2
     """[rad] at which it has fallen."""
 
-    def seen(self) -> Tensor:
+    def observation(self) -> Tensor:
         return torch.cat((self.qpos, self.qvel), dim=1)
 
     def terminated(self, s: State) -> Tensor:
         return self.qpos[:, 1].abs() > self.leaning
 
-    def pays(self, terminated: Tensor) -> Tensor:
+    def env_reward(self, terminated: Tensor) -> Tensor:
         return (~terminated).float()
 
 
@@ -233,7 +233,7 @@ class InvertedDoublePendulum(LiftedTask):
 
     fields, forces, normal = ("site_xpos", "qfrc_constraint"), True, True
 
-    def seen(self) -> Tensor:
+    def observation(self) -> Tensor:
         angles = self.qpos[:, 1:]
         pushed = self.read("qfrc_constraint").clamp(-FASTEST, FASTEST)[:, :1]
         speeds = self.qvel.clamp(-FASTEST, FASTEST)
@@ -246,7 +246,7 @@ class InvertedDoublePendulum(LiftedTask):
     def terminated(self, s: State) -> Tensor:
         return self.tip()[:, 2] <= 1.0
 
-    def pays(self, terminated: Tensor) -> Tensor:
+    def env_reward(self, terminated: Tensor) -> Tensor:
         x, _, y = self.tip().unbind(1)
         first, second = self.qvel[:, 1], self.qvel[:, 2]
         away = 0.01 * x**2 + (y - 2.0) ** 2

@@ -87,7 +87,7 @@ class LiftedTask(PaidTask):
         return super().simulate(num_worlds, device, threads)
 
     def apply_action(self, actions: Tensor) -> None:
-        self.before.copy_(self.seen())
+        self.before.copy_(self.observation())
         self.place_before.copy_(self.place())
         self.ctrl[:] = self.middle + self.half * actions
 
@@ -131,10 +131,10 @@ class LiftedTask(PaidTask):
         """(N,) sum of the squares of the controls that were asked for; a drawn delay has others act."""
         return (self.middle + self.half * self.actions).square().sum(1)
 
-    def seen_before(self, seen: Tensor) -> Tensor:
-        return torch.where((self.progress == 0)[:, None], seen, self.before)
+    def previous_observation(self, observation: Tensor) -> Tensor:
+        return torch.where((self.progress == 0)[:, None], observation, self.before)
 
-    def said(self) -> Mapping[str, Tensor]:
+    def info(self) -> Mapping[str, Tensor]:
         return {}
 
     def terminated(self, s: State) -> Tensor:

@@ -25,7 +25,7 @@ SUCCESS = "is_success"
 CONTINUOUS = Recipe(hidden=(64, 64), env_steps=1_000_000, worlds=32, horizon=64, epochs=8, minibatches=8)
 DISCRETE = Recipe(hidden=(64, 64), env_steps=500_000, worlds=32, horizon=64, epochs=8, minibatches=8, entropy_coef=0.01)
 
-Said = Mapping[str, Tensor]
+Info = Mapping[str, Tensor]
 """Numbers of `info` (N, ...)."""
 
 
@@ -37,13 +37,13 @@ class PaidTask(Task):
     memory = ("returned",)
     decided: ClassVar[tuple[str, ...]] = ("control_dt", "substeps", "num_observations", "num_actions")
     """Attributes that nobody can set: they follow from the environment."""
-    found: ClassVar[Survey]
+    survey: ClassVar[Survey]
     places: ClassVar[Mapping[str, slice | str]]
     """Where each state variable is: columns of the observation, or a name of `info`."""
     keywords: ClassVar[Mapping[str, Any]] = {}
     """What the environment's constructor takes beside its id."""
-    wanted: Callable[[Tensor, Said], Tensor] | None = None
-    """F of a step, of what is `seen` and `said`; None for the sum of the environment's reward."""
+    step_fitness: Callable[[Tensor, Info], Tensor] | None = None
+    """F of a step, from `observation` and `info`; None for the sum of the environment's reward."""
     at_end: ClassVar[bool] = True
     """Whether F is taken at the end of an episode, else in every step."""
 
@@ -61,28 +61,29 @@ class PaidTask(Task):
 
     @classmethod
     def handed_back(cls, graph: RewardGraph, program: str) -> str:
-        return wrapper(cls.found.env, cls.keywords, cls.spec, cls.places, cls.found.parts, graph, program)
+        return wrapper(cls.survey.env, cls.keywords, cls.spec, cls.places, cls.survey.parts, graph, program)
 
     @abstractmethod
-    def seen(self) -> Tensor:
+    def observation(self) -> Tensor:
         """(N, O) observation, fresh."""
 
     @abstractmethod
-    def seen_before(self, seen: Tensor) -> Tensor:
-        """(N, O) observation before the last step, fresh; `seen`, that of now, at the start of an episode."""
+    def previous_observation(self, observation: Tensor) -> Tensor:
+        """(N, O) that before the last step, fresh; `observation`, that of now, at the start of an episode."""
 
     @abstractmethod
-    def said(self) -> Mapping[str, Tensor]:
+    def info(self) -> Mapping[str, Tensor]:
         """The numbers of `info` (N, ...), fresh."""
 
     @abstractmethod
-    def pays(self, terminated: Tensor) -> Tensor:
+    def env_reward(self, terminated: Tensor) -> Tensor:
         """(N,) the environment's own reward of the last step, fresh."""
 
     def compute_state(self) -> dict[str, Any]:
-        seen, said = self.seen(), self.said()
-        named = cut(self.places, self.shapes, seen, said)
-        whole = {"obs_buf": seen, "previous_obs_buf": self.seen_before(seen), "actions": self.actions}
+        observation = self.observation()
+        named = cut(self.places, self.shapes, observation, self.info())
+        previous = self.previous_observation(observation)
+        whole = {"obs_buf": observation, "previous_obs_buf": previous, "actions": self.actions}
         return named | whole
 
     def observe(self, s: State) -> Tensor:
@@ -91,11 +92,11 @@ class PaidTask(Task):
     def outcome(self, s: State) -> Tensor:
         """What F gains in this step: where it is taken at the end of an episode, 0 before."""
         terminated = self.terminated(s)
-        self.paid = self.pays(terminated)
+        self.paid = self.env_reward(terminated)
         self.returned = self.returned + self.paid
         value = self.returned
-        if self.wanted is not None:
-            value = torch.where(self.sim.bad, 0.0, self.wanted(s["obs_buf"], self.said()))
+        if self.step_fitness is not None:
+            value = torch.where(self.sim.bad, 0.0, self.step_fitness(s["obs_buf"], self.info()))
         return torch.where(terminated | self.timed_out(s), value, 0.0) if self.at_end else value
 
     def fitness(self, s: State, ended: Tensor) -> Score:
@@ -130,21 +131,21 @@ class GymTask(PaidTask):
         """Raises TaskError for any device but the CPU, where Gymnasium steps."""
         if device != "cpu":
             raise TaskError(f"`{cls.env}` steps itself, on the CPU alone; leave device={device} out.")
-        return GymWorlds(cls.make, num_worlds, cls.found, name=cls.env, episode=cls.episode_length)
+        return GymWorlds(cls.make, num_worlds, cls.survey, name=cls.env, episode=cls.episode_length)
 
     def apply_action(self, actions: Tensor) -> None:
         self.gym.action.copy_(actions)
 
-    def seen(self) -> Tensor:
+    def observation(self) -> Tensor:
         return self.gym.observation.clone()
 
-    def seen_before(self, seen: Tensor) -> Tensor:
+    def previous_observation(self, observation: Tensor) -> Tensor:
         return self.gym.previous.clone()
 
-    def said(self) -> Mapping[str, Tensor]:
+    def info(self) -> Mapping[str, Tensor]:
         return {name: value.clone() for name, value in self.gym.info.items()}
 
-    def pays(self, terminated: Tensor) -> Tensor:
+    def env_reward(self, terminated: Tensor) -> Tensor:
         return self.gym.reward.clone()
 
     def terminated(self, s: State) -> Tensor:
@@ -159,11 +160,11 @@ class GymTask(PaidTask):
 
 
 def cut(
-    places: Mapping[str, slice | str], shapes: Mapping[str, tuple[int, ...]], seen: Tensor, said: Said
+    places: Mapping[str, slice | str], shapes: Mapping[str, tuple[int, ...]], observation: Tensor, info: Info
 ) -> dict[str, Tensor]:
     """Variables by name, taken from their places in an observation (N, O) and in `info`."""
     return {
-        name: said[place] if isinstance(place, str) else seen[:, place].reshape(-1, *shapes[name])
+        name: info[place] if isinstance(place, str) else observation[:, place].reshape(-1, *shapes[name])
         for name, place in places.items()
     }
 
@@ -179,7 +180,7 @@ def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
     Raises:
         TaskError: for an expression that is not understood.
     """
-    wanted, named = _wanted(found, fitness) if fitness else (None, frozenset[str]())
+    step_fitness, named = _step_fitness(found, fitness) if fitness else (None, frozenset[str]())
     listed = variables(found, named)
     whole = [
         StateVar(name="obs_buf", shape=(found.size,), meaning="the whole observation"),
@@ -201,18 +202,18 @@ def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
         "choices": found.actions.choices,
         "spec": StateSpec((*(variable for variable, _ in listed), *whole)),
         "recipe": DISCRETE if found.actions.choices else CONTINUOUS,
-        "found": found,
+        "survey": found,
         "places": {variable.name: place for variable, place in listed},
-        "wanted": staticmethod(wanted) if wanted else None,
+        "step_fitness": staticmethod(step_fitness) if step_fitness else None,
         "at_end": at_end,
     }
 
 
-def _wanted(found: Survey, fitness: str) -> tuple[Callable[[Tensor, Said], Tensor], frozenset[str]]:
+def _step_fitness(found: Survey, fitness: str) -> tuple[Callable[[Tensor, Info], Tensor], frozenset[str]]:
     """F of a step, and the names in it: the environment's, whatever a task file calls them."""
     known = variables(found)
     shapes = {**found.infos, **{variable.name: variable.shape for variable, _ in known}}
     value, named = formula(fitness, shapes)
     places = {**{name: name for name in found.infos}, **{variable.name: place for variable, place in known}}
     used = {name: places[name] for name in named}
-    return lambda seen, said: value(cut(used, shapes, seen, said)), named
+    return lambda observation, info: value(cut(used, shapes, observation, info)), named
