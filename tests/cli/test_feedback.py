@@ -161,7 +161,11 @@ def test_a_job_in_the_background_leaves_the_keyboard_alone(directory: Path, monk
 
 def test_where_standard_input_is_closed_other_shells_are_heard(directory: Path, monkeypatch) -> None:
     monkeypatch.setattr("sys.stdin", None)
-    TerminalDesk(directory, CONFIG, []).listen(0)
+    desk = TerminalDesk(directory, CONFIG, [])
+    desk.listen(0)
+    feedback(directory, ["too", "jerky"])
+    desk.listen(0)
+    assert said(directory) == (JERKY,)
 
 
 def test_without_films_nothing_is_to_be_watched(directory: Path, capsys) -> None:
