@@ -308,6 +308,10 @@ class Channel:
             if os.getppid() != parent:
                 os._exit(1)
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+        # So is SIGTERM, which a shutdown and Slurm send to all. Processes that this one starts would inherit SIG_IGN, and
+        # whoever terminates them would wait for ever.
+        signal.signal(signal.SIGTERM, lambda *_: None)
+        os.register_at_fork(after_in_child=lambda: signal.signal(signal.SIGTERM, signal.SIG_DFL))
 
     def receive(self, timeout: float | None = None) -> Frame | None:
         """Next frame, or None when the parent closed the pipe."""

@@ -44,6 +44,8 @@ class Carts:
             raise ValueError("the battery is empty")
         if self.fault == "kill":
             os.kill(os.getpid(), signal.SIGKILL)
+        if self.fault == "terminate":
+            os.kill(os.getpid(), signal.SIGTERM)
         if self.fault == "hang":
             time.sleep(60.0)
         if self.fault == "print":

@@ -155,6 +155,10 @@ def test_a_process_that_is_killed_is_told_as_such():
     said(caught.value, f"{sys.executable} ended during a step of `python:", "It was killed")
 
 
+def test_sigterm_to_all_ends_no_environment_before_its_training_is_kept():
+    stepped(f"{CARTS}+fault=terminate+step=3", 5)
+
+
 def test_a_process_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(link, "STEPPING", 0.5)
     with pytest.raises(WorkerError) as caught:

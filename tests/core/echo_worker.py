@@ -1,6 +1,8 @@
 """A worker for tests: echoes frames, or misbehaves when told to."""
 
+import multiprocessing
 import os
+import subprocess
 import sys
 import time
 
@@ -22,3 +24,11 @@ while (frame := channel.receive()) is not None:
             os.write(channel._out, b"\xff" * 64)
         case "environment":
             channel.send({"environment": dict(os.environ)})
+        case "terminate":
+            forked = multiprocessing.get_context("fork").Process(target=time.sleep, args=(60,))
+            forked.start()
+            started = subprocess.Popen(["sleep", "60"])
+            forked.terminate()
+            started.terminate()
+            forked.join()
+            channel.send({"codes": [forked.exitcode, started.wait()]})

@@ -131,6 +131,15 @@ def test_silence_is_a_timeout_and_close_kills(worker: Worker):
     assert worker.process.returncode == -signal.SIGKILL
 
 
+def test_sigterm_is_the_parents_to_handle_and_ends_what_a_child_starts(worker: Worker):
+    """A shutdown, `systemctl stop` and `scancel` send it to all: the parent still asks for a last snapshot."""
+    worker.send({"do": "echo"})
+    worker.receive(timeout=20)
+    os.kill(worker.process.pid, signal.SIGTERM)
+    worker.send({"do": "terminate"})
+    assert worker.receive(timeout=20).header == {"codes": [-signal.SIGTERM, -signal.SIGTERM]}
+
+
 def test_a_frame_that_is_there_can_be_waited_for_without_reading_it(worker: Worker):
     assert not worker.ready(0.0)
     for text in "ab":

@@ -289,6 +289,9 @@ def main(incoming: int, outgoing: int, memory: int) -> None:
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # dies with its parent, PR_SET_PDEATHSIG
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the other side's to handle
+    # So is SIGTERM. Processes that an environment starts do not inherit this, and can be terminated.
+    signal.signal(signal.SIGTERM, lambda *_: None)
+    os.register_at_fork(after_in_child=lambda: signal.signal(signal.SIGTERM, signal.SIG_DFL))
     channel, server = Channel(incoming, outgoing), Server(memory)
     channel.send({"version": VERSION, "python": sys.version.split()[0]})
     while True:
