@@ -1,6 +1,8 @@
 """What the Ray executor waits for, and how long, on a cluster that is only a list of cores: no process, no actor."""
 
 import logging
+import signal
+import sys
 import time
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
@@ -8,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from openeureka.cli import doctor
 from openeureka.errors import ConfigError, WorkerError
 from openeureka.executors import cluster as clusters
 from openeureka.executors import ray, ray_node
@@ -149,6 +152,55 @@ def test_a_process_that_is_part_of_one_cluster_is_not_told_that_it_joined_anothe
     with pytest.raises(ConfigError, match=r"at address=local: restart it to join 10\.0\.0\.5:6379\."):
         clusters.connect("10.0.0.5:6379")
     assert joined == ["local"]
+
+
+def test_who_handles_sigterm_still_does_once_this_process_is_part_of_a_cluster(monkeypatch: pytest.MonkeyPatch):
+    """Ray's own handler ends the process before its trainings are kept."""
+    fake = Cluster(4, script=results)
+    fake.is_initialized = lambda: False
+    fake.init = lambda address, **others: signal.signal(signal.SIGTERM, lambda *_: sys.exit(15))
+    monkeypatch.setattr(clusters, "_imported", lambda address: fake)
+    monkeypatch.setattr(clusters, "_joined", "")
+    terminated: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda number, frame: terminated.append(number))
+    try:
+        clusters.connect("local")
+        signal.raise_signal(signal.SIGTERM)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert terminated == [signal.SIGTERM]
+
+
+def test_a_node_that_cannot_say_what_it_has_is_a_line_of_the_doctor(monkeypatch: pytest.MonkeyPatch):
+    class Asked:
+        """Three nodes: one lacks the package, one does not answer, one does."""
+
+        exceptions = SimpleNamespace(RayError=Gone)
+
+        def nodes(self) -> list[dict[str, Any]]:
+            return [
+                {"Alive": True, "NodeID": f"{i:056x}", "NodeManagerHostname": name, "Resources": {"CPU": 4}}
+                for i, name in enumerate(("bare", "slow", "good"))
+            ]
+
+        def get_runtime_context(self) -> Any:
+            return SimpleNamespace(gcs_address="127.0.0.1:6379")
+
+        def remote(self, function: Callable[[], dict[str, Any]]) -> Any:
+            return SimpleNamespace(options=lambda num_cpus, scheduling_strategy: SimpleNamespace(remote=answers.pop))
+
+        def get(self, said: Any, timeout: float) -> dict[str, Any]:
+            if isinstance(said, Exception):
+                raise said
+            return dict(said)
+
+    about = {"host": "good", "token": True, "versions": ray_node.versions(), "memory": 2**30, "time": time.time()}
+    bare = Gone("ray::about()\nModuleNotFoundError: No module named 'openeureka'")
+    answers = [about, about, Gone("Get timed out: some object(s) not ready."), bare]
+    monkeypatch.setattr(clusters, "connect", lambda address: Asked())
+    found = doctor.nodes("auto")
+    assert [(finding.name, finding.good) for finding in found] == [("bare", False), ("slow", False), ("good", True)]
+    assert "A node of the cluster lacks openeureka" in found[0].detail and "timed out" in found[1].detail
 
 
 def test_what_no_node_of_a_cluster_has_is_refused(monkeypatch: pytest.MonkeyPatch):

@@ -16,6 +16,7 @@ import pytest
 from filelock import FileLock
 from report.scripted import search_in
 
+from openeureka.__main__ import _terminated
 from openeureka.errors import ConfigError, EurekaError
 from openeureka.store.db import LOCK, LOG
 from openeureka.store.directory import is_asked_to_stop
@@ -74,6 +75,17 @@ def test_a_started_run_has_the_settings_of_the_form_and_a_session_of_its_own(tmp
     session, words = log.read_text().split(" ", 1)
     assert int(session) != os.getsid(0)
     assert words == f"['run', 'env=ant', 'model=random', 'iteration=3', 'dir={tmp_path / name}']\n"
+
+
+def test_sigterm_stops_a_run_of_the_page_as_ctrl_c_does(monkeypatch):
+    monkeypatch.setattr("sys.argv", ["eureka", "--version"])
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        with pytest.raises(SystemExit):
+            exec(actions._EUREKA[-1])
+        assert signal.getsignal(signal.SIGTERM) is _terminated
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def test_a_stopped_run_goes_on_and_its_log_grows(tmp_path, monkeypatch):

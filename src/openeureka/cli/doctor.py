@@ -49,6 +49,9 @@ def nodes(address: str) -> list[Finding]:
     """Of a cluster: whether each node may train for this machine, and what it has. It needs no sandbox."""
     found: list[Finding] = []
     for node in cluster.survey(address):
+        if "fault" in node:
+            found.append(Finding(node["host"], False, node["fault"]))
+            continue
         numbers = ", ".join(f"{name} {number}" for name, number in node["versions"].items())
         detail = (
             f"{node['cores']} cores, {node['gpus']} GPUs, {node['memory'] / 2**30:.1f} GiB of memory free, "

@@ -5,8 +5,11 @@ from __future__ import annotations
 import ipaddress
 import math
 import os
+import signal
+import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +25,8 @@ FULL = 8
 """Lanes for each place below which another round would cost more than it gains: small populations train slowly."""
 OBJECT_STORE = 200 << 20
 """[bytes] of a cluster of this machine alone; frames stay there until they are read."""
+ANSWER = 60.0
+"""[s] that a node may take to say what it has: it starts a process for that."""
 _SETTINGS = {
     "RAY_USAGE_STATS_ENABLED": "0",
     "RAY_DEDUP_LOGS_SKIP_REGEX": ".*",  # what the cluster logs is in its files, and not amid a table
@@ -68,7 +73,8 @@ def connect(address: str) -> Any:
         options: dict[str, Any] = {"include_dashboard": False, "object_store_memory": OBJECT_STORE}
         options = options if address == "local" else {}
         try:
-            ray.init(address=address or "auto", log_to_driver=False, logging_level="ERROR", **options)
+            with _sigterm_kept():
+                ray.init(address=address or "auto", log_to_driver=False, logging_level="ERROR", **options)
         except (ray.exceptions.RayError, ConnectionError, RuntimeError, ValueError) as error:
             said = " ".join(str(error).split())[:300]
             raise ConfigError(
@@ -79,6 +85,17 @@ def connect(address: str) -> Any:
     if exposed(ray) and os.environ.get("RAY_AUTH_MODE", "").lower() != "token":
         raise _open(ray.get_runtime_context().gcs_address)
     return ray
+
+
+@contextmanager
+def _sigterm_kept() -> Generator[None]:
+    """Ray replaces who handles SIGTERM by one that ends this process at once, and no training would be kept."""
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        yield
+    finally:
+        if callable(before) and threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGTERM, before)
 
 
 def _imported(address: str) -> Any:
@@ -154,8 +171,19 @@ def check(node: Mapping[str, Any], *, guarded: bool) -> None:
         raise ConfigError(f"Node {node['host']} runs {there}, and this machine {ours}: install the same on both.")
 
 
+def lacking(error: Exception) -> ConfigError | None:
+    """What to do where a node raised this for want of a package; None for any other error."""
+    if "ModuleNotFoundError" not in str(error):
+        return None
+    return ConfigError(
+        "A node of the cluster lacks openeureka or a package that it needs: run pip install "
+        f"'openeureka[ray]=={ray_node.versions()['openeureka']}' there, or your task's own package."
+    )
+
+
 def survey(address: str) -> list[dict[str, Any]]:
-    """What each node of a cluster has: `ray_node.about`, and its `cores`, `gpus` and `offset` [s] of the clock."""
+    """What each node of a cluster has: `ray_node.about`, and its `cores`, `gpus` and `offset` [s] of the clock. Of one
+    that cannot say, its `host` and a `fault`, in a sentence."""
     ray = connect(address)
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
@@ -166,10 +194,15 @@ def survey(address: str) -> list[dict[str, Any]]:
             continue
         place = NodeAffinitySchedulingStrategy(node["NodeID"], soft=False)
         said: dict[str, Any] = {}
-        for _ in range(2):  # the first starts a process there, which takes a second
-            asked_at = time.time()
-            said = ray.get(asked.options(num_cpus=0, scheduling_strategy=place).remote())
-            said["offset"] = said["time"] - (asked_at + time.time()) / 2
+        try:
+            for _ in range(2):  # the first starts a process there, which takes a second
+                asked_at = time.time()
+                said = ray.get(asked.options(num_cpus=0, scheduling_strategy=place).remote(), timeout=ANSWER)
+                said["offset"] = said["time"] - (asked_at + time.time()) / 2
+        except ray.exceptions.RayError as error:
+            fault = lacking(error) or f"It cannot say what it has: {(str(error).splitlines() or ['no answer'])[-1]:.300}"
+            found.append({"host": node["NodeManagerHostname"], "fault": str(fault)})
+            continue
         offered = Place.of(node)
         found.append({**said, "cores": offered.cores, "gpus": offered.gpus, "guarded": exposed(ray)})
     return found

@@ -213,12 +213,7 @@ class ActorCall:
     def _ending(self, error: Exception) -> WorkerError | ConfigError:
         """What to say of an actor that is gone."""
         if getattr(error, "actor_init_failed", False) or isinstance(error, self._ray.exceptions.RayTaskError):
-            if "ModuleNotFoundError" in str(error):
-                return ConfigError(
-                    "A node of the cluster lacks openeureka or a package that it needs: run pip install "
-                    f"'openeureka[ray]=={ray_node.versions()['openeureka']}' there, or your task's own package."
-                )
-            return WorkerError(f"Training stopped: {str(error).splitlines()[-1]}")
+            return cluster.lacking(error) or WorkerError(f"Training stopped: {str(error).splitlines()[-1]}")
         alive = {node["NodeID"] for node in self._ray.nodes() if node["Alive"]}
         if self._node.get("id") not in alive:  # also of one that never said where it is: it had begun nothing
             return WorkerLost("Training stopped: the node that trained is gone.")

@@ -23,7 +23,7 @@ from ..worker import environment, interpreter
 SETTINGS = ("env", "model", "sample", "iteration", "steps", "seed", "device", "feedback", "video")
 """What the form asks for. Addresses and paths stay on the command line: a page must not send keys somewhere."""
 
-_EUREKA = (*interpreter(), "-c", "from openeureka.cli.main import main; main()")
+_EUREKA = (*interpreter(), "-c", "from openeureka.__main__ import main; main()")
 
 
 class Launcher:
