@@ -1,11 +1,18 @@
-"""Names of new runs, and what is left where none begins."""
+"""Names of new runs, what is left where none begins, and who is at work on one."""
 
+import errno
+import fcntl
+import os
 import subprocess
 import sys
 
 import pytest
 
-from openeureka.store.directory import output_directory, swept
+from openeureka.config import RunConfig
+from openeureka.errors import StoreError
+from openeureka.store import Store, is_held
+from openeureka.store.db import LOCK
+from openeureka.store.directory import ask_to_stop, is_asked_to_stop, output_directory, swept
 
 _NAMES = """
 import sys
@@ -36,3 +43,38 @@ def test_what_a_run_began_with_stays_and_so_does_an_empty_directory_of_a_person(
     with swept(begun), swept(output_directory(str(tmp_path / "mine"), "cartpole")):
         (begun / "run.sqlite").touch()
     assert begun.is_dir() and (tmp_path / "mine").is_dir()
+
+
+def test_rows_of_a_run_at_work_on_another_machine_are_not_opened_here(tmp_path):
+    """A shared home: SQLite's memory of the log is shared by the processes of one machine alone."""
+    with Store.open(tmp_path / "run", RunConfig(env="toy")):
+        boot, host = (tmp_path / "run" / LOCK).read_text().split()
+        assert host == os.uname().nodename and len(boot) == 36
+        (tmp_path / "run" / LOCK).write_text("73b1c2a0-0000-4000-8000-000000000000 node\x1b7.example.org\n")
+        for look in (Store.view, Store.visit):
+            with pytest.raises(StoreError, match=r"run is at work on node7?.{0,9}example\.org, and its rows can be"):
+                look(tmp_path / "run")
+        ask_to_stop(tmp_path / "run")  # needs no rows
+        assert is_asked_to_stop(tmp_path / "run")
+        (tmp_path / "run" / LOCK).write_text(f"{boot} a-container\n")  # of this machine, whatever it is called
+        Store.view(tmp_path / "run").close()
+        (tmp_path / "run" / LOCK).write_text("")  # of an older version
+        Store.view(tmp_path / "run").close()
+    (tmp_path / "run" / LOCK).write_text("73b1c2a0-0000-4000-8000-000000000000 node7.example.org\n")
+    Store.view(tmp_path / "run").close()  # it was killed there
+    Store.open(tmp_path / "run", RunConfig(env="toy")).close()
+    assert (tmp_path / "run" / LOCK).read_text().split() == [boot, host]
+
+
+def test_no_run_begins_where_the_file_system_has_no_locks(tmp_path, monkeypatch):
+    def missing(*_):
+        raise OSError(errno.ENOSYS, "Function not implemented")
+
+    monkeypatch.setattr(fcntl, "flock", missing)
+    with pytest.raises(StoreError, match=r"The file system of .*run has no locks, which a run needs; choose another dir="):
+        Store.open(tmp_path / "run", RunConfig(env="toy"))
+    monkeypatch.undo()
+    Store.open(tmp_path / "run", RunConfig(env="toy")).close()
+    monkeypatch.setattr(fcntl, "flock", missing)
+    assert not is_held(tmp_path / "run")
+    Store.view(tmp_path / "run").close()

@@ -1,6 +1,7 @@
 """The run directory: one SQLite file of finished work and the files a person wants to open."""
 
-from .directory import has_begun, is_held, is_run, look, read_config, read_remarks, read_replies, say
+from .directory import has_begun, is_run, look, read_config, read_remarks, read_replies, say
+from .hold import is_held
 from .lane_log import StageFiles
 from .store import Store
 

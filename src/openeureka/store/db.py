@@ -103,6 +103,8 @@ def explained(directory: Path) -> Generator[None]:
 def _sentence(directory: Path, error: OSError | sqlite3.Error) -> str:
     if getattr(error, "errno", None) in (errno.ENOSPC, errno.EDQUOT) or "disk is full" in str(error):
         return f"The disk that holds {directory} is full; free some space and go on."
+    if getattr(error, "errno", None) in (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP):
+        return f"The file system of {directory} has no locks, which a run needs; choose another dir=."
     if isinstance(error, PermissionError) or "readonly" in str(error) or "unable to open" in str(error):
         return f"{directory} cannot be written; check its permissions or choose another dir=."
     if "not a database" in str(error) or "malformed" in str(error):

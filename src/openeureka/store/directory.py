@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import time
 from collections.abc import Generator, Iterable, Sequence
@@ -13,7 +12,8 @@ from ..config import RunConfig, short_name
 from ..errors import FeedbackError, NotBegun, StoreError
 from ..types import CandidateId, Glance, Place, Remark, RemarkKind, Reply
 from . import artifacts, summary
-from .db import FILENAME, LOCK, STOP, at_work, explained
+from .db import FILENAME, STOP, at_work, explained
+from .hold import is_held
 from .store import Store, expect_same
 
 OUTPUTS = Path("outputs")
@@ -114,22 +114,6 @@ def expect_free(directory: Path, config: RunConfig) -> None:
         raise at_work(directory)
     if has_begun(directory):
         expect_same(directory, read_config(directory), config)
-
-
-def is_held(directory: Path | str) -> bool:
-    """Whether a process is working on the run."""
-    try:
-        file = artifacts.opened(Path(directory), LOCK)
-    except OSError:
-        return False
-    if file is None:
-        return False
-    with file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-    return False
 
 
 # --- a word to one that is at work -----------------------------------------------------------------------------------

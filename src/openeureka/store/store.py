@@ -12,7 +12,7 @@ from glob import glob
 from pathlib import Path
 from typing import TypeVar
 
-from filelock import FileLock, Timeout
+from filelock import FileLock
 
 from ..codec import decode, encode
 from ..config import NO_MODEL, RunConfig
@@ -41,8 +41,9 @@ from ..types import (
 )
 from ..version import __version__
 from . import artifacts, summary
-from .db import AGAIN, FILENAME, LOCK, Database, at_work, changed_row, explained
+from .db import AGAIN, FILENAME, Database, changed_row, explained
 from .folders import Folders
+from .hold import expect_near, hold
 from .lane_log import LaneLog
 from .remarks import RemarkLog
 from .rows import decode_messages, decode_usage, decode_verdict, encode_messages
@@ -51,8 +52,6 @@ from .slots import ScreenLog, TalkLog
 T = TypeVar("T")
 HARDENING = "robust.json"
 """Not in `robust/`: what that holds goes whenever another policy comes."""
-LOOK_TIME = 0.5
-"""[s] to wait for the lock: who only asks whether the run is at work (`is_held`) has it for microseconds."""
 
 FREE_TO_CHANGE = {
     *("dir", "device", "threads", "executor", "address", "base_url", "max_cost", "price", "video", "log"),
@@ -108,14 +107,7 @@ class Store:
         """
         directory = Path(directory)
         artifacts.expect_room(directory)
-        artifacts.expect_regular(directory, LOCK)
-        with explained(directory):
-            directory.mkdir(parents=True, exist_ok=True)
-            lock = FileLock(directory / LOCK, timeout=LOOK_TIME)
-            try:
-                lock.acquire()
-            except Timeout:
-                raise at_work(directory) from None
+        lock = hold(directory)
         with ExitStack() as undo:
             undo.callback(lock.release)
             database = Database(directory, writable=True)
@@ -128,18 +120,22 @@ class Store:
 
     @classmethod
     def view(cls, directory: Path | str) -> Store:
-        """Read a run, also while it is going on: see `moment`. Raises StoreError when there is none."""
+        """Read a run, also while it is going on: see `moment`. Raises StoreError when there is none, or it is at work on
+        another machine."""
         directory = Path(directory)
         if not os.path.isfile(directory / FILENAME):
             raise NotBegun(f"{directory} is not a run: {_missing(directory)}.")
+        expect_near(directory)
         return cls(directory, Database(directory, writable=False), None)
 
     @classmethod
     def visit(cls, directory: Path | str) -> Store:
         """Say something to a run that another process has: the one thing that may be written without its lock.
 
-        Only `remarks` may be used: a run of an older version keeps its tables, as its own process knows no others.
+        Only `remarks` may be used: a run of an older version keeps its tables, as its own process knows no others. Raises
+        StoreError when that process is on another machine.
         """
+        expect_near(Path(directory))
         return cls(Path(directory), Database(Path(directory), writable=True, migrate=False), None)
 
     def moment(self) -> AbstractContextManager[None]:
