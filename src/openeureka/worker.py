@@ -7,6 +7,8 @@ by `Worker`; on their side they open a `Channel`. Whatever is started otherwise,
 from __future__ import annotations
 
 import ctypes
+import fcntl
+import math
 import os
 import select
 import signal
@@ -15,7 +17,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -28,6 +31,9 @@ from .types.bounds import Count
 _PREFIX = struct.Struct("<IQ")  # header bytes, blob bytes
 MAX_HEADER = 64 << 20
 MAX_BLOBS = 4 << 30
+CGROUPS = Path("/sys/fs/cgroup")
+MAX_SAID = 1 << 20
+"""Bytes of what a child prints that are kept while it is at work: a task that prints in each step fills no disk."""
 MOST_NICE = 10
 """Of a session: a tenth of a core is left where others want all."""
 
@@ -54,8 +60,34 @@ def environment(env: Mapping[str, str] | None = None) -> dict[str, str]:
 
 
 def usable_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """Cores that this process may run on, or as many as its control groups get the time of, where that is less: as in
+    `docker run --cpus=2` and under Kubernetes."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, min(cores, math.ceil(min(_quotas(), default=cores))))
+
+
+def _quotas() -> Iterator[float]:
+    """Cores that each control group of this process gets, where limited. In a container its own may be the root."""
+    for line in _lines(Path("/proc/self/cgroup")):
+        number, controllers, group = line.split(":", 2)
+        if number == "0":
+            root, names = CGROUPS, ("cpu.max",)
+        elif "cpu" in controllers.split(","):  # the older kind of groups
+            root, names = CGROUPS / "cpu", ("cpu.cfs_quota_us", "cpu.cfs_period_us")
+        else:
+            continue
+        folder = root / group.lstrip("/")
+        for place in (folder, *folder.parents):
+            said = " ".join(line for name in names for line in _lines(place / name)).split()
+            if place.is_relative_to(root) and len(said) == 2 and all(map(str.isdigit, said)):  # else `max`, or -1
+                yield int(said[0]) / max(1, int(said[1]))
+
+
+def _lines(file: Path) -> list[str]:
+    try:
+        return file.read_text().splitlines()
+    except OSError:
+        return []
 
 
 class WorkerDied(WorkerError):
@@ -96,6 +128,13 @@ def unframed(data: bytes) -> Frame:
         raise WorkerDied("The worker process sent a part of a frame.") from None
 
 
+def _readable(fd: int, timeout: float) -> bool:
+    """Whether something arrives within `timeout` [s], or an hour. `select` fails for descriptors beyond 1,024."""
+    poll = select.poll()
+    poll.register(fd, select.POLLIN)
+    return bool(poll.poll(math.ceil(min(timeout, 3600.0) * 1000)))
+
+
 class _Reader:
     """Reads frames from a pipe with a deadline and size caps."""
 
@@ -107,8 +146,10 @@ class _Reader:
         while len(self._buffer) < count:
             if deadline is not None:
                 left = deadline - time.monotonic()
-                if left <= 0 or not select.select([self.fd], [], [], left)[0]:
+                if left <= 0:
                     raise WorkerTimeout("The worker process did not answer in time.")
+                if not _readable(self.fd, left):
+                    continue
             chunk = os.read(self.fd, 1 << 20)
             if not chunk:
                 raise WorkerDied("The worker process ended before it answered.")
@@ -119,7 +160,7 @@ class _Reader:
 
     def ready(self, timeout: float) -> bool:
         """Whether something arrived, waiting up to `timeout` [s] for it; the end of the stream counts as something."""
-        return bool(self._buffer or select.select([self.fd], [], [], timeout)[0])
+        return bool(self._buffer) or _readable(self.fd, timeout)
 
     def read(self, timeout: float | None) -> Frame:
         deadline = None if timeout is None else time.monotonic() + timeout
@@ -174,6 +215,7 @@ class Worker:
 
     def _start(self, command: Sequence[str], env: Mapping[str, str] | None, **pipes: Any) -> None:
         self._stderr: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
+        fcntl.fcntl(self._stderr, fcntl.F_SETFL, fcntl.fcntl(self._stderr, fcntl.F_GETFL) | os.O_APPEND)
         self.process = subprocess.Popen(
             command, env=environment(env), start_new_session=True, **{"stderr": self._stderr, **pipes}
         )
@@ -188,7 +230,10 @@ class Worker:
 
     def receive(self, timeout: float | None = None) -> Frame:
         """Next frame. Raises WorkerDied or WorkerTimeout [s]; the worker must then be closed, its stream is broken."""
-        return self._reader.read(timeout)
+        frame = self._reader.read(timeout)
+        if os.fstat(self._stderr.fileno()).st_size > MAX_SAID:  # no last words: it is at work
+            os.ftruncate(self._stderr.fileno(), 0)
+        return frame
 
     def ready(self, timeout: float) -> bool:
         """Whether `receive` has something to read, waiting up to `timeout` [s] for it."""
@@ -198,19 +243,18 @@ class Worker:
         """For who waits for several: readable where `ready`, but for what a look at the pipe has read already."""
         return self._reader.fd
 
-    @property
-    def alive(self) -> bool:
-        return self.process.poll() is None
-
     def ending(self) -> str:
-        """What ended the child, for a message to a person; empty when it was no signal."""
-        try:
-            code = self.process.wait(1.0)  # its pipe closes a little before it is gone
-        except subprocess.TimeoutExpired:
+        """What ended the child, for a message to a person; empty when it was no signal, or after `close`."""
+        end, found = time.monotonic() + 1.0, None  # its pipe closes a little before it is gone
+        while found is None and self.process.returncode is None and time.monotonic() < end:
+            # It is left unreaped: its group has its number for as long.
+            found = os.waitid(os.P_PID, self.process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+            time.sleep(0.0 if found else 0.01)
+        if found is None or found.si_code == os.CLD_EXITED:
             return ""
-        if code == -signal.SIGKILL:
+        if found.si_status == signal.SIGKILL:
             return "It was killed, often by the kernel when memory runs out: use fewer worlds= or a smaller sample=."
-        return f"It was ended by {signal.Signals(-code).name}." if code < 0 else ""
+        return f"It was ended by {signal.Signals(found.si_status).name}."
 
     def stderr_tail(self, size: int = 2000) -> str:
         """Last part of what the child wrote to stderr, for a message to a person."""
@@ -219,12 +263,11 @@ class Worker:
         return self._stderr.read().decode(errors="replace").strip()
 
     def close(self) -> None:
-        """Kill the child's process group and reap it; safe to call twice."""
-        if self.alive:
-            try:
+        """Kill the child's process group, also where the child has ended and left others, and reap it; safe to call
+        twice."""
+        if self.process.returncode is None:  # else the number may be another group's by now
+            with suppress(ProcessLookupError):
                 os.killpg(self.process.pid, signal.SIGKILL)
-            except ProcessLookupError:
-                pass
         self.process.wait()
         for pipe in (self._stdin, self._stdout, self._stderr):
             if not pipe.closed:
@@ -308,8 +351,8 @@ class Channel:
             if os.getppid() != parent:
                 os._exit(1)
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-        # So is SIGTERM, which a shutdown and Slurm send to all. Processes that this one starts would inherit SIG_IGN, and
-        # whoever terminates them would wait for ever.
+        # So is SIGTERM, which a shutdown and Slurm send to all. SIG_IGN would be inherited by what this process starts,
+        # and whoever terminates that would wait for ever.
         signal.signal(signal.SIGTERM, lambda *_: None)
         os.register_at_fork(after_in_child=lambda: signal.signal(signal.SIGTERM, signal.SIG_DFL))
 

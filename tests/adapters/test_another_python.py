@@ -1,6 +1,7 @@
 """Environments that another process steps: numbers as if it were this one, and one sentence for whatever goes wrong."""
 
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -218,3 +219,20 @@ def trained(env: str) -> TrainingResult:
 def test_a_training_whose_other_process_dies_once_is_begun_again_by_itself(tmp_path: Path):
     result = trained(f"{CARTS}+fault=kill+step=40+file={tmp_path / 'died'}")
     assert (tmp_path / "died").exists() and result.state is TrainingState.FINISHED
+
+
+def test_what_an_environment_started_ends_however_its_training_does(tmp_path: Path):
+    messages = LocalExecutor(threads=1).train(
+        f"{CARTS}+fault=leave+step=9+file={tmp_path / 'helper'}",
+        [LaneSpec(id="human", program="human", seed=1)],
+        TrainBudget(env_steps=4 * 64 * 8_000, worlds=4),
+    )
+    next(messages)
+    stat = Path(f"/proc/{(tmp_path / 'helper-pid').read_text()}/stat")
+    assert stat.exists()
+    messages.close()  # its worker is killed at once, as there are no snapshots
+    for _ in range(100):
+        if not stat.exists() or stat.read_text().rpartition(")")[2].split()[0] == "Z":
+            return
+        time.sleep(0.1)
+    raise AssertionError("it lives on")

@@ -32,3 +32,9 @@ while (frame := channel.receive()) is not None:
             started.terminate()
             forked.join()
             channel.send({"codes": [forked.exitcode, started.wait()]})
+        case "leave":
+            channel.send({"left": subprocess.Popen(["sleep", "60"]).pid})
+            os.kill(os.getpid(), 9)
+        case "print":
+            print(frame.header["text"], end="", flush=True)
+            channel.send({})

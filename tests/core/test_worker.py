@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import openeureka
+from openeureka import worker as workers
 from openeureka.worker import Frame, Worker, WorkerDied, WorkerTimeout, environment, framed, interpreter, unframed
 
 HERE = str(Path(__file__).parent)
@@ -166,6 +167,75 @@ def test_a_frame_that_came_another_way_is_the_same_or_refused():
     for garbage in (data[:-1], b"", b"\xff" * 40):
         with pytest.raises(WorkerDied):
             unframed(garbage)
+
+
+def test_what_a_child_that_ended_has_left_running_ends_with_it(worker: Worker):
+    worker.send({"do": "leave"})
+    left = worker.receive(timeout=20).header["left"]
+    with pytest.raises(WorkerDied):
+        worker.receive(timeout=20)
+    assert (
+        worker.ending()
+        == "It was killed, often by the kernel when memory runs out: use fewer worlds= or a smaller sample=."
+    )
+    assert _running(left)
+    worker.close()
+    for _ in range(100):
+        time.sleep(0.05 * _running(left))
+    assert not _running(left)
+    worker.close()
+    assert worker.ending() == ""
+
+
+def test_what_a_child_prints_is_not_kept_without_end(worker: Worker):
+    for number in range(3):
+        worker.send({"do": "print", "text": f"{number}" * (workers.MAX_SAID + 1)})
+        worker.receive(timeout=20)
+        assert os.fstat(worker._stderr.fileno()).st_size <= workers.MAX_SAID
+    assert worker.stderr_tail() == ""
+    worker.send({"do": "die"})
+    with pytest.raises(WorkerDied):
+        worker.receive(timeout=20)
+    assert worker.stderr_tail() == "last words"  # at the beginning of the file, without a hole before them
+
+
+def test_a_process_with_more_descriptors_than_select_takes_starts_workers_too():
+    script = (
+        "import os, resource; hard = resource.getrlimit(resource.RLIMIT_NOFILE)[1]\n"
+        "resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))\n"
+        "for _ in range(1100): os.dup(0)\n"
+        "from openeureka.worker import Worker\n"
+        f"with Worker('echo_worker', env={{'PYTHONPATH': {HERE!r}}}) as child:\n"
+        "    child.send({'do': 'echo'}); print(child.ready(20.0), child.receive(20.0).header)\n"
+    )
+    done = subprocess.run([*interpreter(), "-c", script], capture_output=True, text=True, timeout=60)
+    assert done.stdout == "True {'do': 'echo'}\n", done.stderr
+
+
+@pytest.mark.parametrize(
+    ("group", "files", "cores"),
+    [
+        ("0::/\n", {"cpu.max": "150000 100000\n"}, 2),  # docker run --cpus=1.5
+        ("0::/\n", {"cpu.max": "max 100000\n"}, 64),
+        ("0::/pod/one\n", {"pod/one/cpu.max": "max 100000\n", "pod/cpu.max": "300000 100000\n"}, 3),
+        (
+            "5:cpu,cpuacct:/docker/a\n0::/\n",
+            {"cpu/cpu.cfs_quota_us": "50000\n", "cpu/cpu.cfs_period_us": "100000\n"},
+            1,
+        ),
+        ("1:cpu:/\n", {"cpu/cpu.cfs_quota_us": "-1\n", "cpu/cpu.cfs_period_us": "100000\n"}, 64),
+        ("", {}, 64),
+    ],
+)
+def test_cores_are_those_that_the_control_groups_of_a_container_get(group, files, cores, tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(64)))
+    monkeypatch.setattr(workers, "CGROUPS", tmp_path)
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    read = Path.read_text
+    monkeypatch.setattr(Path, "read_text", lambda file: group if file == Path("/proc/self/cgroup") else read(file))
+    assert workers.usable_cores() == cores
 
 
 def test_the_child_dies_with_its_parent():

@@ -62,3 +62,10 @@ def test_broken_physics_writes_no_log_file(tmp_path: Path, monkeypatch: pytest.M
     sim.step(1)
     assert bool(sim.bad[0])
     assert list(tmp_path.iterdir()) == []
+
+
+def test_all_cores_are_those_that_this_process_may_use():
+    """Slurm and containers give a process a part of a machine."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("openeureka.sim.cpu.usable_cores", lambda: 3)
+        assert CpuSimulator(slider(), 5)._batch.nthread == 3

@@ -107,7 +107,6 @@ class LocalModel:
         return answer
 
     def _died(self, worker: Worker) -> ModelError:
-        worker.process.poll()
         last = (worker.stderr_tail().splitlines() or ["it said nothing"])[-1]
         self.close()
         return ModelError(

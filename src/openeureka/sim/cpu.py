@@ -10,6 +10,7 @@ import torch
 from mujoco.batch import Batch, SimulationError
 from torch import Tensor
 
+from ..worker import usable_cores
 from .base import INPUT_FIELDS, MAX_SPEED, STATE_FIELDS, Simulator, derives
 
 _CURRENT = mujoco.mjtStage.mjSTAGE_VEL
@@ -24,7 +25,7 @@ class CpuSimulator(Simulator):
     Args:
         model: compiled model, copied.
         num_worlds: N.
-        threads: size of the thread pool; 0 means all cores.
+        threads: size of the thread pool; 0 means all cores that this process may use.
     """
 
     def __init__(self, model: mujoco.MjModel, num_worlds: int, threads: int = 0) -> None:
@@ -33,7 +34,7 @@ class CpuSimulator(Simulator):
         self.device = torch.device("cpu")
         self.bad = torch.zeros(num_worlds, dtype=torch.bool)
         # One MjData a world: making derived fields current is then the first half of the next step, for free.
-        self._batch = Batch(model, num_worlds, nthread=threads, persistent=True)
+        self._batch = Batch(model, num_worlds, nthread=threads or usable_cores(), persistent=True)
         self.model = self._batch.get_model(0)
         self._mirrors: dict[str, tuple[np.ndarray, Tensor]] = {}
         self._expanded: dict[str, tuple[np.ndarray, Tensor]] = {}

@@ -23,6 +23,7 @@ import signal
 import struct
 import sys
 import traceback
+import warnings
 from typing import Any
 
 import numpy as np
@@ -284,9 +285,27 @@ class Server:
         return {}
 
 
+def guard() -> None:
+    """Have what an environment starts end with this process, whatever ends that: another one waits for its death."""
+    server = os.getpid()
+    if os.getpgrp() != server:  # not started by `worker.Stranger`
+        return
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of threads that NumPy has, and the copy does not need
+        if os.fork():
+            return
+    os.closerange(0, 1 << 12)  # the other side must see the pipes end with the server
+    signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
+    ctypes.CDLL(None).prctl(1, signal.SIGUSR1)
+    if os.getppid() == server:
+        signal.sigwait({signal.SIGUSR1})
+    os.killpg(server, signal.SIGKILL)
+
+
 def main(incoming: int, outgoing: int, memory: int) -> None:
     os.dup2(2, 1)  # what is printed goes where errors go
     if sys.platform == "linux":
+        guard()
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # dies with its parent, PR_SET_PDEATHSIG
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the other side's to handle
     # So is SIGTERM. Processes that an environment starts do not inherit this, and can be terminated.
