@@ -1,13 +1,17 @@
 import dataclasses
 import itertools
+import os
+import signal as signals
+import threading
 import time
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from openeureka.errors import TaskError, WorkerError
-from openeureka.executors import child, local, retry, snapshots
+from openeureka.executors import child, local, retry, snapshots, transport
 from openeureka.executors.local import LocalExecutor
 from openeureka.executors.snapshots import Snapshot
 from openeureka.training import population
@@ -22,7 +26,7 @@ from openeureka.types import (
     TrainingResult,
     TrainingState,
 )
-from openeureka.worker import Frame
+from openeureka.worker import Frame, Worker
 
 GRAPH = RewardGraph(nodes=(Node("input", ("pole_angle",)),), reward=0, components=(("angle", 0),))
 
@@ -222,6 +226,33 @@ def test_a_worker_that_hangs_is_given_up(monkeypatch: pytest.MonkeyPatch):
     (result,) = trainer.train("cartpole", [LaneSpec(id="a", program="human")], TrainBudget())
     assert isinstance(result, TrainingResult) and result.state is TrainingState.FAILED
     assert "did not answer in time" in result.message
+
+
+def test_who_was_stopped_itself_gives_up_no_worker_that_was_stopped_too(monkeypatch: pytest.MonkeyPatch):
+    """As by `docker pause`, or SIGSTOP to a whole job."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    monkeypatch.setattr(transport, "LOOK", 0.1)
+
+    workers, wait = list[Worker](), transport.connection.wait
+
+    def started(*args: Any, **options: Any) -> Worker:
+        workers.append(Worker(*args, **options))
+        return workers[-1]
+
+    def stopped(fds: list[int], timeout: float) -> None:
+        if len(workers) == 1 and not naps:
+            naps.append(workers[0].process.pid)
+            os.kill(naps[0], signals.SIGSTOP)
+            time.sleep(2.5)  # both are stopped, and the worker is the later to wake
+            threading.Timer(0.5, os.kill, (naps[0], signals.SIGCONT)).start()
+        else:
+            wait(fds, timeout)
+
+    naps = list[int]()
+    monkeypatch.setattr(transport, "Worker", started)
+    monkeypatch.setattr(transport, "connection", SimpleNamespace(wait=stopped))
+    (score,) = LocalExecutor(module="evaluating_worker", silence=2.0).evaluate("cartpole", {"a": b""}, seed=0)
+    assert len(workers) == 1 and score.lane == "a"
 
 
 def test_an_evaluation_may_take_longer_than_a_worker_may_be_silent(monkeypatch: pytest.MonkeyPatch):

@@ -12,7 +12,7 @@ from openeureka.executors import retry
 from openeureka.executors.retry import LOSSES, Errand
 from openeureka.executors.scheduler import deal, train
 from openeureka.executors.transport import Slot, WorkerLost, farewell
-from openeureka.training.wire import SNAPSHOT, pack, unpack, unpack_lanes
+from openeureka.training.wire import SNAPSHOT, pack, unpack_lanes
 from openeureka.types import (
     LaneSpec,
     Node,
@@ -262,17 +262,60 @@ def test_results_that_were_under_way_at_ctrl_c_are_told(tmp_path: Path):
     assert transport.calls[0].closed and list(tmp_path.iterdir()) == []
 
 
-def test_a_full_disk_is_told_by_who_hears_it_first_and_by_nobody_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_full_disk_costs_a_snapshot_and_no_training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def full(*_: object) -> NoReturn:
         raise StoreError("The disk is full.")
 
-    monkeypatch.setattr(Errand, "keep", full)
+    monkeypatch.setattr("openeureka.executors.snapshots.artifacts.write", full)
+    state = Frame({}, {SNAPSHOT: b"state"})
+    transport = Scripted(lambda names: iter([progress(names), state, *map(result, names), DONE]))
+    assert trained(transport, errands("a", "bc", folder=tmp_path / "snapshots")) == ["a", "b", "c"]
+
+    def failing(names: list[str]) -> Said:
+        yield TaskError("The task is at fault.") if names == ["a"] else state
+
+    with pytest.raises(TaskError):  # also where the last snapshots find the disk full
+        trained(Scripted(failing), errands("a", "b", folder=tmp_path / "snapshots"), "01")
     transport = Scripted(lambda names: iter([progress(names)]))
     stream = train(transport, errands("a", folder=tmp_path / "snapshots"), [Slot("0", 1)])
-    monkeypatch.setattr(Errand, "hear", lambda *_: (unpack(progress("a")), False))
     next(stream)
-    stream.close()  # a traceback would be printed of what it raises where nobody closes it
+    stream.close()
     assert all(call.closed for call in transport.calls)
+
+
+def test_a_worker_that_dies_further_than_the_ones_before_costs_no_attempt(tmp_path: Path):
+    """In days of training it may be killed time and again, by no lane of its own."""
+
+    def at(epoch: int) -> Frame:
+        return pack(TrainingProgress(epoch=epoch, epochs=900, env_steps_per_second=1.0, fitness={"a": None, "b": None}))
+
+    def state() -> Frame:
+        return Frame({}, {SNAPSHOT: b"state"})
+
+    died = WorkerError("It was killed.")
+    said: list[list[Frame | Exception]] = [
+        [at(100), state(), at(150), died],  # the first of two attempts together
+        [at(101), at(200), state(), at(201), died],  # beyond 150
+        [at(300), state(), died],  # beyond 201
+        [at(301), died],  # beyond 300, and left nothing from there: the second attempt
+        [at(301), died],  # alone
+    ]
+    (errand,) = errands("ab", folder=tmp_path / "snapshots")
+    asked: list[list[str]] = []
+    for frames in said:
+        asked.append([lane.id for lane in unpack_lanes(errand.request("cpu"))[1]])
+        call = ScriptedCall("cpu", iter(frames))
+        while not errand.hear(call)[1]:
+            pass
+    assert asked == [["a", "b"]] * 4 + [["a"]]
+    again: list[list[Frame | Exception]] = [[at(250), state(), at(299), died], [at(300), died]]
+    (errand,) = errands("ab", folder=tmp_path / "other")  # a lane that kills its worker at the same place each time
+    for frames in again:
+        errand.request("cpu")
+        call = ScriptedCall("cpu", iter(frames))
+        while not errand.hear(call)[1]:
+            pass
+    assert [lane.id for lane in unpack_lanes(errand.request("cpu"))[1]] == ["a"]
 
 
 def test_a_worker_may_end_its_epoch_before_it_leaves_its_state(monkeypatch: pytest.MonkeyPatch):

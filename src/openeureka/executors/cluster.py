@@ -200,7 +200,9 @@ def survey(address: str) -> list[dict[str, Any]]:
                 said = ray.get(asked.options(num_cpus=0, scheduling_strategy=place).remote(), timeout=ANSWER)
                 said["offset"] = said["time"] - (asked_at + time.time()) / 2
         except ray.exceptions.RayError as error:
-            fault = lacking(error) or f"It cannot say what it has: {(str(error).splitlines() or ['no answer'])[-1]:.300}"
+            fault = (
+                lacking(error) or f"It cannot say what it has: {(str(error).splitlines() or ['no answer'])[-1]:.300}"
+            )
             found.append({"host": node["NodeManagerHostname"], "fault": str(fault)})
             continue
         offered = Place.of(node)

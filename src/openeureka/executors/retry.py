@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import logging
+import math
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
@@ -11,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ..codec import plain
-from ..errors import WorkerError
+from ..errors import StoreError, WorkerError
 from ..training.wire import SNAPSHOT, pack_lanes, pack_question, unpack, unpack_score
 from ..types import (
     Dynamics,
@@ -36,6 +38,7 @@ LOSSES = 10
 """Machines that may leave with one population or question before they count as its doing."""
 
 Message = TrainingProgress | TrainingResult
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +55,9 @@ class Errand:
     """Lanes that train as one population, until each has a result.
 
     They train together, together once more, then one by one: a lane that kills its process takes no other with it. Each
-    attempt goes on from where the one before it was, as far as a snapshot tells. One whose machine left does not count.
+    attempt goes on from where the one before it was, as far as a snapshot tells. One whose machine left does not count,
+    nor one that left a state from beyond where all before it died: in days of training, a worker may be killed more
+    than once by no lane of its own.
 
     Args:
         snapshots: folder of its state while it is under way; None for one that begins anew when its worker dies.
@@ -67,6 +72,9 @@ class Errand:
         self._attempt = next(self._plan, None)
         self._snapshot = Snapshot(None, {})
         self._losses = 0
+        self._epoch, self._kept, self._died = 0, 0, math.inf
+        """Epochs: the last that was reported, that of the last state which this attempt left, and the furthest at which
+        one has died."""
         self._reported, self._apart = 0.0, 0.0
         """[s] When the worker reported last, 0 where it has not, and how long after the report before."""
 
@@ -101,6 +109,7 @@ class Errand:
         """What to ask a worker on this device for, now."""
         assert self._attempt is not None
         self._reported, self._apart = 0.0, 0.0
+        self._epoch, self._kept = 0, 0
         packed = pack_lanes(self._env, self._attempt.lanes, self._attempt.budget)
         folder = self._snapshots if self.resumable else None
         self._snapshot = Snapshot(folder, _about(packed, device), others=len(self._attempt.lanes) < len(self._left))
@@ -126,7 +135,10 @@ class Errand:
             if self._attempt.control:
                 raise WorkerError(self._reasons[self.lanes[0].id]) from None
             self._snapshot.distrust()
-            self._end(self._attempt, str(error))
+            further = self._kept > self._died
+            self._died = max(self._epoch, 0 if self._died == math.inf else self._died)
+            if not further:
+                self._end(self._attempt, str(error))
             return None, True
         if frame.header.get("done"):
             self._snapshot.remove()
@@ -135,9 +147,16 @@ class Errand:
         return self.told(frame), False
 
     def keep(self, frame: Frame) -> None:
-        """Keep the state that a frame brings, if any."""
-        if SNAPSHOT in frame.blobs:
+        """Keep the state that a frame brings, if any; where the disk is full, the one before stays, and training goes
+        on: there may be room by the time that it has results."""
+        if SNAPSHOT not in frame.blobs:
+            return
+        try:
             self._snapshot.write(frame.blobs[SNAPSHOT])
+        except StoreError as error:
+            _log.warning("A training goes on, and its state could not be kept. %s", error)
+        else:
+            self._kept = self._epoch
 
     def told(self, frame: Frame) -> Message | None:
         """What a frame says, if it concerns anybody; what it said before is stored by now."""
@@ -151,6 +170,7 @@ class Errand:
         if isinstance(message, TrainingProgress):
             now = time.monotonic()
             self._snapshot.trust()
+            self._epoch = message.epoch
             self._apart, self._reported = now - (self._reported or now), now
         elif self._left.pop(message.lane, None) is None:
             return None  # the machine before told it as well, before it left

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 
-from ..errors import StoreError
 from ..types import LaneSpec, NodeShare, TrainingProgress, TrainingResult
 from ..worker import Frame
 from .retry import Errand, Message
@@ -59,8 +57,7 @@ def train(transport: Transport[AnyCall], errands: Sequence[Errand], slots: Seque
                         waiting.appendleft(errand)  # its lanes without a result go before anybody else's
     except GeneratorExit:  # nobody listens
         for errand, frame in _stopped(transport, running):
-            with suppress(StoreError):  # a full disk has been told, or is about to be
-                errand.keep(frame)
+            errand.keep(frame)
         raise
     except BaseException:
         for errand, frame in _stopped(transport, running):

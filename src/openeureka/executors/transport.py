@@ -5,6 +5,7 @@ An executor elsewhere brings its own `Transport`; `scheduler` and `retry` know n
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,6 +18,9 @@ from ..worker import Frame, Worker, WorkerDied, WorkerTimeout
 
 SILENCE = 600.0
 """[s] without a sign of life after which a worker counts as hung; it reports every second and compiles for seconds."""
+LOOK = 10.0
+"""[s] between two looks at workers that say nothing. Who comes to look this much too late was stopped itself, as by
+`docker pause`, and cannot say how long a worker has been silent."""
 FAREWELL, LONGEST_FAREWELL = 10.0, 100.0
 """[s] that a worker may take for a last snapshot when a training is stopped: it looks once an epoch, or a second. Where
 epochs are long it may take up to the second; Slurm, as the guide to clusters sets it, kills after two minutes."""
@@ -94,13 +98,22 @@ class Processes:
         return ProcessCall(worker, self._silence)
 
     def wait(self, calls: Sequence[ProcessCall], timeout: float | None = None) -> Sequence[ProcessCall]:
-        end = float("inf") if timeout is None else time.monotonic() + timeout
-        while True:
-            found = [call for call in calls if call.ready]
-            left = min([end - time.monotonic(), *(call.patience for call in calls)])
-            if found or left <= 0:
-                return found
-            connection.wait([call.worker.fileno() for call in calls], left)
+        return _ready(calls, timeout)
+
+
+def _ready(calls: Sequence[ProcessCall], timeout: float | None = None) -> Sequence[ProcessCall]:
+    """See `Transport.wait`."""
+    end = math.inf if timeout is None else time.monotonic() + timeout
+    while True:
+        found = [call for call in calls if call.ready]
+        began = time.monotonic()
+        left = min([end - began, *(call.patience for call in calls)])
+        if found or left <= 0:
+            return found
+        connection.wait([call.worker.fileno() for call in calls], min(left, LOOK))
+        if time.monotonic() - began > min(left, LOOK) + LOOK:
+            for call in calls:
+                call.forgive()
 
 
 class ProcessCall:
@@ -119,10 +132,15 @@ class ProcessCall:
     def ready(self) -> bool:
         return self.patience <= 0 or self.worker.ready(0.0)
 
+    def forgive(self) -> None:
+        """This process was stopped for a while, and so perhaps the other was."""
+        self._heard = time.monotonic()
+
     def receive(self) -> Frame:
+        _ready([self])
         try:
             # What is there is read, also where it was this process that slept.
-            frame = self.worker.receive(self._silence if self.worker.ready(0.0) else max(0.0, self.patience))
+            frame = self.worker.receive(self._silence if self.worker.ready(0.0) else 0.0)
         except (WorkerDied, WorkerTimeout) as error:
             ending = self.worker.ending() if isinstance(error, WorkerDied) else ""
             parts = (f"Training stopped: {error}", ending, *self.worker.stderr_tail().splitlines()[-1:])
