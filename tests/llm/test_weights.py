@@ -51,6 +51,13 @@ def test_pieces_are_joined_in_order_and_kept(site: Path, tmp_path: Path):
     assert sorted(file.name for file in cache.iterdir()) in (["tiny.gguf"], ["tiny.gguf", "tiny.gguf.lock"])
 
 
+def test_what_a_killed_process_left_of_a_file_is_deleted(site: Path, tmp_path: Path):
+    (tmp_path / "tiny.gguf.123456.tmp").write_bytes(b"a part")
+    (tmp_path / "other.gguf.123456.tmp").write_bytes(b"of another file")
+    weights.assemble(TINY, tmp_path)
+    assert sorted(path.name for path in tmp_path.glob("*.tmp")) == ["other.gguf.123456.tmp"]
+
+
 def test_a_complete_file_is_used_without_the_wheels(tmp_path: Path):
     (tmp_path / "tiny.gguf").write_bytes(WHOLE)
     assert weights.assemble(TINY, tmp_path) == tmp_path / "tiny.gguf"

@@ -71,7 +71,9 @@ def test_no_run_begins_where_the_file_system_has_no_locks(tmp_path, monkeypatch)
         raise OSError(errno.ENOSYS, "Function not implemented")
 
     monkeypatch.setattr(fcntl, "flock", missing)
-    with pytest.raises(StoreError, match=r"The file system of .*run has no locks, which a run needs; choose another dir="):
+    with pytest.raises(
+        StoreError, match=r"The file system of .*run has no locks, which a run needs; choose another dir="
+    ):
         Store.open(tmp_path / "run", RunConfig(env="toy"))
     monkeypatch.undo()
     Store.open(tmp_path / "run", RunConfig(env="toy")).close()

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from ..errors import ConfigError, FeedbackError, StoreError
 from ..parsing import command_line, parse
 from ..runs.stopping import stopped
-from ..store import is_held, say
+from ..store import Store, is_held, say
 from ..store.directory import OUTPUTS, ask_to_stop
 from ..store.remarks import spoken
 from ..types import RemarkKind
@@ -40,7 +41,15 @@ def stop(directory: Path) -> None:
         if time.monotonic() > end:
             raise StoreError(f"The run in {directory} was asked to stop and goes on; end its process where it runs.")
         time.sleep(0.1)
-    print(stopped(command_line("resume", directory)))
+    resumed = stopped(command_line("resume", directory))
+    print("Stopped, nothing is lost. Continue as you began it." if _ended(directory) else resumed)
+
+
+def _ended(directory: Path) -> bool:
+    """Whether what was stopped came after the run, such as `eureka robust`: resuming it would do nothing."""
+    with suppress(StoreError), Store.view(directory) as store:
+        return store.ended
+    return False
 
 
 def ui(words: Sequence[str]) -> None:

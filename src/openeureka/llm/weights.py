@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import glob
 import hashlib
 import os
 import subprocess
@@ -119,11 +120,13 @@ def fetch(weights: Weights = QWEN, folder: Path | None = None) -> Path:
 
 
 def write(target: Path, chunks: Iterable[bytes], sha256: str) -> None:
-    """Write a file that appears only when it is whole and its hash is right.
+    """Write a file that appears only when it is whole and its hash is right. Whoever calls it has its `exclusive` lock.
 
     Raises:
         ModelError: for other bytes than expected or a full disk; nothing is left behind.
     """
+    for left in target.parent.glob(f"{glob.escape(target.name)}.*.tmp"):  # by a process that was killed
+        left.unlink(missing_ok=True)
     digest = hashlib.sha256()
     temporary = target.with_name(f"{target.name}.{os.getpid()}.tmp")
     try:

@@ -41,7 +41,7 @@ def write(directory: Path, name: str, content: str | bytes) -> None:
     data = content.encode(errors="replace") if isinstance(content, str) else content
     with explained(directory), _folder_of(directory, name, make=True) as (folder, last):
         temporary = f".{last}.{secrets.token_hex(8)}.tmp"
-        descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o666, dir_fd=folder)
+        descriptor = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o666, dir_fd=folder)
         try:
             with os.fdopen(descriptor, "wb") as file:
                 with suppress(OSError):  # a file system without locks
@@ -63,7 +63,7 @@ def sweep(directory: Path) -> None:
         for name in filter(_TEMPORARY.fullmatch, files):
             path = str((Path(folder) / name).relative_to(directory))
             with suppress(OSError, StoreError):
-                file = opened(directory, path)
+                file = opened(directory, path, writable=True)  # NFS gives such a lock to nobody else
                 if file is not None:
                     with file:
                         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -93,12 +93,14 @@ def exists(directory: Path, name: str) -> bool:
         return False
 
 
-def opened(directory: Path, name: str) -> BinaryIO | None:
-    """A regular file of the directory; None where there is none, or a link, a pipe or a folder in its place."""
+def opened(directory: Path, name: str, *, writable: bool = False) -> BinaryIO | None:
+    """A regular file of the directory, to read; None where there is none, or a link, a pipe or a folder is in its
+    place."""
     try:
         with _folder_of(directory, name) as (folder, last):
             # A pipe would be waited for without O_NONBLOCK.
-            descriptor = os.open(last, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=folder)
+            mode = os.O_RDWR if writable else os.O_RDONLY
+            descriptor = os.open(last, mode | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=folder)
     except (StoreError, FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:

@@ -41,7 +41,7 @@ from ..types import (
 )
 from ..version import __version__
 from . import artifacts, summary
-from .db import AGAIN, FILENAME, Database, changed_row, explained
+from .db import AGAIN, FILENAME, Database, changed_row
 from .folders import Folders
 from .hold import expect_near, hold
 from .lane_log import LaneLog
@@ -120,8 +120,11 @@ class Store:
 
     @classmethod
     def view(cls, directory: Path | str) -> Store:
-        """Read a run, also while it is going on: see `moment`. Raises StoreError when there is none, or it is at work on
-        another machine."""
+        """Read a run, also while it is going on: see `moment`.
+
+        Raises:
+            StoreError: when there is none, or it is at work on another machine.
+        """
         directory = Path(directory)
         if not os.path.isfile(directory / FILENAME):
             raise NotBegun(f"{directory} is not a run: {_missing(directory)}.")
@@ -132,8 +135,10 @@ class Store:
     def visit(cls, directory: Path | str) -> Store:
         """Say something to a run that another process has: the one thing that may be written without its lock.
 
-        Only `remarks` may be used: a run of an older version keeps its tables, as its own process knows no others. Raises
-        StoreError when that process is on another machine.
+        Only `remarks` may be used: a run of an older version keeps its tables, as its own process knows no others.
+
+        Raises:
+            StoreError: when that process is on another machine.
         """
         expect_near(Path(directory))
         return cls(Path(directory), Database(Path(directory), writable=True, migrate=False), None)
