@@ -354,7 +354,15 @@ class Channel:
         # So is SIGTERM, which a shutdown and Slurm send to all. SIG_IGN would be inherited by what this process starts,
         # and whoever terminates that would wait for ever.
         signal.signal(signal.SIGTERM, lambda *_: None)
-        os.register_at_fork(after_in_child=lambda: signal.signal(signal.SIGTERM, signal.SIG_DFL))
+        term = {signal.SIGTERM}  # held back until a forked process is one that it ends
+        os.register_at_fork(
+            before=lambda: signal.pthread_sigmask(signal.SIG_BLOCK, term),
+            after_in_parent=lambda: signal.pthread_sigmask(signal.SIG_UNBLOCK, term),
+            after_in_child=lambda: (
+                signal.signal(signal.SIGTERM, signal.SIG_DFL),
+                signal.pthread_sigmask(signal.SIG_UNBLOCK, term),
+            ),
+        )
 
     def receive(self, timeout: float | None = None) -> Frame | None:
         """Next frame, or None when the parent closed the pipe."""

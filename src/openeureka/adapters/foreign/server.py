@@ -310,7 +310,15 @@ def main(incoming: int, outgoing: int, memory: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the other side's to handle
     # So is SIGTERM. Processes that an environment starts do not inherit this, and can be terminated.
     signal.signal(signal.SIGTERM, lambda *_: None)
-    os.register_at_fork(after_in_child=lambda: signal.signal(signal.SIGTERM, signal.SIG_DFL))
+    term = {signal.SIGTERM}  # held back until a forked process is one that it ends
+    os.register_at_fork(
+        before=lambda: signal.pthread_sigmask(signal.SIG_BLOCK, term),
+        after_in_parent=lambda: signal.pthread_sigmask(signal.SIG_UNBLOCK, term),
+        after_in_child=lambda: (
+            signal.signal(signal.SIGTERM, signal.SIG_DFL),
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, term),
+        ),
+    )
     channel, server = Channel(incoming, outgoing), Server(memory)
     channel.send({"version": VERSION, "python": sys.version.split()[0]})
     while True:
