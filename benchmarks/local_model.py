@@ -21,9 +21,9 @@ from records import OUTPUTS, command_line, keep, machine, results
 
 import openeureka
 from openeureka.errors import EurekaError
+from openeureka.events import Began, Event
 from openeureka.report.build import build
 from openeureka.report.view import RunView
-from openeureka.runs.program import Began, Event
 from openeureka.tasks import registry
 from openeureka.types import Generation, TrainingProgress, lane_id
 

@@ -73,8 +73,8 @@ def difference(
 
     With two or three seeds each a spread of its own is worth little: that of all rewards is pooled, as if they were
     equally noisy. One that scores the same with every seed, as at F = 0, is no part of the pool, since it would make
-    noisy ones look steady; where it is compared with a noisy one, it adds no noise. All play the same start states, so
-    what those share is no part of it.
+    noisy ones look steady; where it is compared with a noisy one, it adds no noise. Two such that are compared are as
+    noisy as the pool, which they are part of. All play the same start states, so what those share is no part of it.
 
     Where the two rewards have but two values, as where F is 0 or 1, no spread tells what chance does. Then the interval
     ends at zero at the least, until Fisher's exact test is sure as well.

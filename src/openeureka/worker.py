@@ -248,7 +248,10 @@ class Worker:
         end, found = time.monotonic() + 1.0, None  # its pipe closes a little before it is gone
         while found is None and self.process.returncode is None and time.monotonic() < end:
             # It is left unreaped: its group has its number for as long.
-            found = os.waitid(os.P_PID, self.process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+            try:
+                found = os.waitid(os.P_PID, self.process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+            except ChildProcessError:  # reaped by another, as where SIGCHLD is ignored
+                return ""
             time.sleep(0.0 if found else 0.01)
         if found is None or found.si_code == os.CLD_EXITED:
             return ""

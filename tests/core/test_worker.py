@@ -187,6 +187,15 @@ def test_what_a_child_that_ended_has_left_running_ends_with_it(worker: Worker):
     assert worker.ending() == ""
 
 
+def test_a_child_that_somebody_else_reaps_ends_without_a_word(worker: Worker):
+    worker.send({"do": "die"})
+    with pytest.raises(WorkerDied):
+        worker.receive(timeout=20)
+    os.waitpid(worker.process.pid, 0)
+    assert worker.ending() == ""
+    worker.close()
+
+
 def test_what_a_child_prints_is_not_kept_without_end(worker: Worker):
     for number in range(3):
         worker.send({"do": "print", "text": f"{number}" * (workers.MAX_SAID + 1)})

@@ -10,7 +10,7 @@ import pytest
 
 from openeureka.config import RunConfig
 from openeureka.errors import StoreError
-from openeureka.store import Store, is_held
+from openeureka.store import Store, hold, is_held
 from openeureka.store.db import LOCK
 from openeureka.store.directory import ask_to_stop, is_asked_to_stop, output_directory, swept
 
@@ -64,6 +64,13 @@ def test_rows_of_a_run_at_work_on_another_machine_are_not_opened_here(tmp_path):
     Store.view(tmp_path / "run").close()  # it was killed there
     Store.open(tmp_path / "run", RunConfig(env="toy")).close()
     assert (tmp_path / "run" / LOCK).read_text().split() == [boot, host]
+
+
+def test_a_run_at_work_is_read_where_the_kernel_does_not_say_which_it_is(tmp_path, monkeypatch):
+    monkeypatch.setattr(hold, "_BOOT", tmp_path / "hidden")
+    with Store.open(tmp_path / "run", RunConfig(env="toy")):
+        assert (tmp_path / "run" / LOCK).read_text() == f" {os.uname().nodename}\n"
+        Store.view(tmp_path / "run").close()
 
 
 def test_no_run_begins_where_the_file_system_has_no_locks(tmp_path, monkeypatch):

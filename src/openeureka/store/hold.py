@@ -73,8 +73,9 @@ def expect_near(directory: Path) -> None:
         if file is None:
             return
         with file:
-            boot, _, host = file.read(400).decode(errors="replace").strip().partition(" ")
-        if boot and boot != _boot() and is_held(directory):
+            boot, _, host = file.read(400).decode(errors="replace").rstrip("\n").partition(" ")
+        own = _boot()
+        if boot and own and boot != own and is_held(directory):
             raise StoreError(
                 f"{directory} is at work on {one_line(host)}, and its rows can be opened on that machine alone: call "
                 "this there, or when the run has stopped."
@@ -82,6 +83,7 @@ def expect_near(directory: Path) -> None:
 
 
 def _boot() -> str:
+    """Empty where it is hidden, as by systemd's ProcSubset=pid."""
     with suppress(OSError):
         return _BOOT.read_text().strip()
     return ""
