@@ -9,7 +9,9 @@ import pytest
 import torch
 
 from openeureka.drafting.draft import draft
+from openeureka.drafting.survey import Survey
 from openeureka.errors import TaskError
+from openeureka.tasks.anatomy import home
 from openeureka.tasks.registry import make
 from openeureka.tasks.urdf import read_urdf
 
@@ -147,3 +149,52 @@ def test_a_robot_that_is_set_afloat_stands_on_its_floor_wherever_its_world_carri
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     assert data.geom("floor").xpos[2] == 0.0 and data.geom_xpos[1, 2] == pytest.approx(0.1)
+
+
+INERTIAL = """<inertial><mass value="1"/>
+  <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>"""
+
+
+@pytest.mark.parametrize("between", [False, True])
+def test_an_arm_is_not_held_by_the_base_that_it_reaches_into(tmp_path: Path, between: bool):
+    """The upper link begins 2 cm inside the base, as drawings of real arms do, there or beyond a fixed link."""
+    parent = "flange" if between else "base"
+    (tmp_path / "arm.urdf").write_text(f"""<robot name="arm">
+      <link name="base"><collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>
+      <link name="flange"/><joint name="on" type="fixed"><parent link="base"/><child link="flange"/></joint>
+      <link name="upper"/>
+      <link name="shell">{INERTIAL}<collision><origin xyz="0 0 0.15"/>
+        <geometry><box size="0.1 0.1 0.34"/></geometry></collision></link>
+      <joint name="shut" type="fixed"><parent link="upper"/><child link="shell"/></joint>
+      <link name="fore">{INERTIAL}<collision><geometry><sphere radius="0.05"/></geometry></collision></link>
+      <joint name="turn" type="revolute"><parent link="{parent}"/><child link="upper"/><origin xyz="0 0 0.1"/>
+        <axis xyz="0 1 0"/><limit lower="-2.5" upper="2.5" effort="20" velocity="4"/></joint>
+      <joint name="bend" type="revolute"><parent link="shell"/><child link="fore"/><origin xyz="0 0 0.4"/>
+        <axis xyz="0 1 0"/><limit lower="-2.5" upper="2.5" effort="20" velocity="4"/></joint>
+    </robot>""")
+    model = read_urdf(tmp_path / "arm.urdf").compile()
+    data = mujoco.MjData(model)
+    data.ctrl[:] = [1.0, 0.0]
+    mujoco.mj_step(model, data, 2000)
+    assert data.qpos[0] == pytest.approx(1.0, abs=0.15)  # a servo sags under the weight by less than that
+    pairs = [set(divmod(signature, 1 << 16)) for signature in model.exclude_signature.tolist()]
+    assert pairs == [{model.body("base").id, model.body("shell").id}]  # what comes after may touch the base
+
+
+def test_what_stands_on_a_floor_stands_there_in_the_pose_that_episodes_begin_in(tmp_path: Path):
+    """The leg's range leaves out the pose as drawn, level; at 0.8 + 0.05 rad its foot is 0.376 m further down."""
+    (tmp_path / "leg.urdf").write_text(f"""<robot name="leg">
+      <link name="base">{INERTIAL}<collision><geometry><sphere radius="0.05"/></geometry></collision></link>
+      <link name="leg">{INERTIAL}<collision><origin xyz="0.5 0 0"/>
+        <geometry><sphere radius="0.05"/></geometry></collision></link>
+      <joint name="hip" type="revolute"><parent link="base"/><child link="leg"/><axis xyz="0 1 0"/>
+        <limit lower="0.8" upper="2.6" effort="5" velocity="4"/></joint>
+    </robot>""")
+    model = read_urdf(tmp_path / "leg.urdf", floating=True).compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = home(model)
+    mujoco.mj_kinematics(model, data)
+    foot = float(data.geom_xpos[-1, 2])
+    assert data.body("base").xpos[2] - foot == pytest.approx(0.376, abs=1e-3)
+    assert 0.05 <= foot < 0.08  # a ball of 5 cm, whose box is turned
+    assert Survey(model).fallen > 0.2

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 import mujoco
 
 from ..errors import TaskError
+from .anatomy import home
 
 STIFFNESS = 4.0
 """[1/rad] or [1/m]: servos of joints with a range give their whole effort where they are a quarter off."""
@@ -20,8 +21,8 @@ def read_urdf(path: str | Path, *, floating: bool = False) -> mujoco.MjSpec:
     """The robot with an actuator for every joint that has an effort limit.
 
     A joint with a range gets a position servo within that range, one without a motor; both are limited to its effort.
-    Its damping is such that full effort moves it at its velocity limit. Joints that mimic another follow it. Visual
-    meshes in formats that MuJoCo cannot read are left out.
+    Its damping is such that full effort moves it at its velocity limit. Joints that mimic another follow it. Links that
+    a joint connects do not collide. Visual meshes in formats that MuJoCo cannot read are left out.
 
     Args:
         floating: the root may move freely, above a floor; else it is fixed to the world, as arms are.
@@ -54,6 +55,8 @@ def read_urdf(path: str | Path, *, floating: bool = False) -> mujoco.MjSpec:
         raise TaskError(f"No joint of {path} has a <limit> with an effort above zero, so nothing moves it; add some.")
     if floating:
         _set_afloat(spec)
+    else:
+        _part_from_base(spec)
     return spec
 
 
@@ -120,12 +123,28 @@ def _number(limit: ElementTree.Element | None, key: str, joint: str) -> float:
         raise TaskError(f"The limit {key}={said!r:.40} of joint {joint} is no number; correct it.") from None
 
 
+def _part_from_base(spec: mujoco.MjSpec) -> None:
+    """Let what the base carries pass through it, as MuJoCo does where a parent is not fixed to the world."""
+    fixed, first = {spec.worldbody.name}, set[str]()
+    for body in spec.bodies[1:]:  # parents come before their children
+        same = fixed if body.parent.name in fixed else first if body.parent.name in first else set[str]()
+        if not body.joints:
+            same.add(body.name)
+        elif same is fixed:
+            first.add(body.name)
+    base, carried = ([body.name for body in spec.bodies if body.name in of and body.geoms] for of in (fixed, first))
+    for one in base:
+        for other in carried:
+            spec.add_exclude(bodyname1=one, bodyname2=other)
+
+
 def _set_afloat(spec: mujoco.MjSpec) -> None:
-    """Let the root move, standing on a floor."""
+    """Let the root move, standing on a floor as episodes begin."""
     root = spec.worldbody.first_body()
     root.add_freejoint()
     model = spec.compile()
     data = mujoco.MjData(model)
+    data.qpos[:] = home(model)
     mujoco.mj_kinematics(model, data)
     lowest: list[float] = []
     for geom in range(model.ngeom):
