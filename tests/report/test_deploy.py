@@ -1,22 +1,28 @@
 """What runs a policy without openeureka: ANYmal's, as best/ holds it."""
 
 import importlib.util
+import struct
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
+import torch
 import yaml
 
-from openeureka.errors import RewardFileError
-from openeureka.report import export
+from openeureka.errors import RewardFileError, TaskError
+from openeureka.report import build, export
 from openeureka.suite.isaac.ant import Ant
 from openeureka.suite.isaac.anymal import DEFAULT_ANGLES, Anymal
 from openeureka.tasks import registry
+from openeureka.tasks.deployment import Deployment, Term
+from openeureka.tasks.task import Task, mean_over_steps
 from openeureka.training.policy import Player, Policy
+from openeureka.types import StateSpec, StateVar
 
 from .policies import policy
 
@@ -135,3 +141,169 @@ def test_a_task_that_does_not_say_what_it_observes_says_that(wanted: Policy):
 def test_a_policy_of_another_task_is_not_said_to_be_anymal_s():
     with pytest.raises(RewardFileError, match="none of a network for this task"):
         export.deployed(policy(60, 8, (8,)), Anymal)
+
+
+LEG = """<mujoco><compiler meshdir="shapes" angle="radian"/><default><joint damping="3"/></default>
+<asset><mesh name="trunk" file="trunk.stl"/></asset>
+<worldbody><geom type="plane" size="0 0 1"/>
+<body name="trunk" pos="0 0 1"><freejoint/><geom type="mesh" mesh="trunk"/>
+<body name="leg" pos="0 0 -0.1"><joint name="hip" axis="0 1 0"/>
+  <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.02"/>
+</body></body></worldbody>
+<actuator><position name="hip" joint="hip" kp="50" kv="1" ctrlrange="-0.5 0.2" forcerange="-20 20"/></actuator>
+</mujoco>
+"""
+
+
+DEPLOYMENT = Deployment(
+    observation=(
+        Term("base_angular_velocity", (0.25,)),
+        Term("joint_offsets", (1.0,)),
+        Term("joint_velocities", (0.1,)),
+    ),
+    default_pose=(0.1,),
+    action_scale=0.5,
+)
+
+
+class Leg(Task):
+    """One driven joint on a base that falls."""
+
+    env, suite, description = "leg", "own", "to stand"
+    episode_length, control_dt, substeps = 100, 0.02, 4
+    num_observations, num_actions = 5, 1
+    spec = StateSpec((StateVar(name="obs_buf", shape=(5,), meaning="observation"),))
+    deployment = DEPLOYMENT
+    folder: Path
+
+    @staticmethod
+    def model() -> mujoco.MjSpec:
+        return mujoco.MjSpec.from_string(LEG)
+
+    def __init__(self, *args) -> None:
+        super().__init__(*args)
+        self.qpos, self.qvel, self.ctrl = (self.sim.bind(field) for field in ("qpos", "qvel", "ctrl"))
+
+    def apply_action(self, actions: torch.Tensor) -> None:
+        self.ctrl[:] = 0.1 + 0.5 * actions
+
+    def compute_state(self):
+        return {}
+
+    def observe(self, s):
+        return torch.cat((0.25 * self.qvel[:, 3:6], self.qpos[:, 7:] - 0.1, 0.1 * self.qvel[:, 6:]), dim=-1)
+
+    def terminated(self, s):
+        return self.qpos[:, 2] < 0.0
+
+    def reset(self, worlds):
+        self.qvel[worlds] = self.noise.uniform(worlds, 7, -1.0, 1.0)
+
+    def sparse_reward(self, s):
+        return self.qpos[:, 2].clone()
+
+    def fitness(self, s, ended):
+        return mean_over_steps(self.sparse_reward(s))
+
+
+@pytest.fixture
+def leg(tmp_path: Path) -> type[Leg]:
+    """A task whose robot has a mesh, in a folder that its XML names."""
+    (tmp_path / "shapes").mkdir()
+    corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.4]], dtype="<f4")
+    faces = [corners[list(face)] for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))]
+    records = b"".join(struct.pack("<3f", 0, 0, 0) + face.tobytes() + b"\0\0" for face in faces)
+    (tmp_path / "shapes/trunk.stl").write_bytes(bytes(80) + struct.pack("<I", len(faces)) + records)
+    (tmp_path / "leg.xml").write_text(LEG)
+    model = staticmethod(lambda: mujoco.MjSpec.from_file(str(tmp_path / "leg.xml")))
+    return type("Leg", (Leg,), {"folder": tmp_path, "model": model})
+
+
+def test_the_file_tells_targets_limits_and_both_dampings(leg: type[Leg], tmp_path: Path):
+    found = export.deployed(policy(5, 1, (8,)), leg)
+    about = yaml.safe_load(found["deploy.yaml"])
+    assert (about["target_low"], about["target_high"]) == ([-0.5], [0.2])
+    assert (about["joint_damping"], about["passive_damping"], about["torque_limit"]) == ([1.0], [3.0], [20.0])
+    for name in ("policy.onnx", "sim2sim.py"):
+        (tmp_path / name).write_bytes(found[name])
+    spec = importlib.util.spec_from_file_location("sim2sim", tmp_path / "sim2sim.py")
+    assert spec is not None and spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    controller = script.Controller(tmp_path)
+    # Whole actions ask for 0.1 - 0.5 and 0.1 + 0.5 rad; the drive goes no further than 0.2.
+    for action, target in ((-1.0, -0.4), (1.0, 0.2)):
+        controller.session = SimpleNamespace(run=lambda *_, action=action: [np.array([[action]], np.float32)])
+        assert controller.act(np.zeros(5, np.float32)) == pytest.approx([target])
+
+
+def test_the_scene_of_a_robot_with_meshes_loads_where_its_own_files_are_gone(leg: type[Leg], tmp_path: Path):
+    found, own = export.deployed(policy(5, 1, (8,)), leg), leg.compile_model()
+    (tmp_path / "shapes").rename(tmp_path / "gone")
+    for name, content in found.items():
+        (tmp_path / "best" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "best" / name).write_bytes(content)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "best" / "scene.xml"))
+    np.testing.assert_allclose(model.mesh_vert, own.mesh_vert, atol=1e-6)
+    np.testing.assert_allclose(model.body_mass, own.body_mass, rtol=1e-4)
+
+
+def changed(**values) -> Deployment:
+    return replace(DEPLOYMENT, **values)
+
+
+@pytest.mark.parametrize(
+    ("attributes", "before", "after", "problem"),
+    [
+        ({"deployment": changed(default_pose=(0.0, 0.4))}, "", "", "has 2 angles, but the model 1 drives"),
+        ({"deployment": changed(observation=DEPLOYMENT.observation[:2])}, "", "", "4 numbers, but its obs.* has 5"),
+        (
+            {"deployment": changed(observation=(Term("gravity", (1.0, 2.0)), *DEPLOYMENT.observation[1:]))},
+            "",
+            "",
+            "`gravity` in the `deployment` of `leg` has 2 scales for 3 numbers",
+        ),
+        (
+            {"deployment": changed(observation=(Term("gravity", (1.0,)), *DEPLOYMENT.observation[1:]))},
+            "",
+            "",
+            "`gravity` in the `deployment` of `leg` is not what `observe` gives there",
+        ),
+        (
+            {"deployment": changed(observation=(*DEPLOYMENT.observation[:2], Term("joint_velocities", (0.2,))))},
+            "",
+            "",
+            "`joint_velocities` in .* is not what `observe` gives",
+        ),
+        ({"deployment": changed(action_scale=0.2)}, "", "", "`apply_action` of `leg` does not set default_pose"),
+        ({}, 'kp="50"', 'kp="50" gear="5"', "The actuator hip of `leg` is no position drive of one joint with gear=1"),
+        ({}, "position name", "motor name", "no position drive"),
+        ({}, "<freejoint/>", '<joint name="up" type="slide" axis="0 0 1"/>', "no floating base"),
+    ],
+)
+def test_a_deployment_that_is_not_the_task_s_is_one_sentence(
+    leg: type[Leg], attributes, before: str, after: str, problem: str
+):
+    own = type("Leg", (leg,), attributes)
+    text = LEG.replace(before, after) if before else LEG
+    text = text.replace('kp="50" kv="1" ', "") if "<motor" in text else text
+    (leg.folder / "leg.xml").write_text(text)
+    with pytest.raises(TaskError, match=problem) as caught:
+        export.deployed(policy(5, 1, (8,)), own)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_policy_that_sees_a_part_of_a_term_is_one_sentence(wanted: Policy):
+    with pytest.raises(TaskError, match="`unmeasured` of `anymal` hides a part of `base_linear_velocity`"):
+        export.deployed(replace(wanted, unseen=(0, 1)), Anymal)
+
+
+def test_a_policy_is_kept_where_its_deployment_is_wrong(
+    leg: type[Leg], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    own = type("Leg", (leg,), {"deployment": changed(action_scale=0.2)})
+    monkeypatch.setattr(registry, "get", lambda env: own)
+    (tmp_path / "best").mkdir()
+    (tmp_path / "best" / "policy.safetensors").write_bytes(policy(5, 1, (8,)).to_bytes())
+    assert "`apply_action` of `leg`" in build.policy_files(tmp_path, "best", "none", "leg")
+    assert (tmp_path / "best" / "policy.onnx").exists() and not (tmp_path / "best" / "deploy.yaml").exists()

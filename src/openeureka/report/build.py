@@ -55,10 +55,11 @@ def policy_files(directory: Path, folder: str, wanted: str, env: str) -> str:
     if data is None:
         return ""
     try:
-        for name, content in _programs(Policy.from_bytes(data), env).items():
+        programs, problem = _programs(Policy.from_bytes(data), env)
+        for name, content in programs.items():
             artifacts.write(directory, f"{folder}/{name}", content)
         if wanted == "none" or artifacts.exists(directory, f"{folder}/{VIDEO}"):
-            return ""
+            return problem
         if not env:
             return _STRANGE.format(command=command_line("report", directory))
         other = filming.human(directory) if folder == "best" else None
@@ -68,16 +69,21 @@ def policy_files(directory: Path, folder: str, wanted: str, env: str) -> str:
             artifacts.write(directory, f"{folder}/{VIDEO}", film)
     except (RewardFileError, video.VideoUnavailable) as error:
         return str(error)
-    return ""
+    return problem
 
 
-def _programs(policy: Policy, env: str) -> dict[str, bytes]:
-    """Files that run a policy elsewhere; of a task that is not at hand the network alone."""
+def _programs(policy: Policy, env: str) -> tuple[dict[str, bytes], str]:
+    """Files that run a policy elsewhere, and why some are missing; of a task that is not at hand the network alone."""
     try:
         task = registry.get(env) if env else None
     except TaskError:
         task = None
-    return export.deployed(policy, task) if task is not None else {"policy.onnx": export.to_onnx(policy)}
+    if task is None:
+        return {"policy.onnx": export.to_onnx(policy)}, ""
+    try:
+        return export.deployed(policy, task), ""
+    except TaskError as error:
+        return {"policy.onnx": export.to_onnx(policy, clip=task.clip_observations)}, str(error)
 
 
 _STRANGE = (

@@ -5,9 +5,13 @@ from __future__ import annotations
 import math
 from importlib.resources import files
 from io import BytesIO
+from pathlib import Path
+from xml.etree import ElementTree
 
+import mujoco
 import numpy as np
 import onnx
+import torch
 import yaml
 from onnx import TensorProto, helper, numpy_helper
 
@@ -17,11 +21,14 @@ from tensorboard.compat.proto.summary_pb2 import Summary  # pyright: ignore[repo
 from tensorboard.summary.writer.record_writer import RecordWriter
 
 from ..codec import plain
+from ..errors import TaskError
 from ..tasks.deployment import Interface, interface, of_task
+from ..tasks.env import BatchedEnv
 from ..tasks.task import Task
 from ..training.network import EPSILON, LIMIT
 from ..training.policy import Policy
 from ..types import TrainingResult
+from .sim2sim import Robot, Senses
 
 OPSET = 17
 """Old enough for runtimes since 2022."""
@@ -114,6 +121,10 @@ def deployed(policy: Policy, task: type[Task]) -> dict[str, bytes]:
     """Files beside policy.onnx by name, that one included: what runs the policy without openeureka.
 
     Of a task that says nothing of its observation deploy.yaml says so, and is alone.
+
+    Raises:
+        RewardFileError: when the policy is none of this task.
+        TaskError: when the task's `deployment` is not what it observes and does.
     """
     if task.deployment is None:
         return {
@@ -122,21 +133,76 @@ def deployed(policy: Policy, task: type[Task]) -> dict[str, bytes]:
         }
     policy.expect(task.num_observations, task.num_actions)
     spec, model = task.compiled()
-    robot = interface(
-        task.env,
-        of_task(task.deployment, task),
-        model,
-        control_dt=task.control_dt,
-        clip=task.clip_observations,
-        unseen=policy.unseen,
+    whole, robot = (
+        interface(
+            task.env,
+            of_task(task.deployment, task),
+            model,
+            control_dt=task.control_dt,
+            clip=task.clip_observations,
+            observations=task.num_observations,
+            unseen=unseen,
+        )
+        for unseen in ((), policy.unseen)
     )
+    _expect_same(task, whole)
     about = yaml.safe_dump(plain(robot), sort_keys=False, default_flow_style=None, width=110)
     return {
         "policy.onnx": to_onnx(policy, robot, task.clip_observations),
         "deploy.yaml": (_HEAD + about).encode(),
-        "scene.xml": spec.to_xml().encode(),
+        **_scene(task, spec),
         "sim2sim.py": files("openeureka.report").joinpath("sim2sim.py").read_bytes(),
     }
+
+
+def _scene(task: type[Task], spec: mujoco.MjSpec) -> dict[str, bytes]:
+    """scene.xml, and in assets/ the meshes and pictures that it needs. Raises TaskError where one cannot be read."""
+    root, given, found = ElementTree.fromstring(spec.to_xml()), spec.assets or {}, dict[str, bytes]()
+    for part in root.iterfind("asset/*"):
+        folder = spec.texturedir if part.tag == "texture" else spec.meshdir
+        for key, file in part.attrib.items():
+            if not key.startswith("file"):
+                continue
+            path = Path(spec.modelfiledir, folder, file)
+            try:
+                content = given[file] if file in given else path.read_bytes()
+            except OSError as error:
+                raise TaskError(
+                    f"scene.xml of `{task.env}` lacks {path}, which cannot be read: {error.strerror}."
+                ) from None
+            name = f"assets/{len(found)}_{path.name}"
+            found[name] = content
+            part.set(key, name)
+    for compiler in root.iterfind("compiler"):
+        for key in ("meshdir", "texturedir"):
+            compiler.attrib.pop(key, None)
+    return {"scene.xml": ElementTree.tostring(root), **found}
+
+
+def _expect_same(task: type[Task], robot: Interface) -> None:
+    """Raises TaskError where the script makes another observation than the task, or sets other targets. Commands, which
+    the task alone knows, are not compared."""
+    env = BatchedEnv(task, worlds=4, threads=1)
+    env.reset()
+    actions = torch.rand(4, task.num_actions, generator=torch.Generator().manual_seed(0)) * 2.0 - 1.0
+    step = env.step(actions)
+    senses, names = Senses(_said(robot)), np.repeat(robot.observation_names, robot.observation_sizes)
+    for world in (~step.done).nonzero().flatten().tolist():
+        model, data = env.sim.snapshot(world)
+        senses.action = actions[world].numpy().astype(float)
+        seen = senses.observe(*Robot(model, data, senses.joints).state(), [0.0] * len(senses.commands))
+        other = ~np.isclose(seen, step.observation[world].numpy(), rtol=1e-3, atol=1e-3) & (names != "commands")
+        if other.any():
+            raise TaskError(
+                f"`{names[other][0]}` in the `deployment` of `{task.env}` is not what `observe` gives there; name its "
+                "terms in their order, with their scales."
+            )
+        low, high = senses.low, senses.high
+        if not np.allclose(senses.targets(), np.clip(data.ctrl, low, high), rtol=1e-3, atol=1e-3):
+            raise TaskError(
+                f"`apply_action` of `{task.env}` does not set default_pose + action_scale * action, as its "
+                "`deployment` says; correct one of them."
+            )
 
 
 _NOT_SAID = (
@@ -144,9 +210,10 @@ _NOT_SAID = (
     "# `deployment` (openeureka.tasks.deployment).\nenv: {env}\n"
 )
 _HEAD = """# What runs policy.onnx on a robot. Lists are in the order of actions or of the observation; units are SI.
-# target angle = default_joint_pos + action_scale * action; torque = joint_stiffness * (target - angle)
-# - joint_damping * rate, at most torque_limit. The observation's terms, in order, times observation_scales, are
-# clipped; normalisation is inside policy.onnx. sim2sim.py does all of it.
+# target angle = default_joint_pos + action_scale * action, kept from target_low to target_high; torque of the drive =
+# joint_stiffness * (target - angle) - joint_damping * rate, at most torque_limit; the joint in simulation adds
+# - passive_damping * rate. The observation's terms, in order, times observation_scales, are clipped; normalisation is
+# inside policy.onnx. sim2sim.py does all of it.
 """
 
 

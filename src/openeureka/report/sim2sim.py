@@ -4,36 +4,33 @@
     python sim2sim.py --command 0.5 0 0.5 --view
 
 The observation is made here, from what policy.onnx says of itself: the same code reads a robot's sensors in place of
-MuJoCo's state. `Controller` is all of it.
+MuJoCo's state. `Controller`, with `Senses`, is all of it.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import mujoco
 import numpy as np
-import onnxruntime
 
 FOLDER = Path(__file__).parent
 
 
-class Controller:
-    """A policy with its observation: a robot's state to joint targets."""
+class Senses:
+    """What a policy sees, and what its actions ask for, by what policy.onnx says of itself."""
 
-    def __init__(self, folder: Path = FOLDER) -> None:
-        self.session = onnxruntime.InferenceSession(str(folder / "policy.onnx"), providers=["CPUExecutionProvider"])
-        facts = self.session.get_modelmeta().custom_metadata_map
+    def __init__(self, facts: Mapping[str, str]) -> None:
         self.joints, self.terms, self.commands = (
             [name for name in facts[key].split(",") if name]
             for key in ("joint_names", "observation_names", "command_names")
         )
-        self.default, self.scale, self.scales = (
+        self.default, self.scale, self.low, self.high, self.scales = (
             np.array(facts[key].split(","), float)
-            for key in ("default_joint_pos", "action_scale", "observation_scales")
+            for key in ("default_joint_pos", "action_scale", "target_low", "target_high", "observation_scales")
         )
         self.clip, self.rate = float(facts["observation_clip"]), float(facts["control_rate"])
         self.action = np.zeros(len(self.joints))
@@ -63,11 +60,25 @@ class Controller:
         observation = np.concatenate([parts[name] for name in self.terms]) * self.scales
         return np.clip(observation, -self.clip, self.clip).astype(np.float32)
 
+    def targets(self) -> np.ndarray:
+        """Of the joints [rad], for the last action."""
+        return np.clip(self.default + self.scale * self.action, self.low, self.high)
+
+
+class Controller(Senses):
+    """A policy with its observation: a robot's state to joint targets."""
+
+    def __init__(self, folder: Path = FOLDER) -> None:
+        import onnxruntime  # not for those who check the observation alone
+
+        self.session = onnxruntime.InferenceSession(str(folder / "policy.onnx"), providers=["CPUExecutionProvider"])
+        super().__init__(self.session.get_modelmeta().custom_metadata_map)
+
     def act(self, observation: np.ndarray) -> np.ndarray:
         """Joint targets [rad]; keeps the action, which the next observation holds."""
         (action,) = self.session.run(["action"], {"observation": observation[None]})
         self.action = np.asarray(action, float)[0]
-        return self.default + self.scale * self.action
+        return self.targets()
 
 
 class Robot:

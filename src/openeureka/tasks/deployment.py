@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, replace
-from itertools import accumulate
 from typing import Literal
 
 import mujoco
+import numpy as np
+
+from ..errors import TaskError
+from .anatomy import floating_joint
 
 Source = Literal[
     "base_linear_velocity",
@@ -42,6 +45,7 @@ class Deployment:
     """
 
     observation: tuple[Term, ...]
+    """All that `Task.observe` gives, in this order."""
     default_pose: tuple[float, ...]
     """[rad]"""
     action_scale: float
@@ -62,10 +66,15 @@ class Interface:
     joint_names: tuple[str, ...]
     default_joint_pos: tuple[float, ...]
     """[rad]"""
+    target_low: tuple[float, ...]
+    """[rad] to which the drive's target is clamped; infinite where nothing limits it."""
+    target_high: tuple[float, ...]
     joint_stiffness: tuple[float, ...]
-    """[N m/rad]"""
+    """[N m/rad] of the drive."""
     joint_damping: tuple[float, ...]
-    """[N m s/rad]"""
+    """[N m s/rad] of the drive."""
+    passive_damping: tuple[float, ...]
+    """[N m s/rad] of the joint itself, beside that of its drive."""
     torque_limit: tuple[float, ...]
     """[N m]; infinite where nothing limits the drive."""
     action_scale: tuple[float, ...]
@@ -97,6 +106,7 @@ def interface(
     *,
     control_dt: float,
     clip: float,
+    observations: int,
     unseen: Collection[int] = (),
 ) -> Interface:
     """What a policy's file says beside its network.
@@ -104,42 +114,89 @@ def interface(
     Args:
         control_dt: [s] between two actions.
         clip: of observations.
+        observations: that the task makes.
         unseen: columns of the task's observation that the policy does not look at; terms made of them are left out.
+
+    Raises:
+        TaskError: where model or observation are not such as the deployment says.
     """
+    _expect_drives(env, model)
     joints = [int(joint) for joint in model.actuator_trnid[:, 0]]
-    count = len(joints)
-    sizes = {"commands": len(wanted.commands)} | dict.fromkeys(
-        ("joint_offsets", "joint_velocities", "last_action"), count
-    )
-    every = [sizes.get(term.source, 3) for term in wanted.observation]
-    ends = list(accumulate(every))
-    spans = [range(end - size, end) for size, end in zip(every, ends, strict=True)]
-    kept = [index for index, span in enumerate(spans) if not all(column in unseen for column in span)]
-    terms, parts = [wanted.observation[index] for index in kept], [every[index] for index in kept]
-    scales = [
-        scale
-        for term, size in zip(terms, parts, strict=True)
-        for scale in map(float, term.scale * size if len(term.scale) == 1 else term.scale)
-    ]
+    dofs = [int(model.jnt_dofadr[joint]) for joint in joints]
+    if len(wanted.default_pose) != len(joints):
+        raise TaskError(
+            f"The default pose of `{env}` has {len(wanted.default_pose)} angles, but the model {len(joints)} drives; "
+            "give its `deployment` one for each."
+        )
+    terms = _terms(env, wanted, len(joints), observations)
+    seen = [(name, scales) for name, scales, columns in terms if not all(column in unseen for column in columns)]
+    for name, _, columns in terms:
+        if 0 < sum(column in unseen for column in columns) < len(columns):
+            raise TaskError(f"`unmeasured` of `{env}` hides a part of `{name}`; hide all of it, or none.")
+    limited = model.actuator_ctrllimited.astype(bool)
+    low, high = model.actuator_ctrlrange.T
     return Interface(
         env=env,
         control_rate=1.0 / control_dt,
         simulation_rate=1.0 / model.opt.timestep,
         joint_names=tuple(model.joint(joint).name for joint in joints),
         default_joint_pos=wanted.default_pose,
+        target_low=tuple(np.where(limited, low, -math.inf).tolist()),
+        target_high=tuple(np.where(limited, high, math.inf).tolist()),
         joint_stiffness=tuple((-model.actuator_biasprm[:, 1]).tolist()),
         joint_damping=tuple((-model.actuator_biasprm[:, 2]).tolist()),
+        passive_damping=tuple(model.dof_damping[dofs].tolist()),
         torque_limit=tuple(_torque_limit(model, drive, joint) for drive, joint in enumerate(joints)),
-        action_scale=(wanted.action_scale,) * count,
-        observation_names=tuple(term.source for term in terms),
-        observation_sizes=tuple(parts),
-        observation_scales=tuple(scales),
+        action_scale=(wanted.action_scale,) * len(joints),
+        observation_names=tuple(name for name, _ in seen),
+        observation_sizes=tuple(len(scales) for _, scales in seen),
+        observation_scales=tuple(scale for _, scales in seen for scale in scales),
         observation_clip=clip,
         observation_history=1,
         command_names=tuple(name for name, _, _ in wanted.commands),
         command_low=tuple(low for _, low, _ in wanted.commands),
         command_high=tuple(high for _, _, high in wanted.commands),
     )
+
+
+def _expect_drives(env: str, model: mujoco.MjModel) -> None:
+    """Raises TaskError for a robot that does not float, or a drive whose numbers are not those of its joint."""
+    if floating_joint(model) < 0:
+        raise TaskError(f"`{env}` has no floating base, which a `deployment` is for; leave its `deployment` out.")
+    of_joints = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+    for drive in range(model.nu):
+        gain, follows = float(model.actuator_gainprm[drive, 0]), float(-model.actuator_biasprm[drive, 1])
+        if model.actuator_trntype[drive] not in of_joints or gain != follows or model.actuator_gear[drive, 0] != 1.0:
+            raise TaskError(
+                f"The actuator {model.actuator(drive).name or drive} of `{env}` is no position drive of one joint with "
+                "gear=1, which a `deployment` is for; make it one, or leave the `deployment` out."
+            )
+
+
+def _terms(
+    env: str, wanted: Deployment, joints: int, observations: int
+) -> list[tuple[Source, tuple[float, ...], range]]:
+    """Name, a factor for each number, and columns of each term. Raises TaskError where they are not the observation."""
+    sizes = {"commands": len(wanted.commands)}
+    sizes |= dict.fromkeys(("joint_offsets", "joint_velocities", "last_action"), joints)
+    found: list[tuple[Source, tuple[float, ...], range]] = []
+    end = 0
+    for term in wanted.observation:
+        size = sizes.get(term.source, 3)
+        scales = tuple(map(float, term.scale * size if len(term.scale) == 1 else term.scale))
+        if len(scales) != size:
+            raise TaskError(
+                f"`{term.source}` in the `deployment` of `{env}` has {len(scales)} scales for {size} numbers; give "
+                "one, or one for each."
+            )
+        found.append((term.source, scales, range(end, end + size)))
+        end += size
+    if end != observations:
+        raise TaskError(
+            f"The terms in the `deployment` of `{env}` are {end} numbers, but its observation has {observations}; name "
+            "all that `observe` gives, in its order."
+        )
+    return found
 
 
 def _torque_limit(model: mujoco.MjModel, drive: int, joint: int) -> float:
