@@ -194,6 +194,15 @@ def test_a_robot_without_a_floor_is_said_to_fall():
     assert find_aim(survey(WALKER.replace('"target"', '"post"'))).doubt == ""
 
 
+def test_a_robot_that_falls_through_its_floor_is_said_to_fall():
+    ghost = WALKER.replace('"target"', '"post"').replace(
+        '<geom size="0.1"/>', '<geom size="0.1" contype="2" conaffinity="0"/>'
+    )
+    ghost = ghost.replace('size="0.05"/>', 'size="0.05" contype="0" conaffinity="0"/>')
+    assert "nothing of it collides with the floor" in find_aim(survey(ghost)).doubt
+    assert find_aim(survey(ghost.replace('contype="2"', 'contype="1"'))).doubt == ""
+
+
 def test_what_hangs_on_a_driven_string_is_driven():
     pulled = TABLE.replace('<motor joint="bend"/>', '<motor tendon="string"/>').replace(
         "<actuator>",

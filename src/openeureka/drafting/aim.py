@@ -103,13 +103,15 @@ def _likely_aim(survey: Survey) -> Aim:
 def _run(survey: Survey) -> Aim:
     assert survey.root is not None
     called = survey.root.name
-    falls = survey.rises and not survey.has_ground
+    doubt = ""
+    if survey.rises and not survey.has_ground:
+        doubt = "But nothing is below it, so it falls: name a model that has a floor, often a scene.xml."
+    elif survey.rises and not survey.can_stand:
+        doubt = "But nothing of it collides with the floor, so it falls: give its links shapes that collide."
     return Aim(
         measure=f"the mean speed of {called} along x [m/s]",
         description=f"to make {called} move forward, along x, as fast as possible",
-        doubt="But nothing is below it, so it falls: name a model that has a floor, often a scene.xml."
-        if falls
-        else "",
+        doubt=doubt,
     )
 
 

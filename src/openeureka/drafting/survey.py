@@ -124,6 +124,16 @@ class Survey:
         return stands or model.opt.gravity[2] >= 0.0
 
     @property
+    def can_stand(self) -> bool:
+        """Whether the robot collides with anything that stands fixed, or nothing pulls down."""
+        model = self.model
+        fixed = model.body_weldid[model.geom_bodyid] == 0
+        own = np.zeros_like(fixed) if self.base is None else model.body_rootid[model.geom_bodyid] == self.base
+        kinds, others = model.geom_contype[:, None], model.geom_conaffinity[:, None]
+        meets = (kinds[fixed] & others[own].T) | (others[fixed] & kinds[own].T)
+        return bool(meets.any()) or model.npair > 0 or model.opt.gravity[2] >= 0.0
+
+    @property
     def root(self) -> Place | None:
         """What runs."""
         return None if self.base is None else self._body(self.base)
