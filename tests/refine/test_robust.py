@@ -348,3 +348,6 @@ def test_ranges_are_compared_with_as_much_training_without_them(searched: Path) 
     said = told.verdict(replace(found, arms=(plain, ahead, uniform, ours)))
     assert said.startswith("In hard worlds the new policy is worse: F ")
     assert "after as much training without ranges" in said
+    drew = replace(ahead, ranges=ranges.find("cartpole", "mild"))
+    said = told.verdict(replace(found, arms=(plain, drew, uniform, ours)))
+    assert "after as much training with the run's own ranges" in said

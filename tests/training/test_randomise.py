@@ -256,10 +256,10 @@ def test_a_delay_that_rounds_to_no_step_is_not_drawn():
 
 
 def test_a_file_gives_ranges_by_quantity(tmp_path: Path):
-    (tmp_path / "r.yaml").write_text("mass: [0.8, 1.2]\nstiffness: [0.9, 1]\npush_every: 5\n")
+    (tmp_path / "r.yaml").write_text("mass: [0.8, 1.2]\nstiffness: [0.9, 1]\npush: 1\npush_every: 5\n")
     found = find("anymal", str(tmp_path / "r.yaml"))
     assert found is not None
-    assert found.drawn == {"mass": (0.8, 1.2), "stiffness": (0.9, 1.0), "push_every": (5.0, 5.0)}
+    assert found.drawn == {"mass": (0.8, 1.2), "stiffness": (0.9, 1.0), "push": (1.0, 1.0), "push_every": (5.0, 5.0)}
     assert set(found.drawn) <= set(QUANTITIES)
     assert str(found).startswith("mass 0.8 to 1.2 factor, stiffness")
 
@@ -287,6 +287,9 @@ def test_a_file_gives_ranges_by_quantity(tmp_path: Path):
         ),
         ("cartpole", "push: [0, 1]", "`push` in .* changes nothing of `cartpole`, which has no floating base"),
         ("allegro_hand", "push_every: 5", "`push_every` in .* changes nothing of `allegro_hand`, which has no"),
+        ("anymal", "push_every: 8", "`push_every` in .* changes nothing without a `push`; add one"),
+        ("anymal", "push: 0\npush_every: 8", "`push_every` in .* changes nothing without a `push`; add one"),
+        ("anymal", "mass: [1, 1]\nnoise: 0\npush: [0, 0]", "leaves `anymal` as it is; write ranges that differ"),
         ("cartpole", "stiffness: [0.9, 1.1]", "changes nothing of `cartpole`, whose model has nothing of the kind"),
     ],
 )

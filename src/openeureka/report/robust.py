@@ -20,7 +20,9 @@ def verdict(found: Robust) -> str:
     control, others = plain, [f"{number(plain.hard)} before"]
     if longer is not None and longer.hard is not None:
         control = longer
-        others.insert(0, f"{number(longer.hard)} after as much training without ranges")
+        own = longer.ranges is not None and longer.ranges.drawn
+        where = "with the run's own ranges" if own else "without ranges"
+        others.insert(0, f"{number(longer.hard)} after as much training {where}")
     if uniform is not None and uniform.hard is not None:
         others.insert(-1, f"{number(uniform.hard)} with uniform ranges")
     more = gain(*(pooled([*arm.worlds.values()], shared=True) for arm in (ours, control)))

@@ -84,7 +84,7 @@ def written(task: type[Task], model: mujoco.MjModel, text: str, where: str) -> R
         where: what the text is called.
 
     Raises:
-        ConfigError: for anything else, and for what would change nothing of the task.
+        ConfigError: for anything else, for what the task does not have, and where nothing would change.
     """
     try:
         found = yaml.safe_load(text)
@@ -96,7 +96,14 @@ def written(task: type[Task], model: mujoco.MjModel, text: str, where: str) -> R
     for name, (_, most) in pairs.items():
         if why := useless(task, model, name, most):
             raise ConfigError(f"`{name}` in {where} changes nothing of `{task.env}`, {why}; leave it out.")
-    return ranges(pairs)
+    if "push_every" in pairs and pairs.get("push", (0.0, 0.0))[1] == 0.0:
+        raise ConfigError(f"`push_every` in {where} changes nothing without a `push`; add one, or leave it out.")
+    found = ranges(pairs)
+    if not found.drawn:
+        raise ConfigError(
+            f"{where} leaves `{task.env}` as it is; write ranges that differ, such as `mass: [0.8, 1.2]`."
+        )
+    return found
 
 
 def uniform(task: type[Task], model: mujoco.MjModel) -> Ranges:
