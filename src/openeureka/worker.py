@@ -7,6 +7,7 @@ by `Worker`; on their side they open a `Channel`. Whatever is started otherwise,
 from __future__ import annotations
 
 import ctypes
+import errno
 import fcntl
 import math
 import os
@@ -148,9 +149,9 @@ class _Reader:
                 left = deadline - time.monotonic()
                 if left <= 0:
                     raise WorkerTimeout("The worker process did not answer in time.")
-                if not _readable(self.fd, left):
+                if self.fd >= 0 and not _readable(self.fd, left):
                     continue
-            chunk = os.read(self.fd, 1 << 20)
+            chunk = self._next()
             if not chunk:
                 raise WorkerDied("The worker process ended before it answered.")
             self._buffer += chunk
@@ -158,9 +159,18 @@ class _Reader:
         del self._buffer[:count]
         return taken
 
+    def _next(self) -> bytes:
+        """What has arrived; nothing at the end, and where another thread has closed the pipe."""
+        try:
+            return os.read(self.fd, 1 << 20)
+        except OSError as error:
+            if error.errno != errno.EBADF:
+                raise
+            return b""
+
     def ready(self, timeout: float) -> bool:
         """Whether something arrived, waiting up to `timeout` [s] for it; the end of the stream counts as something."""
-        return bool(self._buffer) or _readable(self.fd, timeout)
+        return bool(self._buffer) or self.fd < 0 or _readable(self.fd, timeout)
 
     def read(self, timeout: float | None) -> Frame:
         deadline = None if timeout is None else time.monotonic() + timeout
@@ -272,6 +282,7 @@ class Worker:
             with suppress(ProcessLookupError):
                 os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()
+        self._reader.fd = -1  # the number may soon be another pipe's, and another thread may be about to read
         for pipe in (self._stdin, self._stdout, self._stderr):
             if not pipe.closed:
                 try:

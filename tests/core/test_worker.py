@@ -196,6 +196,21 @@ def test_a_child_that_somebody_else_reaps_ends_without_a_word(worker: Worker):
     worker.close()
 
 
+def test_who_reads_from_a_closed_worker_reads_from_no_other_pipe(worker: Worker):
+    """As where one thread closes it while another is about to read: the number of its pipe may be another's by then."""
+    number = worker.fileno()
+    worker.close()
+    pipes = [os.pipe() for _ in range(4)]
+    try:
+        assert number in [end for pipe in pipes for end in pipe]
+        assert worker.ready(0.0)
+        with pytest.raises(WorkerDied):
+            worker.receive(timeout=0.5)
+    finally:
+        for end in (end for pipe in pipes for end in pipe):
+            os.close(end)
+
+
 def test_what_a_child_prints_is_not_kept_without_end(worker: Worker):
     for number in range(3):
         worker.send({"do": "print", "text": f"{number}" * (workers.MAX_SAID + 1)})

@@ -73,6 +73,7 @@ def test_processes_are_started_where_contributing_says():
     }
     assert found == {
         "worker.py",
+        "adapters/foreign/server.py",
         "executors/transport.py",
         "sandbox/client.py",
         "sandbox/server.py",
