@@ -198,6 +198,9 @@ def test_a_node_that_cannot_say_what_it_has_is_a_line_of_the_doctor(monkeypatch:
     bare = Gone("ray::about()\nModuleNotFoundError: No module named 'openeureka'")
     answers = [about, about, Gone("Get timed out: some object(s) not ready."), bare]
     monkeypatch.setattr(clusters, "connect", lambda address: Asked())
+    # Ray itself reads once, when it is imported, how a cluster is guarded; other tests in this process have one.
+    strategies = SimpleNamespace(NodeAffinitySchedulingStrategy=lambda node, soft: node)
+    monkeypatch.setitem(sys.modules, "ray.util.scheduling_strategies", strategies)
     found = doctor.nodes("auto")
     assert [(finding.name, finding.good) for finding in found] == [("bare", False), ("slow", False), ("good", True)]
     assert "A node of the cluster lacks openeureka" in found[0].detail and "timed out" in found[1].detail
