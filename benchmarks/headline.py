@@ -240,9 +240,9 @@ def measured_on(measured: Mapping[str, Record]) -> str:
     looks = [look for row in measured.values() for look in (row, row.get("confirmed")) if look is not None]
     dates = sorted(look["date"] for look in looks)
     kinds = Counter(look.get("processor", "a processor that nobody wrote down") for look in looks)
-    each = "; ".join(f"{kind} ({count})" for kind, count in kinds.most_common())
+    each = "".join(f"\n- {kind}: {count}" for kind, count in kinds.most_common())
     when = f"Measured from {dates[0]} to {dates[-1]}, on 2 cores."
-    return f"{when} Rows by processor, other seeds a row of their own: {each}."
+    return f"{when} Rows by processor, other seeds a row of their own:\n{each}"
 
 
 def left(measured: Mapping[str, Record]) -> str:

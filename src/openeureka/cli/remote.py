@@ -41,8 +41,7 @@ def stop(directory: Path) -> None:
         if time.monotonic() > end:
             raise StoreError(f"The run in {directory} was asked to stop and goes on; end its process where it runs.")
         time.sleep(0.1)
-    resumed = stopped(command_line("resume", directory))
-    print("Stopped, nothing is lost. Continue as you began it." if _ended(directory) else resumed)
+    print(stopped("" if _ended(directory) else command_line("resume", directory)))
 
 
 def _ended(directory: Path) -> bool:

@@ -40,9 +40,9 @@ def _holds_work(store: Store) -> bool:
         return True
 
 
-def stopped(again: str) -> str:
-    """Of a run that was stopped on purpose."""
-    return f"Stopped, nothing is lost. Continue with: {again}"
+def stopped(again: str = "") -> str:
+    """Of a run that was stopped on purpose, and the command that goes on with it; empty where only its own does."""
+    return f"Stopped, nothing is lost. Continue {f'with: {again}' if again else 'as you began it.'}"
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
