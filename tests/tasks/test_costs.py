@@ -57,6 +57,29 @@ def test_numbers_are_those_of_the_simulation() -> None:
     assert first["falls"] == 0.0 and 0.0 <= first["joint_limits"] <= 1.0 and first["power"] > 0.0
 
 
+def test_numbers_are_those_of_the_joints_and_of_how_an_episode_ends() -> None:
+    """Two worlds of one step: the first falls, the second is timed out."""
+    env = registry.make("anymal", worlds=2, lane_seeds=[0], threads=1)
+    meter = Meter(env)
+    env.reset()
+    step = env.step(torch.zeros(2, 12))
+    force, rate, at = (env.sim.bind(name) for name in ("qfrc_actuator", "qvel", "qpos"))
+    force[:, 6:], rate[:, 6:] = 0.0, 0.0
+    force[0, 6:9], rate[0, 6:9] = torch.tensor([3.0, -4.0, 0.0]), torch.tensor([2.0, 1.0, -5.0])
+    low, high = torch.tensor(env.sim.model.jnt_range[1:], dtype=torch.float32).T
+    at[:, 7:] = (low + high) / 2
+    at[0, 7] = low[0] + 0.02 * (high - low)[0]  # not within a hundredth of its range
+    at[1, 9] = high[2] - 0.005 * (high - low)[2]
+    assert env.watch is not None
+    env.watch()
+    fell, late = torch.tensor([True, False]), torch.tensor([False, True])
+    meter.add(step._replace(terminated=fell, timed_out=late), torch.ones(2, dtype=torch.bool))
+    (found,) = meter.read(1)
+    # Of the first world 4, 5, and 3 * 2 + 4 * 1 = 10; of the second 0.
+    assert (found["torque"], found["speed"], found["power"]) == pytest.approx((2.0, 2.5, 5.0))
+    assert (found["joint_limits"], found["falls"]) == (0.5, 0.5)
+
+
 def test_an_unknown_limit_says_what_the_task_has() -> None:
     with pytest.raises(ConfigError, match=r"no cost `torqe` to limit. Did you mean `torque`\? It has torque \[N m\], "):
         costs.check("cartpole", {"torqe": 40.0})
