@@ -214,16 +214,24 @@ def test_ranges_reach_a_worker():
     assert unpack_lanes(pack_lanes("cartpole", [LaneSpec(id="a", program="human")], budget))[2] == budget
 
 
-def test_every_lane_of_a_run_has_its_ranges(tmp_path: Path):
+def test_every_lane_of_a_run_has_its_ranges_and_what_else_the_settings_say(tmp_path: Path):
+    told = list[TrainBudget]()
+
     class Noting(ToyTrainer):
         def train(self, env, lanes, budget):
-            assert budget.randomise == find("cartpole", "mild") is not None
+            told.append(budget)
             return super().train(env, lanes, budget)
 
-    config = RunConfig(env="cartpole", model="random", randomise="mild")
+    config = RunConfig(
+        env="anymal", model="random", steps=5000, worlds=8, bonus="original", randomise="mild", observe="measurable"
+    )
+    mild = find("anymal", "mild")
+    whole = TrainBudget(env_steps=5000, worlds=8, bonus="original", randomise=mild, observe="measurable")
     with Store.open(tmp_path / "run", config) as store:
-        lane = Lane("human", 0, "baseline")
-        assert Lanes(config, store, Noting(), nobody).train([(lane, "human")])
+        lanes = Lanes(config, store, Noting(), nobody)
+        lanes.train([(Lane("human", 0, "baseline"), "human")])
+        lanes.train([(Lane("human", 1, "final"), "human")], steps=900)
+    assert mild is not None and told == [whole, dataclasses.replace(whole, env_steps=900)]
 
 
 def test_a_name_takes_what_the_task_has():
