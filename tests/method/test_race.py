@@ -14,6 +14,7 @@ from openeureka.config import RunConfig
 from openeureka.loop import run
 from openeureka.method import race
 from openeureka.score import Outcome
+from openeureka.stats import difference
 from openeureka.store import Store
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
 from openeureka.types import Candidate, Checkpoint, Evaluation, LaneSpec, Place
@@ -94,6 +95,15 @@ def test_more_seeds_train_while_it_is_undecided_beside_the_human_reward(tmp_path
     last = [name for name in trainer.trained if name.endswith(("-s3", "-s4"))]
     assert last == [spec(10, 3), "human-s3", spec(10, 4), "human-s4"]
     assert outcome.difference is not None and not outcome.difference.sure
+
+
+def test_the_difference_allows_for_the_best_having_been_picked_and_for_every_look(tmp_path: Path) -> None:
+    said = {spec(worth, seed): worth + 5 * (-1) ** seed for worth in (8, 9) for seed in (1, 2, 3)}
+    outcome = go(tmp_path, Lucky(error=1.0, said=said), [8, 9], seeds=3)
+    (rival,) = outcome.rivals.values()
+    assert len(outcome.method.scores) == len(rival.scores) == 3
+    # Two contenders; of all errors the last look may make nine tenths.
+    assert outcome.difference == difference(outcome.method.scores, outcome.human.scores, [rival.scores], claims=2 / 0.9)
 
 
 def test_one_that_is_shown_to_be_worse_leaves_the_race() -> None:
@@ -204,16 +214,19 @@ def test_where_training_ranks_the_best_trains_with_all_seeds_at_once(tmp_path: P
         assert store.crown() == Place(0, 1)
 
 
-def test_a_lane_is_judged_by_that_of_its_policies_which_plays_best(tmp_path: Path) -> None:
+@pytest.mark.parametrize("peak", ["reward", "last", "fitness"])
+def test_a_lane_is_judged_by_that_of_its_policies_which_plays_best(tmp_path: Path, peak: str) -> None:
     class Peaked(ToyTrainer):
         def _result(self, spec: LaneSpec):
-            return dataclasses.replace(super()._result(spec), last=b"100")
+            best = Checkpoint(epoch=1, value=1.0, policy=b"100")
+            own = {"reward": {"best_reward": best}, "last": {"last": best.policy}, "fitness": {"best_fitness": best}}
+            return dataclasses.replace(super()._result(spec), **own[peak])
 
     go(tmp_path, Peaked(), [7, 8], seeds=1)
     with Store.view(tmp_path) as store:
         (generation,) = store.history().generations
         assert [entry.score for entry in generation.entries] == [99.0, 99.0]
-        assert {score.peak for score in store.lanes.evaluations().values()} == {"last"}
+        assert {score.peak for score in store.lanes.evaluations().values()} == {peak}
     assert (tmp_path / "best" / "policy.safetensors").read_bytes() == b"100"
 
 
