@@ -91,6 +91,32 @@ def test_the_clock_of_a_training_goes_on_after_a_pause(monkeypatch: pytest.Monke
     assert result.clock[:2] == before and 0 < result.clock[0] < result.clock[3] <= result.seconds < 50
 
 
+def test_progress_counts_the_steps_of_all_lanes(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(population, "PROGRESS_SECONDS", 0.0)
+    now = iter(range(1000))
+    monkeypatch.setattr(population, "time", SimpleNamespace(monotonic=lambda: float(next(now))))
+    specs = [LaneSpec(id=name, program="human", seed=seed) for seed, name in enumerate("ab")]
+    first = next(Population("cartpole", specs, SMALL, threads=1).train())
+    # An epoch takes two looks at the clock: 16 steps of 32 worlds of 2 lanes in 2 s.
+    assert isinstance(first, TrainingProgress) and first.env_steps_per_second == 512.0
+
+
+def test_the_first_quarter_of_the_longest_episode_counts_as_early(monkeypatch: pytest.MonkeyPatch):
+    early, late = set[int](), set[int]()
+
+    def add(self: Curves, step: Step, *others: torch.Tensor) -> None:
+        mask = others[-1].bool()
+        early.update(step.episode_length[mask].tolist())
+        late.update(step.episode_length[~mask].tolist())
+        whole(self, step, *others)
+
+    whole = Curves.add
+    monkeypatch.setattr(Curves, "add", add)
+    results([LaneSpec(id="a", program=upright())])
+    # Episodes begin anywhere: a quarter of 500 steps is 125.
+    assert 100 < max(early) <= 125 < min(late) < 150
+
+
 def test_a_state_that_an_older_version_saved_is_gone_on_from(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(population, "PROGRESS_SECONDS", 0.0)
     specs = [LaneSpec(id="human", program="human")]
@@ -167,11 +193,12 @@ def test_a_lane_whose_reward_is_absurd_is_masked_and_the_others_are_bit_identica
     assert found["good"].best_fitness.policy == calm.best_fitness.policy
 
 
-def test_the_human_reward_balances_the_pole_within_a_quarter_of_a_million_steps():
+def test_the_human_reward_balances_the_pole_within_a_hundred_thousand_steps():
     specs = [LaneSpec(id=str(seed), program="human", seed=seed) for seed in range(3)]
-    found = results(specs, TrainBudget(env_steps=250_000))
-    # The median: rounding alone moves the maximum of one seed between 290 and 460.
-    assert sorted(result.fitness or 0.0 for result in found.values())[1] > 350
+    found = results(specs, TrainBudget(env_steps=100_000, worlds=64))
+    # Two of these balance it for all of the 500 steps after half of the training, so rounding has room. Untrained, it
+    # falls within 50 steps.
+    assert sorted(result.fitness or 0.0 for result in found.values())[1] > 400
 
 
 def test_a_lane_whose_policy_is_not_finite_is_masked_and_the_others_are_bit_identical():
@@ -192,6 +219,26 @@ def test_an_observation_that_is_no_number_where_an_episode_ended_is_worth_nothin
     step.final_observation[0], step.timed_out[1] = torch.nan, True
     worth = alone._beyond(step)[0]
     assert worth.isfinite().all() and worth[1] != 0.0 and worth.count_nonzero() == 1
+
+
+@pytest.mark.parametrize("masked", [False, True])
+def test_a_time_out_is_worth_what_its_last_state_is_and_not_the_one_after_the_reset(masked: bool):
+    alone = Population("cartpole", [LaneSpec(id="human", program="human")], SMALL, threads=1)
+    alone.env.masked = masked  # as on a GPU
+    step = alone.env.step(torch.zeros(32, 1))
+    step = step._replace(final_observation=step.observation + 1.0)
+    step.timed_out[3] = True
+    last, after = (alone.ppo.value(seen[None])[0, 3] for seen in (step.final_observation, step.observation))
+    torch.testing.assert_close(alone._beyond(step)[0, 3], last)
+    assert abs(last - after) > 1e-3
+
+
+def test_what_follows_a_time_out_is_discounted_by_a_step(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(Population, "_beyond", lambda self, step: torch.full((1, 32), 10.0))
+    alone = Population("cartpole", [LaneSpec(id="a", program=upright(0.0))], SMALL, threads=1)
+    list(alone.train())
+    # A reward of 0 and a value of 10, a step later: 0.99 * 10.
+    torch.testing.assert_close(alone.rollout.reward, torch.full_like(alone.rollout.reward, 9.9))
 
 
 def test_training_ends_when_every_lane_has_diverged():
