@@ -4,6 +4,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from random import Random
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,6 +18,7 @@ from openeureka.events import Began, Checked, Event, Tell, nobody
 from openeureka.llm.random import RandomModel
 from openeureka.loop import run, summarise
 from openeureka.method import baselines
+from openeureka.method.lanes import CHOOSING, HELD_OUT
 from openeureka.method.sampling import Sampler, request_seed
 from openeureka.sandbox import confine
 from openeureka.sandbox.client import Sandbox
@@ -27,6 +29,7 @@ from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrain
 from openeureka.types import (
     Candidate,
     Generation,
+    History,
     PromptPlan,
     StateSpec,
     StateVar,
@@ -243,6 +246,30 @@ def test_requests_have_seeds_of_their_own(begin) -> None:
     assert len(set(one.model.seeds)) == len(one.model.seeds) == 3
     assert request_seed(0, 0, 0, 3) - request_seed(0, 0, 0, 1) == 2
     assert all(0 <= request_seed(seed, 9, 9, 99) < 2**31 for seed in range(100))
+
+
+def test_whatever_a_run_draws_follows_from_its_seed(tmp_path: Path) -> None:
+    drawn, played = list[float](), set[int]()
+
+    class Draws(strategies.Best):
+        def ask(self, history: History, rng: Random) -> Sequence[PromptPlan]:
+            drawn.append(rng.random())
+            return strategies.Best.ask(self, history, rng)
+
+    class Noting(ToyTrainer):
+        def evaluate(self, env, policies, *, seed, **options):
+            played.add(seed)
+            return super().evaluate(env, policies, seed=seed, **options)
+
+    config = replace(CONFIG, seed=7, iteration=2, schedule="halving")
+    model = ScriptedModel([reply(worth) for worth in (7, 8, 9, 6)])
+    with Store.open(tmp_path, config) as store:
+        run(config, store, model, ToyChecker(), Noting(error=1.0), TOY, Draws(samples=2))
+    assert drawn == [Random(f"7/{index}").random() for index in (0, 1)]
+    # Two looks to choose by, the first also at rungs, and the final scores.
+    assert played == {CHOOSING + 7, CHOOSING + 8, HELD_OUT + 7}
+    assert model.seeds == [request_seed(7, index, 0, 0) for index in (0, 1)]
+    assert len({request_seed(seed, 0, 0, 0) for seed in range(100)}) == 100
 
 
 def test_the_rest_of_an_interrupted_refill_has_the_seeds_that_it_would_have_had(begin) -> None:
