@@ -156,6 +156,8 @@ def test_a_lane_that_ended_early_takes_few_episodes_from_the_others():
 
     assert affordable([trained(120_000)] * 8, 3) == 20  # 2 looks x 3 policies x 20 episodes x 100 steps
     assert affordable([*[trained(120_000)] * 7, trained(0)], 3) == 17
+    # At least 8, also where that is more than a tenth of the steps, and at most 64.
+    assert (affordable([trained(1_000)] * 8, 3), affordable([trained(10**9)] * 8, 3)) == (8, 64)
     endless = replace(trained(120_000), curves={"episode_length": (None, None)})
     assert affordable([endless] * 8, 3) == 8  # how long an episode is, nobody knows: longer than the training
 
