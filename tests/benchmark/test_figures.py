@@ -1,0 +1,47 @@
+"""The numbers of a cell, of searches whose trainings last and cost what is said here."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from openeureka import strategies
+from openeureka.benchmark import figures
+from openeureka.benchmark.figures import Result
+from openeureka.benchmark.plan import Cell
+from openeureka.config import RunConfig
+from openeureka.loop import run
+from openeureka.store import Store
+from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply
+from openeureka.types import Candidate, LaneSpec, TrainingResult
+
+
+def read(directory: Path, trainer: ToyTrainer, worths: list[float], **settings) -> Result:
+    config = RunConfig(sample=len(worths), iteration=1, repair=0, refill=0, seeds=2, **settings)
+    with Store.open(directory, config) as store:
+        model = ScriptedModel([reply(worth) for worth in worths])
+        run(config, store, model, ToyChecker(), trainer, TOY, strategies.make(config))
+    found = figures.read(Cell("cartpole", "full", 0), directory)
+    assert found is not None
+    return found
+
+
+def test_the_curve_counts_no_reward_that_breaks_a_limit(tmp_path: Path) -> None:
+    class Costly(ToyTrainer):
+        def evaluate(self, env, policies, *, seed, **options):
+            for score in super().evaluate(env, policies, seed=seed, **options):
+                yield replace(score, costs={"torque": 10 * float(policies[score.lane])})
+
+    # Each takes 3 steps and plays one less than it is worth; 8 takes a torque of 80.
+    assert read(tmp_path / "free", Costly(), [6, 8, 7]).curve == ((3, 5.0), (6, 7.0))
+    assert read(tmp_path / "bound", Costly(), [6, 8, 7], limits="torque=75").curve == ((3, 5.0), (9, 6.0))
+
+
+def test_minutes_are_those_of_the_longest_of_what_trains_side_by_side(tmp_path: Path) -> None:
+    class Slow(ToyTrainer):
+        def _result(self, lane: LaneSpec) -> TrainingResult:
+            return replace(super()._result(lane), seconds=60.0 * minutes[lane.id])
+
+    first, second = (Candidate.of(program(worth)).id for worth in (7, 8))
+    minutes = {f"{first}-s0": 1, f"{second}-s0": 2, "human-s0": 3, "sparse-s0": 1}
+    minutes |= {f"{second}-s1": 1, f"{second}-s2": 4, "human-s1": 2, "human-s2": 1}
+    # 3 in the generation, 4 in the final trainings.
+    assert read(tmp_path, Slow(), [7, 8]).minutes == 7.0
