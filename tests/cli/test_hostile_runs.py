@@ -93,7 +93,6 @@ def assert_harmless(text: str) -> None:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-@pytest.mark.timeout(30)
 def test_a_directory_from_elsewhere_does_no_harm(case: HostileRun, honest: Path, things: Path, capfd):
     run = things
     for verb in case.verbs:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import os
-import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,6 +22,7 @@ from openeureka.testing.hostile import CORPUS, STATE, Hostile, Layer
 from openeureka.training.population import ABSURD
 from openeureka.training.rewards import LaneRewards
 from openeureka.types import Candidate, Verdict
+from sandbox.clock import processor_seconds
 from sandbox.states import recorded
 from sandbox.ungated import Ungated
 
@@ -131,12 +131,13 @@ class Watch:
 @pytest.mark.parametrize("hostile", CORPUS, ids=lambda hostile: hostile.id)
 def test_the_named_layer_stops_it(hostile: Hostile, sandbox: Sandbox, canary: Path, golden: dict[str, str]) -> None:
     watch = Watch(sandbox, canary)
-    started = time.monotonic()
+    before = processor_seconds(sandbox)
     verdict = sandbox.check(Candidate.of(hostile.source.replace("CANARY", str(canary))))
-    seconds = time.monotonic() - started
+    seconds = processor_seconds(sandbox) - before
     first = verdict.findings[0] if verdict.findings else None
     assert (verdict.code, first.rule if first else "") == (hostile.code, hostile.rule), first and first.sentence()
-    assert seconds < client.SECONDS * server.PATIENCE + 1.0
+    # Where the machine is busy, the clock may end a child that has time left, and another tries.
+    assert seconds < len(server.TRIES) * client.SECONDS + 1.0
     watch.assert_no_harm(verdict)
     if first is not None and first.rule not in THEIR_WORDS and hostile.number != HOW_DEEP_PYTHON_READS:
         assert first.fix
