@@ -1,4 +1,5 @@
-"""Tests are offline and never meet a paid endpoint: keys are removed and sockets beyond loopback refuse to open."""
+"""Tests are offline and never meet a paid endpoint: keys and proxies are removed, and sockets beyond loopback refuse to
+open."""
 
 import os
 import signal
@@ -9,7 +10,7 @@ import pytest
 
 os.environ.setdefault("OMP_NUM_THREADS", "2")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")  # idle threads that spin starve the simulator's
-for key in [name for name in os.environ if name.endswith("_API_KEY")]:
+for key in [name for name in os.environ if name.upper().endswith(("_API_KEY", "_PROXY"))]:
     del os.environ[key]
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as where a shell runs the suite in the background
     signal.signal(signal.SIGINT, signal.default_int_handler)
