@@ -58,9 +58,18 @@ def test_documented_commands_and_settings_exist(page, line):
     assert keys <= known | ({"python"} if "env" in known else set())  # a part of the environment's name
 
 
-def test_pages_link_to_files_that_exist():
-    links = [(page, link) for page in PAGES for link in re.findall(r"\]\(([^)#:]+)\)", page.read_text())]
-    assert [str(link) for page, link in links if not (page.parent / link).exists()] == []
+def anchors(page: Path) -> set[str]:
+    """Of its headings, as GitHub makes them."""
+    code = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+    headings = re.findall(r"^#+ (.+)$", code, re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def test_pages_link_to_files_and_headings_that_exist():
+    links = [(page, *link) for page in PAGES for link in re.findall(r"\]\(([^)#:]*)(#[^)]+)?\)", page.read_text())]
+    aims = [(page.parent / file if file else page, anchor) for page, file, anchor in links]
+    assert [str(aim) for aim, _ in aims if not aim.exists()] == []
+    assert [f"{aim}{anchor}" for aim, anchor in aims if anchor and anchor[1:] not in anchors(aim)] == []
     assert len(links) > 5
 
 
