@@ -169,6 +169,7 @@ def test_only_the_kept_policy_plays_in_changed_worlds_and_only_drifting_training
 
 
 def test_the_score_of_the_policy_that_is_judged_stands_for_its_peak() -> None:
-    (found,) = hacking.tried({"a-s1": RESULT}, {"a-s1": score(60.0)}, {"a-s1": {"peak of F": score(110.0)}}, "reward")
+    judged = dataclasses.replace(score(60.0), peak="reward")
+    (found,) = hacking.tried({"a-s1": RESULT}, {"a-s1": judged}, {"a-s1": {"peak of F": score(110.0)}})
     assert hacking.drift(found)
-    assert hacking.tried({"a-s1": RESULT}, {}, {}, "reward") == []
+    assert hacking.tried({"a-s1": RESULT}, {}, {}) == []

@@ -3,6 +3,7 @@ shows none."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -51,8 +52,8 @@ def signs() -> dict[str, tuple[Sign, ...]]:
     found: dict[str, dict[str, Evaluation]] = {spec: {} for spec in results}
     for score in scores:
         found[trials[score.lane].lane][trials[score.lane].name] = score
-    held_out = {spec: found[spec]["peak of own reward"] for spec in results}
-    return {spec: hacking.signs(hacking.tried({spec: results[spec]}, held_out, found, "reward")) for spec in results}
+    held_out = {spec: replace(found[spec]["peak of own reward"], peak="reward") for spec in results}
+    return {spec: hacking.signs(hacking.tried({spec: results[spec]}, held_out, found)) for spec in results}
 
 
 @pytest.mark.timeout(400)

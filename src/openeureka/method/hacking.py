@@ -84,17 +84,12 @@ def tried(
     results: Mapping[str, TrainingResult],
     held_out: Mapping[str, Evaluation],
     trials: Mapping[str, Mapping[str, Evaluation]],
-    peak: Peak,
 ) -> list[Tried]:
-    """Everything known of the final trainings, of those that left a policy; `peak` where no score says which it is."""
+    """Everything known of the final trainings, of those that left a policy."""
     return [
-        Tried(
-            result=result,
-            held_out=held_out[lane],
-            trials={**trials.get(lane, {}), PEAKS[held_out[lane].peak or peak]: held_out[lane]},
-        )
+        Tried(result=result, held_out=own, trials={**trials.get(lane, {}), PEAKS[own.peak]: own})
         for lane, result in results.items()
-        if lane in held_out
+        if (own := held_out.get(lane)) is not None and own.peak is not None
     ]
 
 

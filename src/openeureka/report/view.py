@@ -10,7 +10,7 @@ from .. import score, strategies
 from ..config import NO_MODEL, RunConfig
 from ..method import baselines, hacking, race
 from ..method.hacking import Sign, Tried
-from ..method.lanes import BASELINES, beside, final_lanes, final_seeds
+from ..method.lanes import BASELINES, final_lanes
 from ..refine import hardened, polishing, tuned
 from ..refine.hardened import Robust
 from ..refine.polishing import Polished
@@ -22,7 +22,6 @@ from ..types import (
     Evaluation,
     History,
     Lane,
-    Peak,
     Place,
     PolicyId,
     Ranks,
@@ -199,19 +198,9 @@ class RunView:
     @property
     def outcome(self) -> Outcome | None:
         """The final comparison; None before all its trainings are done."""
-        if self.crown is None and not self._unraced:
+        if self.crown is None:
             return None
         return race.outcome(self.config, self.history, self.crown, self.results, self.evaluations)
-
-    @property
-    def _unraced(self) -> bool:
-        """Whether all final trainings are judged, and no crown is kept: by versions that kept none, or where none of
-        them left a policy."""
-        best = self.ranking.best
-        names = [best.candidate_id if best is not None else "", *(name for name, _ in beside(self.config))]
-        lanes = [lane_id(name, seed) for name in names for seed in final_seeds(self.config)]
-        judged = self.ended or any(lane in self.evaluations for lane in lanes)
-        return self.ranks == "training" and judged and all(lane in self.results for lane in lanes)
 
     @property
     def tried(self) -> tuple[Tried, ...]:
@@ -221,8 +210,7 @@ class RunView:
             return ()
         arms = final_lanes(self.config, [best], self.results, self.evaluations)
         final = {lane: self.results[lane] for lane in arms[best.candidate_id]}
-        unsaid: Peak = "fitness" if self.config.search == "eureka" else "reward"  # by versions before
-        return tuple(hacking.tried(final, self.evaluations, self.trials, unsaid))
+        return tuple(hacking.tried(final, self.evaluations, self.trials))
 
     @property
     def signs(self) -> tuple[Sign, ...]:
