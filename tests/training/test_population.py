@@ -117,25 +117,6 @@ def test_the_first_quarter_of_the_longest_episode_counts_as_early(monkeypatch: p
     assert 100 < max(early) <= 125 < min(late) < 150
 
 
-def test_a_state_that_an_older_version_saved_is_gone_on_from(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(population, "PROGRESS_SECONDS", 0.0)
-    specs = [LaneSpec(id="human", program="human")]
-    first = Population("cartpole", specs, SMALL, threads=1)
-    for message in first.train():
-        if isinstance(message, TrainingProgress) and message.epoch == 2:
-            break
-    saved = first.state_dict()
-    del saved["clock"], saved["curves"]["where"]
-    for name in STATISTICS:
-        del saved["curves"]["curves"][0][f"ppo/{name}"]
-    second = Population("cartpole", specs, SMALL, threads=1)
-    second.load_state_dict(saved)
-    (result,) = [message for message in second.train() if isinstance(message, TrainingResult)]
-    kl = result.curves["ppo/kl"]
-    assert kl[:2] == (None, None) and None not in kl[2:] and {len(c) for n, c in result.curves.items()} == {4}
-    assert len(result.clock) == 4 and result.clock[1] == pytest.approx(2 * result.clock[0], abs=0.002)
-
-
 def test_a_lane_trains_the_same_beside_others():
     spec = LaneSpec(id="a", program=upright(), seed=1)
     beside = results([LaneSpec(id="x", program="human", seed=2), spec])["a"].curves["reward"]
@@ -317,9 +298,6 @@ def test_components_are_told_apart_early_and_late_in_episodes():
     elsewhere = Curves(lanes=1, worlds=2, components=curves.components)
     elsewhere.load_state_dict({**curves.state_dict(), "parts": OnGPU()})
     assert elsewhere.early_and_late(0)["component_late/a"] == (6.0,)
-    older = curves.state_dict()
-    del older["parts"]
-    Curves(lanes=1, worlds=2, components=curves.components).load_state_dict(older)
 
 
 def test_the_last_tenth_of_a_training_says_what_components_were_early_in_episodes():

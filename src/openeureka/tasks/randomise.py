@@ -91,7 +91,7 @@ class RandomisedEnv(BatchedEnv):
         # Lanes that have a result by now may have acted later than any that is left.
         before = {**before, "asked": before["asked"][:, : self._asked.shape[1]]}
         for name, value in self._memory().items():
-            value.copy_(before.get(name, value))  # an older one has no pushes of their own
+            value.copy_(before[name])
 
     def _memory(self) -> dict[str, Tensor]:
         own = {"worlds": self.worlds, "asked": self._asked}

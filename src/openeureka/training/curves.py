@@ -107,8 +107,8 @@ class Curves:
             value, weight = scores[lane]
             length, done, own, human = row[2:6]
             transitions = self._steps * self.worlds
-            before = len(self.curves[lane].get("fitness", ()))  # an older version saved no such curves
-            told = weight and not (waits[lane] and before + 1 < self._settled)
+            epoch = len(self.curves[lane].get("fitness", ()))
+            told = weight and not (waits[lane] and epoch + 1 < self._settled)
             point: dict[str, float | None] = {
                 "fitness": value / weight if told else None,
                 "episode_length": length / done if done else None,
@@ -118,7 +118,7 @@ class Curves:
             learnt: dict[str, float | None] = {f"ppo/{name}": None for name in STATISTICS}  # `learned` fills it in
             for name, number in (point | components[lane] | learnt).items():
                 finite = number is not None and abs(number) < float("inf")
-                self.curves[lane].setdefault(name, [None] * before).append(number if finite else None)
+                self.curves[lane].setdefault(name, []).append(number if finite else None)
             fitness.append(point["fitness"])
             own_means.append(own / transitions)
         self._start()
@@ -161,10 +161,9 @@ class Curves:
         }
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
-        self.curves, self.moments = saved["curves"], saved["moments"]
+        self.curves, self._where, self.moments = saved["curves"], saved["where"], saved["moments"]
         self._scores.extend(saved["scores"])
-        self._where = saved.get("where", self._where)  # an older version saved none
-        self._parts = saved.get("parts", self._parts).cpu()  # an older version saved none; others load onto the GPU
+        self._parts = saved["parts"].cpu()  # a state may be loaded onto the GPU
 
     def correlation(self, lane: int) -> float | None:
         """Of own and human reward over every transition so far."""

@@ -189,12 +189,11 @@ class Population:
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         """Go on where another population of the same task, lanes and budget was; the rest is the same to the bit."""
         self.epoch, self.observation, self._before = saved["epoch"], saved["observation"], saved["seconds"]
-        equal = [self._before * (epoch + 1) / self.epoch for epoch in range(self.epoch)]
-        self.clock = saved.get("clock", equal)  # an older version saved none
+        self.clock = saved["clock"]
         self.env.load_state_dict(saved["env"])
         self.ppo.load_state_dict(saved["ppo"])
         self.curves.load_state_dict(saved["curves"])
-        self.rewards.load_state_dict(saved.get("rewards", {}))
+        self.rewards.load_state_dict(saved["rewards"])
         self.best_fitness, self.best_reward = (
             [peak and Peak(peak["epoch"], peak["value"], self._policy(peak["policy"])) for peak in peaks]
             for peaks in saved["peaks"]
