@@ -105,12 +105,8 @@ def test_what_was_begun_with_the_usual_steps_takes_no_others(searched):
     assert openeureka.robust(searched, model="random", sample=2).robust is not None
 
 
-@pytest.mark.parametrize("kept", ["0\n", None])
-def test_what_an_earlier_version_began_from_scratch_goes_on_so(searched, trainer, kept):
+def test_what_was_begun_from_scratch_goes_on_so(searched):
     openeureka.robust(searched, model="random", sample=1, start="scratch")
-    (searched / "robust.json").unlink()  # it kept the steps alone, or nothing
-    if kept is not None:
-        (searched / "robust.steps").write_text(kept)
     with pytest.raises(ConfigError, match=r"the task's own number of steps each, from scratch: add start=scratch to"):
         openeureka.robust(searched, model="random", sample=2)
     found = openeureka.robust(searched, model="random", sample=2, start="scratch").robust

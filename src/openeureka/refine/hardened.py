@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from ..method.hacking import untrained
 from ..score import breach, pooled, worth
 from ..stats import mean
-from ..store import Store, artifacts
-from ..types import NOMINAL, Dynamics, Evaluation, Hardening, Limits, Peak, PolicyId, Ranges, TrainingResult
+from ..store import Store
+from ..types import NOMINAL, Dynamics, Evaluation, Limits, Peak, Ranges, TrainingResult
 
 _FACTOR = (0.4, 0.6, 0.8, 0.9, 1.1, 1.2, 1.5, 2.0)
 GRID: Mapping[str, tuple[float, ...]] = {
@@ -107,7 +107,7 @@ def read(store: Store, results: Mapping[str, TrainingResult]) -> Robust | None:
     """What the store of a run says of it; None where it was not begun."""
     scores, own = store.lanes.trials(), store.lanes.ranges()
     records = {lane.ranges: lane.id for lane in store.lanes.all().values() if lane.role == "robust"}
-    known = hardening(store)
+    known = store.hardening()
     began = known.policy.lane if known is not None else ""
     if "sweep" not in scores.get(began, {}):
         return None
@@ -119,24 +119,6 @@ def read(store: Store, results: Mapping[str, TrainingResult]) -> Robust | None:
     after = carries(store, records[ours], quantities) if ours else ()
     before = carries(store, began, quantities)
     return Robust(arms=tuple(arms), ours=ours, before=tuple(before), after=tuple(after))
-
-
-def hardening(store: Store) -> Hardening | None:
-    """How the robust policies of a run are trained; None before there are any."""
-    if (kept := store.hardening()) is not None:
-        return kept
-    # Earlier versions trained from scratch, and kept the steps alone, or nothing.
-    robust = {lane.id for lane in store.lanes.all().values() if lane.role == "robust"}
-    if not robust:
-        return None
-    tried = {lane: named["sweep"].peak for lane, named in store.lanes.trials().items() if "sweep" in named}
-    known = [PolicyId(lane, peak) for lane in tried if lane not in robust for peak in PEAKS if peak == tried[lane]]
-    if not known:
-        return None
-    steps = (artifacts.read(store.directory, "robust.steps") or b"").strip()
-    return Hardening(
-        policy=known[0], anew=True, steps=int(steps) if steps.isdigit() and len(steps) < 20 else store.config.steps
-    )
 
 
 def chosen(scores: Mapping[str, Evaluation], limits: Limits) -> Evaluation | None:

@@ -36,7 +36,7 @@ from ..types import (
     Trial,
 )
 from ..types.dynamics import SCALES
-from .hardened import GRID, HARD, KEEPS, LONGER, PEAKS, UNIFORM, Carried, carries, chosen, hardening, origin
+from .hardened import GRID, HARD, KEEPS, LONGER, PEAKS, UNIFORM, Carried, carries, chosen, origin
 from .tuned import last_index
 
 SWEEP_EPISODES, CHOOSING_EPISODES, HARD_EPISODES = 32, 16, 64
@@ -114,7 +114,7 @@ def planned(store: Store, start: str, steps: int) -> Hardening:
     Raises:
         ConfigError: where the first of them were trained otherwise, or there is no policy to go on from.
     """
-    before = hardening(store)
+    before = store.hardening()
     policy = before.policy if before is not None else _best(store)
     usual = {BEST: _half(store, policy), SCRATCH: store.config.steps}
     wanted = Hardening(policy=policy, anew=start == SCRATCH, steps=steps or usual[start])
