@@ -140,7 +140,6 @@ def read(
     lanes: Mapping[str, Lane],
     results: Mapping[str, TrainingResult],
     played: Mapping[str, Evaluation],
-    evaluations: Mapping[str, Evaluation],
     trials: Mapping[str, Mapping[str, Evaluation]],
     best: PolicyId | None,
     limits: Limits,
@@ -150,8 +149,7 @@ def read(
     Args:
         lanes: by id, as all that follows.
         played: what lanes scored when they were played to choose by.
-        evaluations: what they scored in held-out episodes, by which earlier versions compared both.
-        trials: what else they were tried in, by name.
+        trials: what they were tried in, by name.
         best: `LaneLog.best_policy`.
         limits: of the run.
     """
@@ -162,7 +160,7 @@ def read(
     ]
     if not tries:
         return None
-    began, scores = tries[0].start.policy, {**evaluations, **_compared(trials)}
+    began, scores = tries[0].start.policy, _compared(trials)
     chosen = next((one for one in tries if one.lane.id in scores), None)
     return Polished(
         tries=tuple(tries),

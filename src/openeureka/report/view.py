@@ -123,7 +123,7 @@ class RunView:
     def polished(self) -> Polished | None:
         """What came of carrying the best policy on; None where none is."""
         best, limits = self.best_policy, self.config.cost_limits
-        return polishing.read(self.lanes, self.results, self.played, self.evaluations, self.trials, best, limits)
+        return polishing.read(self.lanes, self.results, self.played, self.trials, best, limits)
 
     @property
     def given(self) -> dict[str, Arm]:
