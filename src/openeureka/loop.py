@@ -39,7 +39,7 @@ def run(
     Raises:
         EurekaError: what stopped the run; all that was finished is stored, and running again continues.
     """
-    baselines.expect(config)  # before anything is paid for
+    baselines.chosen(config)  # refuses what was not measured, before anything is paid for
     sampler = Sampler(config, store, model, checker, context, tell)
     lanes = Lanes(config, store, trainer, tell)
     hearing = Hearing(config, store, desk or EmptyDesk(), tell)

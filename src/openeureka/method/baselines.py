@@ -55,11 +55,6 @@ def chosen(config: RunConfig) -> Baselines | None:
     return found
 
 
-def expect(config: RunConfig) -> None:
-    """Raises what `chosen` would, before anything of a run is paid for."""
-    chosen(config)
-
-
 def measured(config: RunConfig) -> Baselines | None:
     """What is known beforehand of a task as a run trains it; None where it was measured otherwise or not at all."""
     return known(config.env, played=config.search != "eureka") if not _apart(config) else None

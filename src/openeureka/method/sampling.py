@@ -179,11 +179,6 @@ def given(config: RunConfig) -> Candidate:
     return extract.in_file(Path(config.init))[0]
 
 
-def expect_given(config: RunConfig) -> None:
-    """Raises what `given` would, before a model is opened."""
-    given(config)
-
-
 def admit(config: RunConfig, checker: Checker) -> None:
     """Raises what `Sampler.given` would, before anything of a run is made."""
     if config.init:

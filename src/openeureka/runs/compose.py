@@ -150,11 +150,11 @@ def _parts(
 ) -> Iterator[Parts]:
     """What a search is made of, as long as it is at work."""
     task = context(config.env)
-    baselines.expect(config)
+    baselines.chosen(config)  # refuses what was not measured
     costs.check(config.env, config.cost_limits)
     begun = has_begun(directory)
     if config.init and not begun:
-        sampling.expect_given(config)
+        sampling.given(config)  # refuses what cannot be read, before a model is opened
     trainer = trainer_of(config, directory)
     model = model or _model(config, directory)
     if begun:  # its model may be its own replies now, which do not say in which style they were asked
@@ -354,7 +354,7 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
     options |= {"address": config.address} if config.address else {}
     trainer: Trainer = EXECUTORS.make(config.executor, **options)
     _expect_storable(config)
-    ranges.expect(config.env, config.randomise)
+    ranges.find(config.env, config.randomise)  # refuses what does not fit
     if config.observe != "all" and not (task := get(config.env)).unmeasured:
         raise ConfigError(f"All that `{task.env}` observes counts as measurable: leave observe=measurable out.")
     if not config.curriculum:

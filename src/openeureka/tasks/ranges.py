@@ -41,11 +41,6 @@ NAMED: Mapping[str, Pairs] = {
 """By name; of these a task takes what changes anything of it."""
 
 
-def expect(env: str, randomise: str) -> None:
-    """Raises what `find` would, before anything is trained."""
-    find(env, randomise)
-
-
 def find(env: str, randomise: str) -> Ranges | None:
     """The ranges of a name or of a YAML file; None for `none`.
 
