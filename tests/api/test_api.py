@@ -411,7 +411,7 @@ def test_a_run_from_elsewhere_is_read_and_reaches_nothing_unasked(tmp_path, monk
     assert run.rows() == [] and not run.finished and run.best_reward is None
     with pytest.raises(StoreError, match="holds no policy yet"):
         _ = run.policy
-    with pytest.raises(ConfigError, match="is no installed task and was never used here"):
+    with pytest.raises(ConfigError, match="is no installed task and was never typed here"):
         run.play()
     with pytest.raises(ConfigError, match=r"base_url=http://127.0.0.1:9/v1; call resume\(trust=True\)"):
         run.resume()

@@ -27,10 +27,8 @@ def export(words: Sequence[str]) -> None:
     config, directory = parse(ExportConfig, settings), only_path(paths, USAGE)
     began = read_config(directory)
     source, graph = _best(directory)
-    if not config.env and "env" in trust.unknown(began):
-        raise ConfigError(
-            f"{directory} was not started here, and its task {began.env} would be run; say env=... if you know it."
-        )
+    if not config.env:
+        trust.expect_known(began.env, str(directory), "say env=...")
     task = registry.get(config.env or began.env)
     text = task.handed_back(graph, source)  # refuses a task that is of no other program
     if config.to not in ("", task.suite):

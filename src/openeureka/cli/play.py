@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..config import RunConfig, short_name
+from ..config import short_name
 from ..display.progress import working
 from ..errors import ConfigError, RewardFileError
 from ..film import viewer
@@ -132,9 +132,6 @@ def _env_of(trained: str, wanted: str) -> str:
 def _trusted(named: str, wanted: str, who: str = "The run") -> str:
     """The task that is wanted, or else the one that a file names which may come from anybody: that is imported where it
     is installed, or was typed here before."""
-    if not wanted and trust.unknown(RunConfig(env=named)):
-        raise ConfigError(
-            f"{who} names env={named}, which is no installed task and was never typed here; add that to the command if "
-            "you know where it comes from: it is run with your rights."
-        )
+    if not wanted:
+        trust.expect_known(named, who, "add that to the command")
     return wanted or named

@@ -234,11 +234,8 @@ class Run:
         if not 0.0 < seconds <= LONGEST:
             raise ConfigError(f"`seconds` must be above 0 and at most {LONGEST:g}, not {seconds}.")
         task = str(env) or self.config.env
-        if not env and "env" in trust.unknown(self.config):
-            raise ConfigError(
-                f"The run names env={task}, which is no installed task and was never used here; call play(env=...) if "
-                "you know where it comes from: it is run with your rights."
-            )
+        if not env:
+            trust.expect_known(task, "The run", "call play(env=...)")
         return mp4.frames(
             video.render(task, self._policy("polished" if polished else "best"), seconds=seconds, seed=seed)
         )

@@ -88,6 +88,16 @@ def unknown(config: RunConfig | TrainConfig) -> dict[str, str]:
     return {key: value for key, value in claims(config).items() if _line(key, value) not in known}
 
 
+def expect_known(env: str, who: str, way: str) -> None:
+    """Raises ConfigError for a task that is neither installed nor was typed here before: to import it is to run it. The
+    message says `who` names it, and the `way` to agree."""
+    if unknown(RunConfig(env=env)):
+        raise ConfigError(
+            f"{who} names env={env}, which is no installed task and was never typed here; {way} if you know where it "
+            "comes from: it is run with your rights."
+        )
+
+
 def agree(
     config: RunConfig | TrainConfig,
     directory: Path,
