@@ -296,6 +296,16 @@ def test_braces_of_a_program_are_not_taken_for_fields_of_a_template():
         assert "{'{x}': x}" in prompt.messages[2].content and "{feedback} {0}" in prompt.messages[3].content
 
 
+def test_fences_in_a_program_end_no_code_block():
+    program = 'def compute_reward(x):\n    """Pays as\n    ```\n    x\n    ```\n    does."""\n    return x, {}'
+    opinion = Opinion(vetoed=(entry(program, "no"),))
+    for style in ("free", "grammar"):
+        prompt = prompts.render(CONTEXT, PromptPlan(count=1, turns=(entry(program, ""),), opinion=opinion), style)
+        assert prompt.messages[2].content == f"````python\n{program}\n````"
+    free = prompts.render(CONTEXT, PromptPlan(count=1, opinion=opinion), "free")
+    assert f"````python\n{program}\n````" in free.messages[-1].content
+
+
 def test_feedback_and_programs_are_capped():
     huge = entry("def f():\n" + "    pass\n" * 100_000, "y" * 100_000)
     free = prompts.render(CONTEXT, PromptPlan(count=1, turns=(huge,)), "free")

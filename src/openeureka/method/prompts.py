@@ -149,7 +149,7 @@ def _turn(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"]) -> 
         siblings=_siblings(plan) if turn is plan.turns[-1] else "",
         tips=template("free_tips") if turn is plan.turns[-1] else "",
     )
-    return Message("assistant", f"```python\n{program}\n```"), Message("user", feedback)
+    return Message("assistant", extract.fenced(program)), Message("user", feedback)
 
 
 def _score(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"]) -> str:
@@ -247,7 +247,7 @@ def _with_opinion(messages: tuple[Message, ...], opinion: Opinion, limit: int, r
         lines += ["They said, the newest last:", said[-limit:]]
     for entry in opinion.vetoed[-rejected:] if rejected else ():
         program = clean(entry.sample.candidate.source, MAX_BRIEF_FEEDBACK) if entry.sample.candidate else ""
-        lines.append(f"They rejected the policy of this reward function:\n```python\n{program.strip()}\n```")
+        lines.append(f"They rejected the policy of this reward function:\n{extract.fenced(program.strip())}")
     return _with_postscript(messages, template("person").format(opinion="\n".join(lines))) if lines else messages
 
 
