@@ -192,14 +192,10 @@ def _keep(plan: Plan, directory: Path) -> None:
     kept = artifacts.read(directory, PLAN) if directory.is_dir() else None
     if kept is not None:
         expect_more(kept, plan, directory)
-    elif directory.exists() and (not directory.is_dir() or any(_visible(directory))):
+    elif directory.exists() and (not directory.is_dir() or any(p.name[0] != "." for p in directory.iterdir())):
+        # Names that begin with a dot are what a killed writer left.
         raise ConfigError(f"{directory} is not empty and has no bench; name another dir=.")
     artifacts.write(directory, PLAN, plan.as_json())
-
-
-def _visible(directory: Path) -> list[Path]:
-    """Without what a killed writer left."""
-    return [path for path in directory.iterdir() if not path.name.startswith(".")]
 
 
 def _renew(
