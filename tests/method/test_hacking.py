@@ -91,6 +91,11 @@ def test_drift_says_what_rose_and_what_fell() -> None:
     )
 
 
+def test_large_scores_are_written_as_tables_write_them() -> None:
+    sentence = hacking.drift(drifting(score(1104.0), score(600.0)))
+    assert "held-out F fell from 1100 to 600." in sentence
+
+
 @pytest.mark.parametrize(
     "changes",
     [

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
+from ..numbers import number
 from ..score import NO_LIMITS, breach
 from ..types import Dynamics, Evaluation, Limits, Peak, TrainingResult, Trial
 
@@ -136,9 +137,9 @@ def drift(lane: Tried) -> str:
     if max(first.epoch, last.epoch) >= len(own):  # a trainer from elsewhere recorded less
         return ""
     return (
-        f"from epoch {first.epoch} to {last.epoch} the own reward rose from {_number(own[first.epoch])} to "
-        f"{_number(own[last.epoch])} a step, while held-out F fell from {_number(before.fitness)} to "
-        f"{_number(after.fitness)}."
+        f"from epoch {first.epoch} to {last.epoch} the own reward rose from {number(own[first.epoch], 3)} to "
+        f"{number(own[last.epoch], 3)} a step, while held-out F fell from {number(before.fitness, 3)} to "
+        f"{number(after.fitness, 3)}."
     )
 
 
@@ -180,8 +181,8 @@ def fragility(lane: Tried) -> str:
     if not worst or learnt is None or losses[worst] <= FRAGILE * learnt:
         return ""
     return (
-        f"With {worst} held-out F is {_number(lane.trials[worst].fitness)} instead of "
-        f"{_number(lane.held_out.fitness)}: {losses[worst] / learnt:.0%} of what was learnt is lost."
+        f"With {worst} held-out F is {number(lane.trials[worst].fitness, 3)} instead of "
+        f"{number(lane.held_out.fitness, 3)}: {losses[worst] / learnt:.0%} of what was learnt is lost."
     )
 
 
@@ -213,7 +214,3 @@ def _loss(before: Evaluation, after: Evaluation) -> float | None:
     loss = before.fitness - after.fitness
     luck = ERRORS * ((before.error or 0.0) ** 2 + (after.error or 0.0) ** 2) ** 0.5
     return loss if loss > luck else None
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3g}"
