@@ -1,6 +1,6 @@
 """A language model designs reinforcement-learning rewards, a population of policies judges them.
 
-What a Python program calls stands here, and is imported when it is first used.
+What a Python program calls stands here. Errors are imported at once, all else when it is first used.
 """
 
 from __future__ import annotations
@@ -8,24 +8,24 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
+from .errors import (
+    BudgetError,
+    CapacityError,
+    ConfigError,
+    EurekaError,
+    FeedbackError,
+    ModelError,
+    RewardFileError,
+    SandboxUnavailable,
+    StoreError,
+    TaskError,
+    WorkerError,
+)
 from .version import __version__
 
 if TYPE_CHECKING:
     from .benchmark.bench import Bench, bench
     from .benchmark.plan import Plan
-    from .errors import (
-        BudgetError,
-        CapacityError,
-        ConfigError,
-        EurekaError,
-        FeedbackError,
-        ModelError,
-        RewardFileError,
-        SandboxUnavailable,
-        StoreError,
-        TaskError,
-        WorkerError,
-    )
     from .events import Asked, Began, Checked, Played, Replied
     from .runs.api import check, open_run, robust, search, searching, train, tune
     from .runs.program import Event, Started
@@ -76,19 +76,6 @@ __all__ = [
 _MODULES = {
     "benchmark.bench": ("Bench", "bench"),
     "benchmark.plan": ("Plan",),
-    "errors": (
-        "BudgetError",
-        "CapacityError",
-        "ConfigError",
-        "EurekaError",
-        "FeedbackError",
-        "ModelError",
-        "RewardFileError",
-        "SandboxUnavailable",
-        "StoreError",
-        "TaskError",
-        "WorkerError",
-    ),
     "events": ("Asked", "Began", "Checked", "Played", "Replied"),
     "runs.api": ("check", "open_run", "robust", "search", "searching", "train", "tune"),
     "runs.program": ("Event", "Started"),
