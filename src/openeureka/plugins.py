@@ -7,6 +7,7 @@ import importlib
 import importlib.util
 import inspect
 import sys
+import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.machinery import SourceFileLoader
@@ -16,7 +17,7 @@ from threading import RLock
 from types import ModuleType
 from typing import Any
 
-from .errors import ConfigError, nearest
+from .errors import ConfigError, EurekaError, nearest
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +77,7 @@ class Door:
         """Call what `find` finds.
 
         Raises:
-            ConfigError: as `find` does, and when it cannot be called so or lacks one of the `members`.
+            ConfigError: as `find` does, and when it cannot be called so, fails, or lacks one of the `members`.
         """
         factory = self.find(value)
         try:
@@ -84,7 +85,17 @@ class Door:
         except TypeError as error:
             given = ", ".join([*(type(arg).__name__ for arg in args), *(f"{name}=" for name in options)])
             raise ConfigError(f"`{self.setting}={value}` cannot be called with ({given}): {error}.") from error
-        made = factory(*args, **options)
+        try:
+            made = factory(*args, **options)
+        except EurekaError:
+            raise
+        except Exception as error:  # whatever a person's code raises; one of ours is a fault of ours
+            if value in self.built_in:
+                raise
+            frame = traceback.extract_tb(error.__traceback__)[-1]
+            said = " ".join(f"{type(error).__name__}: {error}".split()).rstrip(".")
+            place = f"{Path(frame.filename).name}, line {frame.lineno}"
+            raise ConfigError(f"`{self.setting}={value}` cannot be made: {said} ({place}).") from error
         if missing := [name for name in self.members if not hasattr(made, name)]:
             raise ConfigError(f"What `{self.setting}={value}` makes is not complete: it has no {', '.join(missing)}.")
         return made

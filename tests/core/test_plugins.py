@@ -107,6 +107,7 @@ def test_settings_keep_the_whole_path_of_a_file(tmp_path, monkeypatch):
         ("bracket.py", "Say which class or function of bracket.py is meant: search=bracket.py:Name."),
         ("bracket.py:Turnament", "There is no class or function `Turnament` in bracket.py. Did you mean `Tournament`?"),
         ("ends.py:Search", "`search=ends.py:Search` cannot be imported: SystemExit: 0."),
+        ("fails.py:make", "`search=fails.py:make` cannot be made: KeyError: 'key' (fails.py, line 2)."),
         ("broken.py:Search", "`search=broken.py:Search` cannot be imported: ModuleNotFoundError: No module named"),
         (
             "cut.py:Search",
@@ -116,6 +117,7 @@ def test_settings_keep_the_whole_path_of_a_file(tmp_path, monkeypatch):
 )
 def test_what_no_file_holds_is_one_sentence(tmp_path, monkeypatch, value, says):
     (tmp_path / "cut.py").write_text("f(\n")
+    (tmp_path / "fails.py").write_text("def make(config):\n    return {}['key']\n")
     (tmp_path / "ends.py").write_text("raise SystemExit(0)\n")
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ConfigError, match=r"^[^\n]*$") as refused:

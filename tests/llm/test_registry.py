@@ -1,5 +1,6 @@
 import json
 import shutil
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -124,7 +125,8 @@ def test_a_module_that_is_found_needs_no_package_around_it(tmp_path: Path, monke
     monkeypatch.syspath_prepend(tmp_path)
     assert isinstance(open_model(RunConfig(model="my_model_of_one_file:made")), RandomModel)
     monkeypatch.setenv("OPENAI_API_KEY", "sk-none")
-    for name in ("llama3:latest", "llama3.2:latest", "qwen2.5-coder:1.5b"):
+    monkeypatch.setattr(sys.modules["__main__"], "__spec__", None)  # as in a script
+    for name in ("__main__:y", "llama3:latest", "llama3.2:latest", "qwen2.5-coder:1.5b"):
         assert open_model(RunConfig(model=name)).name == name
 
 

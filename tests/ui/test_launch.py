@@ -14,6 +14,7 @@ from pathlib import Path
 import httpx2
 import pytest
 from filelock import FileLock
+from llm.endpoint import Endpoint, failure
 from report.scripted import search_in
 
 from openeureka.__main__ import _terminated
@@ -35,9 +36,11 @@ def wait_for(happens: Callable[[], bool], seconds: float = 60.0) -> None:
         time.sleep(0.05)
 
 
-def test_a_run_outlives_the_page_that_started_it_and_its_log_tells_how_it_goes(tmp_path, tmp_path_factory):
-    silent = tmp_path_factory.mktemp("replies") / "silent.json"
-    silent.write_text('{"model": "m", "replies": []}')
+def test_a_run_outlives_the_page_that_started_it_and_its_log_tells_how_it_goes(tmp_path, monkeypatch):
+    endpoint = Endpoint()
+    endpoint.script = lambda _: failure(401)
+    monkeypatch.setenv("OPENAI_BASE_URL", endpoint.url)
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-none")
     page = subprocess.Popen([*EUREKA, "ui", str(tmp_path), "port=0"], stdout=subprocess.PIPE, text=True)
     assert page.stdout is not None
     address = re.fullmatch(r"Open (http://)(eureka:\S{32})@(127\.0\.0\.1:\d+)/open\n", page.stdout.readline())
@@ -46,15 +49,16 @@ def test_a_run_outlives_the_page_that_started_it_and_its_log_tells_how_it_goes(t
     login = tuple(address[2].split(":"))
     with httpx2.Client(base_url=own, auth=login, headers={"Origin": own}, follow_redirects=True) as client:
         assert client.get("/open").status_code == 200
-        form = {"env": "cartpole", "model": f"replay:{silent}", "sample": "2", "steps": ""}
+        form = {"env": "cartpole", "model": "m", "sample": "2", "steps": ""}
         answer = client.post("/start", data=form)
         assert answer.status_code == 200 and "_cartpole</title>" in answer.text
     page.send_signal(signal.SIGINT)
     assert page.wait(timeout=30) == 0
     (directory,) = tmp_path.iterdir()
     wait_for(
-        lambda: "holds 0 replies" in (directory / LOG).read_text() and "eureka resume" in (directory / LOG).read_text()
+        lambda: "refused the key" in (directory / LOG).read_text() and "eureka resume" in (directory / LOG).read_text()
     )
+    endpoint.close()
 
 
 def test_a_started_run_has_the_settings_of_the_form_and_a_session_of_its_own(tmp_path, monkeypatch):
@@ -127,8 +131,11 @@ def test_a_run_that_is_at_work_is_asked_to_stop(tmp_path):
         ({"env": "ant", "video": "<b>"}, "`video` must be one of all, best, none"),
         ({"env": "ant", "device": "tpu"}, "There is no device `tpu`"),
         ({"env": "ant", "model": "rnadom"}, "Did you mean `random`?"),
-        ({"env": "ant", "model": "replay:nowhere"}, "nowhere is not a run"),
-        ({"env": "ant", "model": "local:nowhere.gguf"}, "nowhere.gguf, which cannot be read"),
+        ({"env": "ant", "model": "replay:nowhere"}, "is not a model that can be asked from here"),
+        ({"env": "ant", "model": "local:nowhere.gguf"}, "is not a model that can be asked from here"),
+        ({"env": "ant", "model": "local:hub:owner/repo/file.gguf"}, "is not a model that can be asked from here"),
+        ({"env": "ant", "model": "os:system"}, "is not a model that can be asked from here"),
+        ({"env": "ant", "model": "os.path:exists"}, "is not a model that can be asked from here"),
     ],
 )
 def test_a_form_that_does_not_fit_starts_nothing_and_says_why(tmp_path, form, problem):
@@ -137,6 +144,15 @@ def test_a_form_that_does_not_fit_starts_nothing_and_says_why(tmp_path, form, pr
     answer = visitor(tmp_path).post("/start", data=form)
     assert answer.status_code == 400 and problem in answer.text
     assert not list(tmp_path.iterdir())
+
+
+def test_a_form_runs_nobodys_file(tmp_path, monkeypatch):
+    file, runs = tmp_path / "own.py", tmp_path / "runs"
+    runs.mkdir()
+    file.write_text(f"open({str(tmp_path / 'ran')!r}, 'w')\ndef make(config): pass\n")
+    answer = visitor(runs).post("/start", data={"env": "ant", "model": f"{file}:make"})
+    assert answer.status_code == 400 and "use `eureka run`" in answer.text
+    assert not (tmp_path / "ran").exists() and not list(runs.iterdir())
 
 
 def test_a_form_leaves_videos_at_the_default_until_somebody_chooses(tmp_path):

@@ -1,5 +1,5 @@
 """Language models: one protocol, and what `model=` may name."""
 
-from .registry import expect, open_model
+from .registry import expect, is_plain, open_model
 
-__all__ = ["expect", "open_model"]
+__all__ = ["expect", "is_plain", "open_model"]

@@ -56,9 +56,18 @@ def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
 
 def _is_import(module: str, name: str) -> bool:
     """Whether `module:name` is no model of an endpoint, whose names may have a colon too: `llama3.2:latest`."""
-    parts = module.split(".")
-    named = all(map(str.isidentifier, parts)) and (len(parts) > 1 or find_spec(module) is not None)
-    return bool(name) and (named or module.endswith(".py"))
+    parts, found = module.split("."), False
+    with suppress(ValueError):  # a module without a spec, such as `__main__`
+        found = all(map(str.isidentifier, parts)) and (len(parts) > 1 or find_spec(module) is not None)
+    return bool(name) and (found or module.endswith(".py"))
+
+
+def is_plain(model: str) -> bool:
+    """Whether a value of `model=` is a name alone, and leads to no file, download or code of its own choice."""
+    if model in KINDS or MODELS.installed(model):
+        return True
+    module, _, name = model.rpartition(":")
+    return model.partition(":")[0] not in KINDS and not _is_import(module, name)
 
 
 def expect(config: RunConfig) -> None:

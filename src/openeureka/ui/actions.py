@@ -10,7 +10,7 @@ from typing import BinaryIO, NamedTuple
 from ..config import RunConfig
 from ..errors import ConfigError, FeedbackError, StoreError
 from ..executors.local import devices
-from ..llm import expect, open_model
+from ..llm import expect, is_plain, open_model
 from ..parsing import parse
 from ..store import Store, artifacts, is_held, is_run
 from ..store.db import LOG, explained
@@ -37,7 +37,8 @@ class Launcher:
         """Begin a search with the settings of a form, those left empty at their defaults; the name of the run.
 
         Raises:
-            ConfigError: for a setting that does not fit, or an environment that is not installed.
+            ConfigError: for a setting that does not fit, an environment that is not installed, or a model that is a
+                file, a download or somebody's code.
             TaskError: for an environment that an adapter does not find.
             ModelError: for a model that has no key, or is not there.
             StoreError: where the folder cannot be written.
@@ -48,6 +49,8 @@ class Launcher:
         config = parse(RunConfig, words)
         if not registry.installed(config.env):
             raise ConfigError(f"`{config.env}` is not a task that can be started from here; use `eureka run`.")
+        if not is_plain(config.model):
+            raise ConfigError(f"`{config.model}` is not a model that can be asked from here; use `eureka run`.")
         registry.get(config.env)
         devices(config.device)
         expect(config)
