@@ -124,3 +124,15 @@ def test_a_changed_task_keeps_the_rest():
 def test_what_is_no_number_text_or_switch_cannot_be_changed():
     with pytest.raises(TaskError, match="has no `recipe` to set"):
         registry.get("cartpole+recipe=1")
+
+
+class Told(registry.get("cartpole")):
+    """One whose human reward is text, as that of a draft."""
+
+    human = "def compute_reward(pole_angle):\n    return -pole_angle.abs(), {}\n"
+
+
+def test_the_name_of_a_task_brings_no_program():
+    registry.get(f"{__name__}:Told")
+    with pytest.raises(TaskError, match="has no `human` to set"):
+        registry.get(f'{__name__}:Told+human="def f(x): return x"')

@@ -97,8 +97,8 @@ def variant(env: str, values: Mapping[str, object]) -> str:
     return "+".join([env, *(f"{name}={json.dumps(value)}" for name, value in values.items())])
 
 
-FIXED = ("env", "suite", "source", "draws_itself")
-"""Attributes of a task that say what it is."""
+FIXED = ("env", "suite", "source", "draws_itself", "human")
+"""Attributes of a task that say what it is, and its program: the name of a task, which a store may hold, brings none."""
 POSITIVE = ("episode_length", "control_dt", "substeps")
 """Without these, nothing moves."""
 
