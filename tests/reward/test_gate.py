@@ -10,6 +10,7 @@ import pytest
 
 from openeureka.reward import gate
 from openeureka.testing.hostile import STATE
+from openeureka.types import StateSpec, StateVar
 from reward.honest import ANT, CARTPOLE
 
 
@@ -57,7 +58,24 @@ GOLDEN = {
     ),
     "a torch function that no graph can hold": (
         "def compute_reward(dof_pos):\n    return torch.vdot(dof_pos[:, 0], dof_pos[:, 1]), {}\n",
-        "line 2: `torch.vdot` is not available to a reward [torch-function]; did you mean `dot`?",
+        "line 2: `torch.vdot` is not available to a reward [torch-function]; use `torch.dot`",
+    ),
+    "a function that is torch's in another place": (
+        "def compute_reward(dof_pos):\n    return torch.special.logit(dof_pos)[:, 0], {}\n",
+        "line 2: `torch.special.logit` is not available to a reward [torch-function]; use `torch.logit`",
+    ),
+    "a function in place": (
+        "def compute_reward(dof_pos):\n    return torch.relu_(dof_pos)[:, 0], {}\n",
+        "line 2: `torch.relu_` is not available to a reward [torch-function]; use `torch.relu`",
+    ),
+    "a value of the step before": (
+        "def compute_reward(dof_pos, prev_dof_pos):\n    return (dof_pos - prev_dof_pos)[:, 0], {}\n",
+        "line 1: `prev_dof_pos` is not a state variable of this task [unknown-input]; values of earlier steps are not "
+        "available; the inputs are obs_buf, dof_pos, dof_vel, num_envs",
+    ),
+    "a value of the step before, as a free name": (
+        "def compute_reward(dof_pos):\n    return (dof_pos - last_dof_pos)[:, 0], {}\n",
+        "line 2: `last_dof_pos` is not defined [unknown-name]; values of earlier steps are not available",
     ),
     "a value read out of a tensor": (
         "def compute_reward(dof_pos):\n    return dof_pos[:, 0] * dof_pos.max().item(), {}\n",
@@ -150,6 +168,54 @@ def test_what_is_made_anew_in_each_call_may_be_changed() -> None:
     source = "PARTS = {'a': 1.0}\ndef f(dof_pos):\n    PARTS = {}\n    PARTS['a'] = dof_pos[:, 0]\n"
     source += "    rest = []\n    rest.append(PARTS['a'])\n    return rest[0], PARTS\n"
     assert isinstance(gate.check(source, CARTPOLE), gate.Program)
+
+
+@pytest.mark.parametrize(
+    ("call", "meant"),
+    [
+        ("quat_inv(dof_pos)", "quat_conjugate"),
+        ("quat_inverse(dof_pos)", "quat_conjugate"),
+        ("quat_to_euler(dof_pos)", "get_euler_xyz"),
+        ("quat_rotate_vector(dof_pos, dof_vel)", "quat_rotate"),
+        ("torch.special.expit(dof_pos)", "torch.sigmoid"),
+        ("torch.special.xlogy(dof_pos, dof_vel)", "torch.xlogy"),
+        ("torch.linalg.matmul(dof_pos, dof_vel)", "torch.matmul"),
+        ("F.logit(dof_pos)", "torch.logit"),
+        ("torch.softplus(dof_pos)", "torch.nn.functional.softplus"),
+        ("torch.ger(dof_pos, dof_vel)", "torch.outer"),
+        ("torch.arctanh(dof_pos)", "torch.atanh"),
+        ("dof_pos.softplus()", "torch.nn.functional.softplus"),
+    ],
+)
+def test_a_function_of_another_name_is_named(call: str, meant: str) -> None:
+    (sentence,) = sentences(f"def f(dof_pos, dof_vel):\n    return {call}[:, 0], {{}}\n")
+    assert sentence.endswith(f"use `{meant}`")
+
+
+@pytest.mark.parametrize(
+    "call", ["torch.angle(dof_pos)", "torch.isin(dof_pos)", "torch.dsplit(dof_pos)", "print(dof_pos)"]
+)
+def test_no_function_is_guessed_that_does_something_else(call: str) -> None:
+    (sentence,) = sentences(f"def f(dof_pos):\n    return {call}[:, 0], {{}}\n")
+    assert "did you mean" not in sentence and "use `" not in sentence
+
+
+@pytest.mark.parametrize(
+    ("name", "guessed"),
+    [
+        ("gripper_position", "gripper_pos"),
+        ("ball_velocities", "ball_velocity"),
+        ("actions", ""),  # of the step before
+        ("contact_force", ""),  # a scale is no force
+        ("goal2", ""),
+        ("left_hand", ""),
+    ],
+)
+def test_a_state_variable_is_guessed_that_is_the_same_in_other_words(name: str, guessed: str) -> None:
+    names = ("gripper_pos", "ball_velocity", "prev_actions", "contact_force_scale", "goal1", "right_hand")
+    spec = StateSpec(tuple(StateVar(name=known, meaning="", shape=()) for known in names))
+    (sentence,) = sentences(f"def f({name}):\n    return {name}, {{}}\n", spec)
+    assert (f"did you mean `{guessed}`?" in sentence) if guessed else ("did you mean" not in sentence)
 
 
 def test_a_guess_that_would_change_the_reward_is_not_made() -> None:

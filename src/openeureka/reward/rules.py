@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import ast
-import difflib
 from collections.abc import Iterable
 
 from ..types import Finding, StateSpec
-from . import surface
+from . import guess, surface
 from .normalise import Draft
 from .syntax import MAX_INT, Scope, bound, dotted, identifiers, rebound, shown, twin
 
@@ -40,6 +39,7 @@ _FIXES: dict[type[ast.AST], str] = {
     ast.Match: "use torch.where",
     ast.With: "remove it",
 }
+_EARLIER = "values of earlier steps are not available"
 _INSTEAD = {"data": "leave it out, the tensor itself is what it gives", "format": "use an f-string"}
 _CHANGES = frozenset(("append", "clear", "extend", "insert", "pop", "popitem", "remove", "setdefault", "update"))
 """Methods that change a list or a dict."""
@@ -75,24 +75,27 @@ class Rules(ast.NodeVisitor):
         # An identifier may be as long as the program.
         self.findings.append(Finding(rule=rule, message=message[:300], fix=fix, line=getattr(node, "lineno", None)))
 
-    def _guess(self, name: str, known: Iterable[str]) -> str:
-        """`did you mean X?`, or nothing: a far-fetched guess sends a model the wrong way.
+    def _guess(self, name: str, known: Iterable[str], likeness: float = guess.MISSPELT) -> str:
+        """`did you mean X?`, or nothing.
 
         Each takes a millisecond or more, and a text may hold thousands of unknown names of thousands of letters.
         """
         if len(name) > MAX_GUESSED or self._guesses == 0:
             return ""
         self._guesses -= 1
-        match = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.7)
-        return f"did you mean `{match[0]}`?" if match else ""
+        match = guess.nearest(name, known, likeness)
+        return f"did you mean `{match}`?" if match else ""
 
     def _is_input(self, name: str) -> bool:
         return name in self.state or name in IMPLICIT
 
     def _unknown_input(self, name: str, node: ast.AST) -> None:
-        guess, inputs = self._guess(name, self.state.names), f"inputs are {', '.join(self.state.names)}"
-        message = f"`{name}` is not a state variable of this task"
-        self._refuse("unknown-input", message, node, f"{guess} {inputs}" if guess else f"the {inputs}")
+        inputs = f"inputs are {', '.join(self.state.names)}"
+        if said := self._guess(name, self.state.names, guess.RENAMED):
+            fix = f"{said} {inputs}"
+        else:
+            fix = f"{_EARLIER}; the {inputs}" if guess.is_earlier(name) else f"the {inputs}"
+        self._refuse("unknown-input", f"`{name}` is not a state variable of this task", node, fix)
 
     def _signature(self) -> None:
         arguments = self.draft.entry.args
@@ -153,10 +156,12 @@ class Rules(ast.NodeVisitor):
             self._refuse("unknown-name", message, node, "use it in annotations alone, and write `{}` for a dict")
         else:
             local = sorted(self._locals, key=len)[:MAX_KNOWN]
-            known = (*self.state.names, *surface.ALL_HELPERS, *surface.BUILTINS, *local)
-            self._refuse(
-                "unknown-name", f"`{name}` is not defined", node, self._guess(name, known) or "define it or remove it"
-            )
+            fix = self._guess(name, (*self.state.names, *local), guess.RENAMED)
+            if not fix and (known := guess.instead(name)):
+                fix = f"use `{known}`"
+            fix = fix or self._guess(name, (*surface.ALL_HELPERS, *surface.BUILTINS))
+            fix = fix or (_EARLIER if guess.is_earlier(name) else "define it or remove it")
+            self._refuse("unknown-name", f"`{name}` is not defined", node, fix)
 
     def visit_Attribute(self, node: ast.Attribute) -> None:
         if not isinstance(node.ctx, ast.Load):
@@ -187,8 +192,9 @@ class Rules(ast.NodeVisitor):
             message = f"`.{name}` turns tensor values into Python values"
             self._refuse("data-read", message, node, "stay with tensors of one value per world")
         elif name not in surface.METHODS and name not in surface.IN_PLACE_METHODS:
-            function = f"use `torch.{name}`" if name in surface.MODULES["torch"] else ""
-            fix = function or _INSTEAD.get(name) or self._guess(name, surface.METHODS) or "remove it"
+            known = guess.instead(name)
+            function = f"use `{known}`" if known else ""
+            fix = _INSTEAD.get(name) or function or self._guess(name, surface.METHODS) or "remove it"
             self._refuse("attribute", f"`.{name[:40]}` is not an allowed attribute", node, fix)
 
     def _self_attribute(self, node: ast.Attribute) -> None:
@@ -217,7 +223,7 @@ class Rules(ast.NodeVisitor):
             self._refuse("data-read", message, node, "use torch.where or a mask")
         else:
             offered = surface.MODULES.get(path.rpartition(".")[0], surface.TORCH)
-            known = twin(path)
+            known = twin(path) or guess.instead(name)
             fix = f"use `{known}`" if known else self._guess(name, offered) or "write it with tensor operations"
             self._refuse("torch-function", f"`{path[:60]}` is not available to a reward", node, fix)
 

@@ -1,0 +1,72 @@
+"""What the author of an unknown name may have meant. A wrong guess is worse than none: a model follows it."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+from typing import Final
+
+from . import surface
+
+MISSPELT = 0.85
+"""Likeness of a function's name to a misspelling of it: functions of like names do other things."""
+RENAMED = 0.7
+"""Of a variable's name to one that a model made up for it, such as `cart_position` of `cart_pos`."""
+_WORD = 0.75
+_SHORTENED = 3
+"""Letters of the shortest word that may stand for a longer one, as `pos` for `position`."""
+_EARLIER = frozenset(("before", "last", "old", "prev", "previous"))
+_MEANT: Final = {
+    "arccosh": "torch.acosh", "arcsinh": "torch.asinh", "arctanh": "torch.atanh", "degrees": "torch.rad2deg",
+    "expit": "torch.sigmoid", "fabs": "torch.abs", "ger": "torch.outer", "power": "torch.pow",
+    "radians": "torch.deg2rad", "vdot": "torch.dot",
+    "euler_from_quat": "get_euler_xyz", "quat_to_euler": "get_euler_xyz", "quat_to_euler_xyz": "get_euler_xyz",
+    "quaternion_to_euler": "get_euler_xyz", "quat_from_euler": "quat_from_euler_xyz",
+    "quat_conj": "quat_conjugate", "quat_inv": "quat_conjugate", "quat_inverse": "quat_conjugate",
+    "quat_invert": "quat_conjugate", "quat_multiply": "quat_mul", "quaternion_multiply": "quat_mul",
+    "quat_apply_inverse": "quat_rotate_inverse", "quat_rotate_vec": "quat_rotate",
+    "quat_rotate_vector": "quat_rotate", "rotate_vector": "quat_rotate", "quat_normalize": "quat_unit",
+}  # fmt: skip
+"""Names of other libraries, and what they are called here."""
+_OTHERS = surface.words("addr erfcx glu isin logcumsumexp short")
+"""Functions of torch that are like an allowed one in name alone."""
+_ELSEWHERE = ("torch", "torch.nn.functional", "torch.linalg")
+
+
+def instead(name: str) -> str:
+    """What is the same under another name or in another place: `torch.sigmoid` for `expit`; empty where nothing is."""
+    name = name.rstrip("_") or name
+    if meant := _MEANT.get(name):
+        return meant
+    if name in surface.ALL_HELPERS:
+        return name
+    return next((f"{module}.{name}" for module in _ELSEWHERE if name in surface.MODULES[module]), "")
+
+
+def nearest(name: str, known: Iterable[str], likeness: float) -> str:
+    """The known name that this one misspells, or shortens word by word; empty where none is."""
+    if name in _OTHERS:
+        return ""
+    close = difflib.get_close_matches(name, sorted(known), n=5, cutoff=likeness)
+    return next((found for found in close if _alike(name, found)), "")
+
+
+def is_earlier(name: str) -> bool:
+    """Whether a name asks for the value of a step before."""
+    return not _EARLIER.isdisjoint(name.split("_"))
+
+
+def _alike(a: str, b: str) -> bool:
+    """Whether no word or number tells two names apart: `goal1` is not `goal2`, nor `prev_actions` `actions`."""
+    if a[0] != b[0] or re.findall(r"\d+", a) != re.findall(r"\d+", b):
+        return False
+    words = a.split("_"), b.split("_")
+    return a.replace("_", "") == b.replace("_", "") or (len(words[0]) == len(words[1]) and all(map(_is_one, *words)))
+
+
+def _is_one(a: str, b: str) -> bool:
+    """Whether two words are one, misspelt or shortened."""
+    short, long = sorted((a, b), key=len)
+    shortened = len(short) >= _SHORTENED and long.startswith(short)
+    return shortened or difflib.SequenceMatcher(None, a, b).ratio() >= _WORD
