@@ -10,7 +10,7 @@ import torch
 
 from openeureka.codec import encode
 from openeureka.reward import examine, gate, graph, load, probe
-from openeureka.types import Node, RewardGraph, StateSpec, StateVar
+from openeureka.types import Finding, Node, RewardGraph, StateSpec, StateVar
 from reward.honest import CARTPOLE, recorded
 
 
@@ -214,6 +214,44 @@ def test_worlds_that_depend_on_others_only_above_the_recorded_number_are_refused
         Node("add.Tensor", ({"ref": 1}, {"ref": 3})),
     )
     assert examined(*nodes) == examined(*nodes, worlds=64) == examined(*nodes, worlds=1024) == ["coupling"]
+
+
+def refused(source: str) -> tuple[Finding, ...]:
+    """What is found of the graph of a program that the gate accepts."""
+    program = gate.check(source, CARTPOLE)
+    assert isinstance(program, gate.Program), program
+    states = recorded(CARTPOLE)
+    return examine.examine(probe.probe(load.load(program), CARTPOLE, states), CARTPOLE, states)
+
+
+RARE = "x = obs_buf[:, 0]\n    rare = (x > 1e5).float()\n    "
+
+
+@pytest.mark.parametrize(
+    "found",
+    [
+        "torch.cumsum(rare, 0)[-1]",
+        "rare.cumsum(dim=-1)",
+        "torch.cumprod(1.0 + rare, 0)[-1]",
+        "torch.cummax(rare, 0)[0][-1]",
+        "torch.sort(rare, dim=0, descending=True)[0][0]",
+        "torch.sort(rare).values[-1]",
+        "torch.roll(rare, 1)",
+        "torch.roll(rare, 1, 0)",
+        "rare.flip(0)",
+        "rare.topk(num_envs)[0][0]",
+        "torch.softmax(rare, 0) * num_envs",
+        "rare[:, None].expand(-1, 2).reshape(-1).cumsum(0)[-1]",
+    ],
+)
+def test_a_scan_of_the_worlds_is_refused_though_it_gives_all_that_were_recorded_the_same(found: str) -> None:
+    findings = refused(f"def f(obs_buf, num_envs):\n    {RARE}return x - {found}, {{}}\n")
+    assert [(finding.rule, finding.line) for finding in findings] == [("coupling", 4)]
+
+
+def test_a_scan_within_each_world_is_fine() -> None:
+    parts = "obs_buf.cumsum(-1)[:, -1] + obs_buf.T.cumsum(0)[-1] + obs_buf.sort(dim=1)[0][:, 0] + obs_buf.flip(1)[:, 0]"
+    assert refused(f"def f(obs_buf):\n    r = {parts} + obs_buf.roll(1, -1)[:, 0]\n    return r, {{}}\n") == ()
 
 
 def test_a_reward_that_would_keep_a_training_waiting_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

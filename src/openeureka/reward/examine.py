@@ -13,7 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from ..types import Finding, Node, RewardGraph, StateSpec
+from ..types import Arg, Finding, Node, RewardGraph, StateSpec
 from . import graph as graphs
 from . import surface
 from .probe import TRACE_SIZES, Traced, outputs
@@ -35,6 +35,11 @@ _PICKS = frozenset(
 """)
 )
 """What picks worlds, or reads no more of them than their dtype."""
+_SCANS = {
+    "_log_softmax": 1, "_softmax": 1, "cummax": 1, "cummin": 1, "cumprod": 1, "cumsum": 1, "flip": 1, "roll": 2,
+    "sort": 1, "topk": 2,
+}  # fmt: skip
+"""What gives each element along an axis from the others, and at which place it takes the axis."""
 _MANY_WORLDS = 4 * MAX_SIZE_PER_WORLD
 """So many that a value which grows with their square breaks the limit per world."""
 
@@ -160,7 +165,8 @@ def _examine_values(traced: Traced, spec: StateSpec, recorded: Recorded, worlds:
 
 def _examine_reductions(traced: Traced, spec: StateSpec, recorded: Recorded, paying: Set[int]) -> None:
     """What makes one number of all worlds may not pay any, though it was the same in all that were recorded: whether
-    one of them presses too hard, say. What picks a world is judged by values: what is picked may be the same in all.
+    one of them presses too hard, say. Nor may what scans or sorts them: picked of that, a world is one of all too.
+    What picks a world is judged by values: what is picked may be the same in all.
     """
 
     def shaped(count: int) -> list[Any]:
@@ -172,8 +178,24 @@ def _examine_reductions(traced: Traced, spec: StateSpec, recorded: Recorded, pay
     for index in sorted(paying):
         node = traced.graph.nodes[index]
         among = any(grows[source] for source in references(node))
-        if among and not grows[index] and node.op.partition(".")[0] not in _PICKS:
+        reduced = among and not grows[index] and node.op.partition(".")[0] not in _PICKS
+        if reduced or _scans_worlds(node, small, large):
             raise _coupled("the reward", _line(traced, index))
+
+
+def _scans_worlds(node: Node, small: Sequence[Any], large: Sequence[Any]) -> bool:
+    """Whether a node scans an axis that is longer with more worlds."""
+    name = node.op.partition(".")[0]
+    if name not in _SCANS:
+        return False
+    source = next(iter(references(node)))
+    grown = [a != b for a, b in zip(small[source].shape, large[source].shape, strict=True)]
+    unsaid: Arg = () if name == "roll" else -1  # `roll` without an axis rolls all of them as one
+    place = _SCANS[name]
+    given = node.args[place] if place < len(node.args) else unsaid
+    said = node.kwargs.get("dim", node.kwargs.get("dims", given))
+    axes = said if isinstance(said, tuple) else (said,)
+    return any(grown) if not axes else any(grown[axis] for axis in axes if isinstance(axis, int) and grown)
 
 
 def _named_outputs(graph: RewardGraph) -> list[tuple[str, int]]:

@@ -40,6 +40,7 @@ CONTRACT: tuple[Hostile, ...] = (
     probe(78, "second-world", "coupling", "r = r + pos[1, 0]"),
     probe(78, "one-hot-of-the-best", "coupling", "r = (r == r.max()).float()"),
     probe(78, "a-rare-world-that-all-pay-for", "coupling", "r = torch.where((r > 1e5).any(), -1.0, r)"),
+    probe(78, "a-rare-world-found-by-a-scan", "coupling", "r = r - torch.cumsum((r > 1e5).float(), 0)[-1]"),
     harmless(78, "a-record-of-all-worlds", "x = r.max()"),
     probe(93, "worlds-beyond-the-recorded", "coupling", "r = r + r[300:].sum()"),
     probe(93, "worlds-256-apart", "coupling", "r = r + torch.roll(r, 256) - r"),
