@@ -204,10 +204,12 @@ def wait() -> Answer:
     [
         (["waited", "answer"], "none is asked", "answer"),
         (["waited", "waited"], "timeout", "waited"),  # it had its time: the program is at fault
-        (["waited", "waited"], "waited", "busy"),
+        (["waited", "waited", "waited"], "waited", "busy"),
+        (["waited", "waited", "timeout"], "waited", "timeout"),  # it loops, also where little is left for it
+        (["waited", "waited", "answer"], "waited", "answer"),
     ],
 )
-def test_a_child_that_never_woke_up_gets_a_successor_once_and_then_a_witness(
+def test_a_child_that_never_woke_up_gets_a_successor_and_then_a_witness(
     kinds: list[str], witness: str, what: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     children = iter(kinds)

@@ -161,7 +161,7 @@ class Sandbox:
             worker = self._worker or self._start()
             try:
                 worker.send({"source": source, "seconds": SECONDS})
-                return worker.receive(SECONDS * (2 * sum(server.TRIES) + server.TRIES[-1]) + _GRACE_SECONDS)
+                return worker.receive(SECONDS * server.LONGEST + _GRACE_SECONDS)
             except WorkerError as error:
                 self.close()
                 outcome = "silent" if isinstance(error, WorkerTimeout) else "crashed"

@@ -41,6 +41,10 @@ PATIENCE = 4
 """Seconds on the clock for each of processor time that a child may use: a machine with other work is not its fault."""
 TRIES = (PATIENCE, 4 * PATIENCE)
 """Patience with a child, and with its successor where the clock ended it and not its own work."""
+LAST_TRY = 16 * PATIENCE
+"""Patience where the machine is seen to be busy: a reward that loops is to be found out there too."""
+LONGEST = 2 * (sum(TRIES) + LAST_TRY) + TRIES[-1]
+"""That of both children in all tries, and of the one that shows a busy machine."""
 MAX_ANSWER = 4 << 20
 _HUGE, _MADV_HUGEPAGE, _MADV_COLLAPSE = 2 << 20, 14, 25
 _WARM_UP = """
@@ -284,14 +288,17 @@ def _judge(program: gate.Program, bench: _Bench, seconds: float) -> tuple[str, _
 
     About one child in a thousand waits for ever without computing, whatever it is given, and a busy machine may keep
     one waiting as long. So a child that waited gets a successor, once, and that has more time. Whether the program or
-    the machine is at fault where that waited too, is seen by a child that runs no program.
+    the machine is at fault where that waited too, is seen by a child that runs no program. On a busy machine a last one
+    has time enough for its share of a processor to end it, if it loops.
     """
     first, longer = TRIES
     where, outcome = _judge_once(program, bench, seconds, first)
     if outcome.kind == "waited":
         where, outcome = _judge_once(program, bench, seconds, longer)
     if outcome.kind == "waited" and _Child(_compute, confined=False).finish(seconds, patience=longer).kind == "waited":
-        outcome = replace(outcome, kind="busy")
+        where, outcome = _judge_once(program, bench, seconds, LAST_TRY)
+        if outcome.kind == "waited":
+            outcome = replace(outcome, kind="busy")
     return where, outcome
 
 
