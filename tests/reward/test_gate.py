@@ -161,7 +161,7 @@ def test_a_refusal_names_line_rule_and_fix(name: str) -> None:
 )
 def test_what_would_remember_is_refused(source: str) -> None:
     (sentence,) = sentences(source)
-    assert "`KEPT` would keep a value from one call to the next [memory]" in sentence
+    assert "`KEPT` would keep a value from one call to the next [state]" in sentence
 
 
 def test_what_is_made_anew_in_each_call_may_be_changed() -> None:
@@ -253,6 +253,58 @@ def test_prose_is_no_program() -> None:
 def test_an_example_of_use_below_the_function_is_ignored(example: str) -> None:
     source = f"def f(dof_pos):\n    return dof_pos[:, 0], {{}}\n{example}"
     assert isinstance(gate.check(source, CARTPOLE), gate.Program)
+
+
+def test_an_example_of_use_sets_no_state_variable() -> None:
+    source = "def f(potentials):\n    return potentials * dt * SCALE, {}\nSCALE = 2.0\ndt = 0.5\nnum_envs: int = 4\n"
+    program = gate.check(source, ANT)
+    assert isinstance(program, gate.Program)
+    assert set(program.inputs) == {"potentials", "dt"} and program.draft.constants == {"SCALE"}
+
+
+def test_a_list_of_constants_may_be_a_repeated_one() -> None:
+    source = "W = [0.1] * 3\nPAIRS = 2 * (0.5, -1)\nGRID = [[0.0] * 2] * 2\nNONE = [1] * -1\n"
+    program = gate.check(f"{source}def f(dof_pos):\n    return dof_pos[:, 0] * W[0], {{}}\n", CARTPOLE)
+    assert isinstance(program, gate.Program)
+    names: dict[str, Any] = {}
+    exec(program.code(), names)
+    assert (names["W"], names["PAIRS"]) == ([0.1, 0.1, 0.1], (0.5, -1, 0.5, -1))
+    assert (names["GRID"], names["NONE"]) == ([[0.0, 0.0], [0.0, 0.0]], [])
+
+
+@pytest.mark.parametrize("long", ["[0] * 101", "[0] * 10 ** 9", "[[0] * 100] * 100", "[x] * 2", "[0] * 2.0"])
+def test_a_repeated_list_that_is_long_or_odd_is_refused(long: str) -> None:
+    (sentence,) = sentences(f"LONG = {long}\ndef f(dof_pos):\n    return dof_pos[:, 0] * LONG[0], {{}}\n")
+    assert "[statement]" in sentence
+
+
+@pytest.mark.parametrize(
+    ("source", "rule"),
+    [
+        ("W = torch.tensor([1.0])\ndef f(dof_pos):\n    return dof_pos[:, 0] * W.sum() * W, {}\n", "statement"),
+        ("g = lambda x: x\ndef f(dof_pos):\n    return g(dof_pos[:, 0]), {}\n", "statement"),
+        ("class A:\n    b = 1.0\ndef f(dof_pos):\n    return A.b * dof_pos[:, 0], {}\n", "statement"),
+        ("import scipy\ndef f(dof_pos):\n    return scipy.special.expit(dof_pos)[:, 0], {}\n", "import"),
+        ("def t(*x):\n    return sum(x)\ndef f(dof_pos):\n    return t(dof_pos[:, 0]), {}\n", "signature"),
+    ],
+)
+def test_what_is_refused_where_it_is_made_is_not_refused_again_where_it_is_used(source: str, rule: str) -> None:
+    found = gate.check(source, CARTPOLE)
+    assert isinstance(found, tuple) and [finding.rule for finding in found] == [rule]
+
+
+@pytest.mark.parametrize(
+    ("call", "fix"),
+    [
+        ("np.float32(0.5)", "write the number itself, or `torch.float32` for a dtype"),
+        ("math.prod([0.5, 2.0])", "multiply the numbers with `*`"),
+        ("np.clip(1.5, 0, 1)", "use `torch.clip`"),
+        ("np.array([0.5])", "use `torch.tensor`"),
+    ],
+)
+def test_what_is_said_of_functions_of_plain_numbers_works(call: str, fix: str) -> None:
+    (sentence,) = sentences(f"def f(dof_pos):\n    return dof_pos[:, 0] * {call}, {{}}\n")
+    assert sentence.endswith(fix)
 
 
 def test_a_constant_may_be_made_of_those_above_it() -> None:

@@ -128,7 +128,8 @@ def test_a_reward_and_components_that_are_one_tensor_are_fine() -> None:
 
 def test_python_floats_stand_where_torch_wants_tensors() -> None:
     spec, _ = PROGRAMS["Python floats as components"]
-    source = "def f(obs_buf):\n    return torch.max(obs_buf[:, 0], 0.0) * torch.exp(-1.0), {}\n"
+    product = "torch.max(obs_buf[:, 0], 0.0) * torch.exp(-1.0) * torch.clip(1.5, 0, 1)"
+    source = f"def f(obs_buf):\n    return {product}, {{}}\n"
     reward, _ = graph.compile(accepted(spec, source).graph, spec)({"obs_buf": torch.tensor([[2.0], [-2.0]])})
     torch.testing.assert_close(reward, torch.tensor([2.0 * math.exp(-1.0), 0.0]))
 

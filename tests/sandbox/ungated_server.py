@@ -31,7 +31,7 @@ def unread(source: str, state: StateSpec) -> Text:
 
 
 def _nothing() -> Draft:
-    draft = Normaliser().build(ast.parse("def f(): pass"))
+    draft = Normaliser(frozenset()).build(ast.parse("def f(): pass"))
     assert draft is not None
     return draft
 

@@ -16,7 +16,7 @@ from types import CodeType
 from ..text import printable
 from ..types import Finding, StateSpec
 from .normalise import Draft, Normaliser
-from .rules import Rules
+from .rules import IMPLICIT, Rules
 from .syntax import dotted, twin
 
 FILENAME = "<reward>"
@@ -71,7 +71,7 @@ def _check(source: str, state: StateSpec) -> Program | tuple[Finding, ...]:
     tree = parse(source)
     if isinstance(tree, Finding):
         return (tree,)
-    normaliser = Normaliser()
+    normaliser = Normaliser({*state.names, *IMPLICIT})
     draft = normaliser.build(tree)
     if draft is None:
         return tuple(normaliser.findings)

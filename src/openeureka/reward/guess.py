@@ -18,9 +18,9 @@ _SHORTENED = 3
 """Letters of the shortest word that may stand for a longer one, as `pos` for `position`."""
 _EARLIER = frozenset(("before", "last", "old", "prev", "previous"))
 _MEANT: Final = {
-    "arccosh": "torch.acosh", "arcsinh": "torch.asinh", "arctanh": "torch.atanh", "degrees": "torch.rad2deg",
-    "expit": "torch.sigmoid", "fabs": "torch.abs", "ger": "torch.outer", "power": "torch.pow",
-    "radians": "torch.deg2rad", "vdot": "torch.dot",
+    "arccosh": "torch.acosh", "arcsinh": "torch.asinh", "arctanh": "torch.atanh", "array": "torch.tensor",
+    "degrees": "torch.rad2deg", "expit": "torch.sigmoid", "fabs": "torch.abs", "ger": "torch.outer",
+    "power": "torch.pow", "radians": "torch.deg2rad", "vdot": "torch.dot",
     "euler_from_quat": "get_euler_xyz", "quat_to_euler": "get_euler_xyz", "quat_to_euler_xyz": "get_euler_xyz",
     "quaternion_to_euler": "get_euler_xyz", "quat_from_euler": "quat_from_euler_xyz",
     "quat_conj": "quat_conjugate", "quat_inv": "quat_conjugate", "quat_inverse": "quat_conjugate",

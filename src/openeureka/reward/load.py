@@ -64,8 +64,8 @@ _REPLACED = {
 _TAKES_FLOATS = surface.words("atan2 max maximum min minimum")
 """Functions of tensors that authors also call with Python floats, as in `torch.max(x, 0.0)`."""
 _FIRST_FLOAT = surface.words("""
-    abs acos asin atan ceil clamp cos cosh exp expm1 floor log log10 log1p log2 pow relu round rsqrt sigmoid sign sin
-    sinh sqrt square tan tanh
+    abs acos asin atan ceil clamp clip cos cosh exp expm1 floor log log10 log1p log2 pow relu round rsqrt sigmoid sign
+    sin sinh sqrt square tan tanh
 """)
 """The same for the first argument only, as in `torch.exp(-dt)`."""
 

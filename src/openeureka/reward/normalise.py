@@ -8,7 +8,7 @@ allowed is for `gate`.
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass
 from typing import TypeVar, cast
 
@@ -33,7 +33,7 @@ _ANNOTATION_NODES = (
 
 _PATHS = frozenset({*surface.MODULES, *surface.PACKAGES, *DROPPED_DECORATORS})
 """What may be imported by itself."""
-_EXAMPLES = (ast.Expr, ast.Assign, ast.Assert, ast.If, ast.For, ast.While, ast.With, ast.Try)
+_EXAMPLES = (ast.Expr, ast.Assign, ast.AnnAssign, ast.Assert, ast.If, ast.For, ast.While, ast.With, ast.Try)
 """What an example of use is made of."""
 
 _Function = TypeVar("_Function", ast.FunctionDef, ast.Lambda)
@@ -52,6 +52,8 @@ class Draft:
     """Names of module-level literals."""
     ignored: Mapping[str, str]
     """Name to dotted path, for imports of which nothing is there."""
+    refused: frozenset[str]
+    """Names that a finding is about already: that they are used is none of its own."""
 
     @property
     def method(self) -> bool:
@@ -76,10 +78,22 @@ def _own_functions(tree: ast.Module) -> Iterator[str]:
                 pass
 
 
-class Normaliser(ast.NodeTransformer):
-    """Builds a `Draft`; `findings` says why where it cannot."""
+def _assigned(node: ast.stmt) -> set[str]:
+    """Names that a statement gives a value."""
+    names = (part for part in ast.walk(node) if isinstance(part, ast.Name))
+    return {name.id for name in names if isinstance(name.ctx, ast.Store)}
 
-    def __init__(self) -> None:
+
+class Normaliser(ast.NodeTransformer):
+    """Builds a `Draft`; `findings` says why where it cannot.
+
+    Args:
+        inputs: names that are read from the state, whatever an example of use calls so.
+    """
+
+    def __init__(self, inputs: Set[str]) -> None:
+        self._inputs = inputs
+        self._refused: set[str] = set()
         self.findings: list[Finding] = []
         self.names = dict(SHORT_NAMES)
         self.functions: dict[str, ast.FunctionDef] = {}
@@ -113,12 +127,14 @@ class Normaliser(ast.NodeTransformer):
         entry = next((self.functions[name] for name in ENTRY_NAMES if name in self.functions), None)
         entry = entry or list(self.functions.values())[-1]
         plain = ast.fix_missing_locations(ast.Module(body=body, type_ignores=[]))
-        return Draft(plain, entry, self.functions, self.names, frozenset(self.constants), self.ignored)
+        known = frozenset(self.constants), self.ignored, frozenset(self._refused)
+        return Draft(plain, entry, self.functions, self.names, *known)
 
     def _refuse(self, rule: str, message: str, node: ast.AST, fix: str = "") -> None:
         self.findings.append(Finding(rule=rule, message=message[:300], fix=fix, line=getattr(node, "lineno", None)))
 
     def _refuse_class(self, node: ast.ClassDef) -> None:
+        self._refused.add(node.name)
         self._refuse("statement", "`class` is not allowed", node, "write plain functions")
 
     # --- module level ---
@@ -135,12 +151,13 @@ class Normaliser(ast.NodeTransformer):
             return None
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             return None
-        if isinstance(node, ast.AnnAssign | ast.Assign):
+        if isinstance(node, ast.AnnAssign | ast.Assign) and not (after and _assigned(node) & self._inputs):
             plain = self.visit(node)
             if isinstance(plain, ast.Assign) and self._literal_assignment(plain):
                 return plain
         if after and isinstance(node, _EXAMPLES):
             return None  # below the last function, where nothing runs it
+        self._refused |= _assigned(node)
         self._refuse(
             "statement",
             "only imports, functions and literal constants may stand outside a function",
@@ -189,6 +206,7 @@ class Normaliser(ast.NodeTransformer):
                 continue
             elif path not in _PATHS and name not in surface.MODULES.get(parent, ()):
                 fix = "torch, math, typing and `np.pi` are there; helpers such as `quat_mul` need no import"
+                self._refused.add(bound)
                 self._refuse("import", f"`{path}` cannot be imported", node, fix)
                 continue
             if bound.startswith("__"):
@@ -230,7 +248,9 @@ class Normaliser(ast.NodeTransformer):
 
     def _function(self, node: _Function) -> _Function:
         arguments = node.args
-        if arguments.posonlyargs or arguments.vararg or arguments.kwarg:
+        others = (*arguments.posonlyargs, arguments.vararg, arguments.kwarg)
+        if unnamed := {argument.arg for argument in others if argument is not None}:
+            self._refused |= unnamed
             self._refuse("signature", "`*`, `**` and `/` are not allowed in a signature", node, "name every argument")
         for argument in (*arguments.args, *arguments.kwonlyargs):
             if argument.annotation is not None:

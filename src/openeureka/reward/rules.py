@@ -141,7 +141,7 @@ class Rules(ast.NodeVisitor):
                 self._refuse("shadowing", f"`{name}` may not be assigned", node, "choose another name")
             return
         draft = self.draft
-        if name in self._locals or name in draft.functions or name in draft.constants:
+        if name in self._locals or name in draft.functions or name in draft.constants or name in draft.refused:
             return
         if name in draft.names:
             self._path(draft.names[name], node)
@@ -169,6 +169,8 @@ class Rules(ast.NodeVisitor):
             return
         path = dotted(node)
         root = path.split(".")[0] if path else ""
+        if root in self.draft.refused and root not in self._locals:
+            return
         if path and root not in self._locals and root in self.draft.names:
             self._path(f"{self.draft.names[root]}{path[len(root) :]}", node)
             return
@@ -225,6 +227,10 @@ class Rules(ast.NodeVisitor):
             offered = surface.MODULES.get(path.rpartition(".")[0], surface.TORCH)
             known = twin(path) or guess.instead(name)
             fix = f"use `{known}`" if known else self._guess(name, offered) or "write it with tensor operations"
+            if path == "math.prod":
+                fix = "multiply the numbers with `*`"
+            elif path == f"numpy.{name}" and name in surface.DTYPES:
+                fix = f"write the number itself, or `{known}` for a dtype"
             self._refuse("torch-function", f"`{path[:60]}` is not available to a reward", node, fix)
 
     def _random(self, name: str, node: ast.AST) -> None:
@@ -306,7 +312,7 @@ class Rules(ast.NodeVisitor):
         name = whole.id if isinstance(whole, ast.Name) else ""
         if name in self._remembered or (name in self.draft.constants and name not in self._locals):
             message = f"`{name}` would keep a value from one call to the next"
-            self._refuse("memory", message, node, "compute the reward from the state variables alone")
+            self._refuse("state", message, node, "compute the reward from the state variables alone")
 
     def _protected_root(self, node: ast.AST) -> str | None:
         """The input tensor that `x`, `x[...]` or `self.x[...]` names."""

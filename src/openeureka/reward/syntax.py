@@ -11,6 +11,8 @@ from typing import Any
 from . import surface
 
 MAX_INT = 2**63
+MAX_REPEATED = 100
+"""Numbers in a list that `[0.1] * 8` comes to."""
 Scope = ast.FunctionDef | ast.Lambda | ast.ListComp | ast.DictComp | ast.GeneratorExp
 SCOPES = (ast.FunctionDef, ast.Lambda, ast.ListComp, ast.DictComp, ast.GeneratorExp)
 
@@ -141,6 +143,9 @@ class Folder(ast.NodeTransformer):
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
         self.generic_visit(node)
         compute, left, right = _BINARY.get(type(node.op)), _number(node.left), _number(node.right)
+        if isinstance(node.op, ast.Mult) and (left is None) != (right is None):
+            repeated = _repeated(node.left, right) if left is None else _repeated(node.right, left)
+            return repeated or node
         if compute is None or left is None or right is None:
             return node
         return _result(node, compute, left, right)
@@ -176,6 +181,20 @@ def _number(node: ast.expr) -> Number | None:
         return None if positive is None else -positive
     value = node.value if isinstance(node, ast.Constant) else None
     return value if isinstance(value, int | float) else None
+
+
+def _repeated(node: ast.expr, times: Number | None) -> ast.expr | None:
+    """A list or tuple of numbers, or of such lists, several times: `[0.1] * 8`; None where it is none, or is long."""
+    if not isinstance(node, ast.List | ast.Tuple) or not isinstance(times, int) or _length(node) * times > MAX_REPEATED:
+        return None
+    return ast.copy_location(type(node)(node.elts * times, ast.Load()), node)
+
+
+def _length(node: ast.expr) -> float:
+    """Numbers in lists of them; infinite where there is anything else."""
+    if isinstance(node, ast.List | ast.Tuple):
+        return sum(map(_length, node.elts))
+    return math.inf if _number(node) is None else 1
 
 
 def _result(node: ast.expr, compute: Callable[..., Number], *numbers: Any) -> ast.expr:

@@ -98,7 +98,7 @@ def variant(env: str, values: Mapping[str, object]) -> str:
 
 
 FIXED = ("env", "suite", "source", "draws_itself", "human")
-"""Attributes of a task that say what it is, and its program: the name of a task, which a store may hold, brings none."""
+"""Attributes of a task that say what it is, and its program: a name, which a store may hold, brings none."""
 POSITIVE = ("episode_length", "control_dt", "substeps")
 """Without these, nothing moves."""
 

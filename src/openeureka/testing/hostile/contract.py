@@ -117,7 +117,7 @@ PURITY: tuple[Hostile, ...] = (
         "def compute_reward(pos, kept=[]):\n    kept.append(1)\n    return pos[:, 0] * len(kept), {}\n",
         Layer.GATE,
         VerdictCode.REFUSED,
-        "memory",
+        "state",
     ),
     Hostile(
         67,
