@@ -14,14 +14,14 @@ from report.policies import policy
 import openeureka
 from openeureka.cli.train import resume as resume_command
 from openeureka.config import RunConfig
-from openeureka.errors import ConfigError, ModelError, RewardFileError, StoreError
+from openeureka.errors import BudgetError, ConfigError, ModelError, RewardFileError, StoreError
 from openeureka.film import mp4, video
 from openeureka.runs import compose, rewards
-from openeureka.store import Store
+from openeureka.store import Store, read_replies
 from openeureka.store.directory import ask_to_stop
 from openeureka.testing.scripted import ScriptedModel, ToyChecker, ToyTrainer, program, reply
 from openeureka.training.policy import Policy
-from openeureka.types import TrainingResult, TrainingState
+from openeureka.types import TrainingResult, TrainingState, Usage
 
 SCRIPT = [reply(3.0), reply(8.0), reply(12.0), reply(4.0)]
 SETTINGS = {"sample": 2, "iteration": 2, "seeds": 1, "video": "none"}
@@ -269,9 +269,23 @@ def test_what_is_of_another_kind_is_refused_in_one_sentence(call, sentence):
 def test_settings_may_be_paths_and_large_numbers_as_people_write_them(tmp_path, monkeypatch):
     (tmp_path / "mine.py").write_text(program(9.0))
     monkeypatch.chdir(tmp_path)
-    run = search(tmp_path / "run", init=Path("mine.py"), steps=np.float64(1e6), max_cost=np.int64(5))
+    run = search(tmp_path / "run", init=Path("mine.py"), steps=np.float64(1e6), max_cost=np.int64(5), price="0,0")
     assert (run.config.init, run.config.steps) == (f"{tmp_path}/mine.py", 1_000_000)
     assert type(run.config.steps) is int and type(run.config.max_cost) is float
+
+
+def test_a_model_that_is_an_object_costs_what_price_says(tmp_path):
+    def counting() -> ScriptedModel:
+        return ScriptedModel(SCRIPT, usage=Usage(prompt_tokens=10_000, completion_tokens=5_000))
+
+    # 10,000 tokens at 2 $/M and 5,000 at 4 $/M: 0.02 + 0.02, four times
+    run = search(tmp_path / "run", counting(), price="2,4", max_cost=1.0)
+    assert sum(reply.usage.cost_usd for reply in read_replies(run.directory)) == pytest.approx(0.16)
+    with pytest.raises(BudgetError, match=r"max_cost=0\.1: 0\.08 are spent"):
+        search(tmp_path / "stopped", counting(), price="2,4", max_cost=0.1)
+    with pytest.raises(ConfigError, match=r"The price of scripted is not known.*, or price=0,0 where"):
+        search(tmp_path / "refused", counting(), max_cost=1.0)
+    assert not (tmp_path / "refused").exists()
 
 
 def test_rewards_are_trained_by_name_by_path_and_as_text(tmp_path, trainer, monkeypatch):

@@ -79,6 +79,8 @@ def test_the_runs_limit_of_cost_holds_unless_another_is_given(tmp_path):
     run = search_in(tmp_path / "run", [reply(7), reply(8)], env="cartpole", video="none", max_cost=0.02)
     with pytest.raises(EurekaError, match="max_cost"):  # the search's two replies took all of it
         openeureka.robust(run, model=model, sample=1, price="1,1")
+    with pytest.raises(ConfigError, match="The price of mine is not known"):
+        openeureka.robust(run, model=ScriptedModel([], name="mine"), sample=1)
     assert openeureka.robust(run, model=model, sample=1, price="1,1", max_cost=0).robust is not None
     assert parse(RobustConfig, ["max_cost=0"]).applied_to(RunConfig(max_cost=5), ["max_cost"]).max_cost == 0
     assert RobustConfig(max_cost=2).applied_to(RunConfig(max_cost=5), ["max_cost"]).max_cost == 2

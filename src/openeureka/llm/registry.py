@@ -50,7 +50,7 @@ def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
     if kind == "replay":
         return _replay(config, rest, held)
     if not config.base_url and (_is_import(*config.model.rpartition(":")[::2]) or MODELS.installed(config.model)):
-        return _own(config)
+        return priced(MODELS.make(config.model, config), config)
     return _endpoint(config)
 
 
@@ -142,15 +142,25 @@ def archived(path: Path) -> list[Reply]:
     return [Reply(text=text, model=name) for text in texts]
 
 
-def _own(config: RunConfig) -> LanguageModel:
+def priced(model: LanguageModel, config: RunConfig) -> LanguageModel:
+    """Somebody's own model, whose replies cost what the settings say.
+
+    Raises:
+        ConfigError: there is a limit on costs, and nobody knows what the model costs.
+    """
+    if config.model.partition(":")[0] in KINDS:  # one of ours, handed over as an object: it costs nothing
+        return model
+    known = _price(config, ", or price=0,0 where the model states its own costs")
+    return model if known is None else PricedModel(model, known)
+
+
+def _price(config: RunConfig, otherwise: str = "") -> price.Price | None:
     known = price.find(config.model, config.price)
     if known is None and config.max_cost:
         raise ConfigError(
-            f"The price of {config.model} is not known, so max_cost cannot be kept; add price=INPUT,OUTPUT, or "
-            "price=0,0 where the model states its own costs."
+            f"The price of {config.model} is not known, so max_cost cannot be kept; add price=INPUT,OUTPUT{otherwise}."
         )
-    made: LanguageModel = MODELS.make(config.model, config)
-    return made if known is None else PricedModel(made, known)
+    return known
 
 
 def _endpoint(config: RunConfig) -> LanguageModel:
@@ -165,12 +175,7 @@ def _endpoint(config: RunConfig) -> LanguageModel:
         raise ConfigError(f"`base_url` must begin with http:// or https://: write base_url=http://{bare}")
     from .openai import EndpointModel  # the package takes a second to import, and only this needs it
 
-    known = price.find(config.model, config.price)
-    if known is None and config.max_cost:
-        raise ConfigError(
-            f"The price of {config.model} is not known, so max_cost cannot be kept; add price=INPUT,OUTPUT."
-        )
-    return EndpointModel(config.model, base_url=url, temperature=config.temperature, price=known)
+    return EndpointModel(config.model, base_url=url, temperature=config.temperature, price=_price(config))
 
 
 class PricedModel:

@@ -17,7 +17,7 @@ from ..events import Tell, everyone
 from ..executors import EXECUTORS
 from ..llm import expect, open_model
 from ..llm.client import LanguageModel
-from ..llm.registry import KINDS
+from ..llm.registry import KINDS, priced
 from ..method import baselines, given, sampling
 from ..method.given import Given
 from ..method.lanes import Lanes
@@ -156,7 +156,7 @@ def _parts(
     if config.init and not begun:
         sampling.given(config)  # refuses what cannot be read, before a model is opened
     trainer = trainer_of(config, directory)
-    model = model or _model(config, directory)
+    model = priced(model, config) if model is not None else _model(config, directory)
     if begun:  # its model may be its own replies now, which do not say in which style they were asked
         before = read_config(directory)
         config = replace(config, sample=config.sample or before.sample, iteration=config.iteration or before.iteration)
@@ -293,7 +293,7 @@ def robust(
     with Store.view(directory) as store:
         training = planned(store, wanted.start, wanted.steps)
     trainer, mechanics = trainer_of(config, directory), task.compile_model()
-    model = model or open_model(config)
+    model = priced(model, config) if model is not None else open_model(config)
     robot = Robot(
         task=task.description,
         description=ranges.described(task, mechanics),
