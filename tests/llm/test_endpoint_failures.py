@@ -200,6 +200,14 @@ def test_an_endpoint_that_is_slow_is_waited_for(endpoint: Endpoint):
         (failure(404, "your data policy"), "no model `m` for you (Error code: 404 - your data policy); check model="),
         (failure(402, "pay first"), "refuses the request (Error code: 402 - pay first); mend that"),
         (failure(400, "9000 tokens are too many"), "(Error code: 400 - 9000 tokens are too many); mend that"),
+        ((400, {"error": "9000 tokens are too many"}, {}), "(Error code: 400 - 9000 tokens are too many); mend that"),
+        ((402, {"detail": "pay first"}, {}), "(Error code: 402 - pay first); mend that"),
+        ((413, "too\nlong", {}), "(Error code: 413 - too long); mend that"),
+        ((404, "<html>nothing here</html>", {}), "(Error code: 404); check model="),
+        (
+            (422, {"detail": [{"loc": ["body", "model"], "msg": "none of ours", "input": "temperature"}]}, {}),
+            "(Error code: 422 - ['body', 'model']: none of ours); mend that",
+        ),  # FastAPI
         (raw(b"<html>welcome</html>"), "does not answer like an OpenAI-compatible endpoint"),
         (raw(b"[1, 2]"), "does not answer like an OpenAI-compatible endpoint"),
         (raw(b'"choices"'), "does not answer like an OpenAI-compatible endpoint"),

@@ -78,8 +78,17 @@ def test_an_endpoint_that_refuses_n_as_if_it_were_in_trouble_is_asked_in_paralle
     assert texts(sample(model, 3)) == ["y"] * 3
 
 
-def test_a_model_that_refuses_a_temperature_is_asked_without_one(endpoint: Endpoint):
-    endpoint.script = [failure(400, "Unsupported value: 'temperature'"), answer("a", "b")]
+@pytest.mark.parametrize(
+    "refusal",
+    [
+        failure(400, "Unsupported value: 'temperature'"),
+        (400, {"error": "temperature must be 1"}, {}),
+        (422, {"detail": [{"loc": ["body", "temperature"], "msg": "extra fields not permitted"}]}, {}),
+        (400, "no temperature, please", {}),
+    ],
+)
+def test_a_model_that_refuses_a_temperature_is_asked_without_one(endpoint: Endpoint, refusal: Answer):
+    endpoint.script = [refusal, answer("a", "b")]
     assert texts(sample(endpoint.model(), 2)) == ["a", "b"]
     assert "temperature" not in endpoint.bodies[1]
 

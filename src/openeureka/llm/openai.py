@@ -234,7 +234,7 @@ class EndpointModel:
         refused = isinstance(error, openai.BadRequestError | openai.UnprocessableEntityError)
         if not refused and not (isinstance(error, openai.InternalServerError) and error.status_code in _MAY_REFUSE):
             return False
-        said = error.message.lower()
+        said = _said(error).lower()
         if manner.temperature is not None and "temperature" in said:
             if self._manner.temperature is not None:
                 _log.warning("%s takes no temperature of %g: it uses its own.", self.name, manner.temperature)
@@ -273,12 +273,12 @@ class EndpointModel:
         if error.code == "insufficient_quota":
             return ModelError(f"The account at {where} has no credit left; add some, then go on.")
         if not isinstance(error, openai.APIStatusError) or self._passing(error, 0):
-            return self._busy(error.message)
+            return self._busy(_said(error))
         if error.response.is_redirect:
             target = connection.shown(error.response.headers.get("location", "elsewhere"))
             return ModelError(f"{where} sends requests on to {target}; set base_url= to that address if you trust it.")
         sentence = _REFUSALS.get(error.status_code, _REFUSED)
-        return ModelError(sentence.format(where=where, model=self.name, said=self._hidden(error.message)[:300]))
+        return ModelError(sentence.format(where=where, model=self.name, said=self._hidden(_said(error))[:300]))
 
     def _unreadable(self, error: Unreadable) -> ModelError:
         if error.broken:
@@ -340,6 +340,19 @@ def _without_system(messages: Sequence[Message]) -> Sequence[Message]:
         return messages
     asked, *later = rest
     return (Message(asked.role, f"{first.content}\n\n{asked.content}"), *later)
+
+
+def _said(error: openai.APIError) -> str:
+    """What the endpoint says. The package reads OpenAI's own form alone; others send a text, or a mapping with `detail`
+    or a text as `error`; FastAPI lists mistakes, each with what was sent, which would tell of a temperature in vain."""
+    body = error.body
+    if isinstance(body, Mapping):
+        body = next((body[key] for key in ("message", "detail", "error") if body.get(key)), "")
+    if isinstance(body, list):
+        body = "; ".join(f"{part.get('loc')}: {part.get('msg')}" for part in body if isinstance(part, Mapping))
+    words = " ".join(body.split()) if isinstance(body, str) else ""
+    known = not words or words.startswith("<") or words in error.message  # a page is for browsers
+    return error.message if known else f"{error.message} - {words}"
 
 
 def _headers(error: openai.APIError) -> Mapping[str, str]:
