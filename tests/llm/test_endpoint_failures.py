@@ -288,7 +288,8 @@ ODD = [
     [{"message": None}],
     [{"message": {"content": None}}],
     [{"message": {"content": 7}}],
-    [{"message": {"refusal": "no"}}],
+    [{"message": {"refusal": 7, "tool_calls": [None, {"function": None}, {"function": {"arguments": {}}}]}}],
+    [{"message": {"tool_calls": {}}}],
     [{"message": {"content": [{"text": [{"text": "deeper"}]}]}}],
 ]
 
@@ -298,6 +299,19 @@ def test_choices_without_text_are_asked_for_again_and_then_an_empty_reply(endpoi
     endpoint.script = lambda body: replaced(choices=choices)
     assert texts(sample(endpoint.model(), 1)) == [""]
     assert len(endpoint.bodies) == 3
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        {"content": None, "refusal": "I will not."},
+        {"content": "", "tool_calls": [{"id": "1", "type": "function", "function": {"arguments": "I will not."}}]},
+        {"content": "I will not.", "refusal": "no", "tool_calls": [{"function": {"arguments": "no"}}]},
+    ],
+)
+def test_a_refusal_and_a_call_of_a_tool_are_replies(endpoint: Endpoint, message: dict):
+    endpoint.script = [replaced(choices=[{"message": message}])]
+    assert texts(sample(endpoint.model(), 1)) == ["I will not."]
 
 
 def test_text_in_parts_is_joined(endpoint: Endpoint):

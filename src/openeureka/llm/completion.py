@@ -82,7 +82,8 @@ def _object(body: bytes) -> Mapping[str, Any]:
 
 def _choice(choice: object) -> Choice:
     fields = _mapping(choice)
-    text = _text(_mapping(fields.get("message")).get("content"))
+    message = _mapping(fields.get("message"))
+    text = _text(message.get("content")) or _text(message.get("refusal")) or _called(message.get("tool_calls"))
     return Choice(text, bool(text) and str(fields.get("finish_reason")).lower() not in _CUT)
 
 
@@ -90,6 +91,12 @@ def _text(content: object) -> str:
     """A string, or the text parts that some endpoints send instead."""
     parts = [_mapping(part).get("text") for part in content] if isinstance(content, list) else [content]
     return "".join(part for part in parts if isinstance(part, str))
+
+
+def _called(calls: object) -> str:
+    """What a model said to tools that nobody offered it: a program, as often as not."""
+    functions = [_mapping(_mapping(call).get("function")) for call in calls] if isinstance(calls, list) else []
+    return "\n".join(filter(None, (_text(function.get("arguments")) for function in functions)))
 
 
 def _mapping(value: object) -> Mapping[str, Any]:
