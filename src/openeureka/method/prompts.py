@@ -110,7 +110,9 @@ def _free(context: TaskContext, plan: PromptPlan, progress: bool) -> Prompt:
     )
     task = template("free_task").format(
         description=context.description,
-        source=context.source.strip(),
+        source=template("free_documents" if context.documented else "free_source").format(
+            source=context.source.strip()
+        ),
         variables="\n".join(f"- `{v.name}`: {_annotation(v)}{_shape(v)}. {v.meaning}" for v in context.state.variables),
         facts="\n".join(["What else there is to know:", *facts(context)]) + "\n\n" if plan.informed else "",
     )

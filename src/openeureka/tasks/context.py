@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import combinations
@@ -17,21 +18,27 @@ from .registry import get
 from .source import prune
 from .task import Task
 
+AIMLESS = "what it is made for"
+"""What a description ends with where nobody says what the task is for."""
 _NEAREST = 2
 """Distances that are told of each point."""
 _MAX_POINTS = 10
+_log = logging.getLogger(__name__)
 _SAME, _PART = 1e-4, 0.2
 """[m] between points that are one, and between those of one hand, which are told as its palm."""
 
 
 def context(env: str) -> TaskContext:
-    """Description, score, state table and pruned source of a task."""
+    """Description, score, state table and pruned source or documentation of a task."""
     task = get(env)
+    if task.description.endswith(AIMLESS):
+        _log.warning("The documentation of %s says no goal: add +description='to ...' to env=%s", task.env, task.env)
     return TaskContext(
         env=env,
         description=task.description,
         state=task.spec,
         source=task.source or prune(task),
+        documented=bool(task.source),
         score_unit=task.score_unit,
         score_range=task.score_range,
     )

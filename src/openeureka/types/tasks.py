@@ -61,7 +61,9 @@ class TaskContext:
     """The intent, one sentence."""
     state: StateSpec
     source: str
-    """The task's file without fitness, rewards, success thresholds and training defaults."""
+    """The task's file without fitness, rewards, success thresholds and training defaults, or what is read instead."""
+    documented: bool = False
+    """Whether `source` is documentation, in Markdown, instead of code."""
     score_unit: str = ""
     """What the score counts or measures; higher is better."""
     score_range: tuple[float | None, float | None] = (None, None)

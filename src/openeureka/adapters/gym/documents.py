@@ -6,8 +6,9 @@ import builtins
 import inspect
 import keyword
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
+from ...tasks.context import AIMLESS
 from ...text import nameable
 from ...types.tasks import StateUse
 
@@ -22,6 +23,10 @@ _TOLD = ("description", "action space", "observation space", "starting state")
 _BETRAYS = re.compile(r"reward|score|success|fitness|recipe|return|solved|penal", re.IGNORECASE)
 _GOAL = re.compile(r"\b(?:goal|aim|objective|task)\b[^.]*?\bis (to [^.]+?)(?:\.(?:\s|$)|$)", re.IGNORECASE)
 _NUMBER = re.compile(r"\d+")
+_FIGURE = re.compile(r"```\{figure\}.*?```|!\[[^\]]*\]\([^)]*\)", re.DOTALL)
+_PADDING = re.compile(r"(?<=\|) {2,}| {2,}(?=\|)|(?<=---)-+ *")
+"""Of the columns of a table."""
+_TABLED = "(The state table has them.)"
 _LEG = ("hip_angle", "hip_speed", "knee_angle", "knee_speed", "contact")
 KNOWN = {
     "LunarLander": (
@@ -35,6 +40,11 @@ KNOWN = {
     ),
 }
 """Names of the columns of environments whose documentation lists them in prose."""
+GOALS = {
+    "LunarLander": "to land gently on the landing pad",
+    "BipedalWalker": "to walk to the far (right) end of the terrain without falling",
+}
+"""Of environments whose documentation says none but by what is paid."""
 
 
 def sections(text: str) -> dict[str, str]:
@@ -46,23 +56,45 @@ def sections(text: str) -> dict[str, str]:
     return found
 
 
-def told(text: str) -> str:
-    """What a language model may read of it: paragraphs on the world, the actions, the observation and the start."""
-    known = sections(text)
+def told(text: str, names: Collection[str] = ()) -> str:
+    """What a language model may read of it: paragraphs on the world, the actions, the observation and the start.
+
+    Args:
+        names: of the state table, which need not be told once more.
+    """
+    known = sections(_FIGURE.sub("", text))
     shown = []
     for title in _TOLD:
-        kept = [part for part in known.get(title, "").split("\n\n") if part.strip() and not _BETRAYS.search(part)]
+        parts = [part.strip() for part in known.get(title, "").split("\n\n")]
+        kept = [part for part in parts if part and not _BETRAYS.search(part)]
         if kept:
-            shown.append("\n\n".join([f"## {title.capitalize()}", *kept]))
+            said = [_TABLED if _repeats(part, names) else _PADDING.sub(" ", part) for part in kept]
+            shown.append("\n\n".join([f"## {title.capitalize()}", *said]))
     return "\n\n".join(shown)
 
 
+def _repeats(part: str, names: Collection[str]) -> bool:
+    """Whether it is a table that says no more than the names of columns: each of them has one, and none a bound."""
+    rows = _listed(_tables(part)[0]) if part.startswith("|") else []
+    bounds = [value for row in rows for title, value in row.items() if title in ("min", "max")]
+    called = identifiers(row["observation"] for row in rows)
+    return bool(rows) and set(called) <= set(names) and all("inf" in bound.lower() for bound in bounds)
+
+
 def intent(text: str, env: str) -> str:
-    """`to balance the pole`, as the documentation words its goal; else to do what the name says."""
+    """`to balance the pole`, as the documentation words its goal, up to where it speaks of what counts; else to do what
+    the name says."""
     words = " ".join(sections(text).get("description", "").split())
     found = _GOAL.search(words)
-    said = found[1] if found and not _BETRAYS.search(found[1]) else f"to do in {env} what it is made for"
-    return said.replace("`", "")
+    said = found[1] if found else ""
+    if betrayal := _BETRAYS.search(said):
+        said = said[: max(0, *(said.rfind(end, 0, betrayal.start()) for end in ",;"))]
+    return said.replace("`", "") or GOALS.get(bare(env)) or f"to do in {env} {AIMLESS}"
+
+
+def bare(env: str) -> str:
+    """An id without its package, its namespace and its version."""
+    return env.rpartition(":")[2].rpartition("/")[2].rpartition("-v")[0]
 
 
 def columns(text: str, name: str, count: int) -> list[tuple[str, str]]:
@@ -72,20 +104,26 @@ def columns(text: str, name: str, count: int) -> list[tuple[str, str]]:
         return [(column, column.replace("_", " ")) for column in known]
     first: list[tuple[str, str]] = []
     for table in _tables(text):
-        titles = [title.lower() for title in table[0]]
-        if "observation" not in titles or not titles[0].startswith(("num", "index")):
+        rows = _listed(table)
+        if len(rows) > count:
             continue
-        rows = [row for row in table[1:] if _NUMBER.fullmatch(row[0])]
-        if [int(row[0]) for row in rows] != list(range(len(rows))) or len(rows) > count:
-            continue
-        what = titles.index("observation")
-        units = [index for index, title in enumerate(titles) if "unit" in title]
-        meanings = [_meaning(row[what], row[units[0]] if units else "") for row in rows]
-        found = list(zip(identifiers(row[what] for row in rows), meanings, strict=True))
+        units = [next((value for title, value in row.items() if "unit" in title), "") for row in rows]
+        meanings = [_meaning(row["observation"], unit) for row, unit in zip(rows, units, strict=True)]
+        found = list(zip(identifiers(row["observation"] for row in rows), meanings, strict=True))
         if len(rows) == count:
             return found
         first = max(first, found, key=len)
     return first
+
+
+def _listed(table: list[list[str]]) -> list[dict[str, str]]:
+    """The cells of the columns of an observation by their titles in lower case, where a table lists these in order."""
+    titles = [title.lower() for title in table[0]]
+    rows = [row for row in table[1:] if _NUMBER.fullmatch(row[0])]
+    in_order = [int(row[0]) for row in rows] == list(range(len(rows)))
+    if "observation" not in titles or not titles[0].startswith(("num", "index")) or not in_order:
+        return []
+    return [dict(zip(titles, row, strict=False)) for row in rows]
 
 
 def _tables(text: str) -> list[list[list[str]]]:
@@ -130,5 +168,9 @@ def betrays(name: str) -> bool:
 
 
 def use_of(words: str) -> StateUse:
-    """How the typed grammar may use a number: of speeds more is meaningful, others are good near zero."""
-    return "directional" if re.search(r"velocity|speed", words) else "zero_centred"
+    """How the typed grammar may use a number. Angles, actions and gaps are good near zero; of all else, a height or a
+    cosine too, more or less may be meant."""
+    plain = words.lower().replace("_", " ")
+    directed = re.search(r"velocity|velocities|speed|\b(?:cos|sin)(?:ine|e)?\b", plain)
+    gap = re.search(r"\b(?:angle|rotation|action|error)|\bto (?!be\b)|\bdifference| - ", plain)
+    return "zero_centred" if gap and not directed else "directional"

@@ -159,8 +159,8 @@ def _observed(found: Survey) -> list[tuple[StateVar, slice | str]]:
     if single is not None:
         if len(single.shape) != 1:
             return []
-        bare = found.env.rpartition(":")[2].rpartition("/")[2].rpartition("-v")[0]
         # A table of whole numbers names those, not the ones among zeros that stand for them.
+        bare = documents.bare(found.env)
         named = documents.columns(found.document, bare, single.size) if not single.counted else []
         if not named and single.size <= MAX_COLUMNS:
             named = [(f"observation_{i}", meaning) for i, meaning in enumerate(single.columns)]

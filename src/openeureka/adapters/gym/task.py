@@ -193,7 +193,8 @@ def attributes(name: str, found: Survey, fitness: str) -> dict[str, Any]:
     return {
         "env": name,
         "description": documents.intent(found.document, found.env),
-        "source": documents.told(found.document) or f"# {found.env} has no documentation: the table says all there is.",
+        "source": documents.told(found.document, {variable.name for variable, _ in listed})
+        or f"{found.env} has none: the table says all there is.",
         "score_unit": "share of episodes that succeed" if named == {SUCCESS} else unit,
         "episode_length": found.steps,
         "control_dt": found.dt,
