@@ -129,12 +129,13 @@ def test_a_loop_may_be_left_while_a_person_is_waited_for(tmp_path):
     assert len(openeureka.open_run(tmp_path / "run").history.generations) == 1
 
 
-def test_what_ends_a_search_is_raised_in_the_loop(tmp_path):
+@pytest.mark.parametrize("error", [ModelError("It failed."), ZeroDivisionError("It failed.")])
+def test_what_ends_a_search_is_raised_in_the_loop(error, tmp_path):
     class Failing(Waiting):
         def act(self):
-            raise ModelError("The endpoint refused the key.")
+            raise error
 
-    with pytest.raises(ModelError, match="refused the key") as failed:
+    with pytest.raises(type(error), match="It failed") as failed:
         list(openeureka.searching(model=Failing(SCRIPT), dir=tmp_path / "run", **SETTINGS))
     assert failed.value.__notes__ == [
         f"What is done is kept. Continue with: openeureka.open_run('{tmp_path}/run').resume(model=...)"

@@ -343,6 +343,25 @@ def test_replies_before_a_lost_connection_are_not_asked_for_again(begin) -> None
     assert outcome.best is not None and outcome.best.fitness == 9
 
 
+class Miscounting(ScriptedModel):
+    more = 0
+
+    def sample(self, prompt, *, n, seed):
+        return super().sample(prompt, n=n + self.more, seed=seed)
+
+
+def test_a_model_that_gives_fewer_replies_ends_the_run_in_a_sentence_and_one_that_gives_more_does_not(begin) -> None:
+    one = begin([reply(7), reply(8), reply(9)])
+    one.model = Miscounting(one.model.script)
+    one.model.more = -1
+    with pytest.raises(ModelError, match="scripted gave 1 of 2 replies: its `sample` must yield as many as n says"):
+        one.go()
+    one.model = Miscounting([reply(8), reply(9)])  # the first is kept
+    one.model.more = 1
+    assert one.go().best.fitness == 8
+    assert one.model.said == 1
+
+
 def test_spending_stops_before_the_limit_and_goes_on_with_a_higher_one(begin) -> None:
     one = begin([reply(7), reply(8), reply(9), reply(10)], iteration=2, max_cost=0.035)  # a reply costs 0.01
     with pytest.raises(BudgetError, match=r"max_cost=0\.035"):

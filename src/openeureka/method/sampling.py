@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Protocol
 
 from ..config import RunConfig
-from ..errors import RewardFileError
+from ..errors import ModelError, RewardFileError
 from ..events import Asked, Began, Checked, Replied, Tell
 from ..llm import price
 from ..llm.client import LanguageModel
@@ -210,10 +210,20 @@ def rest_of(model: LanguageModel, prompt: Prompt, *, seed: int, held: int, missi
         seed: of the whole request.
         held: replies that came of it.
         missing: those that did not.
+
+    Raises:
+        ModelError: the model gives fewer; more are not taken.
     """
     if isinstance(model, RandomModel):  # what it draws depends on its draws before, and costs nothing
-        return islice(model.sample(prompt, n=held + missing, seed=seed), held, None)
-    return model.sample(prompt, n=missing, seed=(seed + held) % 2**31)
+        replies = islice(model.sample(prompt, n=held + missing, seed=seed), held, None)
+    else:
+        replies = model.sample(prompt, n=missing, seed=(seed + held) % 2**31)
+    given = 0
+    for reply in islice(replies, missing):
+        yield reply
+        given += 1
+    if given < missing:
+        raise ModelError(f"{model.name} gave {given} of {missing} replies: its `sample` must yield as many as n says.")
 
 
 def request_seed(seed: int, generation: int, attempt: int, slot: int) -> int:

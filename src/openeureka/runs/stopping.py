@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 
-from ..errors import EurekaError, Interrupted, StoreError
+from ..errors import Interrupted, StoreError
 from ..store import Store
 from ..store.directory import is_asked_to_stop, withdraw
 
@@ -27,7 +27,7 @@ def continuable(again: str, store: Store) -> Iterator[None]:
         yield
     except KeyboardInterrupt:
         raise Interrupted(stopped(again)) from None
-    except EurekaError as error:
+    except Exception as error:  # a programming error stays loud; those of a person's own model or task are many
         said = "What is done is kept. Continue" if _holds_work(store) else "Nothing is done yet. Try again"
         error.add_note(f"{said} with: {again}")
         raise
