@@ -8,7 +8,7 @@ import pytest
 
 from openeureka.adapters.gym import documents
 from openeureka.method import prompts
-from openeureka.tasks.context import AIMLESS, context
+from openeureka.tasks.context import context
 from openeureka.types import PromptPlan
 
 from . import worlds  # noqa: F401  registers its environments

@@ -3,6 +3,7 @@ import math
 import pytest
 
 from openeureka.suite.dexterity.common import distance, finger_distances
+from openeureka.suite.dexterity.scissors import CRUSHED, NEAR
 
 from .worlds import fresh, press, scored, state_with, with_fingers_at
 
@@ -46,6 +47,21 @@ def test_the_episode_ends_when_a_hand_leaves_its_handle(offset: float, expected:
     state = simulation.current_state()
     state = with_fingers_at(state, offset, right=state["scissors_right_handle_pos"])
     assert simulation.task.terminated(state).tolist() == [expected]
+
+
+@pytest.mark.parametrize(
+    ("offset", "hinge", "expected"), [(0.13, -0.7, True), (0.13, -0.68, False), (0.15, -0.7, False)]
+)
+def test_the_episode_ends_when_held_blades_are_crushed_and_the_prompt_says_so(
+    offset: float, hinge: float, expected: bool
+) -> None:
+    simulation = fresh(SCISSORS)
+    state = state_with(simulation, {"scissors_hinge": [hinge]})
+    handles = {side: state[f"scissors_{side}_handle_pos"] for side in ("right", "left")}
+    assert simulation.task.terminated(with_fingers_at(state, offset, **handles)).tolist() == [expected]
+    assert f"less than {NEAR} m and the blades are pressed past closed, the hinge below {CRUSHED} rad" in (
+        simulation.task.ends
+    )
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from openeureka.method import prompts
+from openeureka.reward import surface
 from openeureka.types import (
     Candidate,
     Evaluation,
@@ -80,6 +81,12 @@ def test_the_prompt_is_the_golden_one(style, turns):
     golden(path, text(prompts.render(CONTEXT, PromptPlan(count=4, turns=turns), style)))
 
 
+def test_the_limit_of_components_and_the_constants_are_told():
+    asked = prompts.render(CONTEXT, PromptPlan(count=1), "free").messages[0].content
+    assert f"names each term of it (at most {surface.MAX_COMPONENTS})" in asked
+    assert "every tensor that the table gives an N; the others are constants" in asked
+
+
 def test_free_turns_alternate_and_grammar_keeps_the_newest():
     plan = PromptPlan(count=1, turns=(FIRST, SECOND))
     free, grammar = prompts.render(CONTEXT, plan, "free"), prompts.render(CONTEXT, plan, "grammar")
@@ -136,8 +143,8 @@ def test_each_shown_reward_has_its_score_and_one_is_marked():
         "played in 64 episodes after training, scores 302 ± 20 (higher is better): not the best so far."
     )
     assert (
-        "generation 1. Its policy, played in 64 episodes after training, scores 428 ± 33 (higher is better): "
-        in told[2]
+        "generation 1. Its policy, played in 64 episodes after training, scores 428 ± 33 (higher is better; "
+        "± is the standard error over these episodes, of one training): " in told[2]
     )
     assert "the best of all so far. This is the one to improve." in told[2]
     (_, small) = (m.content for m in prompts.render(BALANCED, INFORMED, "grammar").messages if m.role == "user")
@@ -178,7 +185,7 @@ def test_of_another_reward_that_breaks_a_limit_it_is_told_which():
 def test_where_every_policy_breaks_a_limit_none_is_called_better():
     plan = replace(INFORMED, best=None, limits={"torque": 40.0})
     told = prompts.render(BALANCED, plan, "free").messages[-1].content
-    assert "(higher is better): no policy keeps the limits so far. This is the one to improve." in told
+    assert "of one training): no policy keeps the limits so far. This is the one to improve." in told
     assert "best so far" not in told
 
 

@@ -189,7 +189,8 @@ def test_sums_in_meanings_have_their_brackets():
 
 
 def terminating(task: type[Task]) -> set[float]:
-    """Numbers in `terminated` and in what it calls: literals, constants, the task's attributes, products of two."""
+    """Numbers in `terminated` and in what it calls, without their signs: literals, constants, the task's attributes,
+    products of two."""
     own, found = methods(task), set[float]()
     waiting, seen = [*own.get("terminated", [])], set[Any]()
     while waiting:
@@ -208,7 +209,7 @@ def terminating(task: type[Task]) -> set[float]:
                     found.add(float(value))
                 elif isinstance(value, FunctionType):
                     waiting.append(value)
-    return found | {round(a * b, 9) for a in found for b in found}
+    return {abs(a) for a in found} | {round(abs(a * b), 9) for a in found for b in found}
 
 
 @pytest.mark.parametrize("task", TASKS, ids=lambda task: task.env)

@@ -107,6 +107,7 @@ def _free(context: TaskContext, plan: PromptPlan, progress: bool) -> Prompt:
         functional=_words(surface.FUNCTIONAL),
         helpers=_words(surface.HELPERS),
         progress=template("free_progress") if progress else "",
+        most=surface.MAX_COMPONENTS,
     )
     task = template("free_task").format(
         description=context.description,
@@ -177,7 +178,9 @@ def _score(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"]) ->
         rank += ", but the choice of a person. This is the one to improve."
     else:
         rank += ". This is the one to improve."
-    return f"A reward function of generation {turn.sample.generation}. {scores} (higher is better): {rank}\n\n"
+    told = turn is plan.turns[-1] and "±" in scores
+    meaning = "; ± is the standard error over these episodes, of one training" if told else ""
+    return f"A reward function of generation {turn.sample.generation}. {scores} (higher is better{meaning}): {rank}\n\n"
 
 
 def _siblings(plan: PromptPlan) -> str:

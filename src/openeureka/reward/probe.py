@@ -17,8 +17,9 @@ from . import graph as graphs
 from .gate import FILENAME
 from .load import Runner
 from .states import Recorded, take, world_count
+from .surface import MAX_COMPONENTS
 from .trace import Guard, Outputs, Refused, Tracer, branch, refuse_sizes, trace, unify
-from .validate import COMPONENT_NAME, MAX_COMPONENTS, GraphError, validate
+from .validate import COMPONENT_NAME, GraphError, validate
 
 TRACE_SIZES = (61, 89)
 """Two world counts that no program writes by chance."""

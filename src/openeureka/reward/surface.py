@@ -11,6 +11,8 @@ def words(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
+MAX_COMPONENTS = 16
+"""Terms that a program may return beside the reward."""
 DTYPES = words("float float16 float32 float64 half double int int32 int64 long bool bfloat16")
 
 TORCH = DTYPES | words("""

@@ -20,7 +20,6 @@ from . import surface
 
 MAX_NODES = 2_000
 MAX_CONSTANT = 4_096
-MAX_COMPONENTS = 16
 COMPONENT_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 MAX_SIZE_PER_WORLD = 4_096
 """Numbers in one value, per world."""
@@ -103,8 +102,8 @@ def validate(graph: RewardGraph) -> None:
             _validate_node(node, index)
         except GraphError as error:
             raise GraphError(f"node {index}: {error}") from None
-    if len(graph.components) > MAX_COMPONENTS:
-        raise GraphError(f"{len(graph.components)} components; at most {MAX_COMPONENTS} are allowed")
+    if len(graph.components) > surface.MAX_COMPONENTS:
+        raise GraphError(f"{len(graph.components)} components; at most {surface.MAX_COMPONENTS} are allowed")
     names = [name for name, _ in graph.components]
     if len(set(names)) != len(names) or not all(COMPONENT_NAME.fullmatch(name) for name in names):
         raise GraphError("component names must be distinct identifiers")

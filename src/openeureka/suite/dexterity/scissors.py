@@ -25,7 +25,11 @@ class ShadowHandScissors(Handles):
     description = "to make the two hands open the scissors by pulling their handles apart"
     human = REWARDS / "shadow_hand_scissors.py"
     episode_length = 150
-    ends = "An episode ends early when the distances of a hand's five fingertips from its handle add up to 1.75 m."
+    ends = (
+        "An episode ends early when the distances of a hand's five fingertips from its handle add up to 1.75 m, or "
+        "when those of each hand add up to less than 0.7 m and the blades are pressed past closed, the hinge below "
+        "-0.69 rad."
+    )
     num_observations = 417
     handles = ("scissors_right_handle_pos", "scissors_left_handle_pos")
     reach = 1.75
