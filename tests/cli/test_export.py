@@ -1,12 +1,17 @@
 """Which reward of a run goes back to its suite."""
 
+import shutil
 from pathlib import Path
 
 import pytest
 from report.scripted import search_in
 
+import openeureka
+from openeureka.cli import play
 from openeureka.cli.export import _best
-from openeureka.errors import ConfigError
+from openeureka.errors import ConfigError, StoreError
+from openeureka.refine import hardening
+from openeureka.store import Store
 from openeureka.testing.scripted import program, reply
 
 
@@ -29,3 +34,22 @@ def test_where_the_task_s_own_reward_is_the_best_there_is_nothing_to_export(tmp_
     (directory / "best" / "reward.py").unlink()  # as `eureka train reward=human` leaves it: a policy, and no text
     with pytest.raises(ConfigError, match="is the task's own; there is nothing to export"):
         _best(directory)
+
+
+def test_a_store_that_was_copied_alone_is_not_said_to_have_found_nothing(tmp_path: Path):
+    directory = search_in(tmp_path / "run", [reply(7), reply(8)])
+    (tmp_path / "copy").mkdir()
+    shutil.copy(directory / "run.sqlite", tmp_path / "copy")
+
+    def harden() -> None:
+        with Store.view(tmp_path / "copy") as store:
+            hardening._best(store)
+
+    for use in (
+        lambda: _best(tmp_path / "copy"),
+        lambda: play.play([f"{tmp_path}/copy"]),
+        lambda: openeureka.open_run(tmp_path / "copy").policy,
+        harden,
+    ):
+        with pytest.raises(StoreError, match="holds the rows of a run alone, .* copy the whole folder"):
+            use()

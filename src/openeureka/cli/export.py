@@ -8,7 +8,7 @@ from pathlib import Path
 from ..errors import ConfigError
 from ..parsing import command_line, parse
 from ..runs import trust
-from ..store import Store, artifacts, read_config
+from ..store import Store, artifacts, expect_files, read_config
 from ..tasks import registry
 from ..types import Candidate, RewardGraph
 from .settings import ExportConfig, only_path, split
@@ -43,6 +43,8 @@ def _best(directory: Path) -> tuple[str, RewardGraph]:
     source = (artifacts.read(directory, "best/reward.py") or b"").decode(errors="replace")
     with Store.view(directory) as store:
         verdict = store.verdict(Candidate.of(source).id)
+        if not source:
+            expect_files(store)
     if not source and artifacts.read(directory, "best/policy.safetensors") is not None:
         raise ConfigError(f"The best reward of {directory} is the task's own; there is nothing to export.")
     if verdict is None or verdict.graph is None:

@@ -14,7 +14,7 @@ from ..film.video import render
 from ..parsing import command_line, parse
 from ..report import filming
 from ..runs import trust
-from ..store import artifacts, is_run, read_config
+from ..store import Store, artifacts, expect_files, is_run, read_config
 from ..text import one_line
 from ..training.policy import Policy
 from .settings import PlayConfig, only_path, split
@@ -87,7 +87,8 @@ def _of_run(directory: Path, wanted: str) -> tuple[bytes, str]:
     policy = artifacts.read(directory, f"{wanted or 'best'}/policy.safetensors")
     if policy is not None:
         return policy, Policy.from_bytes(policy).env
-    read_config(directory)  # refuses what is no run
+    with Store.view(directory) as store:  # refuses what is no run
+        expect_files(store)
     if wanted:
         raise ConfigError(f"{directory} holds no {wanted} policy, {_MADE_BY[wanted]}; leave policy={wanted} out.")
     raise ConfigError(f"{directory} has no policy yet; `{command_line('show', directory)}` says how far it is.")

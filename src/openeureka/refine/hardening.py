@@ -20,7 +20,7 @@ from ..method.lanes import CHOOSING, ROBUST, Lanes, Wanted, drawn
 from ..method.sampling import request_seed, rest_of
 from ..parsing import command_line
 from ..score import worth
-from ..store import Store
+from ..store import Store, expect_files
 from ..text import plain
 from ..types import (
     NOMINAL,
@@ -140,6 +140,7 @@ def _best(store: Store) -> PolicyId:
     """The one that `polish=` left, or that in `best/`. Raises ConfigError before there is one."""
     found = store.lanes.best_policy() or store.best()
     if found is None:
+        expect_files(store)
         command = command_line("resume", store.directory)
         raise ConfigError(f"{store.directory} holds no policy yet; `{command}` goes on with it.")
     return found

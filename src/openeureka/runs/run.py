@@ -21,7 +21,7 @@ from ..report import html, verdict
 from ..report.candidates import CandidateView
 from ..report.view import RunView
 from ..score import Outcome
-from ..store import Store, artifacts, has_begun, look
+from ..store import Store, artifacts, expect_files, has_begun, look
 from ..tasks import registry
 from ..training.policy import Player, Policy
 from ..types import Evaluation, Glance, History, Lane, TrainingResult
@@ -211,6 +211,8 @@ class Run:
                 f"{self.directory} holds no policy that was carried on to more; use that of its best reward."
             )
         if data is None:
+            with Store.view(self.directory) as store:
+                expect_files(store)
             raise StoreError(f"{self.directory} holds no policy yet; it has one as soon as a training is done.")
         return data
 

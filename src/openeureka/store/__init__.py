@@ -1,6 +1,6 @@
 """The run directory: one SQLite file of finished work and the files a person wants to open."""
 
-from .directory import has_begun, is_run, look, read_config, read_remarks, read_replies, say
+from .directory import expect_files, has_begun, is_run, look, read_config, read_remarks, read_replies, say
 from .hold import is_held
 from .lane_log import StageFiles
 from .store import Store
@@ -8,6 +8,7 @@ from .store import Store
 __all__ = [
     "StageFiles",
     "Store",
+    "expect_files",
     "has_begun",
     "is_held",
     "is_run",

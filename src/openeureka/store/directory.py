@@ -93,6 +93,17 @@ def read_remarks(directory: Path | str) -> dict[int, tuple[Remark, ...]]:
         return {generation.index: generation.remarks for generation in store.history().generations}
 
 
+def expect_files(store: Store) -> None:
+    """Refuse a run of which the rows alone are here: what its trainings left lies in files beside them. Raises
+    StoreError."""
+    lanes = store.lanes.results()
+    if lanes and not any(artifacts.exists(store.directory, f"lanes/{lane}/curves.json") for lane in lanes):
+        raise StoreError(
+            f"{store.directory} holds the rows of a run alone, without its best/ and lanes/: copy the whole folder, or "
+            "search again."
+        )
+
+
 def is_run(directory: Path | str) -> bool:
     """Whether the directory has the file of a run, begun or not; not where nobody may look."""
     return os.path.isfile(Path(directory) / FILENAME)
