@@ -1,3 +1,5 @@
+import re
+
 import pytest
 
 from .serving import TOKEN, stranger, visitor
@@ -91,3 +93,17 @@ def test_a_page_may_run_only_its_own_script_and_be_in_no_frame(tmp_path):
     assert "default-src 'none'" in policy and "script-src 'self';" in policy and "frame-ancestors 'none'" in policy
     assert "unsafe" not in policy
     assert headers["x-content-type-options"] == "nosniff"
+
+
+def test_style_and_script_are_kept_by_their_content_and_nothing_else_is(tmp_path):
+    client = visitor(tmp_path)
+    page = client.get("/")
+    assert page.headers["cache-control"] == "no-store"
+    for name in ("style.css", "page.js"):
+        (address,) = re.findall(rf'"(/{name}\?v=[^"]+)"', page.text)
+        answer = client.get(address)
+        assert answer.headers["cache-control"] == "private, max-age=31536000"
+        assert answer.headers["content-encoding"] == "gzip"
+    assert page.headers["content-encoding"] == "gzip"
+    assert "content-encoding" not in client.get("/", headers={"Accept-Encoding": "identity"}).headers
+    assert stranger(tmp_path).get("/style.css").headers["cache-control"] == "no-store"

@@ -46,6 +46,8 @@ MAX_CHARACTERS = 40_000
 STYLE = ("vendor/pico.min.css", "vendor/uPlot.min.css", "page.css")
 SCRIPT = ("vendor/uPlot.iife.min.js", "page.js")
 """Files that every page shares, the report too."""
+PAGE_SCRIPT = (*SCRIPT, "ui/follow.js", "ui/play.js")
+"""What `eureka ui` has besides."""
 Kind = Literal["added", "removed", "kept", "place"]
 COLOURED = {
     *("k", "kn", "kc", "ow", "nf", "nc", "s1", "s2", "sd", "se", "si", "sa"),
@@ -133,6 +135,7 @@ def environment() -> Environment:
         "source_hash": source_hash,
         "STYLE": STYLE,
         "SCRIPT": SCRIPT,
+        "PAGE_SCRIPT": PAGE_SCRIPT,
         "STATES": tuple(CandidateState),
         "changes": changes,
         "spelled_out": tables.spelled_out,

@@ -16,6 +16,8 @@ from urllib.parse import parse_qsl, quote, unquote, urlencode
 
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
+from starlette.middleware.gzip import GZipMiddleware
 from starlette.requests import Request
 from starlette.responses import (
     FileResponse,
@@ -47,6 +49,8 @@ PAGES = 32
 """Pages held in memory as they were shown last."""
 ENTRIES = 5000
 """Lines of the list held in memory."""
+_PACKED = (Middleware(GZipMiddleware, compresslevel=5),)
+"""For text. Films are packed already, and what is followed is sent as it comes."""
 
 
 def build(root: Path, token: str, hosts: Sequence[str], ending: Callable[[], bool] = lambda: False) -> Starlette:
@@ -94,19 +98,19 @@ class Pages:
 
     def routes(self) -> list[Route]:
         return [
-            Route("/", self.runs),
+            Route("/", self.runs, middleware=_PACKED),
             Route(ENTRANCE, _entrance),
-            Route("/compare", self.compare),
+            Route("/compare", self.compare, middleware=_PACKED),
             Route("/start", self.start, methods=["POST"]),
-            Route("/runs/{name}/", self.overview),
-            Route("/runs/{name}/candidates", self.candidates),
+            Route("/runs/{name}/", self.overview, middleware=_PACKED),
+            Route("/runs/{name}/candidates", self.candidates, middleware=_PACKED),
             Route("/runs/{name}/remarks", self.say, methods=["POST"]),
             Route("/runs/{name}/stop", self.stop, methods=["POST"]),
             Route("/runs/{name}/resume", self.resume, methods=["POST"]),
             Route("/runs/{name}/play/{place}", self.play, methods=["GET", "POST"]),
             Route("/runs/{name}/{path:path}", self.film),
-            Route("/style.css", _constant("text/css", *html.STYLE)),
-            Route("/page.js", _constant("text/javascript", *html.SCRIPT, "ui/follow.js", "ui/play.js")),
+            Route("/style.css", _constant("text/css", html.STYLE), middleware=_PACKED),
+            Route("/page.js", _constant("text/javascript", html.PAGE_SCRIPT), middleware=_PACKED),
         ]
 
     async def runs(self, request: Request) -> Response:
@@ -343,11 +347,12 @@ async def _form(request: Request) -> dict[str, str]:
     return dict(parse_qsl((await request.body()).decode(errors="replace")))
 
 
-def _constant(media_type: str, *names: str) -> Callable[[Request], Response]:
-    """Answers with files of the folder `templates`, one after the other."""
-    text = "".join(map(html.text, names))
+def _constant(media_type: str, names: tuple[str, ...]) -> Callable[[Request], Response]:
+    """Answers with files of the folder `templates`, one after the other. Their address holds their hash, so that a
+    browser may keep them."""
+    text = str(html.together(names))
 
     def serve(_: Request) -> Response:
-        return Response(text, media_type=media_type)
+        return Response(text, media_type=media_type, headers={"Cache-Control": "private, max-age=31536000"})
 
     return serve
