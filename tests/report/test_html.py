@@ -26,7 +26,7 @@ HOSTILE = (
 )
 ELEMENTS = """html head meta title style script body header nav main a span b small i p h1 h2 h3 h5 div section figure
 figcaption table thead tbody tr th td dl dt dd ul li code pre details summary button label input select option meter svg
-path circle text polyline video"""
+path circle line text polyline video"""
 
 
 class Page(HTMLParser):

@@ -31,7 +31,7 @@ from ..numbers import dollars, duration, number, scored
 from ..store import artifacts
 from ..tasks import registry
 from ..text import plain
-from . import charts, costs, fitted, hints, robust, tables, verdict
+from . import charts, costs, dots, fitted, hints, robust, tables, verdict
 from .candidates import CandidateState, CandidateView
 from .view import FOLDERS, RunView
 
@@ -128,6 +128,7 @@ def environment() -> Environment:
         "verdict": verdict,
         "charts": charts,
         "costs": costs,
+        "dots": dots,
         "robust": robust,
         "hints": hints.hints,
         "shares": hints.shares,

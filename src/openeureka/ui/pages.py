@@ -58,6 +58,7 @@ def overview(directory: Path, run: RunView) -> Parts:
     entry = folder.entry("", directory)
     parts = {
         "head": "",
+        "verdict": piece.found_so_far(),
         "numbers": "",
         "now": "",
         "said": piece.said(*actions.ear(directory)),
