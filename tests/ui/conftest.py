@@ -14,7 +14,9 @@ from urllib.parse import urlsplit
 
 import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page, Request, sync_playwright
+from report.scripted import search_in
 
+from openeureka.testing.scripted import reply
 from openeureka.ui import follow, guard, server
 
 from .serving import TOKEN
@@ -101,3 +103,9 @@ def page(chromium: Browser, address: str) -> Iterator[Page]:
         assert page.url == f"{address}/"
         yield page
         assert not trouble
+
+
+@pytest.fixture
+def searched(tmp_path: Path) -> Path:
+    """A finished search of two generations, one of its rewards refused."""
+    return search_in(tmp_path / "run", [reply(7), "no code", reply(8), reply(3)], iteration=2)

@@ -18,12 +18,15 @@ from report.test_html import ELEMENTS, HOSTILE, NamesComponents, Page
 from starlette.requests import Request
 
 from openeureka.config import NO_MODEL, RunConfig
+from openeureka.display import now
 from openeureka.events import Began, nobody
 from openeureka.method import given
 from openeureka.method.lanes import Lanes
 from openeureka.store import Store
 from openeureka.store.db import FILENAME, LOCK, LOG
+from openeureka.store.directory import is_asked_to_stop
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
+from openeureka.types import TrainingProgress, Usage
 from openeureka.ui import actions, app
 
 from .serving import awaited, visitor
@@ -94,8 +97,35 @@ def test_a_run_shows_a_card_for_each_candidate_and_the_prompts(tmp_path):
     text = " ".join(page.text.split())
     assert "g0s0 trained F 6" in text and "g0s1 refused" in text and "g1s1 trained F 8 best" in text
     assert "Do the thing." in text  # the prompt
-    assert "4 of 4" not in text and "2 of 2 generations done" in text
     assert page.elements["article"] == 4
+
+
+def test_a_run_is_headed_by_its_name_and_its_task(tmp_path):
+    search_in(tmp_path / "my run", [reply(7), reply(8)])
+    source = shown(visitor(tmp_path), "/runs/my%20run/").source
+    assert "<h1>my run</h1>" in source and '<span class="task">toy</span>' in source
+    assert source.count("1 of 1") == 1  # the tile
+    assert source.index('class="wide panel verdict"') < source.index('class="tiles"')
+
+
+def test_each_member_of_the_family_says_its_f_and_the_keyboard_goes_by_the_table(tmp_path):
+    search_in(tmp_path / "run", [reply(7), "nothing", reply(8), reply(9)], iteration=2)
+    source = shown(visitor(tmp_path), "/runs/run/").source
+    tree = source[source.index('<figure class="tree">') :]
+    assert "<title>g1s1: F 8</title>" in tree and "<title>g0s1: no F</title>" in tree
+    assert tree[: tree.index("</figure>")].count('tabindex="-1"') == 4
+
+
+def test_what_cost_thousands_is_sorted_as_a_number(tmp_path):
+    class Dear(ScriptedModel):
+        def sample(self, prompt, *, n, seed):
+            for said in super().sample(prompt, n=n, seed=seed):
+                yield replace(said, usage=replace(said.usage, cost_usd=617.28))
+
+    search_in(tmp_path / "run", [], model=Dear([reply(7), reply(8)]))
+    for path in ("/", "/compare?run=run"):
+        assert '<td data-value="1234.56">1,234.56</td>' in shown(visitor(tmp_path), path).source
+    assert '<td data-value="617.28">617.28</td>' in shown(visitor(tmp_path), "/runs/run/").source
 
 
 def test_candidates_stand_side_by_side_with_code_diff_replies_and_prompt(tmp_path):
@@ -259,6 +289,45 @@ def test_a_run_that_cannot_be_read_is_explained(tmp_path):
     page = shown(visitor(tmp_path), "/runs/run/")
     assert "has not begun" in page.text and "There is no model <b>x</b>." in page.text
     assert_inert(page)
+
+
+def test_a_run_at_work_on_another_machine_is_followed_and_stopped(tmp_path):
+    config = RunConfig(env="toy", sample=2, iteration=1)
+    with Store.open(tmp_path / "run", config):
+        (tmp_path / "run" / LOCK).write_text("73b1c2a0-0000-4000-8000-000000000000 node7\n")
+        recorder = now.Recorder(tmp_path / "run", config, Usage())
+        recorder(TrainingProgress(epoch=5, epochs=9, env_steps_per_second=1234.0, fitness={"a-s0": 3.0}))
+        client = visitor(tmp_path)
+        page = shown(client, "/runs/run/")
+        assert "<h1>run</h1>" in page.source and "is at work on node7" in page.text and "running" in page.text
+        assert "Epoch 5 of 9, 1,234 steps/s" in page.text
+        assert 'action="stop"' in page.source
+        assert client.post("/runs/run/stop").status_code == 303
+        assert is_asked_to_stop(tmp_path / "run")
+
+
+def test_a_run_that_cannot_be_read_has_its_name_and_its_state_above_it(tmp_path):
+    for name, file in (("failed", LOG), ("damaged", FILENAME)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / file).write_text("no database " * 100)
+    for name, state in (("failed", "not begun"), ("damaged", "unreadable")):
+        page = shown(visitor(tmp_path), f"/runs/{name}/")
+        assert f"<h1>{name}</h1>" in page.source and f">{state}</span>" in page.source
+        assert not {'action="stop"', 'action="resume"'} & set(re.findall(r'action="\w+"', page.source))
+
+
+def test_a_choice_that_leads_to_nothing_says_so(tmp_path):
+    search_in(tmp_path / "run", [reply(7), reply(8)])
+    for name in ("failed", "broken"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / LOG).write_text("There is no key.")
+    client = visitor(tmp_path)
+    for rest in ("candidates", "candidates?show=g9s9"):
+        assert "No candidate of this run was chosen. Tick some" in shown(client, f"/runs/run/{rest}").flat
+    page = shown(client, "/compare?run=failed&run=broken&run=run")
+    assert "2 runs cannot be read: the list says why." in page.flat and "/runs/run/" in page.links()
+    page = shown(client, "/compare?run=failed")
+    assert "1 run cannot be read: the list says why." in page.flat and "No run was chosen" not in page.flat
 
 
 def test_a_run_is_shown_whose_log_cannot_be_opened(tmp_path, monkeypatch):

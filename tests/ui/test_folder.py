@@ -168,7 +168,8 @@ def test_a_directory_with_only_a_log_has_not_begun(tmp_path):
 def test_a_damaged_run_is_named_and_does_not_hide_the_others(tmp_path):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "run.sqlite").write_text("no database " * 100)
-    assert "is damaged or not a run" in folder.entry("run", tmp_path / "run").problem
+    entry = folder.entry("run", tmp_path / "run")
+    assert entry.state is RunState.UNREADABLE and "is damaged or not a run" in entry.problem
 
 
 def test_only_the_end_of_a_long_log_is_read(tmp_path):

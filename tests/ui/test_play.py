@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import io
+import shutil
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from report.scripted import search_in
 
 from openeureka.film.live import Live
 from openeureka.report import filming
+from openeureka.report.view import RunView
 from openeureka.tasks import registry
 from openeureka.testing.scripted import reply
 from openeureka.training.policy import Policy
@@ -89,6 +91,22 @@ def test_candidates_of_a_task_whose_package_is_missing_here_are_shown(tmp_path: 
     assert visitor(tmp_path).get("/runs/run/play/g0s0").status_code == 404
 
 
+def test_where_no_policy_is_there_is_no_start(tmp_path: Path):
+    directory = search_in(tmp_path / "run", [reply(7), reply(8)], env="cartpole")
+    address = "/runs/run/candidates?show=g0s0&show=g0s1"
+    assert visitor(tmp_path).get(address).text.count("data-play") == 2
+    lane = next(path for path in (directory / "lanes").iterdir() if path.name.startswith(place(directory, "g0s0")))
+    shutil.rmtree(lane)  # as where the store alone was copied
+    shown = visitor(tmp_path).get(address).text
+    assert shown.count("data-play") == 1 and 'data-play="play/g0s1"' in shown
+
+
+def place(directory: Path, name: str) -> str:
+    program = next(c.program for c in RunView.read(directory).candidates if str(c.place) == name)
+    assert program is not None
+    return program.id
+
+
 def test_who_must_leave_is_told_that_another_one_began():
     players, policy = play.Players(), of("cartpole")
 
@@ -110,6 +128,13 @@ def test_who_must_leave_is_told_that_another_one_began():
         return said
 
     assert awaited(both()) == 'event: end\ndata: "It plays no more. Another one began."\n\n'
+
+
+def test_a_policy_that_went_since_the_page_was_opened_is_not_said_to_have_played(page: Page, run: Path):
+    page.goto("/runs/run/candidates?show=g0s0")
+    page.route("**/play/g0s0", lambda route: route.abort())
+    page.get_by_role("button", name="Start").click()
+    expect(page.get_by_text("It did not begin")).to_be_visible()
 
 
 def test_a_person_plays_with_a_policy_in_3d(page: Page, run: Path):

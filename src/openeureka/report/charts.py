@@ -268,6 +268,8 @@ class Member:
     place: Place
     x: float
     y: float
+    score: float | None
+    """F."""
     shade: int | None
     """0 to SHADES - 1, from the lowest F to the highest; None without one."""
     parent: tuple[float, float] | None
@@ -316,6 +318,7 @@ def family(run: RunView) -> Family | None:
                     place=candidate.place,
                     x=x,
                     y=y,
+                    score=candidate.score,
                     shade=_shade(candidate.score, low, high),
                     parent=at.get(candidate.parent.place) if candidate.parent is not None else None,
                 )

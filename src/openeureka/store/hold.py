@@ -77,8 +77,8 @@ def expect_near(directory: Path) -> None:
         own = _boot()
         if boot and own and boot != own and is_held(directory):
             raise StoreError(
-                f"{directory} is at work on {one_line(host)}, and its rows can be opened on that machine alone: call "
-                "this there, or when the run has stopped."
+                f"{directory} is at work on {one_line(host)}, and its rows can be opened on that machine alone: open "
+                "it there, or when the run has stopped."
             )
 
 

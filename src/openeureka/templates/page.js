@@ -48,11 +48,15 @@ const eureka = (() => {
   }
   const alike = (a, b) => JSON.stringify(a.lines.map((l) => [l.name, l.kind, l.color])) === JSON.stringify(b.lines.map((l) => [l.name, l.kind, l.color]));
 
+  /** Twelve colours cannot all be told apart, by some eyes fewer: every four of them have other dashes. */
+  const DASHES = [[], [11, 4], [3, 3]];
+  const block = (line) => (line.kind === "dots" ? 0 : Math.floor(line.color / 4));
+
   /** One place has no line: a level is a point there. */
   const alone = (plot) => plot.data[0].length < 2;
 
   function series(line, stroke) {
-    const common = { label: line.name, stroke, width: 1.75 };
+    const common = { label: line.name, stroke, width: 1.75, dash: DASHES[block(line)] };
     switch (line.kind) {
       case "dots": return { ...common, paths: () => null, points: { show: true, size: 7, fill: stroke } };
       case "dashed": return { ...common, dash: [6, 5], spanGaps: true, points: { show: alone } };
@@ -61,12 +65,15 @@ const eureka = (() => {
     }
   }
 
+  const WHOLE = [0, 1, 2, 3, 4, 5, 6, 7, 8].flatMap((power) => [1, 2, 5].map((digit) => digit * 10 ** power));
+
   /** Of so many places those that have room for a word, and null for the others. */
   const spaced = (plot, places) => places.map((place, index) => (index % Math.ceil(places.length * 46 / plot.width) ? null : place));
 
   function axes(chart, ink, line) {
     const common = { stroke: ink, grid: { stroke: line, width: 1 }, ticks: { stroke: line, width: 1, size: 4 }, font: "11px system-ui, sans-serif" };
     const x = { ...common, size: 30, space: 60, values: (_, splits) => splits.map((split) => (split == null ? "" : short(split))) };
+    if (chart().xs.every(Number.isInteger)) x.incrs = WHOLE;
     if (chart().bounds.length) {
       x.splits = () => chart().bounds;
       x.filter = spaced;
@@ -104,7 +111,7 @@ const eureka = (() => {
     list.replaceChildren(...state.chart.lines.map((line, index) => {
       const button = document.createElement("button");
       const sign = document.createElement("i");
-      sign.className = `h${line.color} ${line.kind}`;
+      sign.className = `h${line.color} ${line.kind} d${block(line)}`;
       button.type = "button";
       button.append(sign, line.name);
       button.setAttribute("aria-pressed", String(!state.hidden.has(line.name)));
@@ -113,6 +120,10 @@ const eureka = (() => {
         button.setAttribute("aria-pressed", String(show));
         state.plot.setSeries(index + 1, { show });
       });
+      const stand = (place) => state.plot.setSeries(place, { focus: true });
+      button.addEventListener("pointerenter", () => stand(index + 1));
+      button.addEventListener("focus", () => { if (button.matches(":focus-visible")) stand(index + 1); });
+      for (const end of ["pointerleave", "blur"]) button.addEventListener(end, () => stand(null));
       return button;
     }));
     return [...list.querySelectorAll("i")].map((sign) => getComputedStyle(sign).color);
@@ -142,6 +153,7 @@ const eureka = (() => {
       height: HEIGHT,
       scales: { x: { time: false, range: state.chart.names.length ? (_, low, high) => [low - .6, high + .6] : undefined }, y: { range: "shared" in figure.dataset && figure.closest("main.side") ? span : room } },
       legend: { show: false },
+      focus: { alpha: .2 },
       cursor: { drag: { x: true, y: false }, points: { size: 7 } },
       axes: axes(() => state.chart, ink, line),
       series: [{}, ...state.chart.lines.map((one, index) => ({ ...series(one, colors[index]), show: !state.hidden.has(one.name) }))],
@@ -152,14 +164,26 @@ const eureka = (() => {
     follows(figure, state);
   }
 
-  /** A click on a candidate leads to it; the end of a drag, which zooms, does not. */
+  /** The place whose point the pointer is at, within as many pixels. */
+  function pointed({ chart, plot }, reach) {
+    const { idx, left, top } = plot.cursor;
+    const near = ({ kind, values }, index) => kind === "dots" && plot.series[index + 1].show && values[idx] != null
+      && Math.hypot(plot.valToPos(chart.xs[idx], "x") - left, plot.valToPos(values[idx], "y") - top) < reach;
+    return idx != null && chart.lines.some(near) ? idx : null;
+  }
+
+  /** A click on a candidate's point leads to it; the end of a drag, which zooms, does not. A finger, which cannot point
+      without a click, reads with the first one. */
   function follows(figure, state) {
     if (!figure.dataset.at) return;
-    let from = 0;
-    state.plot.over.addEventListener("mousedown", (event) => { from = event.clientX; });
-    state.plot.over.addEventListener("click", (event) => {
-      const name = state.chart.names[state.plot.cursor.idx];
-      if (name && Math.abs(event.clientX - from) < 4) location.href = figure.dataset.at + name;
+    const { over } = state.plot;
+    let from = 0, finger = false, read = null;
+    over.addEventListener("pointerdown", (event) => { from = event.clientX; finger = event.pointerType === "touch"; });
+    over.addEventListener("mousemove", () => { over.style.cursor = pointed(state, 14) === null ? "" : "pointer"; });
+    over.addEventListener("click", (event) => {
+      const place = Math.abs(event.clientX - from) < 4 ? pointed(state, finger ? 24 : 14) : null;
+      if (place !== null && (!finger || place === read)) location.href = figure.dataset.at + state.chart.names[place];
+      read = place;
     });
   }
 
@@ -209,12 +233,13 @@ const eureka = (() => {
   function sort(table) {
     const order = orders.get(table.id);
     if (!order) return;
-    const key = (row) => { const cell = row.cells[order.column]; return cell.dataset.value ?? cell.textContent.trim(); };
+    // The cells of a run that cannot be read are one, which says why.
+    const key = (row) => { const cell = row.cells[order.column]; return cell?.dataset.value ?? cell?.textContent.trim() ?? ""; };
     const number = (text) => (text === "" || text === "-" || Number.isNaN(Number(text)) ? null : Number(text));
     const rows = [...table.tBodies[0].rows].map((row) => [key(row), row]);
     const counts = rows.some(([text]) => number(text) !== null);
     rows.sort(([a], [b]) => {
-      if (!counts) return (order.down ? -1 : 1) * a.localeCompare(b);
+      if (!counts) return (a === "") - (b === "") || (order.down ? -1 : 1) * a.localeCompare(b);
       const [x, y] = [number(a), number(b)]; // what has no number comes last, whichever way
       return x === null || y === null ? (x === null) - (y === null) : (order.down ? y - x : x - y);
     });
@@ -285,5 +310,5 @@ const eureka = (() => {
   document.getElementById("theme")?.addEventListener("click", turn);
   knob?.addEventListener("input", () => { kept.set("smooth", knob.value); repaint(); });
   dress(document);
-  return { dress, update, isDrawn: (figure) => drawn.has(figure) };
+  return { dress, update, of: (figure) => drawn.get(figure) };
 })();

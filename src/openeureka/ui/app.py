@@ -229,14 +229,14 @@ class Pages:
                 with suppress(EurekaError):  # the list says why
                     _, glances[name] = glance(directory)
                     views[name] = self._view(name, directory, fingerprints[name])
-            return pages.compared(views, glances, len(known) - len(chosen))
+            return pages.compared(views, glances, len(known) - len(chosen), len(chosen) - len(views))
 
         address = "/compare?" + urlencode([("run", quote(name)) for name in known])
         fingerprint = tuple(fingerprints.items())
         return Page(template="compare.html", address=address, fingerprint=fingerprint, render=parts)
 
     def _overview(self, request: Request) -> Page:
-        return self._about(request, "run.html", pages.overview, pages.now)
+        return self._about(request, "run.html", pages.overview, partial(pages.now, name=request.path_params["name"]))
 
     def _about(
         self,
@@ -254,13 +254,13 @@ class Pages:
             try:
                 return render(directory, self._view(name, directory, fingerprint))
             except EurekaError as error:
-                return pages.unreadable(directory, str(error))
+                return pages.unreadable(directory, "" if rest else name, str(error))
 
         def moving() -> Parts:
             try:
                 return live(directory, self._view(name, directory, fingerprint))
             except EurekaError:
-                return {}
+                return pages.from_afar(directory)
 
         return Page(
             template=template,

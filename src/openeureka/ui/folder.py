@@ -27,6 +27,7 @@ class RunState(StrEnum):
     FINISHED = "finished"
     STOPPED = "stopped"  # `eureka resume` continues it
     UNBEGUN = "not begun"  # started from the page; its log says why
+    UNREADABLE = "unreadable"  # damaged, or of a newer version
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,7 +113,7 @@ def entry(name: str, directory: Path) -> Entry:
     try:
         config, glance = look(directory)
     except StoreError as error:
-        return Entry(name=name, state=RunState.RUNNING if held else RunState.STOPPED, problem=str(error))
+        return Entry(name=name, state=RunState.RUNNING if held else RunState.UNREADABLE, problem=str(error))
     left = RunState.FINISHED if finished(config, glance) else RunState.STOPPED
     state = RunState.RUNNING if held else left
     return Entry(name=name, state=state, config=config, glance=glance)

@@ -15,7 +15,8 @@ from ..report import filming, html, tables
 from ..report.candidates import CandidateView, PromptView
 from ..report.view import RunView
 from ..score import rank
-from ..store import Store, is_held, is_run
+from ..store import Store, artifacts, is_held, is_run
+from ..store.rows import policy_name
 from ..tasks import registry
 from ..types import Glance, lane_id, of_components
 from . import actions, folder
@@ -72,10 +73,10 @@ def overview(directory: Path, run: RunView) -> Parts:
     return parts
 
 
-def now(directory: Path, run: RunView) -> Parts:
+def now(directory: Path, run: RunView, name: str = "") -> Parts:
     """How a run stands, and what it is doing while it is at work."""
     piece, told = _pieces(run=run), read(directory) if is_held(directory) else None
-    entry, tiles = folder.entry("", directory), tables.tiles(run)
+    entry, tiles = folder.entry(name, directory), tables.tiles(run)
     if told is not None:
         left = f"about {duration(told.left)} of search left" if told.left is not None else ""
         tiles.append(tables.Tile("at work", duration(told.seconds), left))
@@ -94,8 +95,10 @@ def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
     ear = actions.ear(directory)
     places = list(known)
     back = "candidates?" + urlencode([("show", str(c.place)) for c in shown])
-    trained_ones = [c for c in shown if c.result is not None] if _in_depth(run.config.env) else []
-    parts = {"said": piece.said(*ear)} | {f"play-{c.place!s}": piece.play(c) for c in trained_ones}
+    playing = [c for c in shown if _is_kept(directory, c)] if _in_depth(run.config.env) else []
+    parts = {"said": piece.said(*ear)} | {f"play-{c.place!s}": piece.play(c) for c in playing}
+    if not shown:
+        parts["none"] = piece.nothing_chosen()
     for c in shown:
         name = str(c.place)
         at = places.index(name)
@@ -105,6 +108,14 @@ def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
         parts[f"live-{name}"] = ""
         parts[name] = piece.whole(c, _prompt(run, c), others, ear.listens, children, beside, back)
     return parts
+
+
+def _is_kept(directory: Path, candidate: CandidateView) -> bool:
+    """Whether the policy that counts lies in the folder: not where the store alone was copied."""
+    if candidate.result is None:
+        return False
+    peak = (candidate.played.peak if candidate.played is not None else None) or "fitness"
+    return artifacts.exists(directory, f"lanes/{candidate.result.lane}/{policy_name(peak)}.safetensors")
 
 
 def playable(directory: Path, run: RunView, name: str) -> bytes | None:
@@ -132,8 +143,9 @@ def trained(directory: Path, run: RunView) -> Parts:
     return {f"live-{places[lane]}": piece.live(told.at_epochs, curves) for lane, curves in found.items()}
 
 
-def compared(views: Mapping[str, RunView], glances: Mapping[str, Glance], more: int) -> Parts:
-    """Several runs: what they found, their curves, and the settings in which they differ; how many are left out."""
+def compared(views: Mapping[str, RunView], glances: Mapping[str, Glance], more: int, unread: int) -> Parts:
+    """Several runs: what they found, their curves, and the settings in which they differ; how many are left out, as
+    too many, and as they cannot be read."""
     settings = {name: asdict(view.config) for name, view in views.items()}
     keys = next(iter(settings.values()), {})
     differing = {
@@ -142,15 +154,22 @@ def compared(views: Mapping[str, RunView], glances: Mapping[str, Glance], more: 
         if len({str(one[key]) for one in settings.values()}) > 1
     }
     piece = _pieces(run=None)
-    return {"runs": piece.compared(views, glances, more), "settings": piece.differing(list(views), differing)}
+    return {"runs": piece.compared(views, glances, more, unread), "settings": piece.differing(list(views), differing)}
 
 
-def unreadable(directory: Path, problem: str) -> Parts:
-    """A run that cannot be shown, as one that was started and has no store yet."""
+def unreadable(directory: Path, name: str, problem: str) -> Parts:
+    """A run that cannot be shown, as one that was started and has no store yet, or is at work on another machine."""
     if not is_run(directory):
         problem = "The run has not begun; what it printed so far says why."
-    piece = _pieces(run=None)
-    return {"problem": piece.problem(problem), "log": piece.log(folder.log(directory), True)}
+    piece, state = _pieces(run=None), folder.entry(name, directory).state
+    head = {"head": piece.title(name, state)} if name else {}
+    return {**head, "problem": piece.problem(problem), "now": "", "log": piece.log(folder.log(directory), True)}
+
+
+def from_afar(directory: Path) -> Parts:
+    """What a run is doing whose rows cannot be opened, as on another machine."""
+    told = read(directory) if is_held(directory) else None
+    return {"now": _pieces(run=None).now(told, {})} if told is not None else {}
 
 
 def vanished() -> Parts:

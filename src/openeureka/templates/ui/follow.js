@@ -10,8 +10,15 @@ const films = new IntersectionObserver((entries) => {
 });
 const awaitFilms = () => parts.querySelectorAll("video[preload=none]").forEach((film) => films.observe(film));
 
-/** What a fold is known by; how many replies there are may grow. */
-const called = (details) => details.querySelector("summary").textContent.replace(/^(Reply \d+) .*/s, "$1");
+/** What a fold is known by; how many replies and candidates there are may grow. */
+const called = (details) => details.querySelector("summary").textContent.replace(/^((Reply|Generation) \d+).*/s, "$1");
+
+/** Cards are parts of their own, so that news of one leaves the films of the others alone: they fold with their generation. */
+function fold() {
+  for (const { dataset, open } of parts.querySelectorAll("details[data-cards]")) {
+    for (const part of parts.children) if (part.dataset.part.startsWith(dataset.cards)) part.hidden = !open;
+  }
+}
 
 /** What a person has unfolded, chosen or zoomed into in a part stays so when the part is renewed. */
 function keep(old, part) {
@@ -19,7 +26,7 @@ function keep(old, part) {
   for (const details of part.querySelectorAll("details")) details.open = unfolded.get(called(details)) ?? details.open;
   const chosen = new Set([...old.querySelectorAll("input:checked")].map((box) => box.value));
   for (const box of part.querySelectorAll("input[type=checkbox]")) box.checked = chosen.has(box.value);
-  const charts = [...old.querySelectorAll(".chart")].filter(eureka.isDrawn);
+  const charts = [...old.querySelectorAll(".chart")].filter(eureka.of);
   for (const fresh of part.querySelectorAll(".chart")) {
     const title = fresh.querySelector("figcaption").textContent;
     const index = charts.findIndex((chart) => chart.querySelector("figcaption").textContent === title);
@@ -28,6 +35,16 @@ function keep(old, part) {
     fresh.replaceWith(chart);
     if (chart.dataset.chart !== fresh.dataset.chart) eureka.update(chart, fresh);
   }
+}
+
+/** Brings what scrolls in a renewed part to where a person had scrolled it; called while the old one is still shown. */
+function scrolled(part) {
+  const found = (shown) => [...shown.querySelectorAll(".scroll, pre")];
+  const places = found(part).map(({ scrollLeft, scrollTop }) => ({ scrollLeft, scrollTop }));
+  return (fresh) => found(fresh).forEach((box, index) => {
+    const { scrollLeft, scrollTop } = places[index] ?? {};
+    if (scrollLeft || scrollTop) Object.assign(box, { scrollLeft, scrollTop });
+  });
 }
 
 /** Gives the focus to what stands in a renewed part where it was before. */
@@ -46,7 +63,7 @@ function renew({ order, changed }) {
     if (parts.children[index] !== part) parts.insertBefore(part, parts.children[index] ?? null);
     if (part.dataset.mark === mark) return;
     const old = document.createElement("div");
-    const focused = refocus(part);
+    const focused = refocus(part), placed = scrolled(part);
     const fresh = document.createElement("template");
     fresh.innerHTML = changed[mark];
     old.append(...part.childNodes);
@@ -55,9 +72,11 @@ function renew({ order, changed }) {
     keep(old, part);
     focused(part);
     eureka.dress(part);
+    placed(part);
     part.querySelectorAll("[data-play]").forEach(eureka.play);
   });
   while (parts.children.length > order.length) parts.lastElementChild.remove();
+  fold();
   awaitFilms();
 }
 
@@ -98,5 +117,7 @@ for (const end of ["pointerup", "pointercancel"]) addEventListener(end, release,
 addEventListener("blur", release);  // of the window alone
 document.addEventListener("visibilitychange", follow);
 addEventListener("pagehide", () => source?.close());
+parts.addEventListener("toggle", fold, true);
+fold();
 awaitFilms();
 follow();

@@ -266,7 +266,7 @@ function play(panel) {
       panel.dataset.frames = Number(panel.dataset.frames ?? 0) + 1;
     });
     source.addEventListener("end", ({ data }) => end(JSON.parse(data)));
-    source.onerror = () => end("It plays no more.");
+    source.onerror = () => end(scene ? "It plays no more." : "It did not begin: its policy, or the server, is not there any more.");
   };
 
   panel.addEventListener("click", ({ target }) => {
