@@ -219,7 +219,9 @@ def rest_of(model: LanguageModel, prompt: Prompt, *, seed: int, held: int, missi
     else:
         replies = model.sample(prompt, n=missing, seed=(seed + held) % 2**31)
     given = 0
-    for reply in islice(replies, missing):
+    for reply in replies:  # to its end, so that what a model does after its last reply is done too
+        if given == missing:
+            break
         yield reply
         given += 1
     if given < missing:
