@@ -28,8 +28,17 @@ from openeureka.report.view import RunView
 from openeureka.store import is_run
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
+REPLIES = IMAGES.parents[1] / "benchmarks" / "choosing" / "ballbalance.json"
 EUREKA = [sys.executable, "-P", "-c", "from openeureka.cli.main import main; main()"]
-SEARCH = ["env=cartpole", "model=random", "sample=6", "iteration=2", "steps=150000", "seeds=1", "video=all"]
+SEARCH = [
+    "env=ballbalance",
+    f"model=replay:{REPLIES}",
+    "sample=4",
+    "iteration=2",
+    "steps=300000",
+    "seeds=3",
+    "video=all",
+]
 SIZE = ViewportSize(width=1280, height=1400)
 SHOWN = ("runs", "run", "candidates", "report")
 """What the docs show."""
@@ -86,7 +95,7 @@ def main() -> None:
     path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     words = ["--no-sandbox"] if os.geteuid() == 0 else []
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        run = options.run or Path(folder) / "cartpole"
+        run = options.run or Path(folder) / "ballbalance"
         if not run.exists():
             subprocess.run([*EUREKA, "run", *SEARCH, f"dir={run}"], check=True)
         with (
