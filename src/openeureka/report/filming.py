@@ -20,7 +20,7 @@ from ..events import Event
 from ..film import video
 from ..score import counted_peak
 from ..store import Store, artifacts, is_run
-from ..types import Generation
+from ..types import Generation, Peak
 from .view import VIDEO
 
 SECONDS = 6.0
@@ -41,12 +41,19 @@ def missing(directory: Path) -> dict[str, bytes]:
 
 def policies(store: Store, lanes: Iterable[str]) -> dict[str, bytes]:
     """By lane id, the policies that count, where there is one."""
-    plays = store.lanes.plays()
-    found = {
-        lane: store.lanes.policy(lane, counted_peak(plays.get(lane), "fitness", store.config.cost_limits))
-        for lane in lanes
-    }
+    found = {lane: store.lanes.policy(lane, peak) for lane, peak in _counted(store, lanes).items()}
     return {lane: policy for lane, policy in found.items() if policy is not None}
+
+
+def kept(directory: Path, lanes: Iterable[str]) -> frozenset[str]:
+    """The lanes of which the policy that counts lies in the folder."""
+    with Store.view(directory) as store:
+        return frozenset(lane for lane, peak in _counted(store, lanes).items() if store.lanes.has_policy(lane, peak))
+
+
+def _counted(store: Store, lanes: Iterable[str]) -> dict[str, Peak]:
+    plays, limits = store.lanes.plays(), store.config.cost_limits
+    return {lane: counted_peak(plays.get(lane), "fitness", limits) for lane in lanes}
 
 
 def human(directory: Path) -> bytes | None:

@@ -90,12 +90,16 @@ class LaneLog:
         wanted = self._database.decoded(decode_digest, row["result"], peak) if row is not None else None
         if wanted is None:
             return None
-        name = f"lanes/{lane}/{policy_name(peak)}.safetensors"
+        name = _policy_file(lane, peak)
         found = artifacts.read(self._directory, name)
         if damaged(found, wanted):
             where = self._directory / name
             raise StoreError(f"{where} is missing or damaged; restore it from a copy, or begin again in another dir=.")
         return found
+
+    def has_policy(self, lane: str, peak: Peak) -> bool:
+        """Whether the file of one of the lane's policies is there: not where the rows alone were copied."""
+        return artifacts.exists(self._directory, _policy_file(lane, peak))
 
     def save_best_policy(self, policy: PolicyId) -> None:
         """Keep which policy is the best of all, judged as it is."""
@@ -236,3 +240,7 @@ class StageFiles:
 
     def _name(self, stage: int, lane: str, suffix: str) -> str:
         return f"lanes/{lane}/stage{stage}.{suffix}"
+
+
+def _policy_file(lane: str, peak: Peak) -> str:
+    return f"lanes/{lane}/{policy_name(peak)}.safetensors"

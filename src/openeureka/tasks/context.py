@@ -23,9 +23,9 @@ AIMLESS = "what it is made for"
 _NEAREST = 2
 """Distances that are told of each point."""
 _MAX_POINTS = 10
-_log = logging.getLogger(__name__)
 _SAME, _PART = 1e-4, 0.2
 """[m] between points that are one, and between those of one hand, which are told as its palm."""
+_log = logging.getLogger(__name__)
 
 
 def context(env: str) -> TaskContext:

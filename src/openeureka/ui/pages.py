@@ -15,8 +15,7 @@ from ..report import filming, html, tables
 from ..report.candidates import CandidateView, PromptView
 from ..report.view import RunView
 from ..score import rank
-from ..store import Store, artifacts, is_held, is_run
-from ..store.rows import policy_name
+from ..store import Store, is_held, is_run
 from ..tasks import registry
 from ..types import Glance, lane_id, of_components
 from . import actions, folder
@@ -95,7 +94,9 @@ def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
     ear = actions.ear(directory)
     places = list(known)
     back = "candidates?" + urlencode([("show", str(c.place)) for c in shown])
-    playing = [c for c in shown if _is_kept(directory, c)] if _in_depth(run.config.env) else []
+    trained_ones = [(c, c.result.lane) for c in shown if c.result is not None] if _in_depth(run.config.env) else []
+    kept = filming.kept(directory, [lane for _, lane in trained_ones])
+    playing = [c for c, lane in trained_ones if lane in kept]
     parts = {"said": piece.said(*ear)} | {f"play-{c.place!s}": piece.play(c) for c in playing}
     if not shown:
         parts["none"] = piece.nothing_chosen()
@@ -108,14 +109,6 @@ def side_by_side(names: Sequence[str], directory: Path, run: RunView) -> Parts:
         parts[f"live-{name}"] = ""
         parts[name] = piece.whole(c, _prompt(run, c), others, ear.listens, children, beside, back)
     return parts
-
-
-def _is_kept(directory: Path, candidate: CandidateView) -> bool:
-    """Whether the policy that counts lies in the folder: not where the store alone was copied."""
-    if candidate.result is None:
-        return False
-    peak = (candidate.played.peak if candidate.played is not None else None) or "fitness"
-    return artifacts.exists(directory, f"lanes/{candidate.result.lane}/{policy_name(peak)}.safetensors")
 
 
 def playable(directory: Path, run: RunView, name: str) -> bytes | None:
