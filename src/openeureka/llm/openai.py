@@ -164,7 +164,7 @@ class EndpointModel:
                     answers.put(error)
 
         for _ in range(min(count, PARALLEL)):
-            Thread(target=work, daemon=True).start()
+            Thread(target=work, name="openeureka: asks", daemon=True).start()
         try:
             for _ in range(count):
                 yield answers.get()
