@@ -73,7 +73,8 @@ def measure(env: str) -> Record:
     seeds, scores = fresh.trained(run.config, sources, OUTPUTS / "greedy" / env, SEEDS)
     first, second = (known["generated"], *scores) if again else scores
     apart = fresh.between(second, first)
-    return {"seeds": seeds, "own": first, "other": second, "difference": apart, **machine("cpu")}
+    taken = {"own_on": known["processor"]} if again else {}
+    return {"seeds": seeds, "own": first, "other": second, "difference": apart, **machine("cpu"), **taken}
 
 
 def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:

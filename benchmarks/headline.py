@@ -36,7 +36,7 @@ from openeureka.llm.registry import archived
 from openeureka.numbers import number, spread
 from openeureka.report.view import RunView
 from openeureka.score import clipped, human_normalised, rank
-from openeureka.stats import mean
+from openeureka.stats import difference, mean
 from openeureka.store.db import FILENAME
 
 PLAN = FOLDER / "plans" / "headline.yaml"
@@ -51,7 +51,7 @@ TRAININGS = 20
 
 TITLES = (
     *("task", "steps", "generated, F held out", "human", "sparse"),
-    *("generated less human, 95 % interval", "the generated one is", "score", "clipped", "correlation"),
+    *("generated minus human, 95 % interval", "the generated one is", "score", "clipped", "correlation"),
 )
 NOT_REPEATED = ("minutes", "date", "device", "processor", "versions", "confirmed")
 """What a repeated search has otherwise, or not at all."""
@@ -60,8 +60,7 @@ NOT_REPEATED = ("minutes", "date", "device", "processor", "versions", "confirmed
 def measure(whole: Plan, env: str) -> None:
     """Search on one task, or go on with it, and keep what it found."""
     store, row = search(whole, env, OUTPUTS / "headline" / env)
-    ARCHIVE.mkdir(exist_ok=True)
-    (ARCHIVE / f"{env}.sqlite.xz").write_bytes(lzma.compress(portable(store), preset=9))
+    put_away(store, ARCHIVE, env)
     keep(RESULTS, env, row)
 
 
@@ -83,6 +82,12 @@ def search(whole: Plan, env: str, directory: Path) -> tuple[Path, Record]:
         raise SystemExit(f"{name}: {error}")
     store = directory / cell.name / FILENAME
     return store, outcome(store.parent, cell, found[-1])
+
+
+def put_away(store: Path, archive: Path, env: str) -> None:
+    """Keep the store of a search, packed, in a folder of the repository."""
+    archive.mkdir(exist_ok=True)
+    (archive / f"{env}.sqlite.xz").write_bytes(lzma.compress(portable(store), preset=9))
 
 
 def portable(store: Path) -> bytes:
@@ -107,13 +112,14 @@ def confirm(env: str, count: int) -> Record:
     seeds, (human, *rest) = fresh.trained(run.config, rewards, CONFIRMED / env, count)
     (generated,) = [known["own"]] if again else rest
     apart = fresh.between(human, generated)
-    return {"seeds": seeds, "generated": generated, "human": human, "difference": apart, **machine("cpu")}
+    taken = {"generated_on": known["processor"]} if again else {}
+    return {"seeds": seeds, "generated": generated, "human": human, "difference": apart, **machine("cpu"), **taken}
 
 
-def archive(env: str) -> RunView:
+def archive(env: str, archive: Path = ARCHIVE) -> RunView:
     """The search of a row."""
     with TemporaryDirectory() as folder:
-        (Path(folder) / FILENAME).write_bytes(lzma.decompress((ARCHIVE / f"{env}.sqlite.xz").read_bytes()))
+        (Path(folder) / FILENAME).write_bytes(lzma.decompress((archive / f"{env}.sqlite.xz").read_bytes()))
         return RunView.read(Path(folder))
 
 
@@ -155,7 +161,7 @@ def compared(env: str, kept: Record, again: Record) -> str:
 
 def decided(row: Record) -> Record:
     """The row, with the scores that decide it: those of the seeds that chose nothing, where there are such."""
-    return row | row.get("confirmed", {})
+    return row | row["confirmed"] | {"runners_up": {}} if row.get("confirmed") else row
 
 
 def ending(row: Record) -> str:
@@ -167,7 +173,17 @@ def ending(row: Record) -> str:
     if row["difference"] is None:
         return "one seed"
     _, low, high = row["difference"]
-    return "better" if low > 0 else "worse" if high < 0 else "level"
+    return "better" if low > 0 else "worse" if high < 0 else "level" if decidable(row) else "too few seeds"
+
+
+def decidable(row: Record) -> bool:
+    """Whether so few seeds can decide. Where F is 0 or 1, not always: even all against none may be chance."""
+    own, human, *rivals = row["generated"], row["human"], *row.get("runners_up", {}).values()
+    if not {value for arm in (own, human, *rivals) for value in arm if value is not None} <= {0.0, 1.0}:
+        return True
+    among = [[value for value in arm if value is not None] for arm in rivals]
+    split = difference([1.0] * len(own), [0.0] * len(human), among, claims=1 + len(rivals))
+    return split is not None and split.low > 0
 
 
 def rows(measured: Mapping[str, Record]) -> list[list[str]]:
@@ -181,7 +197,7 @@ def rows(measured: Mapping[str, Record]) -> list[list[str]]:
         first = short_name(env), f"{row['steps']:,}", *_scores(row, row["sparse"])
         found.append([*first, number(row["correlation_with_human"], 2)])
         if again is not None:
-            found.append([f"{len(again['seeds'])} other seeds", "", *_scores(again, row["sparse"]), ""])
+            found.append([f"{first[0]}, {len(again['seeds'])} other seeds", "", *_scores(again, row["sparse"]), ""])
     return found
 
 
@@ -221,28 +237,41 @@ def novelty(measured: Mapping[str, Record]) -> list[tuple[str, float, float]]:
 
 
 def summary(measured: Mapping[str, Record]) -> str:
-    """The rows in a sentence."""
+    """The rows in a few sentences. Means of seeds that chose nothing are counted apart from a picked winner's."""
     ends = Counter(map(ending, measured.values()))
-    decisive = [decided(row) for row in measured.values() if ending(row) != "both at zero"]
-    means = [(rank(mean(row["generated"])), rank(mean(row["human"]))) for row in decisive]
-    above, equal = sum(own > human for own, human in means), sum(own == human for own, human in means)
     unknown = f", not known (one seed) on {ends['one seed']}" if ends["one seed"] else ""
+    decisive = [row for row in measured.values() if ending(row) != "both at zero"]
+    other = [decided(row) for row in decisive if row.get("confirmed")]
+    picked = [row for row in decisive if not row.get("confirmed")]
     return (
         f"{len(measured)} of {len(load(PLAN).tasks)} tasks are measured. The generated reward is better than the human "
-        f"one on {ends['better']}, level on {ends['level']}, worse on {ends['worse']}{unknown}.\n"
-        f"On {ends['both at zero']} both score zero. Of the other {len(decisive)} the generated one's mean is above "
-        f"the human one's on {above}, equal on {equal}, below on {len(decisive) - above - equal}."
+        f"one on {ends['better']}, level on {ends['level']}, worse on {ends['worse']}{unknown}. "
+        f"On {ends['too few seeds']} three seeds are too few to tell, on {ends['both at zero']} both score zero.\n"
+        f"With seeds that chose nothing ({len(other)} tasks) its mean is above the human one's {_means(other)}; with "
+        f"those that also picked it ({len(picked)} more) {_means(picked)}."
     )
+
+
+def _means(decisive: Sequence[Record]) -> str:
+    pairs = [(rank(mean(row["generated"])), rank(mean(row["human"]))) for row in decisive]
+    above, equal = sum(own > human for own, human in pairs), sum(own == human for own, human in pairs)
+    return f"on {above}, equal on {equal}, below on {len(pairs) - above - equal}"
 
 
 def measured_on(measured: Mapping[str, Record]) -> str:
     """When the rows were measured, and on what: trainings repeat to the bit on one kind of processor alone."""
     looks = [look for row in measured.values() for look in (row, row.get("confirmed")) if look is not None]
     dates = sorted(look["date"] for look in looks)
-    kinds = Counter(look.get("processor", "a processor that nobody wrote down") for look in looks)
+    kinds = Counter(map(_processor, looks))
     each = "".join(f"\n- {kind}: {count}" for kind, count in kinds.most_common())
     when = f"Measured from {dates[0]} to {dates[-1]}, on 2 cores."
     return f"{when} Rows by processor, other seeds a row of their own:\n{each}"
+
+
+def _processor(look: Record) -> str:
+    human = look.get("processor", "a processor that nobody wrote down")
+    generated = look.get("generated_on", human)
+    return human if generated == human else f"{generated} for the generated reward, {human} for the human one"
 
 
 def left(measured: Mapping[str, Record]) -> str:

@@ -57,13 +57,29 @@ def test_a_row_ends_as_its_interval_says(headline: ModuleType):
     assert [headline.ending(one) for one in found.values()] == list(found)
 
 
+def test_seeds_that_could_not_decide_are_no_draw(headline: ModuleType):
+    own = row([1.0, 0.0, 1.0], [0.0] * 4, [0.67, 0.0, 1.33]) | {"runners_up": {"g0s1": [0.0, 1.0, 1.0]}}
+    assert headline.ending(own) == "too few seeds", "with a rival, 3 of 3 against 0 of 4 may be chance"
+    assert headline.ending(own | {"runners_up": {}}) == "level", "without, it is not"
+    assert headline.ending(own | {"generated": [0.5, 0.25, 1.0]}) == "level", "F has more than two values"
+    more = {"generated": [1.0] * 9, "human": [0.0, 1.0] * 4 + [1.0], "difference": [0.4, 0.0, 0.8]}
+    assert headline.ending(own | {"confirmed": more}) == "level"
+    assert "level on 0, worse on 0. On 1 three seeds are too few to tell" in headline.summary({"ant": own})
+
+
+def test_where_the_two_rewards_trained_on_two_kinds_of_processor_the_page_says_so(headline: ModuleType):
+    alike = {"date": "2026-01-02", "processor": "A"}
+    again = {"date": "2026-01-03", "processor": "B", "generated_on": "A"}
+    told = headline.measured_on({"ant": alike | {"confirmed": again}})
+    assert "A for the generated reward, B for the human one: 1" in told and "- A: 1" in told
+
+
 def test_a_tie_of_zeros_is_no_draw(headline: ModuleType):
     zeros = row([0.0, 0.0], [0.0, 0.0], [0.0, 0.0, 0.0])
     measured = {"ant": row([3.0, 4.0], [1.0, 2.0], [2.0, 0.5, 3.5]), "shadow_hand_kettle": zeros}
-    assert "better than the human one on 1, level on 0, worse on 0.\nOn 1 both score" in headline.summary(measured)
-    assert "Of the other 1 the generated one's mean is above the human one's on 1, equal on 0, below on 0." in (
-        headline.summary(measured)
-    )
+    told = headline.summary(measured)
+    assert "better than the human one on 1, level on 0, worse on 0. On 0 three seeds" in told and "on 1 both" in told
+    assert "also picked it (1 more) on 1, equal on 0, below on 0." in told
     assert [line[0] for line in headline.rows(measured)] == ["ant", "shadow_hand_kettle"]
 
 
@@ -72,9 +88,11 @@ def test_seeds_that_chose_nothing_decide_a_row_and_stand_below_it(headline: Modu
     own = {**row([3.0, 4.0], [1.0, 2.0], [2.0, -0.5, 4.5]), "confirmed": again}
     first, second = headline.rows({"ant": own})
     assert headline.ending(own) == "worse" and "worse on 1" in headline.summary({"ant": own})
-    assert "on 0, equal on 0, below on 1." in headline.summary({"ant": own})
+    assert "(1 tasks) its mean is above the human one's on 0, equal on 0, below on 1;" in (
+        headline.summary({"ant": own})
+    )
     assert first[0] == "ant" and "level" in first and "3.5" in first[2]
-    assert second[0] == "2 other seeds" and "worse" in second and "-2 (-3 to -1)" in second
+    assert second[0] == "ant, 2 other seeds" and "worse" in second and "-2 (-3 to -1)" in second
     assert (first[-3:-1], second[-3:-1]) == (["2.33", "2.33"], ["0.5", "0.5"])  # of the human mean 1.5, and of 4
     assert headline.gains({"ant": own}) == [("ant", -0.5, -0.75, -0.25)]
 
