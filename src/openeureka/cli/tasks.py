@@ -47,7 +47,8 @@ def envs(*, as_json: bool = False) -> None:
         return
     suites = list(dict.fromkeys(task.suite for task in tasks.values()))
     ordered = sorted(tasks.items(), key=lambda item: suites.index(item[1].suite))
-    first, *lines = columns([header, *((name, *_row(task), *_baselines(name)) for name, task in ordered)]).splitlines()
+    rows = [(name, *_row(task), *map(number, _baselines(name))) for name, task in ordered]
+    first, *lines = columns([header, *rows]).splitlines()
     room = max(40, shutil.get_terminal_size().columns - len(INDENT))
     print(first)
     suite = ""
@@ -59,20 +60,21 @@ def envs(*, as_json: bool = False) -> None:
         print("\n".join(f"{INDENT}{part}" for part in textwrap.wrap(plain(task.description), room)))
     print("\nobs, act: sizes of observation and action. steps: of an episode.")
     print("F: held out, mean over seeds, where benchmarks/baselines.py has measured it.")
+    print("Policies at the peak of F or of the own reward count, whichever play better.")
     print("Any Gymnasium environment is a task too: env=gym:CartPole-v1")
     print("More about one task: eureka context env=NAME")
 
 
 def _facts(name: str, task: type[Task]) -> dict[str, object]:
-    known = baselines.known(name)
+    human, sparse = _baselines(name)
     return {
         "suite": task.suite,
         "description": task.description,
         "observations": task.num_observations,
         "actions": task.num_actions,
         "episode_length": task.episode_length,
-        "human_fitness": mean(known.human.held_out) if known else None,
-        "sparse_fitness": mean(known.sparse.held_out) if known else None,
+        "human_fitness": human,
+        "sparse_fitness": sparse,
     }
 
 
@@ -80,9 +82,10 @@ def _row(task: type[Task]) -> tuple[str, ...]:
     return str(task.num_observations), str(task.num_actions), str(task.episode_length)
 
 
-def _baselines(env: str) -> tuple[str, str]:
-    known = baselines.known(env)
-    return (number(mean(known.human.held_out)), number(mean(known.sparse.held_out))) if known else ("-", "-")
+def _baselines(env: str) -> tuple[float | None, float | None]:
+    """F of the human and of the sparse reward, as scores take it; None where it was not measured."""
+    known = baselines.known(env, played=True)
+    return (mean(known.human.held_out), mean(known.sparse.held_out)) if known else (None, None)
 
 
 def context(words: Sequence[str]) -> None:
