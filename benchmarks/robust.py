@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from records import OUTPUTS, Record, command_line, keep, machine, read, results, show
+from records import OUTPUTS, Record, command_line, interval, keep, machine, read, results, show
 
 import openeureka
 from openeureka.cli.train import robust
@@ -26,7 +26,7 @@ from openeureka.config import BEST, SCRATCH, STARTS
 from openeureka.numbers import spread
 from openeureka.refine.hardened import LONGER, PLAIN, UNIFORM, Carried, RobustArm
 from openeureka.report.view import RunView
-from openeureka.stats import mean
+from openeureka.stats import estimate, mean
 
 ENVS = ("anymal", "ant", "quadcopter")
 SEEDS = 3
@@ -34,8 +34,8 @@ BEGUN = {BEST: "with the best policy", SCRATCH: "from scratch"}
 ARMS = (PLAIN, LONGER, UNIFORM, "ours")
 RESULTS = results("robust")
 TITLES = (
-    *("task", "trainings begin with", "seeds", *ARMS, "ours loses in its own world"),
-    *("of plain's loss in hard worlds: ours", "uniform"),
+    *("task", "trainings begin with", "seeds", *ARMS, "ours minus plain in hard worlds, 95 % interval"),
+    *("ours loses in its own world", "of plain's loss in hard worlds: ours", "uniform"),
 )
 
 
@@ -93,7 +93,16 @@ def _row(env: str, start: str, seeds: Sequence[Record]) -> list[str]:
     means = {key: mean(values) for key, values in of.items()}
     (nominal, share), (_, uniform) = losses(means, "ours"), losses(means, UNIFORM)
     both = [f"{spread(of[arm, 'nominal'])} / {spread(of[arm, 'hard'])}" if arm in shown else "-" for arm in ARMS]
-    return [env, start, str(len(seeds)), *both, *map(_percent, (nominal, share, uniform))]
+    gained = paired(of["ours", "hard"], of[PLAIN, "hard"])
+    return [env, start, str(len(seeds)), *both, gained, *map(_percent, (nominal, share, uniform))]
+
+
+def paired(own: Sequence[float | None], other: Sequence[float | None]) -> str:
+    """Mean difference and its interval over seeds: of each seed both policies begin with the same training."""
+    found = estimate([one - two for one, two in zip(own, other, strict=True) if one is not None and two is not None])
+    if found is None or found.low is None or found.high is None:
+        return "-"
+    return interval(found.value, found.low, found.high, digits=2)
 
 
 def losses(means: Mapping[tuple[str, str], float | None], arm: str) -> tuple[float | None, float | None]:
