@@ -98,7 +98,7 @@ def _row(env: str, start: str, seeds: Sequence[Record]) -> list[str]:
 
 
 def paired(own: Sequence[float | None], other: Sequence[float | None]) -> str:
-    """Mean difference and its interval over seeds: of each seed both policies begin with the same training."""
+    """Mean difference and its interval over seeds: both of a seed share its luck."""
     found = estimate([one - two for one, two in zip(own, other, strict=True) if one is not None and two is not None])
     if found is None or found.low is None or found.high is None:
         return "-"
