@@ -4,9 +4,9 @@
     python benchmarks/gym_lifted.py Ant        some of them
 
 Both sides step under random actions, with observations, rewards and resets, in turn and several times: the ratio is of
-medians of one run. Lanes take all cores. Gymnasium's side is its `SyncVectorEnv` with as many worlds in one process, on
-one core, or its `AsyncVectorEnv` with an environment a core; the faster one counts. The ratio per core
-is one over that process. Writes benchmarks/results/gym_lifted.json.
+medians of one run. Lanes take all cores. Gymnasium's side is its `SyncVectorEnv` with as many worlds in one process, so
+on one core, or its `AsyncVectorEnv` with an environment a core; the faster one counts. The ratio per core is one over
+the first. Writes benchmarks/results/gym_lifted.json.
 """
 
 from __future__ import annotations

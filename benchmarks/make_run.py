@@ -60,11 +60,12 @@ def counted() -> dict[str, Any]:
 
 def shared() -> str:
     """What runs have in common, in a sentence; empty where they have nothing."""
-    near = [pair for pair in pairwise(sorted(map(int, counted()))) if pair[1] - pair[0] < reach()]
-    if not near:
+    if all(later - seed >= reach() for seed, later in pairwise(sorted(map(int, counted())))):
         return ""
-    such = "as {} and {} are".format(*near[0])
-    return f"Runs whose seeds are less than {reach()} apart, {such}, share trainings of the human reward."
+    return (
+        f"A run trains the human reward with its own seed and up to {reach() - 1} that follow. "
+        "So runs whose seeds are neighbours share some of these trainings."
+    )
 
 
 def measure(seed: int) -> dict[str, Any]:
@@ -137,7 +138,8 @@ def summary() -> str:
     runs: list[Any] = list(counted().values())
     ends = Counter(one["verdict"].partition(":")[0] for one in runs)
     each = ", ".join(f"*{end[0].lower()}{end[1:]}* ({times})" for end, times in ends.most_common())
-    return f"How {len(runs)} runs of `make run` ended, each with a seed of its own: {each}. {shared()}".rstrip()
+    seeds = ", ".join(counted())
+    return f"How {len(runs)} runs of `make run` ended, with the seeds {seeds}: {each}. {shared()}".rstrip()
 
 
 if __name__ == "__main__":

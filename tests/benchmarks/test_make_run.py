@@ -24,7 +24,8 @@ def test_runs_of_other_seeds_count_until_its_own_are_there(tmp_path: Path, monke
         make_run.RESULTS.write_text(json.dumps({str(seed): {"verdict": "Not decided: F 2."} for seed in seeds}))
         return make_run.summary()
 
-    start = "How {} runs of `make run` ended, each with a seed of its own: *not decided* ({})."
-    assert summary(0, 1, 10).startswith(f"{start.format(3, 3)} Runs whose seeds are less than 4 apart, as 0 and 1 are,")
-    assert summary(0, 4, 10) == start.format(3, 3)
-    assert summary(0, 1, 2, 3, 10, 20, 30, 40) == start.format(5, 5)
+    start = "How {} runs of `make run` ended, with the seeds {}: *not decided* ({})."
+    shared = "So runs whose seeds are neighbours share some of these trainings."
+    assert summary(0, 1, 10).startswith(start.format(3, "0, 1, 10", 3)) and summary(0, 1, 10).endswith(shared)
+    assert summary(0, 4, 10) == start.format(3, "0, 4, 10", 3)
+    assert summary(0, 1, 2, 3, 10, 20, 30, 40) == start.format(5, "0, 10, 20, 30, 40", 5)
