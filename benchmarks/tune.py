@@ -7,7 +7,8 @@
 
 Spoiled numbers are the human ones times e**U(-2, 2); what is compared with by no more than a tenth of that, as it is
 tuned. The tuning of the human numbers trains those with the same fresh seeds, so how much of the way back was found
-is (after - spoiled) / (human - spoiled). Each tuning is a run under `outputs/tune/`: killed, it goes on with the same
+is (after - spoiled) / (human - spoiled). For more seeds of both, more seeds of the human reward are those of
+`headline.py`, where it has some with as many steps. Each tuning is a run under `outputs/tune/`: killed, it goes on with the same
 words.
 """
 
@@ -20,6 +21,7 @@ from random import Random
 
 import fresh
 from headline import PLAN
+from headline import RESULTS as HEADLINE
 from records import OUTPUTS, Record, command_line, conditions, interval, keep, read, results
 
 import openeureka
@@ -123,18 +125,32 @@ def way_back(own: Record, reference: Record) -> float | None:
     return (after - before) / (goal - before)
 
 
-def rows(results: Record) -> list[list[str]]:
-    """A row for each tuning, and one for the same two texts with more seeds where there are such."""
+def human_again(row: Record, steps: int) -> Record | None:
+    """The human reward with other seeds than chose anything, from a row of `headline.py` with as many steps."""
+    scores = row.get("confirmed", {}).get("human")
+    return {"held_out": {"before": scores}} if scores and row["steps"] == steps else None
+
+
+def rows(results: Record, table: Record | None = None) -> list[list[str]]:
+    """A row for each tuning, and one for the same two texts with more seeds where there are such.
+
+    Args:
+        table: the rows of `headline.py`; None for those that are measured.
+    """
+    table = read(HEADLINE) if table is None else table
     found: list[list[str]] = []
     for name, own in sorted(results.items()):
         task, kind, seed = name.split("/")
         reference = results.get(f"{task}/human/{seed}", {"held_out": {}})
         matter = f"{sum(n['matters'] for n in own['numbers'])} of {len(own['numbers'])}"
         again = own.get("confirmed")
-        told = [(kind, own, matter), *([(f"{kind}, {len(again['seeds'])} other seeds", again, "-")] if again else [])]
-        for numbers, scores, last in told:
+        told = [(kind, own, reference, matter)]
+        if again:
+            more = human_again(table.get(task, {}), own["settings"]["steps"]) or reference
+            told.append((f"{kind}, {len(again['seeds'])} other seeds", again, more, "-"))
+        for numbers, scores, goal, last in told:
             held_out, between = scores["held_out"], scores["difference"]
-            share = way_back(scores, reference) if kind == "spoiled" else None
+            share = way_back(scores, goal) if kind == "spoiled" else None
             row = (
                 *(task, numbers, f"{own['settings']['steps']:,}", seed),
                 spread(held_out.get("before", [])),

@@ -46,6 +46,19 @@ def test_the_way_back_is_counted_from_the_spoiled_numbers_to_the_human_ones():
     assert tune.way_back(held_out(10.0, 40.0), {"held_out": {}}) is None
 
 
+def test_more_seeds_are_compared_with_more_seeds_of_the_human_reward():
+    few = {**held_out(0.0, 0.1), "settings": {"steps": 9}, "difference": None, "numbers": []}
+    more = {"seeds": [7, 8], "difference": None, **held_out(0.0, 0.3)}
+    results = {"a/human/0": {**few, **held_out(0.2, 0.2)}, "a/spoiled/0": {**few, "confirmed": more}}
+
+    def shares(steps: int) -> list[str]:
+        row = {"steps": steps, "confirmed": {"human": [0.2, 0.6]}}
+        return [line[-2] for line in tune.rows(results, {"a": row})]
+
+    assert shares(9) == ["-", "50%", "75%"]  # of 0.2 with the tuning's own seeds, of 0.4 with other ones
+    assert shares(8) == ["-", "50%", "150%"]  # trained for another time, those tell nothing
+
+
 def test_a_tuning_is_measured_on_cartpole(monkeypatch, tmp_path):
     monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: Sum())
     options = argparse.Namespace(
