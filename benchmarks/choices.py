@@ -27,7 +27,7 @@ from openeureka.stats import estimate, mean
 from openeureka.types import lane_id
 
 SCHEDULES: Mapping[str, Sequence[Rung]] = {
-    "all to the end": (),
+    "`full`: all to the end": (),
     "halving at 1/8, 1/4, 1/2": RUNGS["halving"],
     "halving at 1/4, 1/2": (Rung(1 / 4, 1 / 2), Rung(1 / 2, 1 / 2)),
     "a quarter goes on at 1/4": (Rung(1 / 4, 1 / 4),),
@@ -37,8 +37,8 @@ SCHEDULES: Mapping[str, Sequence[Rung]] = {
     "all end at 1/8": (Rung(1 / 8, 0.0),),
 }
 """Where candidates pause, and how many of them go on; where none does, the first is chosen there."""
-LESS = "less all to the end, 95 % interval"
-TITLES = ("schedule", "steps, of all", "cut by played F", LESS, "cut by F in the window", LESS)
+MINUS = "minus `full`, 95 % interval"
+TITLES = ("schedule", "steps, of all", "cut by played F", MINUS, "cut by F in the window", MINUS)
 
 
 @dataclass(frozen=True)

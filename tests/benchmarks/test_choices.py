@@ -35,4 +35,4 @@ def test_schedules_are_compared_search_by_search() -> None:
     # and Student's interval with two degrees of freedom is 4.3 of them.
     cells = choices.compared(searches, choices.SCHEDULES["all end at 1/8"])
     assert cells == ("-0.1 ± 0.49", "-0.2 (-0.45 to 0.048)")
-    assert choices.compared(searches, choices.SCHEDULES["all to the end"]) == ("0.1 ± 0.46", "-")
+    assert choices.compared(searches, choices.SCHEDULES["`full`: all to the end"]) == ("0.1 ± 0.46", "-")
