@@ -69,9 +69,10 @@ def rows(measured: Record) -> list[list[str]]:
     environments: Record = measured["environments"]
     cores: int = measured["machine"]["cores"]
     return [
-        [f"{name}-v5", f"{rates['lanes']:,}", f"{theirs(rates):,}", f"{found['ratio']:g}", f"{a_core(rates, cores):.1f}"]
+        [f"{name}-v5", f"{rates['lanes']:,}", f"{theirs(rates):,}", f"{found['ratio']:g}", f"{each:.1f}"]
         for name, found in environments.items()
         for rates in (found["steps_per_second"],)
+        for each in (per_core(rates, cores),)
     ]
 
 
@@ -80,7 +81,7 @@ def theirs(rates: Mapping[str, int]) -> int:
     return max(rate for arm, rate in rates.items() if arm != "lanes")
 
 
-def a_core(rates: Mapping[str, int], cores: int) -> float:
+def per_core(rates: Mapping[str, int], cores: int) -> float:
     """Speed of lanes on one of their cores, over that of Gymnasium's one process, which takes one."""
     return rates["lanes"] / cores / rates["gymnasium, one process"]
 

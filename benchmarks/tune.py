@@ -8,8 +8,8 @@
 Spoiled numbers are the human ones times e**U(-2, 2); what is compared with by no more than a tenth of that, as it is
 tuned. The tuning of the human numbers trains those with the same fresh seeds, so how much of the way back was found
 is (after - spoiled) / (human - spoiled). For more seeds of both, more seeds of the human reward are those of
-`headline.py`, where it has some with as many steps. Each tuning is a run under `outputs/tune/`: killed, it goes on with the same
-words.
+`headline.py`, where it has some with as many steps. Each tuning is a run under `outputs/tune/`: killed, it goes on with
+the same words.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def rows(results: Record, table: Record | None = None) -> list[list[str]]:
     Args:
         table: the rows of `headline.py`; None for those that are measured.
     """
-    table = read(HEADLINE) if table is None else table
+    other_seeds: Record = read(HEADLINE) if table is None else table
     found: list[list[str]] = []
     for name, own in sorted(results.items()):
         task, kind, seed = name.split("/")
@@ -146,7 +146,7 @@ def rows(results: Record, table: Record | None = None) -> list[list[str]]:
         again = own.get("confirmed")
         told = [(kind, own, reference, matter)]
         if again:
-            more = human_again(table.get(task, {}), own["settings"]["steps"]) or reference
+            more = human_again(other_seeds.get(task, {}), own["settings"]["steps"]) or reference
             told.append((f"{kind}, {len(again['seeds'])} other seeds", again, more, "-"))
         for numbers, scores, goal, last in told:
             held_out, between = scores["held_out"], scores["difference"]

@@ -1,7 +1,5 @@
 import json
 
-import pytest
-
 from openeureka.cli.tasks import context, envs
 from openeureka.method import baselines
 from openeureka.tasks import registry
