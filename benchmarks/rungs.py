@@ -81,7 +81,7 @@ class Watched(Population):
         for rung in (rung for rung, end in enumerate(self.ends) if end == epoch + 1):
             for lane, active in enumerate(self.ppo.active.tolist()):
                 if active:
-                    self.kept[lane, rung] = Policy.of(self.env_name, self.ppo, lane).to_bytes()
+                    self.kept[lane, rung] = Policy.of(self.env_name, self.ppo, lane, self.interface).to_bytes()
 
 
 def accepted(env: str, replies: Iterable[str]) -> dict[str, RewardProgram]:

@@ -25,16 +25,16 @@ def run(tmp_path, monkeypatch):
 
 def test_everything_a_person_opens_is_made(run):
     directory, _ = run
-    assert build.build(directory, env="toy") == []
+    assert build.build(directory, env="cartpole") == []
     made = {path.relative_to(directory).as_posix() for path in directory.rglob("*")}
     assert {"report.html", "best/policy.onnx", "best/video.mp4"} <= made
 
 
 def test_the_best_video_is_made_once(run):
     directory, filmed = run
-    build.build(directory, env="toy")
-    build.build(directory, env="toy")
-    assert filmed == ["toy"]
+    build.build(directory, env="cartpole")
+    build.build(directory, env="cartpole")
+    assert filmed == ["cartpole"]
 
 
 def test_a_film_of_a_policy_that_is_no_longer_the_best_is_not_kept(run, monkeypatch):
@@ -45,13 +45,13 @@ def test_a_film_of_a_policy_that_is_no_longer_the_best_is_not_kept(run, monkeypa
         return b"mp4"
 
     monkeypatch.setattr(video, "render", render)
-    build.build(directory, "best", env="toy")
+    build.build(directory, "best", env="cartpole")
     assert not (directory / "best" / "video.mp4").exists()
 
 
 def test_no_video_is_made_where_none_is_wanted(run):
     directory, filmed = run
-    assert build.build(directory, "none") == []
+    assert build.build(directory, "none", "cartpole") == []
     assert filmed == []
 
 
@@ -62,6 +62,22 @@ def test_a_machine_that_cannot_render_gets_everything_else(run, monkeypatch):
         raise video.NoRenderer("No video: install one.")
 
     monkeypatch.setattr(video, "render", refuse)
-    assert build.build(directory, "all", "toy") == ["No video: install one."]
+    assert build.build(directory, "all", "cartpole") == ["No video: install one."]
     assert "<h2>Generation 0, slot 1</h2>" in (directory / "report.html").read_text()
     assert (directory / "best" / "policy.onnx").exists()
+
+
+def test_a_task_that_is_not_at_hand_leaves_what_was_made_of_it(run):
+    directory, _ = run
+    build.build(directory, "none", "cartpole")
+    before = (directory / "best" / "policy.onnx").read_bytes()
+    assert b"observation_clip" in before  # what a file made without the task cannot say
+    assert build.build(directory, "none")[0].startswith("No video and no new policy.onnx: the run's task is no")
+    assert build.build(directory, "none", "moved.py")[0].startswith("There is no file ")
+    assert (directory / "best" / "policy.onnx").read_bytes() == before
+
+
+def test_a_policy_that_acts_otherwise_than_the_task_s_is_not_made_where_there_is_none(run):
+    directory, _ = run
+    build.build(directory, "none")
+    assert not (directory / "best" / "policy.onnx").exists()

@@ -19,7 +19,7 @@ from openeureka.report import build, export
 from openeureka.suite.isaac.ant import Ant
 from openeureka.suite.isaac.anymal import DEFAULT_ANGLES, Anymal
 from openeureka.tasks import registry
-from openeureka.tasks.deployment import Deployment, Term
+from openeureka.tasks.deployment import Deployment, Term, as_text, described
 from openeureka.tasks.task import Task, mean_over_steps
 from openeureka.training.policy import Player, Policy
 from openeureka.types import StateSpec, StateVar
@@ -135,7 +135,7 @@ def test_a_task_that_does_not_say_what_it_observes_says_that(wanted: Policy):
     found = export.deployed(policy(60, 8, (8,)), Ant)
     assert set(found) == {"policy.onnx", "deploy.yaml"}
     assert "`ant` does not say what its observation is made of" in found["deploy.yaml"].decode()
-    assert yaml.safe_load(found["deploy.yaml"]) == {"env": "ant"}
+    assert yaml.safe_load(found["deploy.yaml"])["env"] == "ant"
 
 
 def test_a_policy_of_another_task_is_not_said_to_be_anymal_s():
@@ -307,3 +307,48 @@ def test_a_policy_is_kept_where_its_deployment_is_wrong(
     (tmp_path / "best" / "policy.safetensors").write_bytes(policy(5, 1, (8,)).to_bytes())
     assert "`apply_action` of `leg`" in build.policy_files(tmp_path, "best", "none", "leg")
     assert (tmp_path / "best" / "policy.onnx").exists() and not (tmp_path / "best" / "deploy.yaml").exists()
+
+
+def test_a_refusal_leaves_no_file_of_before_beside_a_new_network(
+    leg: type[Leg], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    own = [leg]
+    monkeypatch.setattr(registry, "get", lambda env: own[0])
+    (tmp_path / "best").mkdir()
+    (tmp_path / "best" / "policy.safetensors").write_bytes(policy(5, 1, (8,)).to_bytes())
+    assert build.policy_files(tmp_path, "best", "none", "leg") == ""
+    made = {path.name for path in (tmp_path / "best").rglob("*") if path.is_file()}
+    assert made == {"policy.safetensors", *export.PROGRAMS, "0_trunk.stl"}
+    # What cannot be read here says nothing against the files that were made where it could.
+    (tmp_path / "shapes").rename(tmp_path / "gone")
+    assert "trunk.stl" in build.policy_files(tmp_path, "best", "none", "leg")
+    assert made == {path.name for path in (tmp_path / "best").rglob("*") if path.is_file()}
+    (tmp_path / "gone").rename(tmp_path / "shapes")
+    own[0] = type("Leg", (leg,), {"deployment": changed(action_scale=0.2)})
+    assert "`apply_action` of `leg`" in build.policy_files(tmp_path, "best", "none", "leg")
+    left = {path.name for path in (tmp_path / "best").rglob("*") if path.is_file()}
+    assert left == {"policy.safetensors", "policy.onnx"}
+
+
+class Stiffer(Leg):
+    deployment = changed(action_scale=0.2)
+
+    def apply_action(self, actions: torch.Tensor) -> None:
+        self.ctrl[:] = 0.1 + 0.2 * actions
+
+
+def test_a_policy_is_not_said_to_have_trained_with_what_was_changed_since(
+    leg: type[Leg], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    now = [leg]
+    monkeypatch.setattr(registry, "get", lambda env: now[0])
+    trained = replace(policy(5, 1, (8,)), interface=as_text(described(leg)))
+    (tmp_path / "best").mkdir()
+    (tmp_path / "best" / "policy.safetensors").write_bytes(trained.to_bytes())
+    assert build.policy_files(tmp_path, "best", "none", "leg") == ""
+    before = {name: (tmp_path / "best" / name).read_bytes() for name in export.PROGRAMS}
+    now[0] = type("Stiffer", (Stiffer,), {"model": leg.model})
+    assert "`action_scale` of `leg` is no longer what its policy" in build.policy_files(tmp_path, "best", "none", "leg")
+    assert before == {name: (tmp_path / "best" / name).read_bytes() for name in export.PROGRAMS}
+    now[0] = type("Slower", (leg,), {"control_dt": 0.04, "substeps": 8, "env": "renamed"})
+    assert "`control_rate` of `renamed`" in build.policy_files(tmp_path, "best", "none", "leg")

@@ -180,7 +180,7 @@ def test_a_warm_start_is_the_policy_with_its_statistics():
     assert policy is not None
     specs = [LaneSpec(id="warm", program="human", start=policy), LaneSpec(id="cold", program="human")]
     after = Population("cartpole", specs, budget, threads=1)
-    warm, cold = (Policy.of("cartpole", after.ppo, lane) for lane in (0, 1))
+    warm, cold = (Policy.of("cartpole", after.ppo, lane, after.interface) for lane in (0, 1))
     assert warm.to_bytes() == policy
     assert not torch.equal(cold.tensors["w0"], warm.tensors["w0"])
     # One sample to begin with, and two epochs of 16 steps of 32 worlds.

@@ -48,6 +48,7 @@ def test_training_leaves_the_weights_of_what_is_unseen_at_zero() -> None:
     assert now["critic_w0"][:, :3].ne(before["critic_w0"][:, :3]).any()
     policy = Policy.from_bytes(results[0].last or b"")
     assert policy.unseen == UNSEEN
+    assert policy.interface["control_rate"] == "50.0" and policy.interface["action_scale"].startswith("0.5,0.5,")
     # A lane that goes on from it has its critic too.
     started = PPO([5], 48, 12, Anymal.recipe, torch.device("cpu"), unseen=UNSEEN)
     policy.put(started, 0)

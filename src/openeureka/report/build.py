@@ -9,6 +9,7 @@ from ..film import video
 from ..parsing import command_line
 from ..store import artifacts
 from ..tasks import registry
+from ..tasks.task import Task
 from ..training.policy import Policy
 from . import export, filming, html
 from .view import VIDEO, RunView
@@ -54,41 +55,49 @@ def policy_files(directory: Path, folder: str, wanted: str, env: str) -> str:
     data = artifacts.read(directory, f"{folder}/policy.safetensors")
     if data is None:
         return ""
+    if not env:
+        return _STRANGE.format(command=command_line("report", directory))
     try:
-        programs, problem = _programs(Policy.from_bytes(data), env)
-        for name, content in programs.items():
-            artifacts.write(directory, f"{folder}/{name}", content)
+        problem = _programs(directory, folder, Policy.from_bytes(data), registry.get(env))
         if wanted == "none" or artifacts.exists(directory, f"{folder}/{VIDEO}"):
             return problem
-        if not env:
-            return _STRANGE.format(command=command_line("report", directory))
         other = filming.human(directory) if folder == "best" else None
         captions = ("the best reward", "the human reward") if other is not None else ()
         film = video.render(env, data, beside=other, captions=captions)
         if artifacts.read(directory, f"{folder}/policy.safetensors") == data:  # a search that goes on may have a better
             artifacts.write(directory, f"{folder}/{VIDEO}", film)
-    except (RewardFileError, video.VideoUnavailable) as error:
+    except (RewardFileError, TaskError, video.VideoUnavailable) as error:
         return str(error)
     return problem
 
 
-def _programs(policy: Policy, env: str) -> tuple[dict[str, bytes], str]:
-    """Files that run a policy elsewhere, and why some are missing; of a task that is not at hand the network alone."""
+def _programs(directory: Path, folder: str, policy: Policy, task: type[Task]) -> str:
+    """Write the files that run a policy elsewhere, and delete those that no longer belong to it.
+
+    Returns:
+        Why some are missing, or stay as they were, as a sentence, or an empty string.
+    """
+    problem = ""
     try:
-        task = registry.get(env) if env else None
-    except TaskError:
-        task = None
-    if task is None:
-        return {"policy.onnx": export.to_onnx(policy)}, ""
-    try:
-        return export.deployed(policy, task), ""
+        files = export.deployed(policy, task)
+    except export.NotRenewed as error:
+        return str(error)
     except TaskError as error:
-        return {"policy.onnx": export.to_onnx(policy, clip=task.clip_observations)}, str(error)
+        clip, problem = {"observation_clip": task.clip_observations}, str(error)
+        files = {"policy.onnx": export.to_onnx(policy, clip)}
+    found = artifacts.names(directory, f"{folder}/{export.ASSETS}")
+    # Others than these are a person's.
+    numbered = (f"{export.ASSETS}/{name}" for name in found if name.partition("_")[0].isdigit())
+    for name in {*export.PROGRAMS, *numbered} - files.keys():
+        artifacts.remove(directory, f"{folder}/{name}")
+    for name, content in files.items():
+        artifacts.write(directory, f"{folder}/{name}", content)
+    return problem
 
 
 _STRANGE = (
-    "No video: the run's task is no installed one, and what a run names is not imported unasked; add env=FILE.py to "
-    "`{command}`."
+    "No video and no new policy.onnx: the run's task is no installed one, and what a run names is not imported "
+    "unasked; add env=FILE.py to `{command}`."
 )
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
-import mujoco
 import numpy as np
 import onnx
 import torch
@@ -20,9 +21,8 @@ from tensorboard.compat.proto.event_pb2 import Event  # pyright: ignore[reportAt
 from tensorboard.compat.proto.summary_pb2 import Summary  # pyright: ignore[reportAttributeAccessIssue]
 from tensorboard.summary.writer.record_writer import RecordWriter
 
-from ..codec import plain
 from ..errors import TaskError
-from ..tasks.deployment import Interface, interface, of_task
+from ..tasks.deployment import as_text, changed, described
 from ..tasks.env import BatchedEnv
 from ..tasks.task import Task
 from ..training.network import EPSILON, LIMIT
@@ -32,26 +32,36 @@ from .sim2sim import Robot, Senses
 
 OPSET = 17
 """Old enough for runtimes since 2022."""
+PROGRAMS = ("policy.onnx", "deploy.yaml", "scene.xml", "sim2sim.py")
+"""What `deployed` may give, beside files in `ASSETS`."""
+ASSETS = "assets"
 EVENTS = "events.out.tfevents.0"
 """TensorBoard recognises event files by `tfevents` in their name."""
 
 
-def to_onnx(policy: Policy, robot: Interface | None = None, clip: float = math.inf) -> bytes:
-    """The deterministic policy: `observation` (N, O) float32, as the task makes it, to `action` (N, A) in [-1, 1].
+class NotRenewed(TaskError):
+    """The files of a policy cannot be made of the task as it is here; those that there are may be right."""
 
-    O counts what the policy sees: unseen columns are left out.
+
+def to_onnx(policy: Policy, about: Mapping[str, Any] | None = None) -> bytes:
+    """The deterministic policy: `observation` (N, O) float32 to `action` (N, A) in [-1, 1].
+
+    O counts what the policy sees: the task's observation without the columns in `observation_unseen`.
 
     Of C choices `action` is (N, C) int64: the index of the option of each. Inside are the task's clip of observations
     and normalisation, (x - mean) / sqrt(var + 1e-5) clamped at +-5, then ELU layers and a linear head.
 
     Args:
-        clip: at which the task clips observations, `Task.clip_observations`.
-        robot: what the file's metadata say beside the task's name: text, lists with commas.
+        about: what the file's metadata say of the task, as `described` gives it: text, lists with commas. Its
+            `observation_clip` is where the task clips observations; nowhere where it is not said.
 
     Raises:
         RewardFileError: when its tensors are those of no network.
     """
     policy.expect()
+    known = {"env": policy.env, "observation_clip": math.inf, "observation_unseen": list(policy.unseen)}
+    about = known | dict(about or {})
+    clip = float(about["observation_clip"])
     tensors = {name: value.cpu().double().numpy() for name, value in policy.tensors.items()}
     count = policy.actions
     seen = [column for column in range(policy.observations) if column not in policy.unseen]
@@ -107,14 +117,9 @@ def to_onnx(policy: Policy, robot: Interface | None = None, clip: float = math.i
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], producer_name="openeureka")
     model.ir_version = 8  # the one that came with this opset
-    helper.set_model_props(model, {"env": policy.env} | (_said(robot) if robot is not None else {}))
+    helper.set_model_props(model, as_text(about))
     onnx.checker.check_model(model)
     return model.SerializeToString()
-
-
-def _said(robot: Interface) -> dict[str, str]:
-    found = {name: value if isinstance(value, list | tuple) else [value] for name, value in plain(robot).items()}
-    return {name: ",".join(str(value) for value in values) for name, values in found.items()}
 
 
 def deployed(policy: Policy, task: type[Task]) -> dict[str, bytes]:
@@ -124,39 +129,40 @@ def deployed(policy: Policy, task: type[Task]) -> dict[str, bytes]:
 
     Raises:
         RewardFileError: when the policy is none of this task.
+        NotRenewed: when the task says something else than when the policy was trained, or its model lacks files.
         TaskError: when the task's `deployment` is not what it observes and does.
     """
-    if task.deployment is None:
-        return {
-            "policy.onnx": to_onnx(policy, clip=task.clip_observations),
-            "deploy.yaml": _NOT_SAID.format(env=task.env).encode(),
-        }
-    policy.expect(task.num_observations, task.num_actions)
-    spec, model = task.compiled()
-    whole, robot = (
-        interface(
-            task.env,
-            of_task(task.deployment, task),
-            model,
-            control_dt=task.control_dt,
-            clip=task.clip_observations,
-            observations=task.num_observations,
-            unseen=unseen,
+    if task.deployment is not None:
+        policy.expect(task.num_observations, task.num_actions)
+        try:
+            task.compile_model()
+        except TaskError as error:
+            raise NotRenewed(str(error)) from None
+    about = described(task, policy.unseen)
+    if name := changed(policy.interface, as_text(about)):
+        raise NotRenewed(
+            f"`{name}` of `{task.env}` is no longer what its policy was trained with, so what deploys it is not made "
+            "anew: undo the change, or train again."
         )
-        for unseen in ((), policy.unseen)
-    )
-    _expect_same(task, whole)
-    about = yaml.safe_dump(plain(robot), sort_keys=False, default_flow_style=None, width=110)
+    listed = yaml.safe_dump(about, sort_keys=False, default_flow_style=None, width=110)
+    if task.deployment is None:
+        head = _ELSEWHERE if task.acting() else _NOT_SAID
+        return {
+            "policy.onnx": to_onnx(policy, about),
+            "deploy.yaml": (head.format(env=task.env) + listed).encode(),
+        }
+    _expect_same(task)
     return {
-        "policy.onnx": to_onnx(policy, robot, task.clip_observations),
-        "deploy.yaml": (_HEAD + about).encode(),
-        **_scene(task, spec),
+        "policy.onnx": to_onnx(policy, about),
+        "deploy.yaml": (_HEAD + listed).encode(),
+        **_scene(task),
         "sim2sim.py": files("openeureka.report").joinpath("sim2sim.py").read_bytes(),
     }
 
 
-def _scene(task: type[Task], spec: mujoco.MjSpec) -> dict[str, bytes]:
-    """scene.xml, and in assets/ the meshes and pictures that it needs. Raises TaskError where one cannot be read."""
+def _scene(task: type[Task]) -> dict[str, bytes]:
+    """scene.xml, and in assets/ the meshes and pictures that it needs. Raises NotRenewed where one cannot be read."""
+    spec = task.compiled()[0]
     root, given, found = ElementTree.fromstring(spec.to_xml()), spec.assets or {}, dict[str, bytes]()
     for part in root.iterfind("asset/*"):
         folder = spec.texturedir if part.tag == "texture" else spec.meshdir
@@ -167,10 +173,10 @@ def _scene(task: type[Task], spec: mujoco.MjSpec) -> dict[str, bytes]:
             try:
                 content = given[file] if file in given else path.read_bytes()
             except OSError as error:
-                raise TaskError(
+                raise NotRenewed(
                     f"scene.xml of `{task.env}` lacks {path}, which cannot be read: {error.strerror}."
                 ) from None
-            name = f"assets/{len(found)}_{path.name}"
+            name = f"{ASSETS}/{len(found)}_{path.name}"
             found[name] = content
             part.set(key, name)
     for compiler in root.iterfind("compiler"):
@@ -179,14 +185,15 @@ def _scene(task: type[Task], spec: mujoco.MjSpec) -> dict[str, bytes]:
     return {"scene.xml": ElementTree.tostring(root), **found}
 
 
-def _expect_same(task: type[Task], robot: Interface) -> None:
+def _expect_same(task: type[Task]) -> None:
     """Raises TaskError where the script makes another observation than the task, or sets other targets. Commands, which
     the task alone knows, are not compared."""
     env = BatchedEnv(task, worlds=4, threads=1)
     env.reset()
     actions = torch.rand(4, task.num_actions, generator=torch.Generator().manual_seed(0)) * 2.0 - 1.0
     step = env.step(actions)
-    senses, names = Senses(_said(robot)), np.repeat(robot.observation_names, robot.observation_sizes)
+    about = described(task)
+    senses, names = Senses(as_text(about)), np.repeat(about["observation_names"], about["observation_sizes"])
     for world in (~step.done).nonzero().flatten().tolist():
         model, data = env.sim.snapshot(world)
         senses.action = actions[world].numpy().astype(float)
@@ -205,9 +212,20 @@ def _expect_same(task: type[Task], robot: Interface) -> None:
             )
 
 
+_COLUMNS = """# policy.onnx takes the observation in one row, without the columns in observation_unseen, counted from 0.
+# The observation's clip and normalisation are inside it.
+"""
 _NOT_SAID = (
-    "# `{env}` does not say what its observation is made of, so no other program can make it: give the task's class a\n"
-    "# `deployment` (openeureka.tasks.deployment).\nenv: {env}\n"
+    """# `{env}` does not say what its observation is made of, so no other program can make it: give the task's class a
+# `deployment` (openeureka.tasks.deployment).
+"""
+    + _COLUMNS
+)
+_ELSEWHERE = (
+    """# The observation is what `{env}` gives: its parts in order, whole numbers as a one among zeros. An action of
+# -1 to 1 is action_low to action_high there; of choices, the number of an option counts on from action_first.
+"""
+    + _COLUMNS
 )
 _HEAD = """# What runs policy.onnx on a robot. Lists are in the order of actions or of the observation; units are SI.
 # target angle = default_joint_pos + action_scale * action, kept from target_low to target_high; torque of the drive =

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
-from dataclasses import dataclass, replace
-from typing import Literal
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
 
 import mujoco
 import numpy as np
 
+from ..codec import plain
 from ..errors import TaskError
 from .anatomy import floating_joint
+
+if TYPE_CHECKING:
+    from .task import Task
 
 Source = Literal[
     "base_linear_velocity",
@@ -84,42 +88,58 @@ class Interface:
     observation_scales: tuple[float, ...]
     """One a number of the observation."""
     observation_clip: float
+    observation_unseen: tuple[int, ...]
+    """Columns of the task's own observation that the policy does without; the terms above are without them."""
     observation_history: int
     command_names: tuple[str, ...]
     command_low: tuple[float, ...]
     command_high: tuple[float, ...]
 
 
-def of_task(wanted: Deployment, task: type) -> Deployment:
-    """The same with numbers for the names of attributes: `NAME+lin_vel_scale=1` has another."""
-    terms = tuple(
-        replace(term, scale=tuple(getattr(task, one) if isinstance(one, str) else one for one in term.scale))
-        for term in wanted.observation
-    )
-    return replace(wanted, observation=terms)
+def described(task: type[Task], unseen: Collection[int] = ()) -> dict[str, Any]:
+    """What other programs are told of a task: its `Interface` as numbers, text and lists of them by name, or as much of
+    it as is known of any task.
+
+    Raises:
+        TaskError: as `interface` does.
+    """
+    if task.deployment is not None:
+        return plain(interface(task, task.compile_model(), unseen))
+    known = {"env": task.env, "control_rate": 1.0 / task.control_dt, "observation_clip": task.clip_observations}
+    return known | {"observation_unseen": list(unseen)} | task.acting()
 
 
-def interface(
-    env: str,
-    wanted: Deployment,
-    model: mujoco.MjModel,
-    *,
-    control_dt: float,
-    clip: float,
-    observations: int,
-    unseen: Collection[int] = (),
-) -> Interface:
-    """What a policy's file says beside its network.
+def as_text(about: Mapping[str, Any]) -> dict[str, str]:
+    """The same as the metadata of a file hold it: lists with commas."""
+    found = {name: value if isinstance(value, list | tuple) else [value] for name, value in about.items()}
+    return {name: ",".join(str(value) for value in values) for name, values in found.items()}
+
+
+def changed(before: Mapping[str, str], now: Mapping[str, str]) -> str:
+    """The first that two texts say otherwise, or nothing. What a version did not write yet, or a name, is no change."""
+    both = (name for name in before if name in now and name != "env")
+    return next((name for name in both if not _same(before[name], now[name])), "")
+
+
+def _same(before: str, now: str) -> bool:
+    try:  # versions of MuJoCo may differ in the last digit
+        return np.allclose(*(np.array(text.split(","), float) for text in (before, now)), rtol=1e-6, atol=1e-12)
+    except ValueError:
+        return before == now
+
+
+def interface(task: type[Task], model: mujoco.MjModel, unseen: Collection[int] = ()) -> Interface:
+    """What a policy's file says beside its network, of a task that says a `deployment`.
 
     Args:
-        control_dt: [s] between two actions.
-        clip: of observations.
-        observations: that the task makes.
+        model: the task's own.
         unseen: columns of the task's observation that the policy does not look at; terms made of them are left out.
 
     Raises:
         TaskError: where model or observation are not such as the deployment says.
     """
+    env, wanted = task.env, task.deployment
+    assert wanted is not None
     _expect_drives(env, model)
     joints = [int(joint) for joint in model.actuator_trnid[:, 0]]
     dofs = [int(model.jnt_dofadr[joint]) for joint in joints]
@@ -128,7 +148,8 @@ def interface(
             f"The default pose of `{env}` has {len(wanted.default_pose)} angles, but the model {len(joints)} drives; "
             "give its `deployment` one for each."
         )
-    terms = _terms(env, wanted, len(joints), observations)
+    terms = _terms(task, wanted, len(joints))
+    names = tuple(model.joint(joint).name for joint in joints)
     seen = [(name, scales) for name, scales, columns in terms if not all(column in unseen for column in columns)]
     for name, _, columns in terms:
         if 0 < sum(column in unseen for column in columns) < len(columns):
@@ -137,9 +158,9 @@ def interface(
     low, high = model.actuator_ctrlrange.T
     return Interface(
         env=env,
-        control_rate=1.0 / control_dt,
+        control_rate=1.0 / task.control_dt,
         simulation_rate=1.0 / model.opt.timestep,
-        joint_names=tuple(model.joint(joint).name for joint in joints),
+        joint_names=names,
         default_joint_pos=wanted.default_pose,
         target_low=tuple(np.where(limited, low, -math.inf).tolist()),
         target_high=tuple(np.where(limited, high, math.inf).tolist()),
@@ -151,7 +172,8 @@ def interface(
         observation_names=tuple(name for name, _ in seen),
         observation_sizes=tuple(len(scales) for _, scales in seen),
         observation_scales=tuple(scale for _, scales in seen for scale in scales),
-        observation_clip=clip,
+        observation_clip=task.clip_observations,
+        observation_unseen=tuple(unseen),
         observation_history=1,
         command_names=tuple(name for name, _, _ in wanted.commands),
         command_low=tuple(low for _, low, _ in wanted.commands),
@@ -173,17 +195,18 @@ def _expect_drives(env: str, model: mujoco.MjModel) -> None:
             )
 
 
-def _terms(
-    env: str, wanted: Deployment, joints: int, observations: int
-) -> list[tuple[Source, tuple[float, ...], range]]:
-    """Name, a factor for each number, and columns of each term. Raises TaskError where they are not the observation."""
+def _terms(task: type[Task], wanted: Deployment, joints: int) -> list[tuple[Source, tuple[float, ...], range]]:
+    """Name, a factor for each number, and columns of each term, with numbers for the names of attributes:
+    `NAME+lin_vel_scale=1` has another. Raises TaskError where the terms are not the observation."""
+    env, observations = task.env, task.num_observations
     sizes = {"commands": len(wanted.commands)}
     sizes |= dict.fromkeys(("joint_offsets", "joint_velocities", "last_action"), joints)
     found: list[tuple[Source, tuple[float, ...], range]] = []
     end = 0
     for term in wanted.observation:
         size = sizes.get(term.source, 3)
-        scales = tuple(map(float, term.scale * size if len(term.scale) == 1 else term.scale))
+        given = [getattr(task, one) if isinstance(one, str) else one for one in term.scale]
+        scales = tuple(map(float, given * size if len(given) == 1 else given))
         if len(scales) != size:
             raise TaskError(
                 f"`{term.source}` in the `deployment` of `{env}` has {len(scales)} scales for {size} numbers; give "

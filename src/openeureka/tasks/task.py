@@ -260,6 +260,12 @@ class Task(ABC):
         )
 
     @classmethod
+    def acting(cls) -> dict[str, list[float]]:
+        """What a policy's actions are to an environment that comes from elsewhere, as numbers by name for programs
+        there; empty for a task of openeureka's own kind."""
+        return {}
+
+    @classmethod
     def lasting(cls) -> tuple[str, ...]:
         """Attributes that a lane keeps where it pauses; all others are as a new task has them."""
         return (*cls.memory, "progress", "actions")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import torch
 from safetensors import SafetensorError
@@ -36,12 +36,14 @@ class Policy:
     unseen: tuple[int, ...] = ()
     """Columns of the observation that it does not look at: their weights are 0. Its value has a trunk of its own then,
     under the same names after `critic_`."""
+    interface: Mapping[str, str] = field(default_factory=dict)
+    """What `tasks.deployment.described` said of the task that it was trained on, as text; empty where nobody asked."""
 
     @staticmethod
-    def of(env: str, ppo: PPO, lane: int) -> Policy:
+    def of(env: str, ppo: PPO, lane: int, interface: Mapping[str, str] | None = None) -> Policy:
         """A copy of one lane as it is now."""
         statistics = {name: tensor[lane].clone() for name, tensor in _statistics(ppo).items()}
-        return Policy(env, ppo.network.lane(lane) | statistics, ppo.choices, ppo.network.unseen)
+        return Policy(env, ppo.network.lane(lane) | statistics, ppo.choices, ppo.network.unseen, interface or {})
 
     def put(self, ppo: PPO, lane: int, *, fresh: float = 0.0, rescaled: bool = False) -> None:
         """Let a lane go on from here: weights, exploration and all statistics; the optimiser begins anew.
@@ -69,6 +71,7 @@ class Policy:
         header = {"format": FORMAT, "env": self.env, "hidden": self.hidden, "activation": "elu"}
         header |= {"choices": self.choices} if self.choices else {}
         header |= {"unseen": self.unseen} if self.unseen else {}
+        header |= {"interface": dict(self.interface)} if self.interface else {}
         tensors = {name: value.cpu().contiguous() for name, value in self.tensors.items()}
         return save(tensors, {"openeureka": json.dumps(header)})
 
@@ -88,7 +91,10 @@ class Policy:
             unseen = header.get("unseen", [])
             if not (isinstance(unseen, list) and all(type(column) is int and column >= 0 for column in unseen)):
                 raise TypeError("unseen are no columns")
-            return Policy(header["env"], load(data), tuple(choices), tuple(unseen))
+            interface = header.get("interface", {})
+            if not (isinstance(interface, dict) and all(isinstance(value, str) for value in interface.values())):
+                raise TypeError("interface is no text by name")
+            return Policy(header["env"], load(data), tuple(choices), tuple(unseen), interface)
         except (SafetensorError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise RewardFileError(
                 f"This is not a policy file of openeureka ({error!r:.80}); pass policy=FILE."

@@ -10,8 +10,11 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from ..errors import TaskError
 from ..tasks import registry
+from ..tasks.deployment import as_text, described
 from ..tasks.env import Step
+from ..tasks.task import Task
 from ..types import (
     COMPONENT,
     NOMINAL,
@@ -86,6 +89,7 @@ class Population:
             task.choices,
             task.unseen(budget.observe),
         )
+        self.interface = _interface(task, self.ppo.network.unseen)
         for lane, spec in enumerate(self.specs):
             if spec.start is not None:
                 Policy.from_bytes(spec.start).put(self.ppo, lane, fresh=spec.fresh, rescaled=spec.rescaled)
@@ -201,7 +205,10 @@ class Population:
         self.messages, self.trained = saved["messages"], saved["trained"]
 
     def _policy(self, tensors: Mapping[str, Tensor]) -> Policy:
-        return Policy(self.env_name, tensors, self.ppo.choices, self.ppo.network.unseen)
+        return Policy(self.env_name, tensors, self.ppo.choices, self.ppo.network.unseen, self.interface)
+
+    def _now(self, lane: int) -> Policy:
+        return Policy.of(self.env_name, self.ppo, lane, self.interface)
 
     def _seconds(self) -> float:
         return self._before + time.monotonic() - self._started
@@ -246,7 +253,7 @@ class Population:
             for peaks, value in ((self.best_fitness, fitness[lane]), (self.best_reward, own[lane])):
                 known = peaks[lane]
                 if value is not None and (known is None or value > known.value):
-                    peaks[lane] = Peak(epoch, value, Policy.of(self.env_name, self.ppo, lane))
+                    peaks[lane] = Peak(epoch, value, self._now(lane))
 
     def _progress(self, epochs_per_second: float) -> TrainingProgress:
         best = {spec.id: peak.value if peak else None for spec, peak in zip(self.specs, self.best_fitness, strict=True)}
@@ -275,10 +282,18 @@ class Population:
             correlation=None if message else self.curves.correlation(lane),
             best_fitness=peak.checkpoint() if peak else None,
             best_reward=peak_reward.checkpoint() if peak_reward else None,
-            last=None if message else Policy.of(self.env_name, self.ppo, lane).to_bytes(),
+            last=None if message else self._now(lane).to_bytes(),
             paused=pausing.save(pausing.cut(self, lane)) if paused else None,
             message=message,
         )
+
+
+def _interface(task: type[Task], unseen: Sequence[int]) -> dict[str, str]:
+    """What a policy keeps of its task; nothing where its `deployment` is wrong, which the report says."""
+    try:
+        return as_text(described(task, unseen))
+    except TaskError:
+        return {}
 
 
 def _newest(curves: Mapping[str, Sequence[float | None]]) -> dict[str, float | None]:

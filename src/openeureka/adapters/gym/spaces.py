@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import torch
 from gymnasium import Space, spaces
 from torch import Tensor
 
@@ -147,6 +148,15 @@ class Actions:
         if isinstance(space, spaces.MultiDiscrete):
             return (picked + space.start.reshape(-1)).reshape(-1, *space.shape).astype(space.dtype)
         return picked.reshape(-1, *(space.shape or ())).astype(space.dtype)
+
+    def told(self) -> dict[str, list[float]]:
+        """What actions of -1 and 1 are in a Box; of choices, how many options each has, and what the first one is."""
+        if not self.choices:
+            low, high = self.taken(torch.tensor([[-1.0], [1.0]]).expand(2, self.size)).reshape(2, -1).tolist()
+            return {"action_low": low, "action_high": high}
+        first = torch.zeros(1, self.size)
+        first[0, np.cumsum([0, *self.choices[:-1]])] = 1.0
+        return {"action_options": list(self.choices), "action_first": self.taken(first).reshape(-1).tolist()}
 
 
 def actions(space: Space[Any], env: str) -> Actions:

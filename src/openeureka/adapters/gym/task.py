@@ -63,6 +63,10 @@ class PaidTask(Task):
     def handed_back(cls, graph: RewardGraph, program: str) -> str:
         return wrapper(cls.survey.env, cls.keywords, cls.spec, cls.places, cls.survey.parts, graph, program)
 
+    @classmethod
+    def acting(cls) -> dict[str, list[float]]:
+        return cls.survey.actions.told()
+
     @abstractmethod
     def observation(self) -> Tensor:
         """(N, O) observation, fresh."""
