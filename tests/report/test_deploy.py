@@ -219,6 +219,15 @@ def leg(tmp_path: Path) -> type[Leg]:
     return type("Leg", (Leg,), {"folder": tmp_path, "model": model})
 
 
+def test_the_file_tells_what_the_joint_adds_to_its_drive(leg: type[Leg]):
+    own = 'name="hip" stiffness="4" springref="0.3" frictionloss="0.6" armature="0.02" axis'
+    text = LEG.replace('name="hip" axis', own).replace('kv="1"', 'kv="1" damping="0.5" armature="0.01"')
+    (leg.folder / "leg.xml").write_text(text)
+    about = yaml.safe_load(export.deployed(policy(5, 1, (8,)), leg)["deploy.yaml"])
+    assert (about["passive_stiffness"], about["passive_rest"], about["friction_loss"]) == ([4.0], [0.3], [0.6])
+    assert about["armature"] == [pytest.approx(0.03)] and about["passive_damping"] == [3.5]  # 3 of the joint
+
+
 def test_the_file_tells_targets_limits_and_both_dampings(leg: type[Leg], tmp_path: Path):
     found = export.deployed(policy(5, 1, (8,)), leg)
     about = yaml.safe_load(found["deploy.yaml"])
@@ -278,6 +287,20 @@ def changed(**values) -> Deployment:
         ({"deployment": changed(action_scale=0.2)}, "", "", "`apply_action` of `leg` does not set default_pose"),
         ({}, 'kp="50"', 'kp="50" gear="5"', "The actuator hip of `leg` is no position drive of one joint with gear=1"),
         ({}, "position name", "motor name", "no position drive"),
+        ({}, 'kp="50"', 'kp="50" timeconst="0.1"', "The actuator hip of `leg` filters its target"),
+        ({}, 'kp="50"', 'kp="50" nsample="2" delay="0.005"', "is delayed"),
+        ({}, 'forcerange="-20 20"', 'forcerange="-20 30"', "pushes further one way than the other"),
+        ({}, 'axis="0 1 0"', 'axis="0 1 0" actuatorfrcrange="-10 20"', "pushes further one way"),
+        ({}, 'axis="0 1 0"', 'axis="0 1 0" type="slide"', "moves a joint that is no hinge"),
+        ({}, 'axis="0 1 0"', 'axis="0 1 0" stiffness="1 2"', "damping or stiffness that is not linear"),
+        (
+            {},
+            '<position name="hip" joint="hip" kp="50" kv="1"',
+            '<general name="hip" joint="hip" biastype="affine" gainprm="50" biasprm="5 -50 -1"',
+            "has a constant force",
+        ),
+        ({}, '="hip"', '="hip,left"', "A joint or command of .* is called 'hip,left'"),
+        ({"deployment": changed(commands=(("go,on", 0.0, 1.0),))}, "", "", "is called 'go,on'"),
         ({}, "<freejoint/>", '<joint name="up" type="slide" axis="0 0 1"/>', "no floating base"),
     ],
 )

@@ -229,8 +229,9 @@ _ELSEWHERE = (
 )
 _HEAD = """# What runs policy.onnx on a robot. Lists are in the order of actions or of the observation; units are SI.
 # target angle = default_joint_pos + action_scale * action, kept from target_low to target_high; torque of the drive =
-# joint_stiffness * (target - angle) - joint_damping * rate, at most torque_limit; the joint in simulation adds
-# - passive_damping * rate. The observation's terms, in order, times observation_scales, are clipped; normalisation is
+# joint_stiffness * (target - angle) - joint_damping * rate, at most torque_limit either way. The joint in simulation
+# adds - passive_stiffness * (angle - passive_rest) - passive_damping * rate, dry friction of at most friction_loss, and
+# armature to its inertia. The observation's terms, in order, times observation_scales, are clipped; normalisation is
 # inside policy.onnx. sim2sim.py does all of it.
 """
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..codec import plain
 from ..errors import TaskError
-from .anatomy import floating_joint
+from .anatomy import HINGE, floating_joint
 
 if TYPE_CHECKING:
     from .task import Task
@@ -79,6 +79,14 @@ class Interface:
     """[N m s/rad] of the drive."""
     passive_damping: tuple[float, ...]
     """[N m s/rad] of the joint itself, beside that of its drive."""
+    passive_stiffness: tuple[float, ...]
+    """[N m/rad] of the joint's own spring."""
+    passive_rest: tuple[float, ...]
+    """[rad] where that spring rests."""
+    friction_loss: tuple[float, ...]
+    """[N m] of dry friction, at most."""
+    armature: tuple[float, ...]
+    """[kg m^2] that a rotor adds to the joint's inertia."""
     torque_limit: tuple[float, ...]
     """[N m]; infinite where nothing limits the drive."""
     action_scale: tuple[float, ...]
@@ -150,6 +158,12 @@ def interface(task: type[Task], model: mujoco.MjModel, unseen: Collection[int] =
         )
     terms = _terms(task, wanted, len(joints))
     names = tuple(model.joint(joint).name for joint in joints)
+    for name in (*names, *(command for command, _, _ in wanted.commands)):
+        if not name or "," in name:
+            raise TaskError(
+                f"A joint or command of the `deployment` of `{env}` is called {name!r}, but the files list names with "
+                "commas between them; give it a name without."
+            )
     seen = [(name, scales) for name, scales, columns in terms if not all(column in unseen for column in columns)]
     for name, _, columns in terms:
         if 0 < sum(column in unseen for column in columns) < len(columns):
@@ -166,7 +180,11 @@ def interface(task: type[Task], model: mujoco.MjModel, unseen: Collection[int] =
         target_high=tuple(np.where(limited, high, math.inf).tolist()),
         joint_stiffness=tuple((-model.actuator_biasprm[:, 1]).tolist()),
         joint_damping=tuple((-model.actuator_biasprm[:, 2]).tolist()),
-        passive_damping=tuple(model.dof_damping[dofs].tolist()),
+        passive_damping=tuple((model.dof_damping[dofs] + model.actuator_damping).tolist()),
+        passive_stiffness=tuple(model.jnt_stiffness[joints].tolist()),
+        passive_rest=tuple(model.qpos_spring[[int(model.jnt_qposadr[joint]) for joint in joints]].tolist()),
+        friction_loss=tuple(model.dof_frictionloss[dofs].tolist()),
+        armature=tuple((model.dof_armature[dofs] + model.actuator_armature).tolist()),
         torque_limit=tuple(_torque_limit(model, drive, joint) for drive, joint in enumerate(joints)),
         action_scale=(wanted.action_scale,) * len(joints),
         observation_names=tuple(name for name, _ in seen),
@@ -182,17 +200,50 @@ def interface(task: type[Task], model: mujoco.MjModel, unseen: Collection[int] =
 
 
 def _expect_drives(env: str, model: mujoco.MjModel) -> None:
-    """Raises TaskError for a robot that does not float, or a drive whose numbers are not those of its joint."""
+    """Raises TaskError for a robot that does not float, or a drive of which the formula of deploy.yaml is false."""
     if floating_joint(model) < 0:
         raise TaskError(f"`{env}` has no floating base, which a `deployment` is for; leave its `deployment` out.")
     of_joints = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
     for drive in range(model.nu):
         gain, follows = float(model.actuator_gainprm[drive, 0]), float(-model.actuator_biasprm[drive, 1])
-        if model.actuator_trntype[drive] not in of_joints or gain != follows or model.actuator_gear[drive, 0] != 1.0:
+        if (
+            model.actuator_trntype[drive] not in of_joints
+            or gain != follows
+            or model.actuator_gaintype[drive] != mujoco.mjtGain.mjGAIN_FIXED
+            or model.actuator_biastype[drive] != mujoco.mjtBias.mjBIAS_AFFINE
+            or model.actuator_gear[drive, 0] != 1.0
+        ):
             raise TaskError(
                 f"The actuator {model.actuator(drive).name or drive} of `{env}` is no position drive of one joint with "
                 "gear=1, which a `deployment` is for; make it one, or leave the `deployment` out."
             )
+        if problem := _beyond_formula(model, drive, int(model.actuator_trnid[drive, 0])):
+            raise TaskError(
+                f"The actuator {model.actuator(drive).name or drive} of `{env}` {problem}, which deploy.yaml has no "
+                "number for; leave that out of the model, or the `deployment` out of the task."
+            )
+
+
+def _beyond_formula(model: mujoco.MjModel, drive: int, joint: int) -> str:
+    """What of a drive or its joint is in no `Interface`, or nothing."""
+    dof = int(model.jnt_dofadr[joint])
+    forces, turns = model.actuator_forcerange[drive], model.jnt_actfrcrange[joint]
+    found = {
+        "moves a joint that is no hinge": model.jnt_type[joint] != HINGE,
+        "filters its target (timeconst)": model.actuator_dyntype[drive] != mujoco.mjtDyn.mjDYN_NONE,
+        "is delayed (nsample, delay)": model.actuator_history[drive, 0] > 0 or model.actuator_delay[drive] > 0.0,
+        "has a constant force (biasprm)": model.actuator_biasprm[drive, 0] != 0.0,
+        "pushes further one way than the other (forcerange, actuatorfrcrange)": (
+            (model.actuator_forcelimited[drive] and forces[0] != -forces[1])
+            or (model.jnt_actfrclimited[joint] and turns[0] != -turns[1])
+        ),
+        "has damping or stiffness that is not linear": (
+            model.dof_dampingpoly[dof].any()
+            or model.jnt_stiffnesspoly[joint].any()
+            or model.actuator_dampingpoly[drive].any()
+        ),
+    }
+    return next((problem for problem, is_so in found.items() if is_so), "")
 
 
 def _terms(task: type[Task], wanted: Deployment, joints: int) -> list[tuple[Source, tuple[float, ...], range]]:
