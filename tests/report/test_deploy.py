@@ -375,3 +375,20 @@ def test_a_policy_is_not_said_to_have_trained_with_what_was_changed_since(
     assert before == {name: (tmp_path / "best" / name).read_bytes() for name in export.PROGRAMS}
     now[0] = type("Slower", (leg,), {"control_dt": 0.04, "substeps": 8, "env": "renamed"})
     assert "`control_rate` of `renamed`" in build.policy_files(tmp_path, "best", "none", "leg")
+
+
+def test_the_script_begins_where_a_drafted_task_does(leg: type[Leg], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    key = '<keyframe><key qpos="0 0 3 0 0 0 1 0"/></keyframe></mujoco>'
+    (leg.folder / "leg.xml").write_text(LEG.replace("</mujoco>", key))
+    for name, content in export.deployed(policy(5, 1, (8,)), leg).items():
+        (tmp_path / "best" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "best" / name).write_bytes(content)
+    spec = importlib.util.spec_from_file_location("sim2sim", tmp_path / "best" / "sim2sim.py")
+    assert spec is not None and spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    begun = []
+    observe = script.Robot.state
+    monkeypatch.setattr(script.Robot, "state", lambda self: begun.append(self.data.qpos.copy()) or observe(self))
+    script.play(script.Controller(tmp_path / "best"), [], 0.02)
+    np.testing.assert_allclose(begun[0], [0, 0, 3, 0, 0, 0, 1, 0.1], atol=1e-9)  # the joint at its default, 0.1 rad

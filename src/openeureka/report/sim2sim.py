@@ -106,6 +106,8 @@ def play(controller: Controller, command: Sequence[float], seconds: float, view:
     model = mujoco.MjModel.from_xml_path(str(FOLDER / "scene.xml"))
     data = mujoco.MjData(model)
     robot = Robot(model, data, controller.joints)
+    if model.nkey:  # where drafted tasks begin
+        mujoco.mj_resetDataKeyframe(model, data, 0)
     data.qpos[robot.positions] = controller.default
     mujoco.mj_forward(model, data)
     window = None
