@@ -61,7 +61,7 @@ class RunConfig:
     safety: str = ""
     """What the reward must also see to, in words for the model: `torques below 40 N m, smooth joints`."""
     limits: str = ""
-    """The most of costs that a policy may have when it plays, or its reward cannot win: `torque=40 falls=0.1`."""
+    """The most of costs that a policy may have when it plays, or its reward cannot win: `torque_peak=40 falls=0.1`."""
     feedback: str = "none"
     """`none`, or `human`: after each generation wait for what a person says of it."""
     feedback_timeout: float = 0.0

@@ -36,7 +36,8 @@ class Dynamics:
     noise: Finite = 0.0
     """Largest error of each observation on each step, in the units that the policy observes in."""
     push: Finite = 0.0
-    """[m/s] that a push adds to the floating base, in a horizontal direction, within one control step."""
+    """[m/s] that a push on the floating base adds to the whole robot's centre of mass, horizontally, within one control
+    step."""
     push_every: Finite = 10.0
     """[s] from one push to the next, on average."""
 
