@@ -128,14 +128,17 @@ def test_lanes_without_a_result_go_on_alone_from_the_snapshot_of_all(monkeypatch
         assert result.env_steps == whole[lane].env_steps and len(result.clock) == 20
 
 
-def test_a_snapshot_that_helps_no_worker_is_forgotten(tmp_path: Path):
+def test_a_state_is_suspect_from_when_a_worker_has_it_until_that_went_on(tmp_path: Path):
     snapshot = Snapshot(tmp_path / "snapshots", {"what": "is trained"})
-    assert snapshot.read() is None
+    assert snapshot.read() is None and not snapshot.suspect
     snapshot.write(b"state")
-    snapshot.distrust()  # written by the worker that died: the next one may go on from it
-    assert snapshot.read() == b"state"
-    snapshot.distrust()  # the next one died and wrote none
-    assert snapshot.read() is None
+    assert not snapshot.suspect
+    assert snapshot.read() == b"state" and snapshot.suspect
+    snapshot.trust()
+    assert not snapshot.suspect
+    assert snapshot.read() == b"state" and snapshot.suspect
+    snapshot.distrust()
+    assert snapshot.read() is None and not snapshot.suspect
     assert list(tmp_path.iterdir()) == []
 
 

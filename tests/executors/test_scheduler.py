@@ -241,6 +241,31 @@ def test_a_state_from_which_a_worker_went_on_is_kept_when_it_dies_before_the_nex
     assert [lost.lane for lost in errand.failed()] == ["b"] and list(tmp_path.iterdir()) == []
 
 
+def test_a_state_is_removed_once_two_workers_died_of_it_and_not_before(tmp_path: Path):
+    """The first may have died of a GPU that another program held; where two do, the state is at fault, and no lane."""
+    died = WorkerError("It was killed.")
+    said: list[tuple[str, bytes | None, list[Frame | Exception]]] = [
+        ("ab", None, [Frame({}, {SNAPSHOT: b"of hours"}), died]),
+        ("ab", b"of hours", [died]),
+        ("a", b"of hours", [progress("a"), died]),  # it can be read, so the death before was not its doing
+        ("b", b"of hours", [died]),
+    ]
+    again = [*said[:2], ("a", b"of hours", [died]), ("a", None, [result("a"), DONE]), ("b", None, [died])]
+    for number, script in enumerate((said, again)):
+        (errand,) = errands("ab", folder=tmp_path / str(number))
+        for names, state, frames in script:
+            request = errand.request("cpu")
+            assert ("".join(lane.id for lane in unpack_lanes(request)[1]), request.blobs.get(SNAPSHOT)) == (
+                names,
+                state,
+            )
+            call = ScriptedCall("cpu", iter(frames))
+            while not errand.hear(call)[1]:
+                pass
+        assert errand.over and "".join(lost.lane for lost in errand.failed()) == ("ab" if number == 0 else "b")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_results_that_were_under_way_at_ctrl_c_are_told(tmp_path: Path):
     class Interrupted(Scripted):
         def call(self, request: Frame, slot: Slot) -> ScriptedCall:

@@ -34,6 +34,9 @@ SNAPSHOT_SECONDS = 300.0
 """[s] between two snapshots of a training; one takes a fraction of a second."""
 TOGETHER = 2
 """Attempts of all lanes of a population that have no result; more of them may be one lane's fault."""
+FATAL = 2
+"""Deaths of workers that were given one state and never reported, after which it is removed. One death need not be its
+doing: a GPU that another program holds, a full disk and too little memory end a worker as early."""
 LOSSES = 10
 """Machines that may leave with one population or question before they count as its doing."""
 
@@ -57,7 +60,7 @@ class Errand:
     They train together, together once more, then one by one: a lane that kills its process takes no other with it. Each
     attempt goes on from where the one before it was, as far as a snapshot tells. One whose machine left does not count,
     nor one that left a state from beyond where all before it died: in days of training, a worker may be killed more
-    than once by no lane of its own.
+    than once by no lane of its own; nor one whose death shows that a state is at fault.
 
     Args:
         snapshots: folder of its state while it is under way; None for one that begins anew when its worker dies.
@@ -71,7 +74,8 @@ class Errand:
         self._plan = self._attempts()
         self._attempt = next(self._plan, None)
         self._snapshot = Snapshot(None, {})
-        self._losses = 0
+        self._losses, self._early = 0, 0
+        """Machines that left, and workers that died one after the other of the state they were given."""
         self._epoch, self._kept, self._died = 0, 0, math.inf
         """Epochs: the last that was reported, that of the last state which this attempt left, and the furthest at which
         one has died."""
@@ -134,7 +138,11 @@ class Errand:
                 return None, True
             if self._attempt.control:
                 raise WorkerError(self._reasons[self.lanes[0].id]) from None
-            self._snapshot.distrust()
+            self._early += self._snapshot.suspect
+            if self._early == FATAL:
+                self._early = 0
+                self._snapshot.distrust()
+                return None, True
             further = self._kept > self._died
             self._died = max(self._epoch, 0 if self._died == math.inf else self._died)
             if not further:
@@ -156,7 +164,7 @@ class Errand:
         except StoreError as error:
             _log.warning("A training goes on, and its state could not be kept. %s", error)
         else:
-            self._kept = self._epoch
+            self._kept, self._early = self._epoch, 0
 
     def told(self, frame: Frame) -> Message | None:
         """What a frame says, if it concerns anybody; what it said before is stored by now."""
@@ -170,7 +178,7 @@ class Errand:
         if isinstance(message, TrainingProgress):
             now = time.monotonic()
             self._snapshot.trust()
-            self._epoch = message.epoch
+            self._epoch, self._early = message.epoch, 0
             self._apart, self._reported = now - (self._reported or now), now
         elif self._left.pop(message.lane, None) is None:
             return None  # the machine before told it as well, before it left

@@ -94,17 +94,19 @@ class Snapshot:
 
     def __init__(self, folder: Path | None, request: Mapping[str, Any], *, others: bool = False) -> None:
         self._folder, self._about, self._trusted, self._others = folder, _About.of(request), False, others
+        self._begun = ""
         self._name = _digest((self._about.rest, self._about.lanes, self._about.digests))
 
     def read(self) -> bytes | None:
         """The state to begin with; None to begin anew."""
-        self._trusted = False
+        self._trusted, self._begun = False, ""
         serving = {name: len(about.lanes) for name, about in _left(self._folder).items() if about.serves(self._about)}
         if self._folder is None or not serving:
             return None
         nearest = min(serving, key=lambda name: serving[name])
         if not self._others:
             self._name = nearest
+        self._begun = nearest
         return artifacts.read(self._folder.parent, _file(self._folder, nearest, ".pt"))
 
     def write(self, state: bytes) -> None:
@@ -118,10 +120,15 @@ class Snapshot:
         """A worker went on from the state: whatever ends it now, it can be read."""
         self._trusted = True
 
+    @property
+    def suspect(self) -> bool:
+        """Whether a worker was given a state, and has not gone on from it."""
+        return bool(self._begun) and not self._trusted
+
     def distrust(self) -> None:
-        """Forget a state from which a worker came no further than its death."""
-        if not self._trusted:
-            self.remove()
+        """Remove the state that a worker was given."""
+        if self._folder is not None and self._begun:
+            _remove(self._folder, self._begun)
 
     def remove(self) -> None:
         """The training is finished; the folder goes with the last file."""
