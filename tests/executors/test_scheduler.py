@@ -194,6 +194,68 @@ def test_where_no_generated_reward_trains_the_human_one_says_who_is_at_fault():
         trained(machine, errands("x", generated=True))
 
 
+class Sick(Scripted):
+    """Its first device ends every worker."""
+
+    def call(self, request: Frame, slot: Slot) -> ScriptedCall:
+        call = super().call(request, slot)
+        if slot.device == "0":
+            call.coming, call.said = WorkerError("It was killed."), iter([])
+        return call
+
+
+def test_what_died_on_one_device_is_tried_on_another():
+    transport = Sick(until("nobody"))
+    assert sorted(trained(transport, errands("ab", "cd", "ef", "g"), "01")) == ["a", "b", "c", "d", "e", "f", "g"]
+    on_the_sick = [names for device, names in transport.asked if device == "0"]
+    assert on_the_sick == [["a", "b"], ["e", "f"], ["g"]]  # each once
+
+
+@pytest.mark.parametrize(("devices", "tried"), [("01", "0101"), ("10", "10101"), ("012", "0121"), ("00", "0000")])
+def test_the_machine_is_at_fault_where_the_human_reward_trains_on_no_device(devices: str, tried: str):
+    """A lane that ends its workers is no other device's fault; where one device is sick, another one judges."""
+    rewards = Sick(lambda names: until("x")(names) if names != ["control"] else until("nobody")(names))
+    if devices == "00":
+        with pytest.raises(WorkerError, match="It was killed"):
+            trained(rewards, errands("x", generated=True), devices)
+    else:
+        assert trained(rewards, errands("x", generated=True), devices) == ["x!"]
+    assert "".join(device for device, _ in rewards.asked) == tried
+
+
+def test_what_reported_before_it_died_waits_for_no_other_device():
+    """That may be at work for hours."""
+    left = iter([WorkerError("It was killed.")])
+
+    def script(names: list[str]) -> Said:
+        yield progress(names)
+        if names == ["a"] and (died := next(left, None)) is not None:
+            yield died
+            return
+        yield from (*(progress(names) for _ in range(9 * (names == ["b"]))), *map(result, names), DONE)
+
+    transport = Scripted(script)
+    assert trained(transport, errands("a", "b"), "01") == ["a", "b"]
+    assert transport.asked == [("0", ["a"]), ("1", ["b"]), ("0", ["a"])]
+
+
+def test_what_died_trains_at_no_rate_until_it_is_tried_again():
+    def script(names: list[str]) -> Said:
+        share = NodeShare(lanes=1, env_steps_per_second=10.0)
+        part = TrainingProgress(
+            epoch=1, epochs=2, env_steps_per_second=10.0, fitness={}, nodes={f"node-{names[0]}": share}
+        )
+        yield pack(part)
+        yield WorkerError("It died.") if names == ["a"] else pack(part)
+        yield from (*map(result, names), DONE)
+
+    found = train(Scripted(script), errands("a", "b"), [Slot("0", 1), Slot("1", 1)])
+    seen = [message for message in found if isinstance(message, TrainingProgress)]
+    assert [(m.epoch, m.env_steps_per_second, sorted(m.nodes)) for m in seen[:3]] == [
+        (1, 10.0, ["node-a"]), (2, 20.0, ["node-a", "node-b"]), (2, 10.0, ["node-b"]),
+    ]  # fmt: skip
+
+
 def test_a_worker_that_leaves_lanes_out_is_asked_again():
     transport = Scripted(lambda names: iter([result(names[0]), DONE]))
     assert trained(transport, errands("abcd")) == ["a", "b", "c", "d"]

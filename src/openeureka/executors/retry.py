@@ -6,6 +6,7 @@ import dataclasses
 import logging
 import math
 import time
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
@@ -60,7 +61,8 @@ class Errand:
     They train together, together once more, then one by one: a lane that kills its process takes no other with it. Each
     attempt goes on from where the one before it was, as far as a snapshot tells. One whose machine left does not count,
     nor one that left a state from beyond where all before it died: in days of training, a worker may be killed more
-    than once by no lane of its own; nor one whose death shows that a state is at fault.
+    than once by no lane of its own; nor one whose death shows that a state is at fault. The device may be at fault as
+    well, so `choose` has another one try.
 
     Args:
         snapshots: folder of its state while it is under way; None for one that begins anew when its worker dies.
@@ -76,6 +78,9 @@ class Errand:
         self._snapshot = Snapshot(None, {})
         self._losses, self._early = 0, 0
         """Machines that left, and workers that died one after the other of the state they were given."""
+        self._device, self._devices, self._deaths = "", set[str](), Counter[str]()
+        """Where the attempt runs, where it could, and deaths by device; one before the first report, as of a sick GPU,
+        counts twice."""
         self._epoch, self._kept, self._died = 0, 0, math.inf
         """Epochs: the last that was reported, that of the last state which this attempt left, and the furthest at which
         one has died."""
@@ -109,9 +114,25 @@ class Errand:
         """[s] that the worker may take for a last snapshot: the rest of an epoch, or a slower one."""
         return min(max(FAREWELL, 2 * self._apart), LONGEST_FAREWELL)
 
+    def choose(self, free: Collection[Slot], slots: Sequence[Slot]) -> Slot | None:
+        """Which of the free slots is to try now, that where its workers died least; None for none of them.
+
+        A slot where they died less is waited for where two have died, or one before it reported, and by the control, as
+        that judges the machine. Any other death is rare, and a GPU need not idle for hours after it.
+        """
+        assert self._attempt is not None
+        self._devices = {slot.device for slot in slots}
+        found = min(free, key=lambda slot: (self._deaths[slot.device], slot.device == self._device), default=None)
+        if found is None:
+            return None
+        deaths = self._deaths[found.device]
+        waits = self._attempt.control or deaths > 1
+        return None if waits and any(self._deaths[device] < deaths for device in self._devices) else found
+
     def request(self, device: str) -> Frame:
         """What to ask a worker on this device for, now."""
         assert self._attempt is not None
+        self._device = device
         self._reported, self._apart = 0.0, 0.0
         self._epoch, self._kept = 0, 0
         packed = pack_lanes(self._env, self._attempt.lanes, self._attempt.budget)
@@ -126,8 +147,8 @@ class Errand:
 
         Raises:
             TaskError: when the task's own code fails.
-            WorkerError: when no lane could be trained, nor then the task's human reward: the machine is at fault, and
-                no generated reward.
+            WorkerError: when no lane could be trained, nor then the task's human reward on any device: the machine is
+                at fault, and no generated reward.
         """
         assert self._attempt is not None
         try:
@@ -136,7 +157,10 @@ class Errand:
             self._losses += isinstance(error, WorkerLost)
             if isinstance(error, WorkerLost) and self._losses <= LOSSES:
                 return None, True
+            self._deaths[self._device] += 1 if self._reported else 2
             if self._attempt.control:
+                if any(self._deaths[device] < 2 for device in self._devices):
+                    return None, True
                 raise WorkerError(self._reasons[self.lanes[0].id]) from None
             self._early += self._snapshot.suspect
             if self._early == FATAL:
@@ -188,6 +212,8 @@ class Errand:
         """Go on with the next attempt; lanes that none of them trains have the reason of their last."""
         self._reasons |= {lane.id: reason for lane in attempt.lanes}
         self._attempt = next(self._plan, None)
+        if self._attempt is not None and self._attempt.control:
+            self._deaths = Counter({self._device: 1})  # elsewhere first, and nowhere for what the lanes did
         if self._attempt is None:
             forget(self._snapshots, self._env, [lane.id for lane in self.lanes])
 

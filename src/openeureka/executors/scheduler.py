@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ..types import LaneSpec, NodeShare, TrainingProgress, TrainingResult
 from ..worker import Frame
@@ -26,9 +26,9 @@ def deal(lanes: Sequence[LaneSpec], kept: Sequence[Sequence[str]], count: int) -
 def train(transport: Transport[AnyCall], errands: Sequence[Errand], slots: Sequence[Slot]) -> Generator[Message]:
     """Train every errand, as many side by side as there are slots; messages as they come.
 
-    A slot that is free takes the next errand in turn. Where training is stopped, by Ctrl-C, by an error or as nobody
-    wants more, what is under way leaves its state. Where somebody still listens, results that come until then are told
-    before the error.
+    A slot that is free takes the next errand in turn that does not wait for another one. Where training is stopped, by
+    Ctrl-C, by an error or as nobody wants more, what is under way leaves its state. Where somebody still listens,
+    results that come until then are told before the error.
 
     Raises:
         TaskError, WorkerError: see `Errand.hear`.
@@ -38,9 +38,11 @@ def train(transport: Transport[AnyCall], errands: Sequence[Errand], slots: Seque
     joint = JointProgress(len(errands))
     try:
         while waiting or running:
-            while waiting and free:
-                errand, slot = waiting.popleft(), free.popleft()
-                running[transport.call(errand.request(slot.device), slot)] = errand, slot
+            for errand in tuple(waiting):
+                if (slot := errand.choose(free, slots)) is not None:
+                    waiting.remove(errand)
+                    free.remove(slot)
+                    running[transport.call(errand.request(slot.device), slot)] = errand, slot
             for call in transport.wait(list(running)):
                 errand, slot = running[call]
                 message, ended = errand.hear(call)
@@ -54,6 +56,7 @@ def train(transport: Transport[AnyCall], errands: Sequence[Errand], slots: Seque
                         yield from errand.failed()
                         joint.close(errand)
                     else:
+                        joint.pause(errand)
                         waiting.appendleft(errand)  # its lanes without a result go before anybody else's
     except GeneratorExit:  # nobody listens
         for errand, frame in _stopped(transport, running):
@@ -114,6 +117,11 @@ class JointProgress:
                 rate = before.env_steps_per_second + share.env_steps_per_second
                 found[name] = NodeShare(lanes=before.lanes + share.lanes, env_steps_per_second=rate)
         return found
+
+    def pause(self, errand: Errand) -> None:
+        """Nobody trains it for now: it is as far as it was, at no rate."""
+        if errand in self.running:
+            self.running[errand] = replace(self.running[errand], env_steps_per_second=0.0, nodes={})
 
     def close(self, errand: Errand) -> None:
         """The errand has its results."""
