@@ -4,14 +4,15 @@ import logging
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from openeureka.cli import doctor
-from openeureka.errors import ConfigError, WorkerError
+from openeureka.errors import ConfigError, TaskError, WorkerError
 from openeureka.executors import cluster as clusters
 from openeureka.executors import ray, ray_node
 from openeureka.executors.ray import RayExecutor
@@ -29,8 +30,7 @@ class Gone(Exception):
 class Stream:
     """What an actor says, as soon as a node has its cores and no other actor is at work."""
 
-    def __init__(self, cluster: "Cluster", cores: int, said: Sequence[Frame | Gone]) -> None:
-        node = {"id": "n", "host": "alpha", "token": True, "versions": ray_node.versions()}
+    def __init__(self, cluster: "Cluster", cores: int, said: Sequence[Frame | Gone], node: dict[str, Any]) -> None:
         self._cluster, self._cores, self._left = cluster, cores, [Frame({"node": node}), *said]
 
     @property
@@ -60,6 +60,12 @@ class Cluster:
         self.joining: list[int] = []
         """Cores of the nodes that join, one with every look from the third on."""
         self.looks = 0
+        self.away: list[str] = []
+        """Nodes that each actor keeps off."""
+
+    def place(self, away: str) -> dict[str, Any]:
+        """What the node says of itself that takes an actor."""
+        return {"id": "n", "host": "alpha", "token": True, "versions": ray_node.versions()}
 
     def nodes(self) -> list[dict[str, Any]]:
         self.looks += 1
@@ -71,12 +77,13 @@ class Cluster:
         return SimpleNamespace(gcs_address="127.0.0.1:6379")
 
     def remote(self, kind: type) -> Any:
-        def options(num_cpus: int, **others: object) -> Any:
+        def options(num_cpus: int, **others: Any) -> Any:
             self.asked.append(num_cpus)
-            number = len(self.asked)
+            self.away.append(others.get("label_selector", {}).get("ray.io/node-id", ""))
+            number, node = len(self.asked), self.place(self.away[-1])
 
             def called(request: bytes, device: str, threads: int) -> Stream:
-                return Stream(self, num_cpus, self.script(number, unframed(request)))
+                return Stream(self, num_cpus, self.script(number, unframed(request)), node)
 
             serve = SimpleNamespace(options=lambda **others: SimpleNamespace(remote=called))
             return SimpleNamespace(remote=lambda module: SimpleNamespace(serve=serve))
@@ -217,6 +224,81 @@ def test_where_a_large_node_left_its_lanes_go_on_with_the_cores_of_another(monke
     cluster = Cluster(16, 4, script=after_a_loss)
     assert sorted(trained(executor(cluster, monkeypatch), "ab")) == ["a", "b"]
     assert cluster.asked == [8, 8, 4, 4]  # the second had waited for a place when the node left
+
+
+class Mixed(Cluster):
+    """Three nodes, of which some have other versions, or say another thing of themselves."""
+
+    odd: Mapping[str, Mapping[str, Any]]
+
+    def place(self, away: str) -> dict[str, Any]:
+        name = next(name for name in "012" if name not in away)
+        return {**super().place(away), "id": name, "host": f"node-{name}", **self.odd.get(name, {})}
+
+    def kill(self, actor: object) -> None:
+        self.at_work = None
+
+
+def mixed(odd: Mapping[str, Mapping[str, Any]], script: Callable[[int, Frame], Sequence[Frame | Gone]]) -> Mixed:
+    cluster = Mixed(4, 4, 4, script=script)
+    cluster.odd = odd
+    return cluster
+
+
+OTHER = {"versions": {**ray_node.versions(), "mujoco": "9.9"}}
+
+
+def test_a_node_with_other_versions_is_left_out(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture):
+    cluster = mixed({"0": OTHER}, results)
+    trainer = executor(cluster, monkeypatch)
+    assert trained(trainer, "ab") == ["a", "b"] and trained(trainer, "c") == ["c"]
+    assert cluster.away == ["", "", "!in(0)", "!in(0)", "!in(0)"]  # two had been sent before it said what it runs
+    (warning,) = (record.message for record in caplog.records)
+    assert warning.startswith("Node node-0 runs mujoco 9.9, and this machine mujoco ") and "install the same" in warning
+    cluster = mixed(dict.fromkeys("012", OTHER), results)
+    with pytest.raises(ConfigError, match=r"Node node-2 runs mujoco 9\.9"):
+        trained(executor(cluster, monkeypatch), "a")
+
+
+def test_a_node_that_takes_orders_from_anybody_still_ends_the_search(monkeypatch: pytest.MonkeyPatch):
+    cluster = mixed({"0": {"token": False}}, results)
+    monkeypatch.setattr(clusters, "exposed", lambda ray: True)
+    with pytest.raises(ConfigError, match="RAY_AUTH_MODE=token"):
+        trained(executor(cluster, monkeypatch), "a")
+
+
+def test_on_gpus_the_version_of_what_steps_the_worlds_counts(monkeypatch: pytest.MonkeyPatch):
+    def refused(device: str, here: str, there: str) -> bool:
+        versions = {**ray_node.versions(), "mujoco-warp": there}
+        monkeypatch.setattr(ray_node, "versions", lambda: {**versions, "mujoco-warp": here})
+        try:
+            clusters.check({"host": "far", "versions": versions}, guarded=False, device=device)
+        except ConfigError as error:
+            assert f"Node far runs mujoco-warp {there}, and this machine mujoco-warp {here}:" in str(error)
+            return True
+        return False
+
+    assert refused("cuda", "4.0.0", "4.1.0") and refused("cuda", "4.0.0", "none")
+    assert not refused("cpu", "4.0.0", "4.1.0") and not refused("cuda", "4.0.0", "4.0.0")
+    assert not refused("cuda", "none", "4.1.0")  # this machine only searches
+
+
+def test_a_node_with_another_file_of_the_task_is_left_out(tmp_path: Path):
+    file = tmp_path / "mine+1.py"
+    file.write_text("here")
+    env = f'{file}:Mine+goal="a.py"'
+    node = {"host": "far", "versions": ray_node.versions(), "task": ray_node.task_digest(env)}
+    clusters.check(node, guarded=False, env=env)
+    for task in (ray_node.task_digest(f"{tmp_path}/none.py"), "of another"):
+        with pytest.raises(ConfigError, match=r"Node far lacks .*, or has another file of that name"):
+            clusters.check({**node, "task": task}, guarded=False, env=env)
+    assert ray_node.task_digest("cartpole") == ray_node.task_digest("gym:Hopper-v5") == ""
+
+
+def test_the_error_of_a_task_names_the_node(monkeypatch: pytest.MonkeyPatch):
+    cluster = Cluster(4, script=lambda number, request: [Frame({"broken": "It has no such file."})])
+    with pytest.raises(TaskError, match=r"It has no such file\. That was on alpha\."):
+        trained(executor(cluster, monkeypatch), "a")
 
 
 def test_cores_that_a_person_asked_for_are_waited_for(

@@ -52,13 +52,13 @@ def nodes(address: str) -> list[Finding]:
         if "fault" in node:
             found.append(Finding(node["host"], False, node["fault"]))
             continue
-        numbers = ", ".join(f"{name} {number}" for name, number in node["versions"].items())
+        numbers = ", ".join(f"{name} {number}" for name, number in node["versions"].items() if number != "none")
         detail = (
             f"{node['cores']} cores, {node['gpus']} GPUs, {node['memory'] / 2**30:.1f} GiB of memory free, "
             f"clock {node['offset']:+.3f} s, {numbers}"
         )
         try:
-            cluster.check(node, guarded=node["guarded"])
+            cluster.check(node, guarded=node["guarded"], device="cuda" if node["gpus"] else "cpu")
         except ConfigError as error:
             found.append(Finding(node["host"], False, f"{error} It has {detail}."))
         else:

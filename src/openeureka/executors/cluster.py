@@ -8,7 +8,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Collection, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -127,9 +127,9 @@ def _open(where: str) -> ConfigError:
     )
 
 
-def living(ray: Any) -> list[Place]:
-    """What each node that is there offers."""
-    return [Place.of(node) for node in ray.nodes() if node["Alive"]]
+def living(ray: Any, without: Collection[str] = ()) -> list[Place]:
+    """What each node that is there offers, without those of these ids."""
+    return [Place.of(node) for node in ray.nodes() if node["Alive"] and node["NodeID"] not in without]
 
 
 def shares(places: Sequence[Place], lanes: int, worlds: int, device: str, threads: int) -> tuple[int, int]:
@@ -156,19 +156,33 @@ def shares(places: Sequence[Place], lanes: int, worlds: int, device: str, thread
     return max(min(room, lanes), math.ceil(lanes / max(1, most_worlds // worlds))), threads
 
 
-def check(node: Mapping[str, Any], *, guarded: bool) -> None:
+class UnlikeNode(ConfigError):
+    """A node's numbers would differ from this machine's."""
+
+
+def check(node: Mapping[str, Any], *, guarded: bool, device: str = "cpu", env: str = "") -> None:
     """Refuse a node whose numbers would differ from this machine's, or that takes orders from anybody.
 
+    Args:
+        env: the task; its file, if it has one, must be the same.
+
     Raises:
-        ConfigError: with what runs where.
+        UnlikeNode: with what runs where.
+        ConfigError: where anybody may give it orders.
     """
     if guarded and not node["token"]:
         raise _open(node["host"])
-    here = ray_node.versions()
-    if odd := [name for name, number in here.items() if node["versions"].get(name) != number]:
-        there = ", ".join(f"{name} {node['versions'].get(name, 'none')}" for name in odd)
+    here, there = ray_node.versions(), node["versions"]
+    # A machine that only searches has no need of what GPUs need.
+    without = [name for name in ray_node.ON_GPUS if device != "cuda" or here[name] == "none"]
+    if odd := [name for name, number in here.items() if name not in without and there.get(name) != number]:
+        theirs = ", ".join(f"{name} {there.get(name, 'none')}" for name in odd)
         ours = ", ".join(f"{name} {here[name]}" for name in odd)
-        raise ConfigError(f"Node {node['host']} runs {there}, and this machine {ours}: install the same on both.")
+        raise UnlikeNode(f"Node {node['host']} runs {theirs}, and this machine {ours}: install the same on both.")
+    if (own := ray_node.task_digest(env)) and own != node.get("task"):
+        raise UnlikeNode(
+            f"Node {node['host']} lacks {env}, or has another file of that name: copy this machine's there."
+        )
 
 
 def lacking(error: Exception) -> ConfigError | None:

@@ -70,7 +70,8 @@ class RayExecutor(retry.Questions):
         """Train every lane, as `local.LocalExecutor.train` does, as soon as a node has room.
 
         Raises:
-            ConfigError: when no node has had what `device=` and `threads=` ask for, or one runs other versions.
+            ConfigError: when no node has had what `device=` and `threads=` ask for, or those that have it run other
+                versions.
             TaskError, WorkerError: as there.
         """
         worlds = budget.worlds or registry.get(env).recipe.worlds
@@ -83,7 +84,7 @@ class RayExecutor(retry.Questions):
     def _shares(self, lanes: int, worlds: int) -> tuple[int, int]:
         """See `cluster.shares`. A cluster that had room, or has neither cores nor GPUs yet, is waited for."""
         while True:
-            places = cluster.living(self._ray)
+            places = self._actors.places()
             count, threads = cluster.shares(places, lanes, worlds, self._device, self._threads)
             if count:
                 self._actors.tell(waiting=False)
@@ -108,24 +109,50 @@ class Actors:
         self._looked, self._told = -math.inf, False
         self._actor: Any = ray.remote(ray_node.Share)
         self._guarded = cluster.exposed(ray)
+        self._unlike = set[str]()
+        """Ids of nodes whose numbers would differ."""
+
+    def places(self) -> list[Place]:
+        """What the nodes offer on which actors may run."""
+        return cluster.living(self._ray, self._unlike)
 
     def call(self, request: Frame, slot: Slot) -> ActorCall:
         gpus = int(slot.device.startswith("cuda"))
         if not gpus and not self._exact:  # the nodes that had so many may be gone
-            most = max((place.cores for place in cluster.living(self._ray)), default=0)
+            most = max((place.cores for place in self.places()), default=0)
             slot = slot._replace(threads=min(slot.threads, most or slot.threads))
         needs = Place(1 if gpus else max(1, slot.threads), gpus)
+        apart = {"label_selector": {"ray.io/node-id": f"!in({','.join(self._unlike)})"}} if self._unlike else {}
         actor = self._actor.options(
             num_cpus=needs.cores,
             num_gpus=needs.gpus,
             max_restarts=0,
             max_concurrency=2,  # `stop` is heard while `serve` is under way
             scheduling_strategy="SPREAD",
+            **apart,
         ).remote(self._module)
         data = framed(request.header, request.blobs)
         serve = actor.serve.options(num_returns="streaming", max_task_retries=0)
         stream = serve.remote(data, *slot)
-        return ActorCall(self, self._ray, actor, stream, needs, self._silence, guarded=self._guarded)
+        return ActorCall(self, self._ray, actor, stream, needs, self._silence, env=request.header["env"])
+
+    def admit(self, node: Mapping[str, Any], needs: Place, env: str) -> None:
+        """Look at a node that has taken a call.
+
+        Raises:
+            WorkerLost: when its numbers would differ: no other call goes there.
+            ConfigError: when no other node has what the call needs, or anybody may give this one orders.
+        """
+        try:
+            cluster.check(node, guarded=self._guarded, device="cuda" if needs.gpus else "cpu", env=env)
+        except cluster.UnlikeNode as error:
+            known = node["id"] in self._unlike
+            self._unlike.add(node["id"])
+            if not any(needs.within(place) for place in self.places()):
+                raise
+            if not known:
+                _log.warning("%s Until then the other nodes train, and this one does not.", error)
+            raise WorkerLost("Training stopped: the node that was to train runs other versions.") from None
 
     def wait(self, calls: Sequence[ActorCall], timeout: float | None = None) -> Sequence[ActorCall]:
         end = math.inf if timeout is None else time.monotonic() + timeout
@@ -148,7 +175,7 @@ class Actors:
         waiting = [call for call in calls if call.waiting]
         if not waiting or time.monotonic() - self._looked < POLL:
             return
-        self._looked, places = time.monotonic(), cluster.living(self._ray)
+        self._looked, places = time.monotonic(), self.places()
         vain = [call for call in waiting if not any(call.needs.within(place) for place in places)]
         for call in vain:
             call.lost = not self._exact and not call.needs.gpus and any(place.cores for place in places)
@@ -165,11 +192,11 @@ class ActorCall:
     """A `Call` that an actor serves, as soon as there is room for it."""
 
     def __init__(
-        self, transport: Actors, ray: Any, actor: Any, stream: Any, needs: Place, silence: float, *, guarded: bool
+        self, transport: Actors, ray: Any, actor: Any, stream: Any, needs: Place, silence: float, *, env: str
     ) -> None:
         self._transport, self._ray, self._actor = transport, ray, actor
         self.stream, self.needs, self.lost = stream, needs, False
-        self._silence, self._guarded = silence, guarded
+        self._silence, self._env = silence, env
         self._heard = math.inf  # an actor may wait for a place as long as it takes
         self._node: Mapping[str, Any] = {}
 
@@ -196,12 +223,12 @@ class ActorCall:
         self._heard, header = time.monotonic(), frame.header
         if "node" in header:
             self._node = header["node"]
-            cluster.check(self._node, guarded=self._guarded)
+            self._transport.admit(self._node, self.needs, self._env)
             return Frame({})
         if "died" in header:
             raise WorkerError(f"{header['died']} That was on {self._node['host']}.")
         if "broken" in header:
-            raise TaskError(header["broken"])
+            raise TaskError(f"{header['broken']} That was on {self._node['host']}.")
         if "progress" in header:
             return Frame({"progress": self._placed(header["progress"])})
         return frame

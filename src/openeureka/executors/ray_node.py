@@ -5,12 +5,15 @@ Ray starts it from the package that is installed on the node. It imports neither
 
 from __future__ import annotations
 
+import hashlib
 import os
 import platform
+import re
 import time
 from collections.abc import Iterator
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
 from ..errors import EurekaError, TaskError
@@ -20,6 +23,8 @@ from .transport import ProcessCall, Processes, Slot
 
 DECIDING = ("torch", "mujoco")
 """Packages whose versions numbers depend on, beside this one and Python."""
+ON_GPUS = ("mujoco-warp",)
+"""Those that they depend on where a GPU steps the worlds."""
 
 FOREVER = 1e8
 """[s] that the kernel still takes for a time to wait."""
@@ -28,7 +33,7 @@ FOREVER = 1e8
 def versions() -> dict[str, str]:
     """What decides on the numbers of a training, by name. Builds of one version for a CPU and for CUDA count as one."""
     found = {"openeureka": __version__, "Python": ".".join(platform.python_version_tuple()[:2])}
-    for name in DECIDING:
+    for name in (*DECIDING, *ON_GPUS):
         try:
             found[name] = version(name).partition("+")[0]
         except PackageNotFoundError:
@@ -36,8 +41,17 @@ def versions() -> dict[str, str]:
     return found
 
 
-def about() -> dict[str, Any]:
-    """This node, in plain data: `memory` in bytes that are free, `time` in seconds of its clock."""
+def task_digest(env: str) -> str:
+    """Of the file that a person's own task is in; empty where it is in none, or the file is not here."""
+    named = re.match(r"(.+\.py)(:\w+)?(\+\w+=.*)?$", env, re.DOTALL)
+    with suppress(OSError):
+        return hashlib.sha256(Path(named[1]).read_bytes()).hexdigest() if named else ""
+    return ""
+
+
+def about(env: str = "") -> dict[str, Any]:
+    """This node, in plain data: `memory` in bytes that are free, `time` in seconds of its clock, `task` the digest of
+    the file that the task is in."""
     import ray
 
     return {
@@ -45,6 +59,7 @@ def about() -> dict[str, Any]:
         "host": platform.node(),
         "token": os.environ.get("RAY_AUTH_MODE", "").lower() == "token",
         "versions": versions(),
+        "task": task_digest(env),
         "memory": _free_memory(),
         "time": time.time(),
     }
@@ -65,8 +80,9 @@ class Share:
 
     def serve(self, request: bytes, device: str, threads: int) -> Iterator[bytes]:
         """Frames of the worker, the first of which says where this is; `died` is its end, in a sentence."""
-        yield framed({"node": about()})
-        self._call = self._processes.call(unframed(request), Slot(device, threads))
+        asked = unframed(request)
+        yield framed({"node": about(asked.header["env"])})
+        self._call = self._processes.call(asked, Slot(device, threads))
         try:
             while True:
                 frame = self._call.receive()
