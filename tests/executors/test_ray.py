@@ -284,6 +284,10 @@ LAPTOP, BIG = Place(cores=4), Place(cores=64)
         ([LAPTOP], 5, 8, (0, 0)),
         ([Place(cores=0)], 5, 0, (0, 0)),
         ([Place(cores=1, memory=0.4e9 + 512 * 0.15e6)], 8, 0, (4, 1)),  # two lanes of 256 worlds fit
+        ([Place(cores=16, memory=5.6e9)], 16, 0, (8, 2)),  # 16 workers would take 16 * (0.4 + 256 * 0.15e-3) = 7.0 GB
+        ([Place(cores=16, memory=5.6e9)], 16, 1, (16, 1)),  # who says so decides
+        ([Place(cores=4, memory=0.4e9)], 8, 0, (8, 4)),  # too little for any: one after the other
+        ([Place(cores=4, memory=0.4e9), BIG], 8, 0, (8, 8)),  # that node takes none
     ],
 )
 def test_lanes_are_dealt_by_what_nodes_have(places, lanes, threads, expected):
@@ -295,6 +299,8 @@ def test_a_gpu_takes_whole_populations():
     assert shares(places, 18, 4096, "cuda", 0) == (2, 1)
     assert shares(places, 40, 4096, "cuda", 0) == (3, 1)  # 16 lanes fill the worlds of one
     assert shares([LAPTOP], 18, 4096, "cuda", 0) == (0, 0)
+    assert shares([Place(cores=0, gpus=8)], 18, 4096, "cuda", 0) == (0, 0)  # an actor takes a core
+    assert shares([Place(cores=3, gpus=8)], 18, 4096, "cuda", 16) == (3, 16)
 
 
 def test_a_cluster_that_takes_orders_from_anybody_is_refused():

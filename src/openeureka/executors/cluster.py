@@ -135,19 +135,26 @@ def living(ray: Any, without: Collection[str] = ()) -> list[Place]:
 def shares(places: Sequence[Place], lanes: int, worlds: int, device: str, threads: int) -> tuple[int, int]:
     """Into how many populations to deal lanes, and the cores of each; (0, 0) where no node has room for one.
 
-    A population takes as many cores as leave room for all of them at once, or for a population a core; and no more
-    worlds than the memory of its part of a node holds.
+    A population takes as many cores as leave room for all of them at once, or for a population a core, where the memory
+    of its part of a node holds a worker and one lane; and no more worlds than that part holds. On a GPU it takes one
+    core.
     """
     if device == "cuda":
-        room, memory, threads = sum(place.gpus for place in places), math.inf, max(1, threads)
+        room, memory, threads = sum(min(place.gpus, place.cores) for place in places), math.inf, max(1, threads)
     else:
         most = max((place.cores for place in places), default=0)
-        options = [threads] if threads else range(most, 0, -1)
+
+        def memory_of(number: int) -> float:
+            parts = [place.memory / (place.cores // number) for place in places if place.cores >= number]
+            return min(parts, default=0.0)
+
+        roomy = [number for number in range(most, 0, -1) if memory_of(number) >= WORKER + worlds * WORLD]
+        # Where no part is large enough, memory is estimated: the fewest side by side are tried.
+        options = [threads] if threads else roomy or [most][: bool(most)]
         fitting = {number: sum(place.cores // number for place in places) for number in options}
         wanted = min(lanes, max(fitting.values(), default=0))
         threads = next((number for number, room in fitting.items() if room >= wanted), 0)
-        room = fitting.get(threads, 0)
-        memory = min((p.memory / (p.cores // threads) for p in places if threads and p.cores >= threads), default=0.0)
+        room, memory = fitting.get(threads, 0), memory_of(threads) if threads else 0.0
         if sum(place.cores >= threads for place in places) > 1:
             room *= ROUNDS if lanes >= room * FULL else 1
     if not room:
