@@ -39,6 +39,9 @@ class StagedTrainer(ToyTrainer):
                 event = replace(event, state=state, message="why", last=None)
             if isinstance(event, TrainingResult):
                 event = replace(event, seconds=4.0, clock=(1.0, 2.0, 3.0))
+            else:
+                latest = {spec.id: {"reward": 2.0, "fitness": 7.0} for spec in specs}
+                event = replace(event, fitness={spec.id: 7.0 for spec in specs}, latest=latest)
             yield event
 
 
@@ -77,6 +80,9 @@ def test_progress_counts_through_all_stages_and_only_the_last_tells_f(tmp_path: 
     events = [event for event in go(trainer, tmp_path) if isinstance(event, TrainingProgress)]
     # ToyTrainer is in epoch 1 of 2. Stage 1 has 3/4 of the steps: 2 of 2.67 epochs; stage 2 the last quarter of 8.
     assert [(event.epoch, event.epochs) for event in events] == [(1, 3), (7, 8)]
+    # F of an earlier stage is that of another task, also where curves are drawn while it trains.
+    assert [event.fitness["human-s0"] for event in events] == [None, 7.0]
+    assert [event.latest["human-s0"] for event in events] == [{"reward": 2.0}, {"reward": 2.0, "fitness": 7.0}]
 
 
 @pytest.mark.parametrize("state", [TrainingState.DIVERGED, TrainingState.FAILED])

@@ -117,8 +117,13 @@ def _overall(progress: TrainingProgress, steps: Sequence[int], number: int) -> T
     """Progress of one stage as part of the whole curriculum; an earlier stage says nothing of F."""
     epochs = round(progress.epochs * sum(steps) / steps[number - 1])
     before = round(epochs * sum(steps[: number - 1]) / sum(steps))
-    fitness = progress.fitness if number == len(steps) else dict.fromkeys(progress.fitness)
-    return dataclasses.replace(progress, epoch=min(before + progress.epoch, epochs), epochs=epochs, fitness=fitness)
+    overall = dataclasses.replace(progress, epoch=min(before + progress.epoch, epochs), epochs=epochs)
+    if number == len(steps):
+        return overall
+    latest = {
+        lane: {name: value for name, value in own.items() if name != "fitness"} for lane, own in progress.latest.items()
+    }
+    return dataclasses.replace(overall, fitness=dict.fromkeys(progress.fitness), latest=latest)
 
 
 def _summed(results: Sequence[TrainingResult]) -> TrainingResult:
