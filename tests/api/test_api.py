@@ -6,6 +6,7 @@ import threading
 import time
 from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from report.policies import policy
 
 import openeureka
 from openeureka.cli.train import resume as resume_command
-from openeureka.config import RunConfig
+from openeureka.config import RobustConfig, RunConfig
 from openeureka.errors import BudgetError, ConfigError, ModelError, RewardFileError, StoreError
 from openeureka.film import mp4, video
 from openeureka.runs import compose, rewards
@@ -337,6 +338,29 @@ def test_more_epochs_than_a_row_can_hold_are_refused_before_they_train(tmp_path)
     with pytest.raises(ConfigError, match=r"^100,000,000 steps in 1 worlds are 6,250,000 epochs[^\n]*more worlds="):
         openeureka.train(dir=tmp_path / "run", steps=1e8, worlds=1)
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ({"polish": 1, "polish_steps": 10**9}, "are 3,906,250 epochs.* or fewer polish_steps="),
+        ({"curriculum": "stages.yaml"}, "are 3,906,250 epochs.* or fewer steps= or `steps:` of its stage"),
+    ],
+)
+def test_so_are_those_of_what_follows_a_search_and_of_stages(tmp_path, settings, sentence):
+    (tmp_path / "stages.yaml").write_text("- {steps: 1e9}\n- {}\n")
+    if "curriculum" in settings:
+        settings = {**settings, "curriculum": str(tmp_path / "stages.yaml")}
+    with pytest.raises(ConfigError, match=sentence):
+        compose.trainer_of(RunConfig(env="cartpole", worlds=16, **settings), tmp_path)
+
+
+def test_so_are_those_of_robust_policies(tmp_path, monkeypatch):
+    monkeypatch.setattr(compose, "planned", lambda store, start, steps: SimpleNamespace(steps=steps))
+    monkeypatch.setattr(compose.Store, "view", lambda directory: nullcontext())
+    config = RunConfig(env="cartpole", worlds=1, steps=1000, model="random")
+    with pytest.raises(ConfigError, match=r"are 6,250,000 epochs.* or fewer steps="):
+        compose.robust(RobustConfig(steps=10**8), config, tmp_path, SimpleNamespace(), again="")
 
 
 def test_a_training_that_is_stopped_goes_on(tmp_path, trainer, capsys):

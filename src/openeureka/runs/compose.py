@@ -35,7 +35,7 @@ from ..tasks import costs, curriculum, ranges
 from ..tasks.context import context, informed
 from ..tasks.record import record_states, try_out
 from ..tasks.registry import get
-from ..training.curriculum import CurriculumTrainer
+from ..training.curriculum import CurriculumTrainer, shares
 from ..types import Candidate, Ranks, TaskContext, Trainer, Usage, Verdict
 from . import inputs, trust
 from .stopping import continuable, stoppable, stopped
@@ -292,6 +292,7 @@ def robust(
         raise ConfigError("The run has no model: name one, as in model=gpt-5, or model=random for chance.")
     with Store.view(directory) as store:
         training = planned(store, wanted.start, wanted.steps)
+    _expect_storable(config, config.env, training.steps, "steps=")
     trainer, mechanics = trainer_of(config, directory), task.compile_model()
     model = priced(model, config) if model is not None else open_model(config)
     robot = Robot(
@@ -353,7 +354,9 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
         raise ConfigError("`address=` names a Ray cluster: add executor=ray, or say `address=` with nothing after it.")
     options |= {"address": config.address} if config.address else {}
     trainer: Trainer = EXECUTORS.make(config.executor, **options)
-    _expect_storable(config)
+    _expect_storable(config, config.env, config.steps, "steps=")
+    if config.polish_steps:
+        _expect_storable(config, config.env, config.polish_steps, "polish_steps=")
     ranges.find(config.env, config.randomise)  # refuses what does not fit
     if config.observe != "all" and not (task := get(config.env)).unmeasured:
         raise ConfigError(f"All that `{task.env}` observes counts as measurable: leave observe=measurable out.")
@@ -365,16 +368,18 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
             f"The stages of `{config.curriculum}` differ in what a sensor tells: leave observe=measurable out, or give "
             "all of their tasks the same `unmeasured`."
         )
+    for stage, steps in zip(stages, shares(stages, config.steps), strict=True):
+        _expect_storable(config, stage.env, steps, "steps= or `steps:` of its stage")
     return CurriculumTrainer(trainer, stages, StageFiles(directory))
 
 
-def _expect_storable(config: RunConfig) -> None:
+def _expect_storable(config: RunConfig, env: str, steps: int, said: str) -> None:
     """A result has a value of each curve and epoch."""
-    recipe = get(config.env).recipe
-    steps, worlds = config.steps or recipe.env_steps, config.worlds or recipe.worlds
+    recipe = get(env).recipe
+    steps, worlds = steps or recipe.env_steps, config.worlds or recipe.worlds
     epochs = steps // (worlds * recipe.horizon)
     if epochs > MOST_EPOCHS:
         raise ConfigError(
             f"{steps:,} steps in {worlds} worlds are {epochs:,} epochs, and a training has at most {MOST_EPOCHS:,}; "
-            "take more worlds= or fewer steps=."
+            f"take more worlds= or fewer {said}."
         )
