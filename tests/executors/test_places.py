@@ -17,7 +17,7 @@ from openeureka.executors import cluster as clusters
 from openeureka.executors import ray, ray_node
 from openeureka.executors.ray import RayExecutor
 from openeureka.training.wire import pack, unpack_lanes
-from openeureka.types import LaneSpec, Node, RewardGraph, TrainBudget, TrainingResult, TrainingState
+from openeureka.types import LaneSpec, Node, RewardGraph, TrainBudget, TrainingProgress, TrainingResult, TrainingState
 from openeureka.worker import Frame, framed, unframed
 
 GRAPH = RewardGraph(nodes=(Node("input", ("pole_angle",)),), reward=0, components=(("angle", 0),))
@@ -265,6 +265,24 @@ def test_a_node_that_takes_orders_from_anybody_still_ends_the_search(monkeypatch
     monkeypatch.setattr(clusters, "exposed", lambda ray: True)
     with pytest.raises(ConfigError, match="RAY_AUTH_MODE=token"):
         trained(executor(cluster, monkeypatch), "a")
+
+
+@pytest.mark.parametrize(("reported", "away"), [(False, ["", "!in(0)", ""]), (True, ["", "", ""])])
+def test_what_died_on_a_node_before_it_reported_is_tried_on_another(
+    monkeypatch: pytest.MonkeyPatch, reported: bool, away: list[str]
+):
+    progress = TrainingProgress(epoch=1, epochs=2, env_steps_per_second=1.0, fitness={"a": None})
+
+    def script(number: int, request: Frame) -> Sequence[Frame | Gone]:
+        return [*[pack(progress)] * reported, Frame({"died": "It was killed."})] if number == 1 else results(0, request)
+
+    cluster = mixed({}, script)
+    trainer = executor(cluster, monkeypatch)
+    assert trained(trainer, "a") == ["a"] and trained(trainer, "b") == ["b"]
+    assert cluster.away == away
+    alone = mixed({}, script)
+    alone.cores = [4]
+    assert trained(executor(alone, monkeypatch), "a") == ["a"] and alone.away == ["", ""]
 
 
 def test_on_gpus_the_version_of_what_steps_the_worlds_counts(monkeypatch: pytest.MonkeyPatch):

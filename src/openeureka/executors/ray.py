@@ -111,6 +111,8 @@ class Actors:
         self._guarded = cluster.exposed(ray)
         self._unlike = set[str]()
         """Ids of nodes whose numbers would differ."""
+        self._shunned = set[str]()
+        """The id of the node that the next call keeps off, if another has what it needs."""
 
     def places(self) -> list[Place]:
         """What the nodes offer on which actors may run."""
@@ -122,7 +124,10 @@ class Actors:
             most = max((place.cores for place in self.places()), default=0)
             slot = slot._replace(threads=min(slot.threads, most or slot.threads))
         needs = Place(1 if gpus else max(1, slot.threads), gpus)
-        apart = {"label_selector": {"ray.io/node-id": f"!in({','.join(self._unlike)})"}} if self._unlike else {}
+        away, self._shunned = self._unlike | self._shunned, set()
+        if away != self._unlike and not any(needs.within(place) for place in cluster.living(self._ray, away)):
+            away = self._unlike
+        apart = {"label_selector": {"ray.io/node-id": f"!in({','.join(away)})"}} if away else {}
         actor = self._actor.options(
             num_cpus=needs.cores,
             num_gpus=needs.gpus,
@@ -153,6 +158,10 @@ class Actors:
             if not known:
                 _log.warning("%s Until then the other nodes train, and this one does not.", error)
             raise WorkerLost("Training stopped: the node that was to train runs other versions.") from None
+
+    def shun(self, node: str) -> None:
+        """The next call, of what was at work there, is tried elsewhere: the node may be at fault, as by a sick GPU."""
+        self._shunned = {node}
 
     def wait(self, calls: Sequence[ActorCall], timeout: float | None = None) -> Sequence[ActorCall]:
         end = math.inf if timeout is None else time.monotonic() + timeout
@@ -199,6 +208,7 @@ class ActorCall:
         self._silence, self._env = silence, env
         self._heard = math.inf  # an actor may wait for a place as long as it takes
         self._node: Mapping[str, Any] = {}
+        self._reported = False
 
     @property
     def waiting(self) -> bool:
@@ -215,7 +225,7 @@ class ActorCall:
         if not self._ray.wait([self.stream], timeout=0)[0]:  # what is there is read, also where this process slept
             if self.lost:
                 raise WorkerLost("Training stopped: no node is left that has the cores it waited for.")
-            raise WorkerError("Training stopped: The worker process did not answer in time.")
+            raise self._died("Training stopped: The worker process did not answer in time.")
         try:
             frame = unframed(self._ray.get(next(self.stream), timeout=self._silence))
         except (self._ray.exceptions.RayError, StopIteration, WorkerDied) as error:
@@ -226,10 +236,11 @@ class ActorCall:
             self._transport.admit(self._node, self.needs, self._env)
             return Frame({})
         if "died" in header:
-            raise WorkerError(f"{header['died']} That was on {self._node['host']}.")
+            raise self._died(f"{header['died']} That was on {self._node['host']}.")
         if "broken" in header:
             raise TaskError(f"{header['broken']} That was on {self._node['host']}.")
         if "progress" in header:
+            self._reported = True
             return Frame({"progress": self._placed(header["progress"])})
         return frame
 
@@ -244,10 +255,16 @@ class ActorCall:
         alive = {node["NodeID"] for node in self._ray.nodes() if node["Alive"]}
         if self._node.get("id") not in alive:  # also of one that never said where it is: it had begun nothing
             return WorkerLost("Training stopped: the node that trained is gone.")
-        return WorkerError(
+        return self._died(
             f"Training stopped: the Ray worker on {self._node['host']} ended before it answered; Ray ends one also "
             "where memory runs out: use fewer worlds= or a smaller sample=."
         )
+
+    def _died(self, said: str) -> WorkerError:
+        """One that had reported may have died of anything, and need not wait for another node."""
+        if self._node and not self._reported:
+            self._transport.shun(self._node["id"])
+        return WorkerError(said)
 
     def stop(self) -> None:
         self._actor.stop.remote()
