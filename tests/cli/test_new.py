@@ -48,6 +48,7 @@ def test_what_f_measures_is_said_to_be_a_guess(robot, capsys):
     assert "F is the share of time that pole is within " in printed
     assert ": a guess from the model; intent= says what you want.\n" in printed
     assert "  eureka run env=cart.py\n" in printed
+    assert "how far actuator0 may go: -1 to 1 is a guess, so set CONTROLS in cart.py." in printed
     assert "so the point is made up" in printed and "F ranks the rewards, whatever the intent says" in printed
     (robot / "goal.xml").write_text(CART.replace("</worldbody>", '<site name="goal" pos="1 0 0"/></worldbody>'))
     assert run("new", "goal.py", "model=goal.xml", "object=cart", "intent=to tidy up") == 0

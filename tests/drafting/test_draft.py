@@ -183,6 +183,65 @@ def test_others_reach_for_a_point_that_they_can_reach(tmp_path: Path):
     assert float(simulation.task.human_reward(there)) > float(simulation.task.human_reward(state))
 
 
+# Two links whose actuators say no range: {0} is of the joints, {1} the actuators.
+LINKS = """
+<mujoco>
+  <option gravity="0 0 0"/>
+  <worldbody>
+    <body name="near"><joint name="turn" axis="0 1 0" range="-170 170" {0}/>
+      <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02"/>
+      <body name="far" pos="0.3 0 0"><joint name="bend" axis="0 1 0" range="-170 170" {0}/>
+        <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02" contype="0" conaffinity="0"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>{1}</actuator>
+</mujoco>
+"""
+
+
+def test_servos_reach_the_point_that_is_said_to_be_within_reach(tmp_path: Path):
+    servos = '<position joint="turn" kp="30" dampratio="1"/><position joint="bend" kp="60" dampratio="1" gear="-2"/>'
+    simulation = make(drafted(tmp_path, odd(tmp_path, LINKS.format("", servos))), worlds=121)
+    simulation.reset()
+    held = torch.cartesian_prod(*2 * [torch.linspace(-1.0, 1.0, 11)])
+    scored = torch.zeros(121)
+    for _ in range(100):
+        scored += simulation.step(held).score.value
+    assert bool((scored > 0).any()), "no constant action brings the tip to its goal"
+    joints = simulation.current_state()["joint_pos"]
+    assert joints[-1].tolist() == pytest.approx([math.radians(170), -math.radians(170)], abs=0.05)
+
+
+def test_what_servos_cannot_reach_is_not_said_to_be_within_reach(tmp_path: Path):
+    servo = '<position joint="{}" kp="30" ctrlrange="-0.1 0.1"/>'
+    path, robot = tmp_path / "odd.py", odd(tmp_path, LINKS.format("", servo.format("turn") + servo.format("bend")))
+    point = draft(path, robot).aim.point
+    assert point[0] > 0.44  # 0.3 cos 0.1 + 0.15 cos 0.2 = 0.4455; straight it is 0.45
+
+
+@pytest.mark.parametrize(
+    ("joints", "actuators", "expected", "guessed"),
+    [
+        # 88 N m at each joint, of which a gear of 4 makes 22 of the motor.
+        ('actuatorfrcrange="-88 88"', '<motor joint="turn"/><motor joint="bend" gear="4"/>', [88.0, 22.0], ()),
+        ('actuatorfrcrange="-88 88"', '<motor joint="turn" forcerange="-40 40"/>', [40.0], ()),
+        ("", '<motor joint="turn" forcerange="-40 40"/><motor name="weak" joint="bend"/>', [40.0, 1.0], ("weak",)),
+        ("", '<velocity name="rate" joint="turn" kv="1"/>', [1.0], ("rate",)),
+        ("", '<motor joint="turn" ctrlrange="-3 3"/>', [3.0], ()),
+    ],
+)
+def test_a_motor_without_a_range_goes_as_far_as_its_forces_do_or_is_said_to_be_guessed(
+    tmp_path: Path, joints: str, actuators: str, expected: list[float], guessed: tuple[str, ...]
+):
+    robot = odd(tmp_path, LINKS.format(joints, actuators))
+    assert draft(tmp_path / "odd.py", robot).guessed == guessed
+    simulation = make(drafted(tmp_path, robot), worlds=1)
+    simulation.reset()
+    simulation.step(torch.ones(1, len(expected)))
+    assert simulation.sim.bind("ctrl")[0].tolist() == pytest.approx(expected)
+
+
 def test_an_object_on_slides_is_brought_to_the_goal(tmp_path: Path):
     simulation = make(drafted(tmp_path, odd(tmp_path, TABLE)), worlds=2)
     task = simulation.task

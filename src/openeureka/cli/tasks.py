@@ -35,6 +35,8 @@ from .settings import CheckConfig, ContextConfig, NewConfig, only_path, split
 INDENT = "    "
 TRIED, STEPS = 8, 25
 """Worlds and steps of random play that a draft is tried with."""
+MOST_NAMED = 4
+"""Actuators without a range that are named."""
 USAGE = "eureka new hopper.py model=hopper.xml"
 
 
@@ -156,6 +158,8 @@ def new(words: Sequence[str]) -> None:
         task, bad = _try(path, 1.0)
     print(f"Wrote {path}: {task.num_observations} observations, {task.num_actions} actions, {task.description}.")
     _say_what_counts(path, drafted)
+    if drafted.guessed:
+        _say_what_is_guessed(path, drafted.guessed)
     if bad > 0:
         _say_what_breaks(bad, at_rest=_try(path, 0.0)[1] > 0)
     print("Read it, and say what you want of the robot. Then")
@@ -194,6 +198,12 @@ def _try(path: Path, size: float) -> tuple[Task, int]:
     for _ in range(STEPS):
         simulation.step((torch.rand(TRIED, simulation.task.num_actions) * 2.0 - 1.0) * size)
     return simulation.task, simulation.bad_total
+
+
+def _say_what_is_guessed(path: Path, actuators: Sequence[str]) -> None:
+    first = ", ".join(actuators[:MOST_NAMED])
+    more = f" and {len(actuators) - MOST_NAMED} more" if len(actuators) > MOST_NAMED else ""
+    print(f"The model does not say how far {first}{more} may go: -1 to 1 is a guess, so set CONTROLS in {path}.")
 
 
 def _say_what_breaks(bad: int, *, at_rest: bool) -> None:

@@ -20,6 +20,7 @@ from ..tasks.anatomy import SWAY, columns, home, named, scalar_joints
 from ..tasks.urdf import read_urdf
 from ..text import nameable
 from .aim import Aim, find_aim
+from .controls import controls
 from .source import declared, template
 from .survey import Survey, Variable
 
@@ -37,6 +38,8 @@ class Draft:
     aim: Aim
     said: bool
     """Whether a person said, in a sentence or by names, what the aim is guessed from."""
+    guessed: tuple[str, ...] = ()
+    """Actuators of which the model does not say how far they go."""
 
     @property
     def line(self) -> int:
@@ -70,7 +73,8 @@ def draft(
     joints, timestep = scalar_joints(model), float(model.opt.timestep)
     swaying = [int(model.jnt_qposadr[joint]) for joint in joints if model.jnt_bodyid[joint] != survey.base]
     substeps = max(1, round(CONTROL_DT / timestep))
-    limits = zip(model.actuator_ctrlrange.tolist(), model.actuator_ctrllimited, strict=True)
+    inputs = controls(model)
+    guessed = tuple(named(model, "ACTUATOR", index) for index, control in enumerate(inputs) if control.guessed)
     goal_size = 3 if aim.goal or aim.point else 0
     text = template("task.py.jinja").render(
         name=class_name(path),
@@ -94,7 +98,8 @@ def draft(
         observations=sum(len(variable.seen) for variable in variables) + goal_size,
         joints=_tuple([f'"{named(model, "JOINT", joint)}"' for joint in joints]),
         home=_tuple([_number(value) for value in home(model)]),
-        controls=_tuple([f"({_number(low)}, {_number(high)})" if on else "(-1.0, 1.0)" for (low, high), on in limits]),
+        controls=_tuple([f"({_number(low)}, {_number(high)})" for low, high, _ in inputs]),
+        guessed=guessed,
         swaying=columns(swaying) if swaying else "",
         sways=len(swaying),
         sway=SWAY,
@@ -103,7 +108,7 @@ def draft(
         episode=max(2, round(SECONDS / (substeps * timestep))),
         model=model,
     )
-    return Draft(text, aim, bool(intent.strip() or thing or goal))
+    return Draft(text, aim, bool(intent.strip() or thing or goal), guessed)
 
 
 def class_name(path: Path) -> str:

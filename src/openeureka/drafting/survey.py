@@ -31,6 +31,7 @@ from ..tasks.anatomy import (
 )
 from ..tasks.sensors import readings
 from ..types import StateUse
+from .controls import servo_range
 
 FALLEN = 0.6
 """Share of its height at the start below which a robot has fallen."""
@@ -169,15 +170,27 @@ class Survey:
     def reach(self, place: Place, poses: int) -> np.ndarray:
         """(poses, 3) where random positions of the driven joints bring a part of the robot [m]."""
         random, pose, found = np.random.default_rng(0), home(self.model), []
+        ranges = self._ranges()
         for _ in range(poses):
             for joint in self._driven:
-                if self.model.jnt_type[joint] in (SLIDE, HINGE):
-                    low, high = self.model.jnt_range[joint] if self.model.jnt_limited[joint] else (-1.0, 1.0)
-                    pose[self.model.jnt_qposadr[joint]] = random.uniform(low, high)
+                if joint in ranges:
+                    pose[self.model.jnt_qposadr[joint]] = random.uniform(*ranges[joint])
             self._pose(pose)
             found.append(self.where(place))
         self._pose(home(self.model))
         return np.array(found)
+
+    def _ranges(self) -> dict[int, np.ndarray]:
+        """From where to where (2,) actions bring each driven hinge and slide; one radian or metre to both sides is a guess."""
+        model, ranges = self.model, dict[int, np.ndarray]()
+        for joint in self._driven:
+            if model.jnt_type[joint] in (SLIDE, HINGE):
+                ranges[joint] = model.jnt_range[joint] if model.jnt_limited[joint] else np.array([-1.0, 1.0])
+        for actuator in range(model.nu):
+            if found := servo_range(model, actuator):
+                joint, held = found
+                ranges[joint] = held.clip(*ranges[joint]) if model.jnt_limited[joint] else held
+        return ranges
 
     def radius(self, place: Place) -> float:
         """[m] around the place that what collides of it fills; 0 for a mere mark."""

@@ -1,0 +1,78 @@
+"""What a draft's actions of -1 and 1 are for each actuator."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from ..tasks.anatomy import HINGE, SLIDE
+
+_JOINTS = tuple(int(getattr(mujoco.mjtTrn, f"mjTRN_{name}")) for name in ("JOINT", "JOINTINPARENT"))
+_FIXED, _AFFINE, _NO_BIAS = (
+    int(mujoco.mjtGain.mjGAIN_FIXED),
+    int(mujoco.mjtBias.mjBIAS_AFFINE),
+    int(mujoco.mjtBias.mjBIAS_NONE),
+)
+_DIRECT = tuple(int(getattr(mujoco.mjtDyn, f"mjDYN_{name}")) for name in ("NONE", "FILTER", "FILTEREXACT"))
+"""Kinds of actuators whose state, if they have one, follows their input."""
+
+
+class Control(NamedTuple):
+    """Inputs of an actuator."""
+
+    low: float
+    high: float
+    guessed: bool = False
+    """The model does not say how far it goes."""
+
+
+def controls(model: mujoco.MjModel) -> list[Control]:
+    """Of each actuator: its own range, else what its joint's range or its largest force asks for, else -1 to 1."""
+    return [_control(model, actuator) for actuator in range(model.nu)]
+
+
+def _control(model: mujoco.MjModel, actuator: int) -> Control:
+    if model.actuator_ctrllimited[actuator]:
+        return Control(*model.actuator_ctrlrange[actuator].tolist())
+    if not _is_direct(model, actuator):
+        return Control(-1.0, 1.0, guessed=True)
+    joint = driven_joint(model, actuator)
+    gear, gain = float(model.actuator_gear[actuator, 0]), float(model.actuator_gainprm[actuator, 0])
+    if _is_servo(model, actuator) and joint >= 0 and model.jnt_limited[joint]:
+        return Control(*sorted((gear * model.jnt_range[joint]).tolist()))  # it compares its input with the geared joint
+    if model.actuator_biastype[actuator] != _NO_BIAS or not gain:
+        return Control(-1.0, 1.0, guessed=True)
+    bounds = [model.actuator_forcerange[actuator] / gain] if model.actuator_forcelimited[actuator] else []
+    if joint >= 0 and gear and model.jnt_actfrclimited[joint]:
+        bounds.append(model.jnt_actfrcrange[joint] / (gain * gear))
+    if not bounds:
+        return Control(-1.0, 1.0, guessed=True)
+    return Control(*(float(side) for side in (max(map(min, bounds)), min(map(max, bounds)))))
+
+
+def servo_range(model: mujoco.MjModel, actuator: int) -> tuple[int, np.ndarray] | None:
+    """The joint that a position servo holds, and from where to where (2,) its inputs bring it; None for others."""
+    joint, gear = driven_joint(model, actuator), float(model.actuator_gear[actuator, 0])
+    if joint < 0 or not gear or not _is_servo(model, actuator):
+        return None
+    return joint, np.sort(np.array(_control(model, actuator)[:2]) / gear)
+
+
+def driven_joint(model: mujoco.MjModel, actuator: int) -> int:
+    """The hinge or slide that an actuator moves by itself; -1 for none."""
+    joint = int(model.actuator_trnid[actuator, 0])
+    alone = model.actuator_trntype[actuator] in _JOINTS
+    return joint if alone and model.jnt_type[joint] in (SLIDE, HINGE) else -1
+
+
+def _is_direct(model: mujoco.MjModel, actuator: int) -> bool:
+    return model.actuator_gaintype[actuator] == _FIXED and model.actuator_dyntype[actuator] in _DIRECT
+
+
+def _is_servo(model: mujoco.MjModel, actuator: int) -> bool:
+    """Whether its force vanishes where the joint is what its input says."""
+    gain, pull = model.actuator_gainprm[actuator, 0], model.actuator_biasprm[actuator, 1]
+    affine = model.actuator_biastype[actuator] == _AFFINE and _is_direct(model, actuator)
+    return bool(affine and gain > 0.0 and np.isclose(gain, -pull))
