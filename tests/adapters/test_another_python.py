@@ -150,6 +150,15 @@ def test_an_environment_that_raises_in_step_1000_is_named_with_its_error_and_lin
     said(caught.value, "carts.py:Carts", "failed: ValueError: the battery is empty (carts.py, line ")
 
 
+@pytest.mark.parametrize(("place", "name"), [(1, "reward"), (2, "terminated"), (3, "truncated"), (4, "speed")])
+def test_one_number_for_all_worlds_is_refused_by_name(place: int, name: str):
+    simulation = registry.make(f"python:{HERE / 'carts.py'}:Shared+place={place}", worlds=2)
+    simulation.reset()
+    with pytest.raises(TaskError) as caught:
+        simulation.step(torch.zeros(2, 1))
+    said(caught.value, f"`step` gives `{name}` of shape (", "(2,) is wanted, one a world")
+
+
 def test_a_process_that_is_killed_is_told_as_such():
     with pytest.raises(WorkerError) as caught:
         stepped(f"{CARTS}+fault=kill+step=3", 3)

@@ -281,8 +281,23 @@ class Server:
 
     def step(self) -> dict[str, Any]:
         # An environment may hold on to its actions; the other side writes the next ones over these.
-        self._memory.write(*self.env.step(self._memory.arrays["actions"].copy()))
+        parts, reward, terminated, truncated, state = self.env.step(self._memory.arrays["actions"].copy())
+        paid = self._each_a_world({"reward": reward, "terminated": terminated, "truncated": truncated})
+        told = {"state " + name: value for name, value in state.items() if value is not None}
+        kept = self._each_a_world({name: value for name, value in told.items() if name in self._memory.arrays})
+        self._memory.write(parts, **paid, state={name[6:]: value for name, value in kept.items()})
         return {}
+
+    def _each_a_world(self, values: dict[str, Any]) -> dict[str, np.ndarray]:
+        """Raises ValueError for one number in place of one a world, which NumPy would repeat in every world."""
+        given = {name: numbers(value) for name, value in values.items()}
+        for name, value in given.items():
+            place = self._memory.arrays[name]
+            fits = value.shape == place.shape if name.startswith("state ") else value.size == place.size
+            if not fits:
+                called = name.replace("state ", "")
+                raise ValueError(f"`step` gives `{called}` of shape {value.shape}; {place.shape} is wanted, one a world")
+        return given
 
 
 def guard() -> None:
