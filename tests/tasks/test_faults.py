@@ -8,7 +8,7 @@ from openeureka.cli.main import main
 from openeureka.errors import TaskError
 from openeureka.film import video
 from openeureka.film.video import VideoUnavailable
-from openeureka.tasks.record import try_out
+from openeureka.tasks.record import record_states, try_out
 from openeureka.tasks.registry import get, make
 
 PENDULUM = (Path(__file__).parents[2] / "examples" / "pendulum.py").read_text()
@@ -105,6 +105,47 @@ def test_what_a_method_must_give_is_said_with_the_line_of_the_method(broken, cha
     with pytest.raises(TaskError) as caught:
         try_out(file)
     assert str(caught.value) == f"{file}, {says}"
+
+
+@pytest.mark.parametrize("trial", [try_out, record_states])
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (
+            ("self.qvel[:, 0].clone()", "self.qvel[:, 0] / (self.progress - 1)"),  # 0 / 0 or more after the first step
+            "`angular_velocity` of the task `pendulum` is not finite in every state of random play",
+        ),
+        (
+            ("torch.cos(s[\"angle\"]),", "torch.log(s[\"angle\"] - 100.0),"),
+            "`obs_buf` of the task `pendulum` is not finite in every state of random play",
+        ),
+        (
+            ("self.ctrl[:] = actions", "self.ctrl = actions"),
+            "The task `pendulum` replaces `self.ctrl`, the simulator's own memory, so nothing reaches it: write into it, "
+            "self.ctrl[:] = ...",
+        ),
+        (
+            ("self.qpos[worlds] =", "self.qpos ="),
+            "The task `pendulum` replaces `self.qpos`, the simulator's own memory",
+        ),
+    ],
+)  # fmt: skip
+def test_what_no_policy_could_learn_from_is_told_before_a_model_is_paid(broken, change, says, trial):
+    file, _ = broken(*change)
+    with pytest.raises(TaskError) as caught:
+        trial(file)
+    assert str(caught.value).startswith(says)
+
+
+def test_physics_that_breaks_down_in_most_steps_is_told_before_a_model_is_paid(broken):
+    file, _ = broken("self.ctrl[:] = actions", "self.ctrl[:] = 1e9 * actions")
+    with pytest.raises(TaskError, match=r"breaks down in \d+ of 80 steps of random play"):
+        record_states(file, worlds=8, steps=10, keep=2)
+
+
+def test_a_world_that_breaks_down_now_and_then_does_no_harm(broken):
+    file, _ = broken("self.ctrl[:] = actions", "self.ctrl[:] = torch.where(actions > 0.9, 1e9, actions)")
+    record_states(file, worlds=8, steps=10, keep=2)
 
 
 def test_a_human_reward_that_breaks_a_rule_is_told_before_anything_is_made(broken, capsys):

@@ -85,15 +85,16 @@ class BatchedEnv:
         """Start an episode in every world; returns the first observation (N, O).
 
         Raises TaskError when a state variable is a view of the simulator's or the task's memory, or a reset writes what
-        the task does not say that it remembers.
+        the task does not say that it remembers, or replaces what the simulator reads.
 
         Args:
             stagger: let the first episodes be cut off after a random part of the episode length. Worlds that all start
                 together also time out together: F would then follow the phase of the episode rather than the policy.
         """
         worlds = torch.arange(self.num_worlds, device=self.sim.device)
-        before = faults.marks(self.task)
+        before, inputs = faults.marks(self.task), faults.inputs(self.task)
         self._reset(worlds)
+        faults.check_inputs(self.task, inputs)
         faults.check_memory(self.task, before)
         if stagger:
             self.task.progress = self.task.noise.uniform(worlds, 1, 0, self.task.time_limit())[:, 0].long()

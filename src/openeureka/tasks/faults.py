@@ -11,6 +11,7 @@ from torch import Tensor
 
 from ..errors import TaskError
 from ..plugins import where_to_put
+from ..sim import Simulator
 from .task import Score, Task
 
 _OURS = __name__.partition(".")[0]
@@ -101,6 +102,36 @@ def check_memory(task: Task, before: Mapping[str, tuple[Tensor, int]]) -> None:
         old, old_version = before.get(name, (None, 0))
         if name not in known and (value is not old or version != old_version):
             raise _broken(task, "reset", f"writes `{name}`, which `memory` does not list; say memory = (..., {name!r})")
+
+
+def inputs(task: Task) -> dict[str, Tensor]:
+    """Attributes that are whole fields of the simulator which a task writes, such as `ctrl`."""
+    fields = task.sim.writable() if isinstance(task.sim, Simulator) else []
+    places = {(field.data_ptr(), field.shape) for field in fields}
+    own = {name: value for name, value in vars(task).items() if isinstance(value, Tensor)}
+    return {name: value for name, value in own.items() if (value.data_ptr(), value.shape) in places}
+
+
+def check_inputs(task: Task, before: Mapping[str, Tensor]) -> None:
+    """Raises TaskError when one of `inputs` was replaced: the simulator would read the old one for ever."""
+    for name in before.keys() - inputs(task).keys():
+        raise TaskError(
+            f"The task `{task.env}` replaces `self.{name}`, the simulator's own memory, so nothing reaches it: write into"
+            f" it, self.{name}[:] = ..., or begin with a .clone() if it is the task's."
+        )
+
+
+def check_finite(task: Task, state: Mapping[str, Any], counts: Tensor) -> None:
+    """Raises TaskError where a world (N,) that counts has a state variable or an observation that is not finite."""
+    for name in (*(name for name in task.spec.names if name != "obs_buf"), "obs_buf"):  # what it may be made of first
+        value = state[name]
+        if not isinstance(value, Tensor):
+            continue
+        if not (value[counts] if value.shape[:1] == counts.shape else value).isfinite().all():
+            raise TaskError(
+                f"`{name}` of the task `{task.env}` is not finite in every state of random play; compute it so that it is:"
+                " x / max(y, 0.01) in place of x / y."
+            )
 
 
 def check_observation(task: Task, state: Mapping[str, Any]) -> None:

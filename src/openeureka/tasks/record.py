@@ -6,7 +6,8 @@ import torch
 from torch import Tensor
 
 from ..errors import TaskError
-from .faults import per_world
+from . import faults
+from .env import BatchedEnv, Step
 from .registry import make
 from .task import State, Task
 
@@ -15,13 +16,22 @@ def try_out(env: str) -> None:
     """Take one step of one world. Raises TaskError, or whatever the task's own code raises (see `faults.fault`)."""
     simulation = make(env, worlds=1, threads=1)
     simulation.reset()
-    _try_rewards(simulation.task, simulation.step(torch.zeros(1, simulation.task.num_actions)).state)
+    _try_rewards(simulation.task, _step(simulation, torch.zeros(1, simulation.task.num_actions)).state)
+
+
+def _step(simulation: BatchedEnv, actions: Tensor) -> Step:
+    """One step. Raises TaskError where the task leaves the simulator behind, or what it gives is not finite."""
+    inputs = faults.inputs(simulation.task)
+    played = simulation.step(actions)
+    faults.check_inputs(simulation.task, inputs)
+    faults.check_finite(simulation.task, played.state, ~played.bad)
+    return played
 
 
 def _try_rewards(task: Task, state: State) -> None:
     """What only training calls is called here too: a fault in it must not wait until a model has been paid."""
     for method in ("human_reward", "sparse_reward"):
-        per_world(task, method, getattr(task, method)(state))
+        faults.per_world(task, method, getattr(task, method)(state))
 
 
 STARTS = 64
@@ -35,15 +45,16 @@ def record_states(env: str, *, worlds: int = STARTS, steps: int = 40, keep: int 
         of which the first is the start.
 
     Raises:
-        TaskError: where F or what else the task gives cannot be used.
+        TaskError: where F or what else the task gives cannot be used, or its physics breaks down in most steps.
     """
     simulation = make(env, worlds=worlds, threads=1)
     task = simulation.task
     generator = torch.Generator().manual_seed(0)
     simulation.reset()
     taken: list[State] = [simulation.current_state()]
+    faults.check_finite(task, taken[0], torch.ones(worlds, dtype=torch.bool))
     for step in range(1, steps + 1):
-        played = simulation.step(torch.randn(worlds, task.num_actions, generator=generator))
+        played = _step(simulation, torch.randn(worlds, task.num_actions, generator=generator))
         state = played.state
         if not played.score.value[played.score.weight > 0].isfinite().all():
             raise TaskError(
@@ -52,6 +63,11 @@ def record_states(env: str, *, worlds: int = STARTS, steps: int = 40, keep: int 
             )
         if step % (steps // (keep - 1)) == 0 and len(taken) < keep:
             taken.append(state)
+    if simulation.bad_total > worlds * steps / 2:
+        raise TaskError(
+            f"`{env}` breaks down in {simulation.bad_total} of {worlds * steps} steps of random play, which then count for"
+            " nothing: let its actions do less, give its joints damping and armature, or take more substeps."
+        )
     _try_rewards(task, taken[-1])
     merged: dict[str, Tensor | float | int] = {}
     for variable in task.spec.variables:
