@@ -8,6 +8,7 @@ from openeureka.cli.main import main
 from openeureka.errors import TaskError
 from openeureka.film import video
 from openeureka.film.video import VideoUnavailable
+from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states, try_out
 from openeureka.tasks.registry import get, make
 
@@ -135,6 +136,66 @@ def test_what_no_policy_could_learn_from_is_told_before_a_model_is_paid(broken, 
     with pytest.raises(TaskError) as caught:
         trial(file)
     assert str(caught.value).startswith(says)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (("control_dt = 0.05", "control_dt = 0"), "`control_dt` {} must be a number of seconds above zero; it is 0."),
+        (("substeps = 4", "substeps = 0"), "`substeps` {} must be a whole number above zero; it is 0."),
+        (("substeps = 4", "substeps = 4.0"), "`substeps` {} must be a whole number above zero; it is 4.0."),
+        (("episode_length = 200", "episode_length = 0"), "`episode_length` {} must be a whole number above zero; it is"),
+        (("num_actions = 1", "num_actions = 1\n    memory = 'goal'"), "`memory` {} must be a tuple of names; it is 'goal'."),
+        (("num_actions = 1", "num_actions = 1\n    score_range = 1.0"), "`score_range` {} must be the least and the larg"),
+        (("spec = StateSpec(", "spec = tuple("), "`spec` {} must be a StateSpec; it is (StateVar("),
+        (("human = ", "human = len or "), "`human` {} must be the text of a reward program, or the Path of its file."),
+        (
+            ("    @staticmethod\n    def model()", "    def model(self)"),
+            "`model` {} must be a function without arguments: write @staticmethod above it.",
+        ),
+        (("__init__(self, *args)", "__init__(self)"), "`__init__` {} is given two arguments: write def __init__(self, *"),
+    ],
+)  # fmt: skip
+def test_an_attribute_that_no_task_can_have_is_one_sentence(broken, change, says):
+    file, _ = broken(*change)
+    with pytest.raises(TaskError) as caught:
+        get(file)
+    assert str(caught.value).startswith(says.format("of the task `pendulum`"))
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (("hidden=(32, 32)", "hidden=32"), "line 43: ValueError: hidden=32 of the recipe; write the sizes of its layers"),
+        (("hidden=(32, 32)", "hidden=(32,), worlds=0"), "line 43: ValueError: worlds=0 of the recipe; write a whole numb"),
+        (('use="zero_centred"', 'use="zero"'), "line 38: ValueError: the use of `angle` is 'zero'; it is one of raw, ze"),
+        (("shape=(1,)", "shape=1"), "line 40: ValueError: the shape of `actions` is 1; write a tuple, such as (3,)."),
+    ],
+)  # fmt: skip
+def test_a_recipe_or_a_variable_that_cannot_be_is_told_with_its_line(broken, change, says):
+    file, _ = broken(*change)
+    with pytest.raises(TaskError) as caught:
+        get(file)
+    assert says in str(caught.value)
+
+
+def test_a_compiled_model_is_refused_where_a_spec_is_wanted(broken):
+    file, _ = broken("return spec", "return spec.compile()")
+    with pytest.raises(TaskError, match=r"broken\.py: `model` of `Pendulum` gives MjModel; a mujoco.MjSpec is wanted"):
+        make(file, worlds=1)
+
+
+def test_the_table_says_the_size_of_the_observation(broken):
+    file, _ = broken('name="obs_buf", shape=(3,)', 'name="obs_buf", shape=(4,)')
+    with pytest.raises(TaskError, match=r"lists `obs_buf` with the shape \(4,\), and num_observations=3 says \(3,\)"):
+        try_out(file)
+
+
+def test_a_model_is_asked_for_nothing_without_a_description(broken):
+    file, _ = broken('"to swing the pendulum up and keep it upright"', '" "')
+    with pytest.raises(TaskError, match="`description` of the task `pendulum` is empty"):
+        context(file)
+    try_out(file)  # what nobody reads may be missing
 
 
 def test_physics_that_breaks_down_in_most_steps_is_told_before_a_model_is_paid(broken):

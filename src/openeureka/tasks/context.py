@@ -10,6 +10,7 @@ from itertools import combinations
 from torch import Tensor
 
 from ..config import RunConfig
+from ..errors import TaskError
 from ..text import plain
 from ..types import COSTS, StateSpec, TaskContext
 from . import curriculum, ranges
@@ -29,8 +30,15 @@ _log = logging.getLogger(__name__)
 
 
 def context(env: str) -> TaskContext:
-    """Description, score, state table and pruned source or documentation of a task."""
+    """Description, score, state table and pruned source or documentation of a task.
+
+    Raises TaskError when the description is empty.
+    """
     task = get(env)
+    if not task.description.strip():
+        raise TaskError(
+            f"`description` of the task `{task.env}` is empty: say in it what is wanted, as the language model reads it."
+        )
     if task.description.endswith(AIMLESS):
         _log.warning("The documentation of %s says no goal: add +description='to ...' to env=%s", task.env, task.env)
     return TaskContext(

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import traceback
 from collections.abc import Callable, Mapping
+from numbers import Integral, Real
+from pathlib import Path
 from typing import Any
 
 import torch
@@ -12,7 +15,8 @@ from torch import Tensor
 from ..errors import TaskError
 from ..plugins import where_to_put
 from ..sim import Simulator
-from .task import Score, Task
+from ..types import StateSpec
+from .task import Recipe, Score, Task
 
 _OURS = __name__.partition(".")[0]
 
@@ -71,6 +75,47 @@ def import_fault(place: str, error: BaseException) -> TaskError:
 def _stands_at(module: Mapping[str, Any], place: str) -> bool:
     file = str(module.get("__file__"))
     return module.get("__name__") == place or (place.endswith(".py") and file.endswith(place.lstrip("./")))
+
+
+def _is_count(value: Any) -> bool:
+    return isinstance(value, Integral) and int(value) > 0
+
+
+def _takes(function: Callable[..., Any], count: int) -> bool:
+    try:
+        inspect.signature(function).bind(*[None] * count)
+    except TypeError:
+        return False
+    return True
+
+
+_WANTED: Mapping[str, tuple[Callable[[Any], bool], str]] = {
+    "description": (lambda value: isinstance(value, str), "a sentence"),
+    **dict.fromkeys(("episode_length", "substeps", "num_actions"), (_is_count, "a whole number above zero")),
+    "control_dt": (lambda value: isinstance(value, Real) and float(value) > 0.0, "a number of seconds above zero"),
+    "num_observations": (lambda value: isinstance(value, Integral), "a whole number"),
+    "spec": (lambda value: isinstance(value, StateSpec), "a StateSpec"),
+    "recipe": (lambda value: isinstance(value, Recipe), "a Recipe"),
+    "human": (lambda value: isinstance(value, str | Path), "the text of a reward program, or the Path of its file"),
+    "memory": (lambda value: isinstance(value, tuple | list), "a tuple of names"),
+    "score_range": (
+        lambda value: isinstance(value, tuple) and [isinstance(v, Real | None) for v in value] == [True, True],
+        "the least and the largest F, such as (0.0, None)",
+    ),
+    "model": (lambda value: _takes(value, 0), "a function without arguments: write @staticmethod above it"),
+}
+"""Attributes of a task's class: whether a value will do, and what would."""
+
+
+def check_class(task: type[Task]) -> None:
+    """Raises TaskError where an attribute of a task's class is nothing that a task can have there."""
+    for name, (fits, wanted) in _WANTED.items():
+        value = getattr(task, name)
+        if not fits(value):
+            given = "" if callable(value) else f"; it is {value!r:.60}"
+            raise TaskError(f"`{name}` of the task `{task.env}` must be {wanted}{given}.")
+    if not _takes(task, 2):
+        raise TaskError(f"`__init__` of the task `{task.env}` is given two arguments: write def __init__(self, *args).")
 
 
 def check_variables(task: Task, state: Mapping[str, Any]) -> None:
@@ -139,6 +184,12 @@ def check_observation(task: Task, state: Mapping[str, Any]) -> None:
     seen, wanted = state["obs_buf"], (task.num_envs, task.num_observations)
     _expect(task, "observe", "observations", seen, wanted, f"as num_observations={wanted[1]} says")
     _expect_float(task, "observe", "observations", seen)
+    if "obs_buf" in task.spec and task.spec["obs_buf"].shape != wanted[1:]:
+        shape = task.spec["obs_buf"].shape
+        raise TaskError(
+            f"`spec` of the task `{task.env}` lists `obs_buf` with the shape {shape}, and num_observations={wanted[1]}"
+            f" says {wanted[1:]}; let both say the same."
+        )
 
 
 def per_world(task: Task, method: str, value: Any) -> Tensor:

@@ -64,9 +64,10 @@ def record_states(env: str, *, worlds: int = STARTS, steps: int = 40, keep: int 
         if step % (steps // (keep - 1)) == 0 and len(taken) < keep:
             taken.append(state)
     if simulation.bad_total > worlds * steps / 2:
+        cure = "let its actions do less, give its joints damping and armature, or take more substeps."
         raise TaskError(
-            f"`{env}` breaks down in {simulation.bad_total} of {worlds * steps} steps of random play, which then count for"
-            " nothing: let its actions do less, give its joints damping and armature, or take more substeps."
+            f"`{env}` breaks down in {simulation.bad_total} of {worlds * steps} steps of random play, which count for"
+            f" nothing: {'let it observe and pay finite numbers.' if task.draws_itself else cure}"
         )
     _try_rewards(task, taken[-1])
     merged: dict[str, Tensor | float | int] = {}

@@ -148,6 +148,7 @@ def _named(env: str) -> type[Task]:
     reward = [] if task.human or task.human_reward is not Task.human_reward else ["human"]
     if missing := [*sorted(task.__abstractmethods__), *reward, *values]:
         raise TaskError(f"The task `{target}` is not complete: define {', '.join(missing)}.")
+    faults.check_class(task)
     return task
 
 

@@ -57,6 +57,14 @@ class Recipe:
     """Scale of the weights that the first actions' means come from (0.01 in arXiv 2006.05990)."""
     bootstrap_timeouts: bool = True
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.hidden, tuple | list):
+            raise ValueError(f"hidden={self.hidden!r} of the recipe; write the sizes of its layers, such as (64, 64)")
+        for name in ("worlds", "horizon", "epochs", "minibatches"):
+            value = getattr(self, name)
+            if not isinstance(value, int) or value < 1:
+                raise ValueError(f"{name}={value!r} of the recipe; write a whole number above zero")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
@@ -283,8 +291,13 @@ class Task(ABC):
 
     @classmethod
     def compiled(cls) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
-        """`model()` and what it compiles to, at this task's timestep. Raises TaskError where MuJoCo refuses it."""
+        """`model()` and what it compiles to, at this task's timestep. Raises TaskError where it is none or MuJoCo refuses it."""
         spec = cls.model()
+        if not isinstance(spec, mujoco.MjSpec):
+            raise TaskError(
+                f"{inspect.getsourcefile(cls)}: `model` of `{cls.__name__}` gives {type(spec).__name__}; a mujoco.MjSpec is"
+                " wanted, as mujoco.MjSpec.from_file makes it."
+            )
         spec.option.timestep = cls.control_dt / cls.substeps
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 StateKind = Literal["world", "constant", "float", "int", "num_envs"]
 StateUse = Literal["raw", "zero_centred", "directional", "point"]
@@ -25,6 +25,13 @@ class StateVar:
     """How the typed grammar may use it. `raw`: not offered (original variables of mixed content). `zero_centred`: good
     when near zero, never a term by its sign. `directional`: more is meaningful (a speed, a projection). `point`: a
     position, used in distances to other points of equal shape."""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.shape, tuple) or not all(isinstance(size, int) for size in self.shape):
+            raise ValueError(f"the shape of `{self.name}` is {self.shape!r}; write a tuple, such as (3,)")
+        for name, value, known in (("use", self.use, StateUse), ("kind", self.kind, StateKind)):
+            if value not in get_args(known):
+                raise ValueError(f"the {name} of `{self.name}` is {value!r}; it is one of {', '.join(get_args(known))}")
 
 
 @dataclass(frozen=True, slots=True)
