@@ -117,6 +117,9 @@ def test_a_urdf_becomes_a_task_that_steps(arm: Path, tmp_path: Path, floating: b
         ("upper.stl", "base.dae", "meshes/base.dae, which MuJoCo cannot read; convert it to STL"),
         ('effort="', 'effort="0" was="', "has a <limit> with an effort above zero"),
         ('velocity="4"', 'velocity="fast"', "The limit velocity='fast' of joint shoulder is no number"),
+        ('effort="20"', 'effort="inf"', "The limit effort='inf' of joint shoulder is not finite; say how much it is"),
+        ('effort="20"', 'effort="nan"', "The limit effort='nan' of joint shoulder is not finite"),
+        ('mimic joint="grip"', 'mimic joint="gripper"', "Joint grip_too mimics 'gripper', which is no joint"),
         ("</robot>", "", "is not readable XML"),
         ("robot", "mujoco", "is no URDF"),
         ('child link="upper"', 'child link="nowhere"', "MuJoCo cannot read"),
@@ -127,6 +130,23 @@ def test_what_is_wrong_with_a_urdf_is_one_sentence(arm: Path, before: str, after
     with pytest.raises(TaskError, match=problem) as caught:
         read_urdf(arm)
     assert "\n" not in str(caught.value)
+
+
+def test_a_joint_of_any_speed_is_not_damped(arm: Path):
+    arm.write_text(ARM.replace('velocity="4"', 'velocity="inf"'))
+    assert read_urdf(arm).joint("shoulder").damping[0] == 0.0
+
+
+@pytest.mark.parametrize("floating", [False, True])
+def test_a_root_that_a_description_lets_float_stands_on_a_floor(arm: Path, tmp_path: Path, floating: bool):
+    free = '<joint name="free" type="floating"><parent link="world"/><child link="base"/></joint>'
+    arm.write_text(ARM.replace('<link name="base">', f'<link name="world"/>{free}<link name="base">', 1))
+    drafted = draft(tmp_path / "mine.py", arm, floating=floating)
+    assert drafted.aim.description == "to make base move forward, along x, as fast as possible"
+    assert drafted.aim.doubt == ""
+    data = mujoco.MjData(read_urdf(arm, floating=floating).compile())
+    mujoco.mj_forward(data.model, data)
+    assert data.model.nv == 6 + 4 and data.body("base").xpos[2] == pytest.approx(0.05)  # half of its box
 
 
 def test_a_xacro_is_refused_with_the_command_that_expands_it(arm: Path, tmp_path: Path):

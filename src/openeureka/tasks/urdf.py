@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -25,10 +26,12 @@ def read_urdf(path: str | Path, *, floating: bool = False) -> mujoco.MjSpec:
     a joint connects do not collide. Visual meshes in formats that MuJoCo cannot read are left out.
 
     Args:
-        floating: the root may move freely, above a floor; else it is fixed to the world, as arms are.
+        floating: the root may move freely, above a floor, as it does where a joint of type `floating` says so; else it is
+            fixed to the world, as arms are.
 
     Raises:
-        TaskError: when it is no URDF, a mesh that collides is missing or unreadable, or no joint has an effort limit.
+        TaskError: when it is no URDF, a mesh that collides is missing or unreadable, no joint has an effort limit, or one
+            mimics what is not there.
     """
     path = Path(path).resolve()
     if not path.is_file():
@@ -53,7 +56,7 @@ def read_urdf(path: str | Path, *, floating: bool = False) -> mujoco.MjSpec:
     _actuate(spec, robot)
     if not spec.actuators:
         raise TaskError(f"No joint of {path} has a <limit> with an effort above zero, so nothing moves it; add some.")
-    if floating:
+    if floating or _floats(spec):
         _set_afloat(spec)
     else:
         _part_from_base(spec)
@@ -95,10 +98,13 @@ def _mesh(name: str, path: Path) -> Path | None:
 
 def _actuate(spec: mujoco.MjSpec, robot: ElementTree.Element) -> None:
     to_joint = {"trntype": mujoco.mjtTrn.mjTRN_JOINT}
+    names = {joint.get("name", "") for joint in robot.iter("joint")}
     for joint in robot.iter("joint"):
-        name, limit = joint.get("name", ""), joint.find("limit")
+        name, limit, mimic = joint.get("name", ""), joint.find("limit"), joint.find("mimic")
+        if mimic is not None and mimic.get("joint", "") not in names:
+            raise TaskError(f"Joint {name} mimics {mimic.get('joint', '')!r:.60}, which is no joint; correct its name.")
         # A joint that mimics another is held to it by an equality, which MuJoCo's own reader adds.
-        if joint.get("type") not in ("revolute", "continuous", "prismatic") or joint.find("mimic") is not None:
+        if joint.get("type") not in ("revolute", "continuous", "prismatic") or mimic is not None:
             continue
         low, high, effort, speed = (_number(limit, key, name) for key in ("lower", "upper", "effort", "velocity"))
         if effort <= 0.0:
@@ -115,12 +121,15 @@ def _actuate(spec: mujoco.MjSpec, robot: ElementTree.Element) -> None:
 
 
 def _number(limit: ElementTree.Element | None, key: str, joint: str) -> float:
-    """What a limit says; 0 where it says nothing. Raises TaskError for what is no number."""
+    """What a limit says; 0 where it says nothing. Raises TaskError for what is no number, or one that MuJoCo cannot use."""
     said = limit.get(key, "0") if limit is not None else "0"
     try:
-        return float(said)
+        value = float(said)
     except ValueError:
         raise TaskError(f"The limit {key}={said!r:.40} of joint {joint} is no number; correct it.") from None
+    if math.isfinite(value) or (key == "velocity" and value > 0.0):  # of any speed: nothing damps it
+        return value
+    raise TaskError(f"The limit {key}={said!r:.40} of joint {joint} is not finite; say how much it is.")
 
 
 def _part_from_base(spec: mujoco.MjSpec) -> None:
@@ -138,10 +147,17 @@ def _part_from_base(spec: mujoco.MjSpec) -> None:
             spec.add_exclude(bodyname1=one, bodyname2=other)
 
 
+def _floats(spec: mujoco.MjSpec) -> bool:
+    """Whether the description itself lets its root move freely."""
+    root = spec.worldbody.first_body()
+    return root is not None and any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in root.joints)
+
+
 def _set_afloat(spec: mujoco.MjSpec) -> None:
     """Let the root move, standing on a floor as episodes begin."""
     root = spec.worldbody.first_body()
-    root.add_freejoint()
+    if not _floats(spec):
+        root.add_freejoint()
     model = spec.compile()
     data = mujoco.MjData(model)
     data.qpos[:] = home(model)
