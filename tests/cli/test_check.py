@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import pytest
 
@@ -30,6 +31,15 @@ def test_a_refused_reward_is_explained_with_line_rule_and_fix(one_sandbox, tmp_p
     assert lines[0].endswith("bad.py: refused (what it says is not allowed in a reward; it was not run)")
     assert lines[1].startswith("line 2: `pole_angel` is not a state variable")
     assert "did you mean `pole_angle`?" in lines[1]
+
+
+def test_what_a_task_prints_is_no_part_of_the_verdict(tmp_path, capsys):
+    task = (Path(__file__).parents[2] / "examples" / "pendulum.py").read_text()
+    (tmp_path / "mine.py").write_text(task.replace("self.qpos[worlds] =", "print('reset'); self.qpos[worlds] =", 1))
+    (tmp_path / "good.py").write_text(GOOD.replace("pole_angle", "angle"))
+    assert check([f"env={tmp_path}/mine.py", f"{tmp_path}/good.py"], as_json=True) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["verdict"] == "accepted" and "reset\n" in printed.err
 
 
 def test_a_missing_or_binary_file_is_named(tmp_path):

@@ -58,6 +58,20 @@ def test_what_f_measures_is_said_to_be_a_guess(robot, capsys):
     )
 
 
+def test_a_draft_without_an_intent_asks_for_one(robot, capsys):
+    (robot / "disk.xml").write_text(
+        '<mujoco><worldbody><body name="disk"><joint name="spin" axis="0 0 1"/><geom type="cylinder" size="0.2 0.02"/>'
+        '</body></worldbody><actuator><motor joint="spin"/></actuator></mujoco>'
+    )
+    assert run("new", "disk.py", "model=disk.xml") == 0
+    printed = capsys.readouterr().out
+    assert "Wrote disk.py: 2 observations, 1 actions.\n" in printed
+    assert "no hinge or slide that is driven takes disk elsewhere" in printed
+    assert "Say what you want in `description`, or with intent=: no search begins without." in printed
+    assert run("context", "env=disk.py") == 2
+    assert "`description` of the task `disk` is empty" in capsys.readouterr().err
+
+
 def test_an_empty_intent_says_nothing_and_any_file_name_names_a_class(robot):
     assert run("new", "x².py", "model=cart.xml", "intent= ") == 0
     assert get(f"{robot}/x².py").description == "to bring pole to the goal"

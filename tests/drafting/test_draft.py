@@ -301,6 +301,35 @@ def test_a_draft_whose_f_is_not_understood_can_be_watched_and_not_trained(tmp_pa
     assert '"juggle"' in (tmp_path / "odd.py").read_text() and "goal_pos" not in simulation.task.spec
 
 
+@pytest.mark.parametrize("turn", ["", 'mquat="0 1 0 0"'])
+def test_bodies_that_are_moved_by_hand_start_at_the_first_keyframe_too(tmp_path: Path, turn: str):
+    key = f'<keyframe><key qpos="0.5 0 0" mpos="0.1 -0.3 0.2" {turn}/></keyframe></mujoco>'
+    env = drafted(tmp_path, odd(tmp_path, TABLE.replace("</mujoco>", key)))
+    simulation = make(env, worlds=2)
+    simulation.reset()
+    torch.testing.assert_close(simulation.current_state()["goal_pos"], torch.tensor([[0.1, -0.3, 0.2]] * 2))
+    # (0.3, 0.2, 0.03) is 0.565 m from there, of which a fifth is 0.113 m.
+    assert "REACHED = 0.113" in Path(env.rpartition(":")[0]).read_text()
+    expected = [0.0, 1.0, 0.0, 0.0] if turn else [1.0, 0.0, 0.0, 0.0]
+    assert simulation.sim.bind("mocap_quat")[1].flatten().tolist() == expected
+
+
+def test_what_a_draft_cannot_move_is_told_without_saying_that_nothing_floats(tmp_path: Path):
+    sticky = DRONE[: DRONE.index("<actuator>")] + '<actuator><adhesion body="frame" ctrlrange="0 1"/></actuator></mujoco>'
+    with pytest.raises(TaskError, match="No actuator of the model drives a joint or a tendon, or pushes what floats"):
+        draft(tmp_path / "odd.py", odd(tmp_path, sticky))
+
+
+def test_a_comment_about_a_robot_makes_no_urdf(tmp_path: Path):
+    draft(tmp_path / "odd.py", odd(tmp_path, '<!-- from <robot name="x"> -->' + TABLE))
+
+
+def test_a_model_by_another_ending_is_to_be_renamed(tmp_path: Path):
+    robot = odd(tmp_path, TABLE).rename(tmp_path / "odd.mjcf")
+    with pytest.raises(TaskError, match=r"odd\.mjcf: it knows a model by the ending \.xml; rename it to odd\.xml\.$"):
+        draft(tmp_path / "odd.py", robot)
+
+
 def test_the_picture_of_a_draft_shows_wherever_an_arm_comes(tmp_path: Path):
     assert get(drafted(tmp_path, odd(tmp_path, TABLE))).view.swept
     assert not get(drafted(tmp_path, ROBOTS / "ant.xml")).view.swept

@@ -6,9 +6,10 @@ import dataclasses
 import json
 import os
 import shutil
+import sys
 import textwrap
 from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 
 import torch
@@ -114,7 +115,9 @@ def check(words: Sequence[str], *, as_json: bool = False) -> int:
     config = parse(CheckConfig, settings)
     path = only_path(paths, usage)
     candidate, note = in_file(path)
-    (verdict,) = judge(config.env, [candidate], unsafe=config.unsafe_no_sandbox)
+    # What a task prints is not part of what is printed here.
+    with redirect_stdout(sys.stderr):
+        (verdict,) = judge(config.env, [candidate], unsafe=config.unsafe_no_sandbox)
     if as_json:
         findings = [dataclasses.asdict(finding) for finding in verdict.findings]
         components = [name for name, _ in verdict.graph.components] if verdict.graph is not None else []
@@ -156,8 +159,9 @@ def new(words: Sequence[str]) -> None:
     drafted = draft(path, model, config.intent, thing=config.object, goal=config.goal, floating=config.floating)
     with _written(path, drafted.text):
         task, bad = _try(path, 1.0)
-    print(f"Wrote {path}: {task.num_observations} observations, {task.num_actions} actions, {task.description}.")
-    _say_what_counts(path, drafted)
+    sizes = f"{task.num_observations} observations, {task.num_actions} actions"
+    print(f"Wrote {path}: {', '.join(filter(None, (sizes, task.description)))}.")
+    _say_what_counts(path, drafted, described=bool(task.description))
     if drafted.guessed:
         _say_what_is_guessed(path, drafted.guessed)
     if bad > 0:
@@ -214,12 +218,14 @@ def _say_what_breaks(bad: int, *, at_rest: bool) -> None:
         print("Without actions it holds: narrow CONTROLS, or give its joints damping and armature in `model()`.")
 
 
-def _say_what_counts(path: Path, drafted: Draft) -> None:
+def _say_what_counts(path: Path, drafted: Draft, *, described: bool) -> None:
     """What F measures and where that comes from, or what is missing: the ranking follows F, not the intent."""
     aim, place = drafted.aim, f"`sparse_reward`, {path} line {drafted.line}"
     if aim.missing:
         print(f"F is not written: the draft does not guess, as {aim.missing}.")
         print(f"Write what counts in {place}, or name it with object=NAME goal=NAME.")
+        if not described:
+            print("Say what you want in `description`, or with intent=: no search begins without.")
         print("Until then `eureka play` works, and nothing trains.")
         return
     source = "what you said" if drafted.said else "the model; intent= says what you want"

@@ -122,7 +122,7 @@ def _reach_a_point(survey: Survey, mover: Place) -> Aim:
     point = reach[POSES // 2].round(3)
     reached = max(NEAREST, round(NEAR * float(np.linalg.norm(point - start)), 3))
     if np.linalg.norm(point - start) < reached:
-        return _unsaid(f"{mover.name} stays where it is, whatever turns")
+        return _unsaid(f"no hinge or slide that is driven takes {mover.name} elsewhere")
     where = f"({', '.join(f'{x:g}' for x in point)})"
     why = "No goal of the model would do" if _marks(survey, mover) else "The model has no goal"
     return Aim(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import keyword
 import os
+import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -98,6 +99,7 @@ def draft(
         observations=sum(len(variable.seen) for variable in variables) + goal_size,
         joints=_tuple([f'"{named(model, "JOINT", joint)}"' for joint in joints]),
         home=_tuple([_number(value) for value in home(model)]),
+        placed={field: _tuple([_tuple(list(map(_number, row))) for row in rows]) for field, rows in survey.placed.items()},
         controls=_tuple([f"({_number(low)}, {_number(high)})" for low, high, _ in inputs]),
         guessed=guessed,
         swaying=columns(swaying) if swaying else "",
@@ -122,7 +124,8 @@ def _is_urdf(robot: Path) -> bool:
         raise TaskError(f"There is no model {robot}; name a MuJoCo XML file or a URDF, for example model=hopper.xml.")
     if robot.suffix.lower() == ".xacro":
         raise TaskError(f"{robot} is a program that writes a URDF; run `xacro {robot} > robot.urdf`, and name that.")
-    return robot.suffix.lower() == ".urdf" or "<robot" in robot.read_text(encoding="utf-8", errors="replace")[:4096]
+    text = robot.read_text(encoding="utf-8", errors="replace")
+    return robot.suffix.lower() == ".urdf" or "<robot" in re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)[:4096]
 
 
 def _read(robot: Path, urdf: bool, floating: bool) -> mujoco.MjModel:
@@ -131,7 +134,10 @@ def _read(robot: Path, urdf: bool, floating: bool) -> mujoco.MjModel:
         spec = read_urdf(robot, floating=floating) if urdf else mujoco.MjSpec.from_file(str(robot))
         model = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
-        raise TaskError(f"MuJoCo cannot read {robot}: {' '.join(str(error).split())}.") from None
+        said = " ".join(str(error).split())
+        if "could not find decoder" in said:
+            said = f"it knows a model by the ending .xml; rename it to {robot.with_suffix('.xml').name}"
+        raise TaskError(f"MuJoCo cannot read {robot}: {said}.") from None
     if not model.nu:
         raise TaskError(f"{robot} has no actuators, so nothing can move it; add some to the model.")
     return model

@@ -85,6 +85,8 @@ class Survey:
     def __init__(self, model: mujoco.MjModel) -> None:
         self.model = model
         self._data = mujoco.MjData(model)
+        for field, poses in self._moved_by_hand().items():
+            getattr(self._data, field)[:] = poses
         self._pose(home(model))
         self._driven = driven_joints(model)
         self._names: dict[tuple[str, int], str] = {}
@@ -93,11 +95,26 @@ class Survey:
         self.links = [Place(name=self._called(body), field="xipos", index=body, body=body) for body in self._ends()]
         if self.base is None and not self.links:
             raise TaskError(
-                "No joint of the model is driven, and nothing floats: there is nothing that a task could do."
+                "No actuator of the model drives a joint or a tendon, or pushes what floats at a site, so a draft does not"
+                " know what moves: let one drive a joint, or write the task by hand."
             )
         self.objects = self._objects()
         for link in self.links:
             self._beginning("BODY", link.body)
+
+    def _moved_by_hand(self) -> dict[str, np.ndarray]:
+        """`mocap_pos` and `mocap_quat` of the first keyframe; none where there is no such body."""
+        model = self.model
+        if not model.nkey or not model.nmocap:
+            return {}
+        return {"mocap_pos": model.key_mpos[0].reshape(-1, 3), "mocap_quat": model.key_mquat[0].reshape(-1, 4)}
+
+    @property
+    def placed(self) -> dict[str, list[list[float]]]:
+        """`mocap_pos` and `mocap_quat` of the start, where it is not as drawn."""
+        drawn = mujoco.MjData(self.model)
+        poses = self._moved_by_hand().items()
+        return {field: pose.tolist() for field, pose in poses if not np.allclose(pose, getattr(drawn, field))}
 
     @property
     def up(self) -> tuple[float, ...]:
