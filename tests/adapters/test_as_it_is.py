@@ -220,6 +220,18 @@ def test_no_prompt_says_what_f_is_made_of():
     assert facts(known)[0] == "The task score: mean of a number over steps; higher is better."
 
 
+def test_what_info_says_only_at_an_end_is_found_where_f_names_it():
+    env = "gym:Openeureka/Solver-v0"
+    simulation = registry.make(f"{env}+fitness=is_success", worlds=16)
+    assert simulation.task.spec == registry.get(env).spec  # what rewards may read does not depend on F
+    simulation.reset()
+    for _ in range(12):
+        step = simulation.step(torch.zeros(16, 5))
+    assert bool(step.ended.all()) and step.score.weight.tolist() == [1.0] * 16
+    assert step.score.value.tolist() == (step.state["luck"] % 2 == 0).float().tolist()
+    assert 0 < float(step.score.value.sum()) < 16
+
+
 def test_a_strangers_package_is_imported_first():
     pytest.importorskip("minigrid", reason="needs minigrid: pip install minigrid")
     env = "gym:minigrid:MiniGrid-Empty-5x5-v0"
@@ -249,7 +261,7 @@ def test_a_strangers_package_is_imported_first():
         ("gym:CartPole-v1+episode_length=soon", "is a number of steps, not `soon`"),
         (
             "gym:CartPole-v1+fitness=cart_speed",
-            "names `cart_speed`, which a few random steps did not show. They showed ",
+            "names `cart_speed`, which random play did not show. It showed ",
         ),
         ("gym:Hopper-v5+fitness=__import__('os')", "is not understood"),
         ("gym:CartPole-v1+episode_length=²", "`episode_length` of CartPole-v1 is a number of steps, not `²`."),

@@ -145,6 +145,16 @@ class Turned(CartPoleEnv):
         return self._ordered(seen), *rest
 
 
+class Solver(Clock):
+    """Says only at the end whether it is solved, and how late it is: it is where its episode's luck is even."""
+
+    def step(self, action):
+        seen, paid, terminated, truncated, info = super().step(action)
+        if terminated or truncated:
+            info |= {"is_success": self.luck % 2 == 0, "late": self.step_count}
+        return seen, paid, terminated, truncated, info
+
+
 class Heavy(CartPoleEnv):
     def __init__(self, mass: float = 1.0, **given: Any) -> None:
         super().__init__(**given)
@@ -170,3 +180,4 @@ for name, settings in {
     "Faulty-v0": {"fault": 2},
 }.items():
     gymnasium.register(f"Openeureka/{name}", entry_point=Clock, kwargs=settings, max_episode_steps=20)
+gymnasium.register("Openeureka/Solver-v0", entry_point=Solver, kwargs={"end": 12}, max_episode_steps=20)

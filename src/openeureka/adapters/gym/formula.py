@@ -44,17 +44,30 @@ def formula(text: str, shapes: Mapping[str, tuple[int, ...]]) -> tuple[Formula, 
     Raises:
         TaskError: for anything else, an unknown name, or a name that has several columns.
     """
-    try:
-        tree = ast.parse(text, mode="eval").body
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise TaskError(
-            f"The fitness `{text:.80}` is no expression; write for example x_velocity - 0.1 * abs(z)."
-        ) from None
-    names = frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name)) - _FUNCTIONS.keys()
+    tree = _parsed(text)
+    names = _names(tree)
     _check(tree, text, shapes)
     if not names:
         raise TaskError(f"The fitness `{text:.80}` names nothing of the environment, which has {', '.join(shapes)}.")
     return lambda values: _value(tree, values).to(torch.float32), names
+
+
+def named(text: str) -> frozenset[str]:
+    """What an expression names, known or not. Raises TaskError where it is none."""
+    return _names(_parsed(text))
+
+
+def _parsed(text: str) -> ast.expr:
+    try:
+        return ast.parse(text, mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise TaskError(
+            f"The fitness `{text:.80}` is no expression; write for example x_velocity - 0.1 * abs(z)."
+        ) from None
+
+
+def _names(tree: ast.expr) -> frozenset[str]:
+    return frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name)) - _FUNCTIONS.keys()
 
 
 def _check(node: ast.expr, text: str, shapes: Mapping[str, tuple[int, ...]]) -> None:
@@ -66,8 +79,8 @@ def _check(node: ast.expr, text: str, shapes: Mapping[str, tuple[int, ...]]) -> 
         case ast.Name(id=name):
             if name not in shapes:
                 raise TaskError(
-                    f"The fitness `{text:.80}` names `{name}`, which a few random steps did not show."
-                    f"{nearest(name, shapes)} They showed {', '.join(shapes)}."
+                    f"The fitness `{text:.80}` names `{name}`, which random play did not show."
+                    f"{nearest(name, shapes)} It showed {', '.join(shapes)}."
                 )
             if shapes[name]:
                 raise TaskError(f"`{name}` in the fitness has the shape {shapes[name]}; name a column: {name}[0].")

@@ -23,6 +23,7 @@ from ...parsing import literal
 from ...tasks.faults import told, told_where
 from ...tasks.task import Task
 from .families import FAMILIES
+from .formula import named
 from .survey import Survey, survey
 from .task import GymTask, PaidTask, attributes
 
@@ -70,7 +71,7 @@ def _task(env: str, name: str, keywords: str, fitness: str) -> type[PaidTask]:
     make = functools.partial(_make, name, **json.loads(keywords))
     instance = make()
     try:
-        found = survey(instance, name)
+        found = survey(instance, name, named(fitness) if fitness else frozenset())
         lifted = {} if env.startswith(AS_IT_IS) else _lifted(instance, found)
     except TaskError:
         raise

@@ -5,7 +5,7 @@ from __future__ import annotations
 import builtins
 import inspect
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -49,20 +49,23 @@ class Survey:
         return sum(part.size for part in self.parts)
 
 
-def survey(env: Env[Any, Any], name: str) -> Survey:
-    """Plays a few random steps.
+def survey(env: Env[Any, Any], name: str, wanted: frozenset[str] = frozenset()) -> Survey:
+    """Plays a few random steps, and on to the end of an episode where they do not show what is wanted.
+
+    Args:
+        wanted: names that F needs.
 
     Raises:
         TaskError: for spaces that no policy here knows, and for observations that are not finite.
     """
-    found, acting = parts(env.observation_space, name), actions(env.action_space, name)
+    seen_as, acting = parts(env.observation_space, name), actions(env.action_space, name)
     observed, infos = _play(env)
-    if not all(np.isfinite(part.of(seen)).all() for seen in observed for part in found):
+    if not all(np.isfinite(part.of(seen)).all() for seen in observed for part in seen_as):
         raise TaskError(f"`{name}` observes a value that is not finite, within {_TRIED} random steps.")
     spec, told = env.spec, _is_as_documented(env)
-    return Survey(
+    found = Survey(
         env=name,
-        parts=found,
+        parts=seen_as,
         actions=acting,
         steps=(spec.max_episode_steps if spec else None) or _own_limit(env) or LONGEST,
         dt=_dt(env),
@@ -70,6 +73,12 @@ def survey(env: Env[Any, Any], name: str) -> Survey:
         sections=_structure(env) if told else {},
         document=(inspect.getdoc(type(env.unwrapped)) or "") if told else "",
     )
+    unseen = wanted.difference(found.infos, (variable.name for variable, _ in variables(found)))
+    if not unseen:
+        return found
+    # The rest of what an end shows stays out: rewards read the same of an environment, whatever its F is.
+    late = {name: shape for name, shape in _shapes([*infos, *_play_on(env, found.steps)]).items() if name in unseen}
+    return replace(found, infos={**found.infos, **late})
 
 
 def _is_as_documented(env: Env[Any, Any]) -> bool:
@@ -120,6 +129,19 @@ def _play(env: Env[Any, Any]) -> tuple[list[Any], list[dict[str, Any]]]:
         if terminated or truncated:
             env.reset(seed=0, options={})
     return observed, [*infos, env.reset(seed=1, options={})[1]]
+
+
+def _play_on(env: Env[Any, Any], steps: int) -> list[dict[str, Any]]:
+    """`info` of each random step of an episode, to its end or for so many steps."""
+    infos: list[dict[str, Any]] = []
+    env.reset(seed=1, options={})
+    for _ in range(steps):
+        _, _, terminated, truncated, info = env.step(env.action_space.sample())
+        infos.append(dict(info))
+        if terminated or truncated:
+            break
+    env.reset(seed=1, options={})
+    return infos
 
 
 def _shapes(infos: Iterable[Mapping[Any, Any]]) -> dict[str, tuple[int, ...]]:
