@@ -156,7 +156,7 @@ def test_one_number_for_all_worlds_is_refused_by_name(place: int, name: str):
     simulation.reset()
     with pytest.raises(TaskError) as caught:
         simulation.step(torch.zeros(2, 1))
-    said(caught.value, f"`step` gives `{name}` of shape (", "(2,) is wanted, one a world")
+    said(caught.value, f"`step` gives `{name}` of shape (", "(2,) is wanted, one each")
 
 
 def test_a_process_that_is_killed_is_told_as_such():

@@ -315,7 +315,9 @@ def test_bodies_that_are_moved_by_hand_start_at_the_first_keyframe_too(tmp_path:
 
 
 def test_what_a_draft_cannot_move_is_told_without_saying_that_nothing_floats(tmp_path: Path):
-    sticky = DRONE[: DRONE.index("<actuator>")] + '<actuator><adhesion body="frame" ctrlrange="0 1"/></actuator></mujoco>'
+    sticky = (
+        DRONE[: DRONE.index("<actuator>")] + '<actuator><adhesion body="frame" ctrlrange="0 1"/></actuator></mujoco>'
+    )
     with pytest.raises(TaskError, match="No actuator of the model drives a joint or a tendon, or pushes what floats"):
         draft(tmp_path / "odd.py", odd(tmp_path, sticky))
 

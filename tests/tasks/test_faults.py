@@ -122,8 +122,8 @@ def test_what_a_method_must_give_is_said_with_the_line_of_the_method(broken, cha
         ),
         (
             ("self.ctrl[:] = actions", "self.ctrl = actions"),
-            "The task `pendulum` replaces `self.ctrl`, the simulator's own memory, so nothing reaches it: write into it, "
-            "self.ctrl[:] = ...",
+            "The task `pendulum` replaces `self.ctrl`, the simulator's own memory, so nothing reaches it: write into "
+            "it, self.ctrl[:] = ...",
         ),
         (
             ("self.qpos[worlds] =", "self.qpos ="),
@@ -144,16 +144,16 @@ def test_what_no_policy_could_learn_from_is_told_before_a_model_is_paid(broken, 
         (("control_dt = 0.05", "control_dt = 0"), "`control_dt` {} must be a number of seconds above zero; it is 0."),
         (("substeps = 4", "substeps = 0"), "`substeps` {} must be a whole number above zero; it is 0."),
         (("substeps = 4", "substeps = 4.0"), "`substeps` {} must be a whole number above zero; it is 4.0."),
-        (("episode_length = 200", "episode_length = 0"), "`episode_length` {} must be a whole number above zero; it is"),
-        (("num_actions = 1", "num_actions = 1\n    memory = 'goal'"), "`memory` {} must be a tuple of names; it is 'goal'."),
-        (("num_actions = 1", "num_actions = 1\n    score_range = 1.0"), "`score_range` {} must be the least and the larg"),
+        (("episode_length = 200", "episode_length = 0"), "`episode_length` {} must be a whole number above zero;"),
+        (("    recipe", "    memory = 'goal'\n    recipe"), "`memory` {} must be a tuple of names; it is 'goal'."),
+        (("    recipe", "    score_range = 1.0\n    recipe"), "`score_range` {} must be the least and the largest F, "),
         (("spec = StateSpec(", "spec = tuple("), "`spec` {} must be a StateSpec; it is (StateVar("),
         (("human = ", "human = len or "), "`human` {} must be the text of a reward program, or the Path of its file."),
         (
             ("    @staticmethod\n    def model()", "    def model(self)"),
             "`model` {} must be a function without arguments: write @staticmethod above it.",
         ),
-        (("__init__(self, *args)", "__init__(self)"), "`__init__` {} is given two arguments: write def __init__(self, *"),
+        (("__init__(self, *args)", "__init__(self)"), "`__init__` {} is given two arguments: write def __init__("),
     ],
 )  # fmt: skip
 def test_an_attribute_that_no_task_can_have_is_one_sentence(broken, change, says):
@@ -166,9 +166,9 @@ def test_an_attribute_that_no_task_can_have_is_one_sentence(broken, change, says
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (("hidden=(32, 32)", "hidden=32"), "line 43: ValueError: hidden=32 of the recipe; write the sizes of its layers"),
-        (("hidden=(32, 32)", "hidden=(32,), worlds=0"), "line 43: ValueError: worlds=0 of the recipe; write a whole numb"),
-        (('use="zero_centred"', 'use="zero"'), "line 38: ValueError: the use of `angle` is 'zero'; it is one of raw, ze"),
+        (("hidden=(32, 32)", "hidden=32"), "line 43: ValueError: hidden=32 of the recipe; write the sizes of its "),
+        (("hidden=(32, 32)", "hidden=(32,), worlds=0"), "line 43: ValueError: worlds=0 of the recipe; write a whole"),
+        (('use="zero_centred"', 'use="zero"'), "line 38: ValueError: the use of `angle` is 'zero'; it is one of raw, "),
         (("shape=(1,)", "shape=1"), "line 40: ValueError: the shape of `actions` is 1; write a tuple, such as (3,)."),
     ],
 )  # fmt: skip

@@ -35,13 +35,15 @@ def controls(model: mujoco.MjModel) -> list[Control]:
 
 def _control(model: mujoco.MjModel, actuator: int) -> Control:
     if model.actuator_ctrllimited[actuator]:
-        return Control(*model.actuator_ctrlrange[actuator].tolist())
+        low, high = model.actuator_ctrlrange[actuator].tolist()
+        return Control(low, high)
     if not _is_direct(model, actuator):
         return Control(-1.0, 1.0, guessed=True)
     joint = driven_joint(model, actuator)
     gear, gain = float(model.actuator_gear[actuator, 0]), float(model.actuator_gainprm[actuator, 0])
     if _is_servo(model, actuator) and joint >= 0 and model.jnt_limited[joint]:
-        return Control(*sorted((gear * model.jnt_range[joint]).tolist()))  # it compares its input with the geared joint
+        low, high = sorted((gear * model.jnt_range[joint]).tolist())  # it compares its input with the geared joint
+        return Control(low, high)
     if model.actuator_biastype[actuator] != _NO_BIAS or not gain:
         return Control(-1.0, 1.0, guessed=True)
     bounds = [model.actuator_forcerange[actuator] / gain] if model.actuator_forcelimited[actuator] else []
@@ -49,7 +51,7 @@ def _control(model: mujoco.MjModel, actuator: int) -> Control:
         bounds.append(model.jnt_actfrcrange[joint] / (gain * gear))
     if not bounds:
         return Control(-1.0, 1.0, guessed=True)
-    return Control(*(float(side) for side in (max(map(min, bounds)), min(map(max, bounds)))))
+    return Control(float(max(map(min, bounds))), float(min(map(max, bounds))))
 
 
 def servo_range(model: mujoco.MjModel, actuator: int) -> tuple[int, np.ndarray] | None:

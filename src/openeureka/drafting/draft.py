@@ -99,8 +99,8 @@ def draft(
         observations=sum(len(variable.seen) for variable in variables) + goal_size,
         joints=_tuple([f'"{named(model, "JOINT", joint)}"' for joint in joints]),
         home=_tuple([_number(value) for value in home(model)]),
-        placed={field: _tuple([_tuple(list(map(_number, row))) for row in rows]) for field, rows in survey.placed.items()},
-        controls=_tuple([f"({_number(low)}, {_number(high)})" for low, high, _ in inputs]),
+        placed={field: _tuple([_row(pose) for pose in poses]) for field, poses in survey.placed.items()},
+        controls=_tuple([_row((low, high)) for low, high, _ in inputs]),
         guessed=guessed,
         swaying=columns(swaying) if swaying else "",
         sways=len(swaying),
@@ -163,6 +163,10 @@ def _observed(variable: Variable) -> str:
 
 def _number(value: float) -> str:
     return repr(float(f"{value:.6g}"))
+
+
+def _row(values: Sequence[float]) -> str:
+    return f"({', '.join(map(_number, values))})"
 
 
 def _tuple(items: Sequence[str]) -> str:

@@ -95,8 +95,8 @@ class Survey:
         self.links = [Place(name=self._called(body), field="xipos", index=body, body=body) for body in self._ends()]
         if self.base is None and not self.links:
             raise TaskError(
-                "No actuator of the model drives a joint or a tendon, or pushes what floats at a site, so a draft does not"
-                " know what moves: let one drive a joint, or write the task by hand."
+                "No actuator of the model drives a joint or a tendon, or pushes what floats at a site, so a draft does"
+                " not know what moves: let one drive a joint, or write the task by hand."
             )
         self.objects = self._objects()
         for link in self.links:
@@ -198,7 +198,7 @@ class Survey:
         return np.array(found)
 
     def _ranges(self) -> dict[int, np.ndarray]:
-        """From where to where (2,) actions bring each driven hinge and slide; one radian or metre to both sides is a guess."""
+        """From where to where (2,) actions bring each driven hinge and slide; without any range -1 to 1, a guess."""
         model, ranges = self.model, dict[int, np.ndarray]()
         for joint in self._driven:
             if model.jnt_type[joint] in (SLIDE, HINGE):

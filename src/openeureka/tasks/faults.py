@@ -161,8 +161,8 @@ def check_inputs(task: Task, before: Mapping[str, Tensor]) -> None:
     """Raises TaskError when one of `inputs` was replaced: the simulator would read the old one for ever."""
     for name in before.keys() - inputs(task).keys():
         raise TaskError(
-            f"The task `{task.env}` replaces `self.{name}`, the simulator's own memory, so nothing reaches it: write into"
-            f" it, self.{name}[:] = ..., or begin with a .clone() if it is the task's."
+            f"The task `{task.env}` replaces `self.{name}`, the simulator's own memory, so nothing reaches it: write"
+            f" into it, self.{name}[:] = ..., or begin with a .clone() if it is the task's."
         )
 
 
@@ -174,8 +174,8 @@ def check_finite(task: Task, state: Mapping[str, Any], counts: Tensor) -> None:
             continue
         if not (value[counts] if value.shape[:1] == counts.shape else value).isfinite().all():
             raise TaskError(
-                f"`{name}` of the task `{task.env}` is not finite in every state of random play; compute it so that it is:"
-                " x / max(y, 0.01) in place of x / y."
+                f"`{name}` of the task `{task.env}` is not finite in every state of random play; compute it so that it"
+                " is: x / max(y, 0.01) in place of x / y."
             )
 
 

@@ -291,12 +291,12 @@ class Task(ABC):
 
     @classmethod
     def compiled(cls) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
-        """`model()` and what it compiles to, at this task's timestep. Raises TaskError where it is none or MuJoCo refuses it."""
+        """`model()` and what it compiles to, at this task's timestep. Raises TaskError where MuJoCo cannot have it."""
         spec = cls.model()
         if not isinstance(spec, mujoco.MjSpec):
             raise TaskError(
-                f"{inspect.getsourcefile(cls)}: `model` of `{cls.__name__}` gives {type(spec).__name__}; a mujoco.MjSpec is"
-                " wanted, as mujoco.MjSpec.from_file makes it."
+                f"{inspect.getsourcefile(cls)}: `model` of `{cls.__name__}` gives {type(spec).__name__}; a"
+                " mujoco.MjSpec is wanted, as mujoco.MjSpec.from_file makes it."
             )
         spec.option.timestep = cls.control_dt / cls.substeps
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST

@@ -26,12 +26,12 @@ def read_urdf(path: str | Path, *, floating: bool = False) -> mujoco.MjSpec:
     a joint connects do not collide. Visual meshes in formats that MuJoCo cannot read are left out.
 
     Args:
-        floating: the root may move freely, above a floor, as it does where a joint of type `floating` says so; else it is
-            fixed to the world, as arms are.
+        floating: the root may move freely, above a floor, as where a joint of type `floating` says so; else it is fixed
+            to the world, as arms are.
 
     Raises:
-        TaskError: when it is no URDF, a mesh that collides is missing or unreadable, no joint has an effort limit, or one
-            mimics what is not there.
+        TaskError: when it is no URDF, a mesh that collides is missing or unreadable, no joint has an effort limit, or
+            one mimics what is not there.
     """
     path = Path(path).resolve()
     if not path.is_file():
@@ -121,7 +121,7 @@ def _actuate(spec: mujoco.MjSpec, robot: ElementTree.Element) -> None:
 
 
 def _number(limit: ElementTree.Element | None, key: str, joint: str) -> float:
-    """What a limit says; 0 where it says nothing. Raises TaskError for what is no number, or one that MuJoCo cannot use."""
+    """What a limit says; 0 where it says nothing. Raises TaskError for what is none, or not finite."""
     said = limit.get(key, "0") if limit is not None else "0"
     try:
         value = float(said)

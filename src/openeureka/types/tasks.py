@@ -27,7 +27,7 @@ class StateVar:
     position, used in distances to other points of equal shape."""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.shape, tuple) or not all(isinstance(size, int) for size in self.shape):
+        if not isinstance(self.shape, tuple):  # pyright: ignore[reportUnnecessaryIsInstance]  a person wrote it
             raise ValueError(f"the shape of `{self.name}` is {self.shape!r}; write a tuple, such as (3,)")
         for name, value, known in (("use", self.use, StateUse), ("kind", self.kind, StateKind)):
             if value not in get_args(known):

@@ -296,7 +296,7 @@ class Server:
             fits = value.shape == place.shape if name.startswith("state ") else value.size == place.size
             if not fits:
                 called = name.replace("state ", "")
-                raise ValueError(f"`step` gives `{called}` of shape {value.shape}; {place.shape} is wanted, one a world")
+                raise ValueError(f"`step` gives `{called}` of shape {value.shape}; {place.shape} is wanted, one each")
         return given
 
 
