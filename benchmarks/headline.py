@@ -53,6 +53,14 @@ TITLES = (
     *("task", "steps", "generated, F held out", "human", "sparse"),
     *("generated minus human, 95 % interval", "the generated one is", "score", "clipped", "correlation"),
 )
+ENDINGS = {
+    "better": "better than the human one",
+    "level": "level with it",
+    "worse": "worse",
+    "too few seeds": "not decided: three seeds are too few to tell",
+    "both at zero": "not decided: both score zero",
+    "one seed": "not decided: one seed",
+}
 NOT_REPEATED = ("minutes", "date", "device", "processor", "versions", "confirmed")
 """What a repeated search has otherwise, or not at all."""
 
@@ -234,6 +242,14 @@ def novelty(measured: Mapping[str, Record]) -> list[tuple[str, float, float]]:
         if ending(row) != "both at zero" and (high > value or not value):
             found.append((name, row["correlation_with_human"], value / (high - value) if value else 0.0))
     return found
+
+
+def endings(measured: Mapping[str, Record]) -> list[tuple[str, str]]:
+    """How many rows end which way."""
+    ends = Counter(map(ending, measured.values()))
+    missing = len(load(PLAN).tasks) - len(measured)
+    counts = [*((name, ends[how]) for how, name in ENDINGS.items()), ("not measured yet", missing)]
+    return [(name, str(count)) for name, count in counts if count]
 
 
 def summary(measured: Mapping[str, Record]) -> str:

@@ -143,7 +143,7 @@ def parts() -> Mapping[str, Mapping[str, str]]:
     return {
         "README.md": {
             "found": f"{found.markdown()}\n\n{make_run.summary()}\n",
-            "headline": _summary_of(headline),
+            "headline": _rows(headline, headline.endings, ("the generated reward is", "tasks")),
         },
         "CONTRIBUTING.md": {"tree": tree()},
         "docs/reference/headline.md": {

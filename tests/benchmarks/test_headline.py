@@ -65,6 +65,10 @@ def test_seeds_that_could_not_decide_are_no_draw(headline: ModuleType):
     more = {"generated": [1.0] * 9, "human": [0.0, 1.0] * 4 + [1.0], "difference": [0.4, 0.0, 0.8]}
     assert headline.ending(own | {"confirmed": more}) == "level"
     assert "level on 0, worse on 0. On 1 three seeds are too few to tell" in headline.summary({"ant": own})
+    assert headline.endings({"ant": own}) == [
+        ("not decided: three seeds are too few to tell", "1"),
+        ("not measured yet", str(len(load(headline.PLAN).tasks) - 1)),
+    ]
 
 
 def test_where_the_two_rewards_trained_on_two_kinds_of_processor_the_page_says_so(headline: ModuleType):
