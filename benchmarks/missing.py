@@ -19,6 +19,7 @@ from collections.abc import Iterator
 import claims
 import greedy
 import headline
+import longer
 import measurable
 import polish
 import progress
@@ -35,6 +36,7 @@ def left() -> Iterator[list[str]]:
     yield from (["measurable.py", "--env", env] for env in measurable.ENVS if env not in known)
     known = read(headline.RESULTS)
     yield from (["headline.py", "--env", env] for env in load(headline.PLAN).tasks if env not in known)
+    yield from (["longer.py", "--env", env] for env in longer.left(read(longer.RESULTS)))
     yield from (["greedy.py", "--env", env] for env, row in read(greedy.RESULTS).items() if greedy.waits(row))
     known = read(claims.RESULTS)
     yield from (

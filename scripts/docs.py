@@ -33,8 +33,10 @@ import greedy
 import gym_lifted
 import gym_solved
 import headline
+import longer
 import make_run
 import measurable
+import noise
 import polish
 import predictors
 import prompts
@@ -148,6 +150,7 @@ def parts() -> Mapping[str, Mapping[str, str]]:
         "CONTRIBUTING.md": {"tree": tree()},
         "docs/reference/headline.md": {
             "headline": f"{_summary_of(headline)}\n{_rows(headline)}\n{headline.measured_on(read(headline.RESULTS))}\n",
+            "longer": f"{_summary_of(longer)}\n{_rows(longer)}",
             "greedy": f"{_summary_of(greedy)}\n{_table(greedy.TITLES, greedy.rows(read(greedy.RESULTS)))}",
             "claims": f"{_rows(claims, claims.answers, claims.ANSWERS)}\n{_rows(claims)}",
             "words": _rows(words),
@@ -161,6 +164,7 @@ def parts() -> Mapping[str, Mapping[str, str]]:
                     _rows(choosing, choosing.checkpoints, choosing.CHECKPOINTS),
                 )
             ),
+            "noise": _rows(noise),
             "make run": f"{make_run.markdown()}\n\n{make_run.shared()}".rstrip() + "\n",
             "generations": _rows(generations),
         },

@@ -10,6 +10,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import claims
 import greedy
 import headline
+import longer
 import measurable
 import missing
 import polish
@@ -20,16 +21,16 @@ import tune
 
 @pytest.fixture
 def results(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    for script in (claims, greedy, headline, measurable, polish, progress, prompts, tune):
+    for script in (claims, greedy, headline, longer, measurable, polish, progress, prompts, tune):
         monkeypatch.setattr(script, "RESULTS", tmp_path / f"{script.__name__}.json")
     return tmp_path
 
 
 def test_where_nothing_is_known_everything_is_missing(results: Path):
     commands = list(missing.left())
-    # 3 tasks of measurable, 31 of the table, 3 x 5 groups, 2 x 2 tunings, 3 of polish, a folder of rewards of progress,
-    # 3 x 2 of prompts
-    assert len(commands) == 3 + 31 + 15 + 4 + 3 + len(progress.tasks()) + 6
+    # 3 tasks of measurable, 31 of the table, 4 that go on, 3 x 5 groups, 2 x 2 tunings, 3 of polish, a folder of
+    # rewards of progress, 3 x 2 of prompts
+    assert len(commands) == 3 + 31 + 4 + 15 + 4 + 3 + len(progress.tasks()) + 6
     assert all((missing.FOLDER / script).is_file() for script, *_ in commands)
 
 

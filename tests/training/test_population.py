@@ -240,6 +240,31 @@ def test_a_policy_survives_being_stored():
     torch.testing.assert_close(together, apart)
 
 
+def test_noise_of_play_is_that_of_training_the_same_for_every_lane_and_repeats():
+    (result,) = results([LaneSpec(id="a", program="human", seed=1)]).values()
+    assert result.best_fitness is not None
+    policy = Policy.from_bytes(result.best_fitness.policy)
+    observation = torch.zeros(2 * 4000, 4)
+    quiet, noisy = Player([policy] * 2)(observation), Player([policy] * 2, noise=7)(observation)
+    assert torch.equal(noisy[:4000], noisy[4000:]) and not torch.equal(noisy[0], noisy[1])
+    assert torch.equal(noisy, Player([policy] * 2, noise=7)(observation))
+    assert not torch.equal(noisy, Player([policy] * 2, noise=8)(observation))
+    std = policy.tensors["log_std"].exp().flatten()
+    torch.testing.assert_close((noisy - quiet)[:4000].std(0), std, rtol=0.05, atol=0.0)
+
+
+def test_episodes_that_begin_alike_differ_by_noise_alone():
+    from openeureka.training.evaluate import evaluate
+
+    (result,) = results([LaneSpec(id="a", program="human", seed=1)]).values()
+    assert result.best_fitness is not None
+    policies = {"a": result.best_fitness.policy}
+    (quiet,), (noisy,), (again,) = (
+        evaluate("cartpole", policies, seed=3, episodes=16, noise=noise) for noise in (False, True, True)
+    )
+    assert noisy == again and noisy.episode_length != quiet.episode_length
+
+
 def test_correlation_is_pearsons():
     x = torch.tensor([[1.0, 2.0, 3.0, 4.0], [1.0, 1.0, 1.0, 1.0]])
     y = torch.tensor([[2.0, 4.0, 5.0, 4.0], [1.0, 2.0, 3.0, 4.0]])

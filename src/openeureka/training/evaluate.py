@@ -1,4 +1,4 @@
-"""Held-out score: deterministic actions on episodes no training saw, in the task's world or one slightly changed."""
+"""Held-out score: on episodes that no training saw, in the task's world or one slightly changed."""
 
 from __future__ import annotations
 
@@ -37,6 +37,7 @@ def evaluate(
     dynamics: Mapping[str, Dynamics] | None = None,
     episodes: int = 0,
     record: Collection[str] = (),
+    noise: bool = False,
     device: str = "cpu",
     threads: int = 0,
     alive: Callable[[], None] = lambda: None,
@@ -52,6 +53,7 @@ def evaluate(
         dynamics: lane ids that play in another world than the task's. Where MuJoCo has no part in it there is no other
             world: they play no episode and have no score.
         record: the lanes some of whose episodes come with the score.
+        noise: actions have the noise of training. Where all episodes of a task begin alike, without it they are one.
         alive: called after every step of all worlds, and what else may take minutes.
     """
     others = {lane for lane, world in (dynamics or {}).items() if world != NOMINAL}
@@ -74,6 +76,7 @@ def evaluate(
                 dynamics=dynamics,
                 episodes=episodes,
                 record=record,
+                noise=noise,
                 device=device,
                 threads=threads,
                 alive=alive,
@@ -92,7 +95,8 @@ def evaluate(
     meter = Meter(simulation)
     recorded = [place for place, lane in enumerate(policies) if lane in record]
     recorder = Recorder(simulation.task.spec, recorded, worlds)
-    play = Player([Policy.from_bytes(data) for data in policies.values()], simulation.sim.device)
+    opened, drawn = [Policy.from_bytes(data) for data in policies.values()], seed + HELD_OUT_SEED if noise else None
+    play = Player(opened, simulation.sim.device, noise=drawn)
     total, contributions, broken = _play_once(simulation, play, meter, recorder, alive)
     sums, parts = (x.unflatten(1, (lanes, worlds)).transpose(0, 1) for x in (total, contributions))
     lost = broken.view(lanes, worlds).sum(1).tolist()

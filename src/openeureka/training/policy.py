@@ -144,9 +144,13 @@ def _statistics(ppo: PPO) -> dict[str, Tensor]:
 
 
 class Player:
-    """Deterministic play of L policies of equal shape, each in its own lane of worlds."""
+    """Play of L policies of equal shape, each in its own lane of worlds.
 
-    def __init__(self, policies: list[Policy], device: torch.device | str = "cpu") -> None:
+    Args:
+        noise: seed of the noise that actions have as in training, the same for every lane; None for none.
+    """
+
+    def __init__(self, policies: list[Policy], device: torch.device | str = "cpu", *, noise: int | None = None) -> None:
         first = policies[0]
         device = torch.device(device)
         sizes = (first.observations, first.actions, first.hidden)
@@ -156,10 +160,15 @@ class Player:
             self.network.load_lane(lane, policy.tensors)
         self.mean = torch.stack([policy.tensors["observation_mean"] for policy in policies]).to(device)
         self.var = torch.stack([policy.tensors["observation_var"] for policy in policies]).to(device)
+        self._draws = None if noise is None else torch.Generator(device).manual_seed(noise)
 
     @torch.no_grad()
     def __call__(self, observation: Tensor) -> Tensor:
-        """The likeliest actions (N, A), as a task takes them, for observations (N, O); N = L * n, lane by lane."""
+        """Actions (N, A), as a task takes them, for observations (N, O); N = L * n, lane by lane. Without noise they
+        are the likeliest ones."""
         x = observation.view(len(self.mean), -1, observation.shape[-1])
-        x = normalize(x, self.mean, self.var)
-        return self.head.best(self.network(x).mean).flatten(0, 1)
+        output = self.network(normalize(x, self.mean, self.var)).mean
+        if self._draws is None:
+            return self.head.best(output).flatten(0, 1)
+        noise = self.head.noise(output.shape[1:], self._draws)
+        return self.head.sample(output, self.network.log_std, noise)[0].flatten(0, 1)

@@ -1,0 +1,79 @@
+"""Where eight rewards ended below the human one: what do two generations more find? docs/reference/headline.md says it.
+
+    python benchmarks/longer.py              # what is missing of benchmarks/plans/longer.yaml; hours on 2 cores
+    python benchmarks/longer.py --env ant    # one task
+
+The first eight replies are those of the table's row, the others answer what this search showed of them. A search stops
+where its replies end: the last prompt of its `messages.json` is the one that the next eight must answer. With them in
+the file of replies, the same command goes on. In the end the reward it finds and the human one train with nine seeds
+that chose neither. Runs are under `outputs/longer/`; the store of each is kept in `benchmarks/longer/TASK.sqlite.xz`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import fresh
+import headline
+from records import FOLDER, OUTPUTS, Record, command_line, interval, keep, machine, read, results
+
+from openeureka.benchmark.plan import Plan, load
+from openeureka.config import short_name
+from openeureka.numbers import spread
+from openeureka.score import rank
+from openeureka.stats import mean
+
+PLAN = FOLDER / "plans" / "longer.yaml"
+ARCHIVE = FOLDER / "longer"
+RESULTS = results("longer")
+SEEDS = 9
+TITLES = (
+    *("task", "one generation, F held out", "human", "three generations", "human"),
+    *("difference, 95 % interval", "the later one is"),
+)
+
+
+def measure(whole: Plan, env: str) -> Record:
+    """Search on one task, or go on with it, and train what it found with other seeds."""
+    store, row = headline.search(whole, env, OUTPUTS / "longer" / env)
+    headline.put_away(store, ARCHIVE, env)
+    run = headline.archive(env, ARCHIVE)
+    assert run.best is not None
+    rewards = ["human", run.best.program.source]
+    seeds, (human, generated) = fresh.trained(run.config, rewards, OUTPUTS / "longer_confirmed" / env, SEEDS)
+    looked = {"seeds": seeds, "generated": generated, "human": human, "difference": fresh.between(human, generated)}
+    return row | {"confirmed": looked | machine("cpu")}
+
+
+def left(measured: Mapping[str, Record]) -> list[str]:
+    """The tasks that are not measured."""
+    return [env for env in load(PLAN).tasks if env not in measured]
+
+
+def rows(measured: Mapping[str, Record]) -> list[list[str]]:
+    """A row a task: what decides its row of the table, and what a longer search found."""
+    known, found = read(headline.RESULTS), list[list[str]]()
+    for env in (env for env in load(PLAN).tasks if env in measured):
+        first, later = headline.decided(known[env]), headline.decided(measured[env])
+        arms = (spread(row[arm]) for row in (first, later) for arm in ("generated", "human"))
+        found.append([short_name(env), *arms, interval(*later["difference"], digits=3), headline.ending(later)])
+    return found
+
+
+def summary(measured: Mapping[str, Record]) -> str:
+    """How many are at or above the human reward now."""
+    if not measured:
+        return "No search is finished yet."
+    decisive = [headline.decided(row) for row in measured.values()]
+    reached = sum(rank(mean(row["generated"])) >= rank(mean(row["human"])) for row in decisive)
+    return f"After three generations {reached} of {len(decisive)} are at or above the human reward."
+
+
+if __name__ == "__main__":
+    parser = command_line(__doc__)
+    parser.add_argument("--env", nargs="+", choices=load(PLAN).tasks)
+    options = parser.parse_args()
+    for env in options.env or left(read(RESULTS)):
+        if env in left(read(RESULTS)):
+            keep(RESULTS, env, measure(load(PLAN), env))
+    print(summary(read(RESULTS)))

@@ -1,0 +1,73 @@
+"""Does an episode without noise tell what a policy has learnt? docs/concepts/scores.md has the answer.
+
+    python benchmarks/noise.py outputs/RUN ...    # every policy of these runs plays both ways; minutes
+    make docs                                     # the table
+
+In some tasks every episode begins alike. There a policy without noise on its actions plays one episode, however many
+are asked for: F is 0 or 1. With the noise of training episodes differ. Nothing was chosen by these start states.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from records import Record, command_line, correlation, keep, machine, results
+
+import openeureka
+from openeureka.config import short_name
+from openeureka.numbers import number
+from openeureka.stats import mean
+from openeureka.store import Store
+from openeureka.tasks import registry
+from openeureka.training.evaluate import HELD_OUT_SEED, evaluate
+
+RESULTS = results("noise")
+SEED = 9_000_000
+"""Of the start states: neither a search nor its final scores use it."""
+EPISODES = 64
+TITLES = (
+    *("task", "its episodes begin", "policies", "F without noise, mean", "with noise"),
+    *("rank correlation", "0 without noise, above half with it"),
+)
+
+
+def measure(directory: Path) -> tuple[str, Record]:
+    """Let every trained policy of a run, that of its highest F in training, play both ways."""
+    env = openeureka.open_run(directory).config.env
+    with Store.view(directory) as store:
+        lanes = [path.name for path in sorted((directory / "lanes").iterdir())]
+        policies = {lane: data for lane in lanes if (data := store.lanes.policy(lane, "fitness")) is not None}
+    scores = [evaluate(env, policies, seed=SEED, episodes=EPISODES, noise=noise) for noise in (False, True)]
+    played = [{score.lane: score.fitness for score in one} for one in scores]
+    both = {lane: [one[lane] for one in played] for lane in policies}
+    return env, {"alike": alike(env), "episodes": EPISODES, "played": both, **machine("cpu")}
+
+
+def alike(env: str) -> bool:
+    """Whether all episodes of a task begin with the same observation."""
+    first = registry.make(env, worlds=4, lane_seeds=[SEED + HELD_OUT_SEED]).reset()
+    return bool((first == first[0]).all())
+
+
+def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
+    """A row a task."""
+    return [_row(env, row) for env, row in measured.items()]
+
+
+def _row(env: str, row: Record) -> tuple[str, ...]:
+    pairs = [pair for pair in row["played"].values() if None not in pair]
+    without, noisy = ([pair[side] for pair in pairs] for side in (0, 1))
+    missed = sum(not without and noisy > 0.5 for without, noisy in pairs)
+    begin = "alike" if row["alike"] else "differently"
+    together = number(correlation(without, noisy), 2)
+    return (short_name(env), begin, str(len(pairs)), number(mean(without)), number(mean(noisy)), together, str(missed))
+
+
+if __name__ == "__main__":
+    parser = command_line(__doc__)
+    parser.add_argument("directories", type=Path, nargs="+")
+    for directory in parser.parse_args().directories:
+        env, row = measure(directory)
+        keep(RESULTS, env, row)
+        print(_row(env, row), flush=True)

@@ -1,0 +1,63 @@
+"""Longer searches: where the table ended below the human reward, from the same first replies."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import pytest
+
+from openeureka.benchmark.plan import load
+from openeureka.llm.registry import archived
+from openeureka.stats import mean
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def longer(monkeypatch: pytest.MonkeyPatch) -> Iterator[ModuleType]:
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    import longer  # pyright: ignore[reportMissingImports]
+
+    yield longer
+
+
+def test_it_goes_on_where_the_table_ended_below_the_human_reward_with_the_same_eight(longer: ModuleType):
+    whole, table = load(longer.PLAN), load(longer.headline.PLAN)
+    known = longer.read(longer.headline.RESULTS)
+    for cell in whole.cells():
+        row = longer.headline.decided(known[cell.task])
+        assert mean(row["generated"]) < mean(row["human"]), cell.task
+        (first,) = (other for other in table.cells() if other.task == cell.task)
+        config, before = whole.config(cell), table.config(first)
+        replies, eight = (archived(Path(one.model.removeprefix("replay:"))) for one in (config, before))
+        assert [reply.text for reply in replies[:8]] == [reply.text for reply in eight], cell.task
+        assert len(replies) == 24 == config.sample * config.iteration and config.steps == before.steps
+
+
+def test_what_it_found_is_judged_with_seeds_that_chose_nothing(
+    longer: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    run = SimpleNamespace(best=SimpleNamespace(program=SimpleNamespace(source="mine")), config=None)
+    asked: list[object] = []
+
+    def trained(_: object, rewards: list[str], directory: Path, count: int) -> tuple[list[int], list[list[float]]]:
+        asked.extend((rewards, directory.name, count))
+        return [4, 5], [[1.0, 2.0], [3.0, 5.0]]
+
+    monkeypatch.setattr(longer.headline, "search", lambda *_: (tmp_path / "store", {"generated": [9.0], "steps": 1}))
+    monkeypatch.setattr(longer.headline, "put_away", lambda *_: None)
+    monkeypatch.setattr(longer.headline, "archive", lambda *_: run)
+    monkeypatch.setattr(longer.fresh, "trained", trained)
+    row = longer.measure(load(longer.PLAN), "ant")
+    assert asked == [["human", "mine"], "ant", 9]
+    assert row["generated"] == [9.0], "what the race saw is kept, and does not decide"
+    assert row["confirmed"]["generated"] == [3.0, 5.0] and row["confirmed"]["difference"][0] == 2.5
+    monkeypatch.setattr(longer, "RESULTS", tmp_path / "longer.json")
+    (tmp_path / "longer.json").write_text(json.dumps({"ant": row}))
+    assert longer.left({"ant": row}) == [task for task in load(longer.PLAN).tasks if task != "ant"]
+    ((task, *_, human, apart, ending),) = longer.rows({"ant": row})
+    assert (task, human, ending) == ("ant", "1.50 ± 0.71", "level") and apart.startswith("2.5 (")
+    assert longer.summary({"ant": row}) == "After three generations 1 of 1 are at or above the human reward."
+    lost = row | {"confirmed": row["confirmed"] | {"generated": [1.0, 1.5]}}
+    assert "After three generations 1 of 2 are" in longer.summary({"ant": row, "anymal": lost})
