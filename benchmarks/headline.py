@@ -119,9 +119,13 @@ def confirm(env: str, count: int) -> Record:
     rewards = ["human"] if again else ["human", run.best.program.source]
     seeds, (human, *rest) = fresh.trained(run.config, rewards, CONFIRMED / env, count)
     (generated,) = [known["own"]] if again else rest
+    return look(seeds, human, generated) | ({"generated_on": known["processor"]} if again else {})
+
+
+def look(seeds: Sequence[int], human: Sequence[float], generated: Sequence[float]) -> Record:
+    """What trainings with other seeds say of a row."""
     apart = fresh.between(human, generated)
-    taken = {"generated_on": known["processor"]} if again else {}
-    return {"seeds": seeds, "generated": generated, "human": human, "difference": apart, **machine("cpu"), **taken}
+    return {"seeds": seeds, "generated": generated, "human": human, "difference": apart, **machine("cpu")}
 
 
 def archive(env: str, archive: Path = ARCHIVE) -> RunView:

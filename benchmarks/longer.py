@@ -15,7 +15,7 @@ from collections.abc import Mapping
 
 import fresh
 import headline
-from records import FOLDER, OUTPUTS, Record, command_line, interval, keep, machine, read, results
+from records import FOLDER, OUTPUTS, Record, command_line, interval, keep, read, results
 
 from openeureka.benchmark.plan import Plan, load
 from openeureka.config import short_name
@@ -41,8 +41,7 @@ def measure(whole: Plan, env: str) -> Record:
     assert run.best is not None
     rewards = ["human", run.best.program.source]
     seeds, (human, generated) = fresh.trained(run.config, rewards, OUTPUTS / "longer_confirmed" / env, SEEDS)
-    looked = {"seeds": seeds, "generated": generated, "human": human, "difference": fresh.between(human, generated)}
-    return row | {"confirmed": looked | machine("cpu")}
+    return row | {"confirmed": headline.look(seeds, human, generated)}
 
 
 def left(measured: Mapping[str, Record]) -> list[str]:

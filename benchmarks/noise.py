@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from choosing import JUDGED
 from records import Record, command_line, correlation, keep, machine, results
 
 import openeureka
@@ -23,8 +24,6 @@ from openeureka.tasks import registry
 from openeureka.training.evaluate import HELD_OUT_SEED, evaluate
 
 RESULTS = results("noise")
-SEED = 9_000_000
-"""Of the start states: neither a search nor its final scores use it."""
 EPISODES = 64
 TITLES = (
     *("task", "its episodes begin", "policies", "F without noise, mean", "with noise"),
@@ -38,7 +37,7 @@ def measure(directory: Path) -> tuple[str, Record]:
     with Store.view(directory) as store:
         lanes = [path.name for path in sorted((directory / "lanes").iterdir())]
         policies = {lane: data for lane in lanes if (data := store.lanes.policy(lane, "fitness")) is not None}
-    scores = [evaluate(env, policies, seed=SEED, episodes=EPISODES, noise=noise) for noise in (False, True)]
+    scores = [evaluate(env, policies, seed=JUDGED, episodes=EPISODES, noise=noise) for noise in (False, True)]
     played = [{score.lane: score.fitness for score in one} for one in scores]
     both = {lane: [one[lane] for one in played] for lane in policies}
     return env, {"alike": alike(env), "episodes": EPISODES, "played": both, **machine("cpu")}
@@ -46,7 +45,7 @@ def measure(directory: Path) -> tuple[str, Record]:
 
 def alike(env: str) -> bool:
     """Whether all episodes of a task begin with the same observation."""
-    first = registry.make(env, worlds=4, lane_seeds=[SEED + HELD_OUT_SEED]).reset()
+    first = registry.make(env, worlds=4, lane_seeds=[JUDGED + HELD_OUT_SEED]).reset()
     return bool((first == first[0]).all())
 
 

@@ -61,6 +61,12 @@ def absolute(key: str, value: str, folder: Path = Path()) -> str:
     return f"{match[1]}{(folder / os.path.expanduser(match[2])).resolve()}{match[3] or ''}" if match else value
 
 
+def named_file(key: str, value: str) -> str:
+    """The file that a setting names, as it stands there; empty where it names none."""
+    match = re.fullmatch(_FILES.get(key, "(?!)"), value)
+    return match[2] if match else ""
+
+
 def elsewhere(settings: Mapping[str, object]) -> dict[str, object]:
     """The settings with `python=PATH` as a part of what `env` names: the interpreter that its environment lives in.
 

@@ -7,9 +7,8 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from ..tasks.anatomy import HINGE, SLIDE
+from ..tasks.anatomy import HINGE, ON_JOINTS, SLIDE
 
-_JOINTS = tuple(int(getattr(mujoco.mjtTrn, f"mjTRN_{name}")) for name in ("JOINT", "JOINTINPARENT"))
 _FIXED, _AFFINE, _NO_BIAS = (
     int(mujoco.mjtGain.mjGAIN_FIXED),
     int(mujoco.mjtBias.mjBIAS_AFFINE),
@@ -65,7 +64,7 @@ def servo_range(model: mujoco.MjModel, actuator: int) -> tuple[int, np.ndarray] 
 def driven_joint(model: mujoco.MjModel, actuator: int) -> int:
     """The hinge or slide that an actuator moves by itself; -1 for none."""
     joint = int(model.actuator_trnid[actuator, 0])
-    alone = model.actuator_trntype[actuator] in _JOINTS
+    alone = model.actuator_trntype[actuator] in ON_JOINTS
     return joint if alone and model.jnt_type[joint] in (SLIDE, HINGE) else -1
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
-import re
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -17,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import EurekaError, TaskError
+from ..parsing import named_file
 from ..version import __version__
 from ..worker import framed, unframed
 from .transport import ProcessCall, Processes, Slot
@@ -43,9 +43,9 @@ def versions() -> dict[str, str]:
 
 def task_digest(env: str) -> str:
     """Of the file that a person's own task is in; empty where it is in none, or the file is not here."""
-    named = re.match(r"(.+\.py)(:\w+)?(\+\w+=.*)?$", env, re.DOTALL)
+    file = named_file("env", env)
     with suppress(OSError):
-        return hashlib.sha256(Path(named[1]).read_bytes()).hexdigest() if named else ""
+        return hashlib.sha256(Path(file).read_bytes()).hexdigest() if file and not env.startswith("python:") else ""
     return ""
 
 

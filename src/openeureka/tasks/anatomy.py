@@ -15,9 +15,9 @@ SWAY = 0.05
 SLIDE, HINGE, FREE, BALL = (
     int(getattr(mujoco.mjtJoint, f"mjJNT_{name}")) for name in ("SLIDE", "HINGE", "FREE", "BALL")
 )
-_JOINT, _JOINT_IN_PARENT, _TENDON, _SITE = (
-    int(getattr(mujoco.mjtTrn, f"mjTRN_{name}")) for name in ("JOINT", "JOINTINPARENT", "TENDON", "SITE")
-)
+ON_JOINTS = tuple(int(getattr(mujoco.mjtTrn, f"mjTRN_{name}")) for name in ("JOINT", "JOINTINPARENT"))
+"""Kinds of transmission to one joint."""
+_TENDON, _SITE = (int(getattr(mujoco.mjtTrn, f"mjTRN_{name}")) for name in ("TENDON", "SITE"))
 
 
 def home(model: mujoco.MjModel) -> np.ndarray:
@@ -40,7 +40,7 @@ def driven_joints(model: mujoco.MjModel) -> list[int]:
     """Joints that an actuator moves, by itself or through a tendon."""
     joints: list[int] = []
     for kind, (target, _) in zip(model.actuator_trntype, model.actuator_trnid, strict=True):
-        if kind in (_JOINT, _JOINT_IN_PARENT):
+        if kind in ON_JOINTS:
             joints.append(int(target))
         elif kind == _TENDON:
             joints += _of_tendon(model, int(target))

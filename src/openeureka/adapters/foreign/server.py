@@ -222,15 +222,36 @@ class Memory:
             for name, (start, kind, shape) in self.layout.items()
         }
 
-    def write(self, parts: dict[str, Any], reward: Any, terminated: Any, truncated: Any, state: dict[str, Any]) -> None:
+    def write(
+        self,
+        parts: dict[str, Any],
+        reward: Any,
+        terminated: Any,
+        truncated: Any,
+        state: dict[str, Any],
+        *,
+        each: bool = False,
+    ) -> None:
+        """With `each`, raises ValueError for one number in place of one a world, which NumPy would repeat in each."""
         for number, value in enumerate(parts.values()):
             place = self.arrays[f"part {number}"]
             place[...] = numbers(value).reshape(place.shape)
         for name, value in (("reward", reward), ("terminated", terminated), ("truncated", truncated)):
-            self.arrays[name][...] = numbers(value).reshape(-1)
+            self._put(name, numbers(value), each=each)
         for name in (name for name in self.arrays if name.startswith("state ")):
             value = state.get(name[6:])
-            self.arrays[name][...] = 0.0 if value is None else numbers(value)
+            if value is None:
+                self.arrays[name][...] = 0.0
+            else:
+                self._put(name, numbers(value), each=each)
+
+    def _put(self, name: str, value: np.ndarray, *, each: bool) -> None:
+        place, flat = self.arrays[name], not name.startswith("state ")
+        fits = value.size == place.size if flat else value.shape == place.shape
+        if each and not fits:
+            called = name if flat else name[6:]
+            raise ValueError(f"`step` gives `{called}` of shape {value.shape}; {place.shape} is wanted, one each")
+        place[...] = value.reshape(-1) if flat else value
 
 
 class Server:
@@ -281,23 +302,8 @@ class Server:
 
     def step(self) -> dict[str, Any]:
         # An environment may hold on to its actions; the other side writes the next ones over these.
-        parts, reward, terminated, truncated, state = self.env.step(self._memory.arrays["actions"].copy())
-        paid = self._each_a_world({"reward": reward, "terminated": terminated, "truncated": truncated})
-        told = {"state " + name: value for name, value in state.items() if value is not None}
-        kept = self._each_a_world({name: value for name, value in told.items() if name in self._memory.arrays})
-        self._memory.write(parts, **paid, state={name[6:]: value for name, value in kept.items()})
+        self._memory.write(*self.env.step(self._memory.arrays["actions"].copy()), each=True)
         return {}
-
-    def _each_a_world(self, values: dict[str, Any]) -> dict[str, np.ndarray]:
-        """Raises ValueError for one number in place of one a world, which NumPy would repeat in every world."""
-        given = {name: numbers(value) for name, value in values.items()}
-        for name, value in given.items():
-            place = self._memory.arrays[name]
-            fits = value.shape == place.shape if name.startswith("state ") else value.size == place.size
-            if not fits:
-                called = name.replace("state ", "")
-                raise ValueError(f"`step` gives `{called}` of shape {value.shape}; {place.shape} is wanted, one each")
-        return given
 
 
 def guard() -> None:
