@@ -11,6 +11,7 @@ The parts, in this order, each for every task:
     env         the task's environment with random actions: state, observation, resets
     lanes       training of 1, 4 and 16 lanes, each with a reward program of its own, in one process
     processes   the 16 lanes as 16 processes on the same device
+    epoch       one epoch of the 16 lanes: its time, how long of it the device works, and how often the host waits
     human       the human reward, four seeds, trained for a fixed time and scored on held-out episodes
 
 `--out` is written after each part and read at the start: a broken-off run loses one part, and the same command goes on.
@@ -20,287 +21,26 @@ call tries again. Trainings are timed whole, so none is gone on with, as those o
 
 from __future__ import annotations
 
-import os
-import platform
-import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import closing
-from dataclasses import asdict, dataclass
-from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-import torch
-from records import PEAKS, command_line, read, record, results, today, write
-from throughput import RAW_EPISODE, sleep_when_idle
-from throughput import raw as raw_on_cpu
+from gpu_parts import Found, Sizes, environment, epoch, human, machine, parity, raw, training
+from records import command_line, read, results, show, today, write
+from throughput import sleep_when_idle
 
-from openeureka.executors.local import LocalExecutor
-from openeureka.llm.random import RandomModel
-from openeureka.method import prompts
-from openeureka.method.lanes import HELD_OUT
-from openeureka.reward import extract
-from openeureka.sandbox.client import Sandbox
 from openeureka.tasks import registry
-from openeureka.tasks.context import context
-from openeureka.tasks.record import record_states
-from openeureka.testing.conformance.parity import compare
-from openeureka.types import (
-    Candidate,
-    Evaluation,
-    LaneSpec,
-    Peak,
-    PromptPlan,
-    RewardGraph,
-    TrainBudget,
-    TrainingResult,
-    TrainingState,
-)
 
-KINDS = ("parity", "raw", "env", "lanes", "processes", "human")
+KINDS = ("parity", "raw", "env", "lanes", "processes", "epoch", "human")
 RESULTS = results("gpu")
-WARM_UP = 3  # calls that load, compile and capture
-ENDLESS = 10**12  # environment steps of a training that the clock ends
-
-Found = dict[str, Any]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sizes:
-    """How much every part does."""
-
-    worlds: int
-    """Worlds of a lane."""
-    lanes: tuple[int, int, int]
-    """Lanes of the trainings that are measured. The human reward has as many seeds as the second one lanes."""
-    measure: float
-    """[s] of steady state that a rate is measured over."""
-    train: float
-    """[s] of training with the human reward."""
-    parity_steps: int
-
-
-def machine(device: str) -> Found:
-    """What the numbers are measured on."""
-    found: Found = {
-        "device": device,
-        "cores": len(os.sched_getaffinity(0)),
-        "processor": platform.machine(),
-        "python": platform.python_version(),
-        "versions": {name: _version(name) for name in ("torch", "mujoco", "mujoco-warp", "warp-lang")},
-    }
-    if device.startswith("cuda"):
-        properties = torch.cuda.get_device_properties(device)
-        found |= {"gpu": properties.name, "gpu_memory_gib": round(properties.total_memory / 2**30, 1)}
-    return found
-
-
-def _version(package: str) -> str | None:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
-
-
-# --- simulation ------------------------------------------------------------------------------------------------------
-
-
-def parity(env: str, device: str, sizes: Sizes) -> Found:
-    """How far this device's simulator strays from the CPU's."""
-    return {"differences": [asdict(found) for found in compare(env, device, sizes.parity_steps)]}
-
-
-def raw(env: str, device: str, sizes: Sizes) -> Found:
-    """Environment steps a second of the bare simulator: no observation, reward or policy."""
-    worlds = max(sizes.lanes) * sizes.worlds
-    if device == "cpu":
-        return {"worlds": worlds, "steps_per_second": round(raw_on_cpu(env, worlds, steps=RAW_EPISODE))}
-    before = _used_memory(device)
-    step, check = _stepper(env, worlds, device)
-    rate = _calls_per_second(step, device, sizes.measure)
-    check()
-    memory = (_used_memory(device) - before) / worlds
-    return {"worlds": worlds, "steps_per_second": round(rate * worlds), "bytes_per_world": round(memory)}
-
-
-def _stepper(env: str, worlds: int, device: str) -> tuple[Callable[[], None], Callable[[], None]]:
-    """One control step of mujoco_warp as its own documentation would have it; on a GPU a graph, captured once. And what
-    raises CapacityError where contacts or constraints found no room in any step so far."""
-    import mujoco_warp as mjw
-    import warp as wp
-
-    from openeureka.sim.base import Capacity, capacity
-    from openeureka.sim.warp import check_room
-
-    task = registry.get(env)
-    model = task.compile_model()
-    room = capacity(model, Capacity(task.max_contacts, task.max_constraints))
-    place = wp.get_device("cpu" if device == "warp-cpu" else device)
-    with wp.ScopedDevice(place):
-        warp_model = mjw.put_model(model)
-        warp_model.opt.disableflags |= mjw.DisableBit.NATIVECCD  # the same contacts as in `sim/warp.py`
-        warp_model.opt.warn_overflow = 0
-        data = mjw.make_data(model, nworld=worlds, nconmax=room.contacts, njmax=room.constraints)
-    ctrl, overflow = wp.to_torch(data.ctrl), wp.to_torch(data.overflow)
-    lacked = torch.zeros_like(overflow)  # before the last reset, which forgets it
-    calls = 0
-
-    def substeps() -> None:
-        for _ in range(task.substeps):
-            mjw.step(warp_model, data)
-
-    with wp.ScopedDevice(place):
-        substeps()
-        mjw.reset_data(warp_model, data)
-        graph = None
-        if place.is_cuda:
-            with wp.ScopedCapture() as capture:
-                substeps()
-            graph = capture.graph
-
-    def step() -> None:
-        nonlocal calls
-        calls += 1
-        with wp.ScopedDevice(place):
-            if calls % RAW_EPISODE == 0:
-                lacked.bitwise_or_(overflow)
-                mjw.reset_data(warp_model, data)
-            ctrl.uniform_(-1.0, 1.0)
-            if graph is not None:
-                wp.capture_launch(graph)
-            else:
-                substeps()
-
-    return step, lambda: check_room((lacked | overflow).cpu().numpy(), room, env)
-
-
-def environment(env: str, device: str, sizes: Sizes) -> Found:
-    """Environment steps a second of the task with random actions."""
-    lanes = max(sizes.lanes)
-    simulation = registry.make(env, worlds=sizes.worlds, lane_seeds=range(lanes), device=device)
-    simulation.reset(stagger=True)
-    shape = (simulation.num_worlds, simulation.task.num_actions)
-
-    def step() -> None:
-        simulation.step(torch.rand(shape, device=simulation.sim.device) * 2.0 - 1.0)
-
-    rate = _calls_per_second(step, device, sizes.measure)
-    simulation.check()
-    return {
-        "worlds": simulation.num_worlds,
-        "steps_per_second": round(rate * simulation.num_worlds),
-        "broken_worlds": int(simulation.bad_total),
-    }
-
-
-def _calls_per_second(call: Callable[[], None], device: str, seconds: float) -> float:
-    """The clock is read once in 16 calls, because the device must have finished for that."""
-    for _ in range(WARM_UP):
-        call()
-    _finish(device)
-    calls, began, passed = 0, time.perf_counter(), 0.0
-    while passed < seconds:
-        for _ in range(16):
-            call()
-        _finish(device)
-        calls += 16
-        passed = time.perf_counter() - began
-    return calls / passed
-
-
-def _finish(device: str) -> None:
-    if device.startswith("cuda"):
-        torch.cuda.synchronize(device)
-
-
-def _used_memory(device: str) -> int:
-    """[bytes] of the device, whoever uses them; 0 on the CPU."""
-    if not device.startswith("cuda"):
-        return 0
-    free, total = torch.cuda.mem_get_info(device)
-    return total - free
-
-
-# --- training --------------------------------------------------------------------------------------------------------
-
-
-def training(env: str, device: str, sizes: Sizes, lanes: int, processes: int) -> Found:
-    """Environment steps a second of training, network updates included, from the moment all processes are under way."""
-    programs = rewards(env, max(sizes.lanes))[:lanes]
-    specs = [LaneSpec(id=str(seed), program=program, seed=seed) for seed, program in enumerate(programs)]
-    budget = TrainBudget(worlds=sizes.worlds, env_steps=ENDLESS)
-    steps_per_epoch = sizes.worlds * registry.get(env).recipe.horizon * lanes // processes
-    called, began, epochs = time.perf_counter(), 0.0, 0
-    with closing(LocalExecutor(",".join([device] * processes)).train(env, specs, budget)) as stream:
-        for message in stream:
-            now = time.perf_counter()
-            if isinstance(message, TrainingResult):
-                raise RuntimeError(message.message or "the training ended before it was measured")
-            if not began and len(message.fitness) == lanes:
-                began, epochs = now, message.epoch
-            elif began and now - began >= sizes.measure and message.epoch > epochs:
-                return {
-                    "worlds": sizes.worlds * lanes,
-                    "steps_per_second": round((message.epoch - epochs) * steps_per_epoch / (now - began)),
-                    "seconds_to_begin": round(began - called, 1),
-                    "nodes_per_reward": statistics.mean(len(program.nodes) for program in programs),
-                }
-    raise RuntimeError("the training said nothing")
-
-
-@cache
-def rewards(env: str, count: int) -> list[RewardGraph]:
-    """Programs such as a search trains: random ones of the typed grammar, all different."""
-    known = context(env)
-    prompt = prompts.render(known, PromptPlan(count=count), "grammar")
-    graphs: list[RewardGraph] = []
-    # The grammar knows no call that could do harm, so a kernel without confinement will do.
-    with Sandbox(known.state, record_states(env), unsafe=True) as sandbox:
-        for reply in RandomModel().sample(prompt, n=4 * count, seed=0):
-            source = extract.program(reply.text)
-            verdict = sandbox.check(Candidate.of(source)) if source is not None else None
-            if verdict is not None and verdict.graph is not None and len(graphs) < count:
-                graphs.append(verdict.graph)
-    if len(graphs) < count:
-        raise RuntimeError(f"only {len(graphs)} of {4 * count} random rewards were accepted")
-    return graphs
-
-
-def human(env: str, device: str, sizes: Sizes, rate: float) -> Found:
-    """Train the human reward for about `sizes.train` seconds, which `rate` [environment steps a second] makes steps."""
-    seeds = sizes.lanes[1]
-    specs = [LaneSpec(id=f"human-s{seed}", program="human", seed=seed) for seed in range(seeds)]
-    budget = TrainBudget(worlds=sizes.worlds, env_steps=round(rate * sizes.train / seeds))
-    trainer = LocalExecutor(device)
-    began = time.perf_counter()
-    results = [message for message in trainer.train(env, specs, budget) if isinstance(message, TrainingResult)]
-    seconds = time.perf_counter() - began
-    if failed := [result.message for result in results if result.state is TrainingState.FAILED]:
-        raise RuntimeError(failed[0])
-    scores: dict[str, dict[Peak, Evaluation]] = {result.lane: {} for result in results}
-    for peak in PEAKS:
-        policies = {result.lane: result.policies.get(f"best_{peak}", b"") for result in results}
-        held_out = trainer.evaluate(env, {lane: data for lane, data in policies.items() if data}, seed=HELD_OUT)
-        for score in held_out:
-            scores[score.lane][peak] = score
-    return {
-        "worlds": sizes.worlds * seeds,
-        "seconds_of_training": round(results[0].seconds, 1),
-        "seconds_with_start": round(seconds, 1),
-        "lanes": {result.lane: record(result, scores[result.lane]) for result in results},
-    }
-
-
-# --- the whole -------------------------------------------------------------------------------------------------------
-
 Part = tuple[str, Callable[..., Found], tuple[Any, ...]]
 
 
-def plan(envs: Sequence[str], kinds: Sequence[str], sizes: Sizes, found: Found) -> Iterator[Part]:
+def plan(envs: Sequence[str], kinds: Sequence[str], lanes: Sequence[int], sizes: Sizes, found: Found) -> Iterator[Part]:
     """Name, function and extra arguments of every part in turn; the last kind reads what the others `found`."""
     some, most = sizes.lanes[1], max(sizes.lanes)
     for kind in kinds:
@@ -313,10 +53,12 @@ def plan(envs: Sequence[str], kinds: Sequence[str], sizes: Sizes, found: Found) 
                 case "env":
                     yield f"env/{env}", environment, ()
                 case "lanes":
-                    for lanes in sizes.lanes:
-                        yield f"lanes/{env}/{lanes}", training, (lanes, 1)
+                    for count in lanes:
+                        yield f"lanes/{env}/{count}", training, (count, 1)
                 case "processes":
                     yield f"processes/{env}/{most}", training, (most, most)
+                case "epoch":
+                    yield f"epoch/{env}/{most}", epoch, ()
                 case "human":
                     known = f"lanes/{env}/{some}"
                     if not _done(found, known):
@@ -345,20 +87,31 @@ def _isolated(part: Callable[..., Found], *arguments: Any) -> Found:
         return process.submit(part, *arguments).result()
 
 
-def ratios(found: Found, sizes: Sizes) -> dict[str, dict[str, float]]:
-    """What the rates say, task by task, as far as they are known."""
-    most = max(sizes.lanes)
-    rates = {name: part["steps_per_second"] for name, part in found["parts"].items() if "steps_per_second" in part}
-    table: dict[str, dict[str, float]] = {}
-    for env in dict.fromkeys(name.split("/")[1] for name in rates):
-        training = rates.get(f"lanes/{env}/{most}")
-        others = {
-            "training over raw stepping": rates.get(f"raw/{env}"),
-            "training over environment": rates.get(f"env/{env}"),
-            "one process over one a lane": rates.get(f"processes/{env}/{most}"),
-        }
-        if training:
-            table[env] = {label: round(training / other, 3) for label, other in others.items() if other}
+TITLES = (
+    "task",
+    "physics alone",
+    "with observations and resets",
+    "training 1 lane",
+    "4 lanes",
+    "16 lanes",
+    "16 processes",
+    "memory of a world",
+)
+
+
+def rows(found: Found) -> list[list[str]]:
+    """What was measured of each task's speed, in environment steps a second."""
+    parts = {name: part for name, part in found.get("parts", {}).items() if "steps_per_second" in part}
+
+    def rate(name: str) -> str:
+        return f"{parts[name]['steps_per_second']:,}" if name in parts else ""
+
+    table: list[list[str]] = []
+    for env in dict.fromkeys(name.split("/")[1] for name in parts):
+        memory = parts.get(f"raw/{env}", {}).get("bytes_per_world", 0)
+        trained = [rate(f"lanes/{env}/{lanes}") for lanes in (1, 4, 16)]
+        cells = [rate(f"raw/{env}"), rate(f"env/{env}"), *trained, rate(f"processes/{env}/16")]
+        table.append([f"`{env}`", *cells, f"{memory / 1000:,.0f} kB" if memory else ""])
     return table
 
 
@@ -372,6 +125,9 @@ def line(name: str, part: Found) -> str:
         return f"{name:32s} held-out F {shown} after {part['seconds_of_training']:.0f} s of training"
     if "steps_per_second" in part:
         return f"{name:32s} {part['steps_per_second']:>12,} steps/s"
+    if "waits" in part:
+        host, device = part["seconds_of_an_epoch"], part["seconds_of_the_device"]
+        return f"{name:32s} {host} s, the device works {device} s, the host waits {part['waits']:g} times"
     worst = part["differences"][0]
     shown = ", ".join(f"{key} {value:.2g}" for key, value in worst.items() if key != "variable")
     return f"{name:32s} {worst['variable']} differs most: {shown}"
@@ -382,6 +138,7 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--device", default="cuda:0")
     parser.add_argument("--env", action="append", choices=registry.names(), help="a task; may be repeated")
     parser.add_argument("--part", action="append", choices=KINDS, help="a part; may be repeated")
+    parser.add_argument("--lanes", action="append", type=int, help="lanes of a part `lanes`; may be repeated")
     parser.add_argument("--worlds", type=int, default=1024, help="worlds of a lane")
     parser.add_argument("--measure", type=float, default=10.0, help="[s] of each rate")
     parser.add_argument("--train", type=float, default=120.0, help="[s] of training with each human reward")
@@ -391,10 +148,13 @@ def main(words: Sequence[str] | None = None) -> None:
     options = parser.parse_args(words)
     full = Sizes(worlds=options.worlds, lanes=(1, 4, 16), measure=options.measure, train=options.train, parity_steps=50)
     sizes = Sizes(worlds=8, lanes=(1, 2, 3), measure=1.0, train=2.0, parity_steps=3) if options.tiny else full
-    run(options.device, options.env or registry.names(), options.part or KINDS, sizes, options.out, options.again)
+    if unknown := set(options.lanes or ()) - set(sizes.lanes):
+        raise SystemExit(f"--lanes takes {sizes.lanes}, not {min(unknown)}.")
+    wanted = options.env or registry.names(), options.part or KINDS, options.lanes or sizes.lanes
+    run(partial(plan, *wanted, sizes), options.device, sizes, options.out, options.again)
 
 
-def run(device: str, envs: Sequence[str], kinds: Sequence[str], sizes: Sizes, out: Path, again: bool) -> None:
+def run(parts: Callable[[Found], Iterator[Part]], device: str, sizes: Sizes, out: Path, again: bool) -> None:
     """Every part that the file does not hold."""
     found = read(out) or {"parts": {}}
     size = {"worlds_per_lane": sizes.worlds, "lanes": list(sizes.lanes)}
@@ -402,16 +162,14 @@ def run(device: str, envs: Sequence[str], kinds: Sequence[str], sizes: Sizes, ou
         raise SystemExit(f"{out} was measured with {found['size']}; name another file with --out.")
     found |= {"date": today(), "machine": attempt(machine, device), "size": size}
     repeated: set[str] = set()
-    for name, part, extra in plan(envs, kinds, sizes, found):
+    for name, part, extra in parts(found):
         if _done(found, name) and not (again and name not in repeated):
             continue
         repeated.add(name)
         found["parts"][name] = attempt(part, name.split("/")[1], device, sizes, *extra)
-        found["ratios"] = ratios(found, sizes)
         write(out, found)
         print(line(name, found["parts"][name]), flush=True)
-    for env, row in found.get("ratios", {}).items():
-        print(env, *(f"{label} {ratio:.2f}" for label, ratio in row.items()), sep="  ")
+    show(TITLES, rows(found))
 
 
 if __name__ == "__main__":

@@ -29,6 +29,7 @@ import claims
 import cluster
 import found
 import generations
+import gpu
 import greedy
 import gym_lifted
 import gym_solved
@@ -182,6 +183,7 @@ def parts() -> Mapping[str, Mapping[str, str]]:
             "solved": _rows(gym_solved),
             "searched": _rows(generations, generations.gym_rows, generations.GYM),
         },
+        "docs/guides/gpus.md": {"speed": _rows(gpu)},
         "docs/guides/polish.md": {"polish": _rows(polish)},
         "docs/guides/tune.md": {"tune": _rows(tune)},
         "docs/guides/robot.md": {

@@ -36,6 +36,18 @@ def test_operations_that_wait_for_the_device_are_heard():
     assert waits(lambda: torch.tensor([1.0, 2.0]), uploads=True) == ["aten.lift_fresh.default"]
 
 
+def test_a_number_written_at_an_index_is_sent_to_the_device():
+    x, some = torch.randn(4, 2), torch.tensor([1, 2])
+
+    def write(value):
+        x[some, 1] = value
+
+    assert waits(lambda: write(3.0), uploads=True) == ["aten.index_put_.default"]
+    assert waits(lambda: write(3.0)) == [], "no reason against recording it"
+    assert waits(lambda: write(x[0, 0]), uploads=True) == []
+    assert waits(lambda: x[:, 1].index_fill_(0, some, 3.0), uploads=True) == []
+
+
 def test_off_a_gpu_a_function_is_called_as_it_is():
     seen = []
     run = Replay(lambda inputs: seen.append(inputs) or (inputs[0] + 1.0,))

@@ -61,7 +61,8 @@ def waits(function: Callable[[], object], *, uploads: bool = False) -> list[str]
     runs on.
 
     Args:
-        uploads: name tensors made from several Python numbers too, which a GPU must be sent.
+        uploads: name what a GPU must be sent too: tensors made from several Python numbers, and a number written at an
+            index. `x[worlds] = 1.0` made the host wait on an H200. Write `x.index_fill_(0, worlds, 1.0)`.
     """
     with _Listener(uploads) as listener:
         function()
@@ -73,14 +74,19 @@ class _Listener(Mode):
         super().__init__()
         self.uploads = uploads
         self.heard: list[str] = []
+        self._number: Tensor | None = None  # made from a Python number last
 
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         name = func.overloadpacket.__name__
         picks = name in _INDEX and any(_is_mask(index) for index in args[1])
-        uploads = self.uploads and name == "lift_fresh" and args[0].dim() > 0  # single numbers travel with the launch
-        if name in _WAIT or picks or uploads:
+        made = name == "lift_fresh"
+        # Single numbers travel with the launch, but where they are written at an index.
+        uploads = (made and args[0].dim() > 0) or (name in _INDEX and len(args) > 2 and args[2] is self._number)
+        if name in _WAIT or picks or (self.uploads and uploads):
             self.heard.append(str(func))
-        return func(*args, **(kwargs or {}))
+        result = func(*args, **(kwargs or {}))
+        self._number = result if made else self._number
+        return result
 
 
 def _is_mask(index: Tensor | None) -> bool:

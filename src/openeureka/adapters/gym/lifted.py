@@ -142,9 +142,9 @@ class LiftedTask(PaidTask):
 
     def reset(self, worlds: Tensor) -> None:
         self.qpos[worlds], self.qvel[worlds] = self.begin(worlds)
-        self.returned[worlds] = 0.0
+        self.returned.index_fill_(0, worlds, 0.0)
         if self.lags:
-            self.late[worlds] = torch.nan
+            self.late.index_fill_(0, worlds, torch.nan)
 
     def begin(self, worlds: Tensor) -> tuple[Tensor, Tensor]:
         """Positions (k, nq) and speeds (k, nv) with which these worlds start."""

@@ -235,7 +235,7 @@ class BallBalance(Task):
         self.qpos[worlds, 13:15] = (0.001 + 0.499 * share) * outwards
         self.qpos[worlds, 15] = height
         self.qvel[worlds, 12:14] = -speed * share * outwards
-        self.qvel[worlds, 14] = -5.0
+        self.qvel[:, 14].index_fill_(0, worlds, -5.0)
 
     def fitness(self, s: State, ended: Tensor) -> Score:
         return mean_over_episodes(self.progress, ended)

@@ -107,7 +107,7 @@ class Runner(Task):
         dofs = self.num_actions
         noise = self.noise.uniform(worlds, dofs, -0.2, 0.2)
         angles = (self.nominal_dof_pos + noise).clamp(self.dof_limits_lower, self.dof_limits_upper)
-        self.qpos[worlds, 2] = self.start_height
+        self.qpos[:, 2].index_fill_(0, worlds, self.start_height)
         self.qpos[worlds, 7:] = angles
         self.qvel[worlds, 6:] = self.noise.uniform(worlds, dofs, -0.1, 0.1)
         self.prev_potentials[worlds] = self.potential(self.qpos[worlds, :3])

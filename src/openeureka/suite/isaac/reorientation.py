@@ -140,7 +140,7 @@ class Reorientation(Task):
         position = self.middle + self.noise.uniform(worlds, 3, -POSITION_NOISE, POSITION_NOISE)
         self.qpos[worlds] = torch.cat((angles, position, wxyz(self.start_rotation(worlds))), dim=-1)
         self.ctrl[worlds] = angles[:, self.driven]
-        self.goals_reached[worlds] = 0.0
+        self.goals_reached.index_fill_(0, worlds, 0.0)
         self._set_goals(worlds, self.first_goal(worlds))
 
     def start_rotation(self, worlds: Tensor) -> Tensor:
