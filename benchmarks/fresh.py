@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import openeureka
@@ -10,11 +11,22 @@ from openeureka.config import RunConfig
 from openeureka.method.given import seeds
 from openeureka.method.lanes import unused_seed
 from openeureka.stats import difference
+from openeureka.tasks import registry
+from openeureka.training.evaluate import begin_alike
 
 
-def trained(
-    config: RunConfig, rewards: Sequence[str], directory: Path, count: int
-) -> tuple[list[int], list[list[float]]]:
+@dataclass(frozen=True)
+class Trained:
+    """What rewards came to with other seeds."""
+
+    seeds: list[int]
+    scores: list[list[float]]
+    """Held-out F: a list a reward, a value a seed."""
+    noisy: bool
+    """Whether policies played with the noise of training, as they do where all episodes begin alike."""
+
+
+def trained(config: RunConfig, rewards: Sequence[str], directory: Path, count: int) -> Trained:
     """Train them side by side as the run did, or go on with it.
 
     Args:
@@ -22,9 +34,6 @@ def trained(
         rewards: names of built-in ones, or programs.
         directory: of the new run.
         count: seeds of each; from two on.
-
-    Returns:
-        The seeds, and the held-out F of each reward.
 
     Raises:
         SystemExit: as `held_out` does.
@@ -39,7 +48,14 @@ def trained(
         worlds=config.worlds,
         device=config.device,
     )
-    return list(seeds(run.config)), list(held_out(run, count).values())
+    return Trained(list(seeds(run.config)), list(held_out(run, count).values()), run.view.noisy)
+
+
+def noisy(env: str) -> bool:
+    """Whether policies of a task play with the noise of training."""
+    simulation = registry.make(env, worlds=2)
+    simulation.reset()
+    return begin_alike(simulation)
 
 
 def held_out(run: openeureka.Run, count: int) -> dict[str, list[float]]:

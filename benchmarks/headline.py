@@ -115,17 +115,18 @@ def confirm(env: str, count: int) -> Record:
     """The row's reward and the human one with seeds that chose neither. What `greedy.py` trained is taken as it is."""
     run, known = archive(env), read(GREEDY).get(env, {})
     assert run.best is not None
-    again = known.get("best") == str(run.best.place) and len(known.get("seeds", ())) == count
+    same = known.get("best") == str(run.best.place) and known.get("noisy", False) == fresh.noisy(env)
+    again = same and len(known.get("seeds", ())) == count
     rewards = ["human"] if again else ["human", run.best.program.source]
-    seeds, (human, *rest) = fresh.trained(run.config, rewards, CONFIRMED / env, count)
-    (generated,) = [known["own"]] if again else rest
-    return look(seeds, human, generated) | ({"generated_on": known["processor"]} if again else {})
+    trained = fresh.trained(run.config, rewards, CONFIRMED / env, count)
+    human, generated = (*trained.scores, known["own"]) if again else trained.scores
+    return look(trained, human, generated) | ({"generated_on": known["processor"]} if again else {})
 
 
-def look(seeds: Sequence[int], human: Sequence[float], generated: Sequence[float]) -> Record:
+def look(trained: fresh.Trained, human: Sequence[float], generated: Sequence[float]) -> Record:
     """What trainings with other seeds say of a row."""
-    apart = fresh.between(human, generated)
-    return {"seeds": seeds, "generated": generated, "human": human, "difference": apart, **machine("cpu")}
+    scores = {"generated": generated, "human": human, "difference": fresh.between(human, generated)}
+    return {"seeds": trained.seeds, **scores, **({"noisy": True} if trained.noisy else {}), **machine("cpu")}
 
 
 def archive(env: str, archive: Path = ARCHIVE) -> RunView:
@@ -209,7 +210,9 @@ def rows(measured: Mapping[str, Record]) -> list[list[str]]:
         first = short_name(env), f"{row['steps']:,}", *_scores(row, row["sparse"])
         found.append([*first, number(row["correlation_with_human"], 2)])
         if again is not None:
-            found.append([f"{first[0]}, {len(again['seeds'])} other seeds", "", *_scores(again, row["sparse"]), ""])
+            how = " that play with noise" if again.get("noisy") else ""
+            title = f"{first[0]}, {len(again['seeds'])} other seeds{how}"
+            found.append([title, "", *_scores(again, row["sparse"]), ""])
     return found
 
 
@@ -322,7 +325,8 @@ if __name__ == "__main__":
     elif options.confirm:
         for env in options.env or read(RESULTS):
             row = read(RESULTS)[env]
-            if "confirmed" not in row:
+            known = row.get("confirmed")
+            if known is None or (not known.get("noisy") and fresh.noisy(env)):
                 row = row | {"confirmed": confirm(env, options.confirm)}
                 keep(RESULTS, env, row)
             print(f"{short_name(env)}: {interval(*row['confirmed']['difference'], digits=3)}", flush=True)

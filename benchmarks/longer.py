@@ -40,8 +40,8 @@ def measure(whole: Plan, env: str) -> Record:
     run = headline.archive(env, ARCHIVE)
     assert run.best is not None
     rewards = ["human", run.best.program.source]
-    seeds, (human, generated) = fresh.trained(run.config, rewards, OUTPUTS / "longer_confirmed" / env, SEEDS)
-    return row | {"confirmed": headline.look(seeds, human, generated)}
+    trained = fresh.trained(run.config, rewards, OUTPUTS / "longer_confirmed" / env, SEEDS)
+    return row | {"confirmed": headline.look(trained, *trained.scores)}
 
 
 def left(measured: Mapping[str, Record]) -> list[str]:

@@ -1,6 +1,6 @@
 """Does an episode without noise tell what a policy has learnt? docs/concepts/scores.md has the answer.
 
-    python benchmarks/noise.py outputs/RUN ...    # every policy of these runs plays both ways; minutes
+    python benchmarks/noise.py outputs/RUN ...    # every policy of these runs plays both ways, a row a task; minutes
     make docs                                     # the table
 
 In some tasks every episode begins alike. There a policy without noise on its actions plays one episode, however many
@@ -9,8 +9,10 @@ are asked for: F is 0 or 1. With the noise of training episodes differ. Nothing 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from statistics import variance
 
 from choosing import JUDGED
 from records import Record, command_line, correlation, keep, machine, results
@@ -21,13 +23,14 @@ from openeureka.numbers import number
 from openeureka.stats import mean
 from openeureka.store import Store
 from openeureka.tasks import registry
-from openeureka.training.evaluate import HELD_OUT_SEED, evaluate
+from openeureka.training.evaluate import HELD_OUT_SEED, begin_alike, evaluate
 
 RESULTS = results("noise")
 EPISODES = 64
 TITLES = (
     *("task", "its episodes begin", "policies", "F without noise, mean", "with noise"),
     *("rank correlation", "0 without noise, above half with it"),
+    *("spread between seeds without noise", "with noise"),
 )
 
 
@@ -37,16 +40,23 @@ def measure(directory: Path) -> tuple[str, Record]:
     with Store.view(directory) as store:
         lanes = [path.name for path in sorted((directory / "lanes").iterdir())]
         policies = {lane: data for lane in lanes if (data := store.lanes.policy(lane, "fitness")) is not None}
+    simulation = registry.make(env, worlds=4, lane_seeds=[JUDGED + HELD_OUT_SEED])
+    simulation.reset()
     scores = [evaluate(env, policies, seed=JUDGED, episodes=EPISODES, noise=noise) for noise in (False, True)]
     played = [{score.lane: score.fitness for score in one} for one in scores]
     both = {lane: [one[lane] for one in played] for lane in policies}
-    return env, {"alike": alike(env), "episodes": EPISODES, "played": both, **machine("cpu")}
+    return env, {"alike": begin_alike(simulation), "episodes": EPISODES, "played": both, **machine("cpu")}
 
 
-def alike(env: str) -> bool:
-    """Whether all episodes of a task begin with the same observation."""
-    first = registry.make(env, worlds=4, lane_seeds=[JUDGED + HELD_OUT_SEED]).reset()
-    return bool((first == first[0]).all())
+def between_seeds(played: Mapping[str, Sequence[float | None]], side: int) -> float | None:
+    """Standard deviation of F over the seeds of one reward, pooled over rewards with three or more."""
+    seeds: dict[str, list[float]] = {}
+    for lane, pair in played.items():
+        if (value := pair[side]) is not None:
+            seeds.setdefault(lane.rpartition("-s")[0], []).append(value)
+    several = [values for values in seeds.values() if len(values) >= 3]
+    squares = sum(variance(values) * (len(values) - 1) for values in several)
+    return math.sqrt(squares / sum(len(values) - 1 for values in several)) if several else None
 
 
 def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
@@ -60,13 +70,17 @@ def _row(env: str, row: Record) -> tuple[str, ...]:
     missed = sum(not without and noisy > 0.5 for without, noisy in pairs)
     begin = "alike" if row["alike"] else "differently"
     together = number(correlation(without, noisy), 2)
-    return (short_name(env), begin, str(len(pairs)), number(mean(without)), number(mean(noisy)), together, str(missed))
+    spreads = [number(between_seeds(row["played"], side), 2) for side in (0, 1)]
+    means = number(mean(without)), number(mean(noisy))
+    return (short_name(env), begin, str(len(pairs)), *means, together, str(missed), *spreads)
 
 
 if __name__ == "__main__":
     parser = command_line(__doc__)
     parser.add_argument("directories", type=Path, nargs="+")
+    measured: dict[str, Record] = {}
     for directory in parser.parse_args().directories:
         env, row = measure(directory)
-        keep(RESULTS, env, row)
-        print(_row(env, row), flush=True)
+        measured[env] = row | {"played": measured.get(env, row)["played"] | row["played"]}
+        keep(RESULTS, env, measured[env])
+        print(_row(env, measured[env]), flush=True)

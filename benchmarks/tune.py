@@ -107,9 +107,10 @@ def confirm(name: str, options: argparse.Namespace) -> Record:
     assert found is not None and found.after
     texts = {trial.name: trial.candidate.source for trial in found.trials}
     directory = options.outputs / f"{task}_{kind}_{seed}_confirmed"
-    own, (before, after) = fresh.trained(config, (texts[ORIGINAL], texts[found.after]), directory, options.confirm)
+    trained = fresh.trained(config, (texts[ORIGINAL], texts[found.after]), directory, options.confirm)
+    before, after = trained.scores
     return {
-        "seeds": own,
+        "seeds": trained.seeds,
         "held_out": {"before": before, "after": after},
         "difference": fresh.between(before, after),
         **conditions("torch", "mujoco", "cmaes"),

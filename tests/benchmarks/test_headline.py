@@ -115,6 +115,9 @@ def test_a_reward_of_the_table_trains_again_beside_the_human_one(
     assert again["seeds"] == [4, 5], "the search trained with 0, its final trainings with 1 to 3"
     assert len(again["generated"]) == len(again["human"]) == 2 and again["difference"]
     assert (tmp_path / "cartpole").is_dir()
+    assert "noisy" not in again and "noisy" in headline.look(
+        headline.fresh.Trained([1, 2], [], noisy=True), [1, 2], [3, 4]
+    )
 
 
 def test_a_training_without_a_score_is_told_and_not_left_out(

@@ -41,9 +41,9 @@ def test_what_it_found_is_judged_with_seeds_that_chose_nothing(
     run = SimpleNamespace(best=SimpleNamespace(program=SimpleNamespace(source="mine")), config=None)
     asked: list[object] = []
 
-    def trained(_: object, rewards: list[str], directory: Path, count: int) -> tuple[list[int], list[list[float]]]:
+    def trained(_: object, rewards: list[str], directory: Path, count: int) -> object:
         asked.extend((rewards, directory.name, count))
-        return [4, 5], [[1.0, 2.0], [3.0, 5.0]]
+        return longer.fresh.Trained([4, 5], [[1.0, 2.0], [3.0, 5.0]], noisy=False)
 
     monkeypatch.setattr(longer.headline, "search", lambda *_: (tmp_path / "store", {"generated": [9.0], "steps": 1}))
     monkeypatch.setattr(longer.headline, "put_away", lambda *_: None)

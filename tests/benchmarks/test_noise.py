@@ -15,10 +15,12 @@ def noise(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 
 def test_a_policy_that_fails_in_its_one_episode_and_succeeds_with_noise_is_counted(noise: ModuleType):
-    played = {"a": [0.0, 0.9], "b": [0.0, 0.5], "c": [1.0, 1.0], "d": [None, 1.0]}
+    played = {"a-s0": [0.0, 0.9], "b-s0": [0.0, 0.5], "c-s0": [1.0, 1.0], "d-s0": [None, 1.0]}
     (row,) = noise.rows({"shadow_hand_pen": {"alike": True, "played": played}})
-    assert row == ("shadow_hand_pen", "alike", "3", "0.3333", "0.8", "0.87", "1")
+    assert row == ("shadow_hand_pen", "alike", "3", "0.3333", "0.8", "0.87", "1", "-", "-")
 
 
-def test_doors_begin_alike_and_cartpole_does_not(noise: ModuleType):
-    assert noise.alike("shadow_hand_door_open_outward") and not noise.alike("cartpole")
+def test_seeds_of_one_reward_are_told_from_each_other(noise: ModuleType):
+    played = {"a-s0": [0.0, 0.8], "a-s1": [1.0, 0.9], "a-s2": [0.0, 1.0], "b-s0": [1.0, 0.5], "human-s0": [None, 0.1]}
+    assert noise.between_seeds(played, 0) == pytest.approx((2 / 3 / 2) ** 0.5)  # b and human have one seed each
+    assert noise.between_seeds(played, 1) == pytest.approx(0.1)

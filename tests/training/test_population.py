@@ -7,6 +7,7 @@ import torch
 
 from openeureka.suite.isaac.cartpole import Cartpole
 from openeureka.tasks.env import Step
+from openeureka.tasks.registry import make
 from openeureka.tasks.task import Score, State
 from openeureka.training import pausing, population
 from openeureka.training.curves import Curves
@@ -263,6 +264,23 @@ def test_episodes_that_begin_alike_differ_by_noise_alone():
         evaluate("cartpole", policies, seed=3, episodes=16, noise=noise) for noise in (False, True, True)
     )
     assert noisy == again and noisy.episode_length != quiet.episode_length
+
+
+@pytest.mark.parametrize(("env", "alike"), [("shadow_hand_door_open_outward", True), ("cartpole", False)])
+def test_policies_play_with_noise_where_all_episodes_begin_alike(env, alike):
+    from openeureka.training.evaluate import begin_alike, evaluate
+
+    simulation = make(env, worlds=3, lane_seeds=[5, 5], threads=1)
+    simulation.reset()
+    assert begin_alike(simulation, 2) == alike
+    budget = TrainBudget(worlds=2, env_steps=1)
+    specs = [LaneSpec(id="a", program="human", seed=1)]
+    (trained,) = (x for x in Population(env, specs, budget, threads=1).train() if isinstance(x, TrainingResult))
+    policies = {"a": trained.last or b""}
+    usual, quiet, noisy = (evaluate(env, policies, seed=3, episodes=3, noise=noise)[0] for noise in (None, False, True))
+    assert usual == (noisy if alike else quiet) and usual.noisy == alike
+    (single,) = evaluate(env, policies, seed=3, episodes=1)
+    assert not single.noisy, "one episode is alike with itself"
 
 
 def test_correlation_is_pearsons():

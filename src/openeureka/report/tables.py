@@ -120,13 +120,14 @@ def search(run: RunView) -> Table:
     return Table(("during the search", "F when played", "F in training"), rows, note)
 
 
-def final(outcome: Outcome, known: Baselines | None) -> Table:
-    """The best reward against the others with fresh seeds."""
+def final(outcome: Outcome, known: Baselines | None, *, noisy: bool = False) -> Table:
+    """The best reward against the others with fresh seeds. `noisy` says how their policies played."""
     arms = {"best generated": outcome.method}
     arms |= {f"runner-up {place}": arm for place, arm in outcome.rivals.items()}
     arms |= {"human": outcome.human, "sparse": outcome.sparse}
     rows = [(name, spread(arm.held_out), spread(arm.training), str(len(arm.training))) for name, arm in arms.items()]
-    note = "Mean ± standard deviation over seeds. Held out: deterministic actions, fresh episodes."
+    how = "as all episodes begin alike, actions have the noise of training" if noisy else "deterministic actions"
+    note = f"Mean ± standard deviation over seeds. Held out: {how}, fresh episodes."
     if known is not None:
         note += f" {known.sentence()}"
     return Table(("reward", "F, held out", "F, maximum over training", "seeds"), rows, note)

@@ -142,6 +142,11 @@ class RunView:
         }
 
     @property
+    def noisy(self) -> bool:
+        """Whether policies play with the noise of training, as all episodes of the task begin alike."""
+        return any(score.noisy for score in self.evaluations.values())
+
+    @property
     def candidates(self) -> tuple[CandidateView, ...]:
         return tuple(candidate for generation in self.generations for candidate in generation.candidates)
 

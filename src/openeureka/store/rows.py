@@ -178,7 +178,8 @@ def encode_evaluation(evaluation: Evaluation) -> dict[str, Any]:
 
 def decode_evaluation(row: Mapping[str, Any]) -> Evaluation:
     """Inverse of `encode_evaluation`. Raises DecodeError for costs that are none."""
-    columns = dict(row)
+    columns: dict[str, Any] = dict(row)
+    columns["noisy"] = bool(row["noisy"])
     columns["costs"] = decode(Costs, row["costs"]) if row["costs"] is not None else {}
     return Evaluation(**columns)
 

@@ -243,6 +243,11 @@ _LOST = "".join(
     for table in ("evaluations", "plays", "trials", "rungs")
 )
 
+_NOISY = "".join(
+    f"ALTER TABLE {table} ADD COLUMN noisy INTEGER NOT NULL DEFAULT 0;  -- whether actions had the noise of training\n"
+    for table in ("evaluations", "plays", "trials", "rungs")
+)
+
 MIGRATIONS: list[str] = [
     _TABLES + _immutable("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations"),
     _REMARKS + _immutable("remarks", "heard"),
@@ -258,6 +263,7 @@ MIGRATIONS: list[str] = [
     _SCREENS + _immutable("screens"),
     _ENDED + _immutable("ended"),
     _LOST,
+    _NOISY,
 ]
 """Script n brings a file from schema n to n + 1. Published scripts are never edited, only followed by new ones."""
 

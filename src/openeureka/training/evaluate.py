@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -37,7 +38,7 @@ def evaluate(
     dynamics: Mapping[str, Dynamics] | None = None,
     episodes: int = 0,
     record: Collection[str] = (),
-    noise: bool = False,
+    noise: bool | None = None,
     device: str = "cpu",
     threads: int = 0,
     alive: Callable[[], None] = lambda: None,
@@ -47,13 +48,15 @@ def evaluate(
     Each world plays one episode; after it nothing counts there, and nothing need move. F is averaged as the task
     defines it, over those episodes; so are costs, which are measured in the same plays.
 
+    A policy plays without noise, but where all episodes begin alike: there they would be one.
+
     Args:
         policies: lane id to safetensors bytes; equal network shapes.
         episodes: of each policy; 0 for `EPISODES`.
         dynamics: lane ids that play in another world than the task's. Where MuJoCo has no part in it there is no other
             world: they play no episode and have no score.
         record: the lanes some of whose episodes come with the score.
-        noise: actions have the noise of training. Where all episodes of a task begin alike, without it they are one.
+        noise: whether actions have the noise of training; None where all episodes begin alike.
         alive: called after every step of all worlds, and what else may take minutes.
     """
     others = {lane for lane, world in (dynamics or {}).items() if world != NOMINAL}
@@ -95,24 +98,37 @@ def evaluate(
     meter = Meter(simulation)
     recorded = [place for place, lane in enumerate(policies) if lane in record]
     recorder = Recorder(simulation.task.spec, recorded, worlds)
-    opened, drawn = [Policy.from_bytes(data) for data in policies.values()], seed + HELD_OUT_SEED if noise else None
-    play = Player(opened, simulation.sim.device, noise=drawn)
-    total, contributions, broken = _play_once(simulation, play, meter, recorder, alive)
+    observation = simulation.reset()
+    alive()
+    noisy = begin_alike(simulation, lanes) if noise is None else noise
+    opened = [Policy.from_bytes(data) for data in policies.values()]
+    play = Player(opened, simulation.sim.device, noise=seed + HELD_OUT_SEED if noisy else None)
+    total, contributions, broken = _play_once(simulation, observation, play, meter, recorder, alive)
     sums, parts = (x.unflatten(1, (lanes, worlds)).transpose(0, 1) for x in (total, contributions))
     lost = broken.view(lanes, worlds).sum(1).tolist()
     costs = meter.read(lanes)
     kept = dict(zip(recorded, recorder.read([sums[place] for place in recorded]), strict=True))
     played = zip(policies, sums, parts, lost, costs, map(kept.get, range(lanes)), strict=True)
-    return scores + [_evaluation(*one) for one in played]
+    return scores + [replace(_evaluation(*one), noisy=noisy) for one in played]
+
+
+def begin_alike(simulation: BatchedEnv, lanes: int = 1) -> bool:
+    """Whether the episodes of every lane, of which none has made a step, are in one state; False where there is one."""
+    state, spec = simulation.current_state(), simulation.task.spec
+    worlds = [state[variable.name].unflatten(0, (lanes, -1)) for variable in spec.variables if variable.kind == "world"]
+    return all(x.shape[1] > 1 and bool((x == x[:, :1]).all()) for x in worlds)
 
 
 def _play_once(
-    simulation: BatchedEnv, play: Player, meter: Meter, recorder: Recorder, alive: Callable[[], None]
+    simulation: BatchedEnv,
+    observation: Tensor,
+    play: Player,
+    meter: Meter,
+    recorder: Recorder,
+    alive: Callable[[], None],
 ) -> tuple[Tensor, Tensor, Tensor]:
     """One episode in every world: the sums (3, N) of value times weight, weight and steps, the contributions (steps, N)
     to the first of them, and (N,) bool, where the physics broke down."""
-    observation = simulation.reset()
-    alive()
     running = torch.ones(simulation.num_worlds, dtype=torch.bool, device=observation.device)
     simulation.sim.playing = running  # changes with it
     broken = torch.zeros_like(running)

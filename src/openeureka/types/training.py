@@ -274,7 +274,7 @@ Limits = Mapping[str, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evaluation:
-    """What one policy scores when it is played: deterministic actions, fresh episodes."""
+    """What one policy scores when it is played in fresh episodes."""
 
     lane: str
     fitness: Finite | None
@@ -286,6 +286,8 @@ class Evaluation:
     where an older version did not count."""
     error: Finite | None = None
     """Standard error of `fitness` over episodes; None where nobody measured it."""
+    noisy: bool = False
+    """Whether actions had the noise of training: without it all episodes of this task would be one."""
     concentration: Finite | None = None
     """Share of the positive contributions to F that the highest twentieth of them makes; None without any."""
     peak: Peak | None = None
