@@ -24,7 +24,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -150,19 +149,27 @@ def main(words: Sequence[str] | None = None) -> None:
     sizes = Sizes(worlds=8, lanes=(1, 2, 3), measure=1.0, train=2.0, parity_steps=3) if options.tiny else full
     if unknown := set(options.lanes or ()) - set(sizes.lanes):
         raise SystemExit(f"--lanes takes {sizes.lanes}, not {min(unknown)}.")
-    wanted = options.env or registry.names(), options.part or KINDS, options.lanes or sizes.lanes
-    run(partial(plan, *wanted, sizes), options.device, sizes, options.out, options.again)
+    envs, kinds = options.env or registry.names(), options.part or KINDS
+    run(options.device, envs, kinds, sizes, options.out, options.again, options.lanes)
 
 
-def run(parts: Callable[[Found], Iterator[Part]], device: str, sizes: Sizes, out: Path, again: bool) -> None:
-    """Every part that the file does not hold."""
+def run(
+    device: str,
+    envs: Sequence[str],
+    kinds: Sequence[str],
+    sizes: Sizes,
+    out: Path,
+    again: bool,
+    lanes: Sequence[int] | None = None,
+) -> None:
+    """Every part that the file does not hold; of training as many lanes as `lanes` says, else all of `sizes`."""
     found = read(out) or {"parts": {}}
     size = {"worlds_per_lane": sizes.worlds, "lanes": list(sizes.lanes)}
     if found["parts"] and found["size"] != size:
         raise SystemExit(f"{out} was measured with {found['size']}; name another file with --out.")
     found |= {"date": today(), "machine": attempt(machine, device), "size": size}
     repeated: set[str] = set()
-    for name, part, extra in parts(found):
+    for name, part, extra in plan(envs, kinds, lanes or sizes.lanes, sizes, found):
         if _done(found, name) and not (again and name not in repeated):
             continue
         repeated.add(name)

@@ -25,6 +25,13 @@ def gpu(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 
 @pytest.fixture
+def parts(gpu: ModuleType) -> ModuleType:
+    import gpu_parts
+
+    return gpu_parts
+
+
+@pytest.fixture
 def sizes(gpu: ModuleType) -> Any:
     return gpu.Sizes(worlds=4, lanes=(1, 2, 3), measure=0.05, train=0.1, parity_steps=2)
 
@@ -43,7 +50,7 @@ def fake(gpu: ModuleType, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
         return run
 
-    rates = {"parity": 0, "raw": 1000, "environment": 800, "training": 500, "human": 7}
+    rates = {"parity": 0, "raw": 1000, "environment": 800, "training": 500, "epoch": 1, "human": 7}
     for name, rate in rates.items():
         monkeypatch.setattr(gpu, name, part(name, rate))
     monkeypatch.setattr(gpu, "_isolated", lambda part, *arguments: part(*arguments))
@@ -60,11 +67,12 @@ def test_every_kind_of_part_is_run_for_every_task(gpu, sizes, fake, tmp_path):
         "environment ant",
         *(f"training ant {lanes} 1" for lanes in (1, 2, 3)),
         "training ant 3 3",
+        "epoch ant",
         "human ant 500",
     ]
     found = json.loads((tmp_path / "gpu.json").read_text())
     assert found["parts"]["processes/ant/3"]["error"] == "RuntimeError: out of memory"
-    assert found["ratios"]["ant"] == {"training over raw stepping": 0.5, "training over environment": 0.625}
+    assert gpu.rows(found)[0] == ["`ant`", "1,000", "800", "500", "", "", "", ""], "of 1, 4 and 16 lanes it was one"
     assert found["machine"]["device"] == "cpu" and found["date"]
 
 
@@ -98,10 +106,10 @@ def test_a_part_that_takes_its_process_down_is_an_error_of_that_part(gpu):
     assert found["seconds"] > 0.0
 
 
-def test_simulation_is_measured(gpu, sizes):
-    parity = gpu.parity(ENV, "cpu", sizes)
+def test_simulation_is_measured(parts, sizes):
+    parity = parts.parity(ENV, "cpu", sizes)
     assert max(found["worst"] for found in parity["differences"]) < 1e-4  # the CPU beside itself
-    raw, environment = gpu.raw(ENV, "cpu", sizes), gpu.environment(ENV, "cpu", sizes)
+    raw, environment = parts.raw(ENV, "cpu", sizes), parts.environment(ENV, "cpu", sizes)
     assert raw["worlds"] == environment["worlds"] == 12  # three lanes of four
     assert raw["steps_per_second"] > environment["steps_per_second"] > 0
     assert environment["broken_worlds"] == 0
@@ -109,29 +117,36 @@ def test_simulation_is_measured(gpu, sizes):
 
 @pytest.mark.timeout(900)  # a minute of compilation on a quiet machine
 @pytest.mark.parametrize("part", ["raw", "environment"])
-def test_a_rate_of_physics_that_lacked_room_is_an_error(gpu, sizes, monkeypatch, part):
+def test_a_rate_of_physics_that_lacked_room_is_an_error(parts, sizes, monkeypatch, part):
     pytest.importorskip("mujoco_warp", reason="pip install 'openeureka[gpu]'")
     monkeypatch.setattr(registry.get("ballbalance"), "max_constraints", 4)  # the pins of its feet are nine rows
-    monkeypatch.setattr(gpu, "RAW_EPISODE", 2)
+    monkeypatch.setattr(parts, "RAW_EPISODE", 2)
     with pytest.raises(CapacityError, match="4 constraints a world"):
-        getattr(gpu, part)("ballbalance", "warp-cpu", sizes)
+        getattr(parts, part)("ballbalance", "warp-cpu", sizes)
 
 
-def test_trainings_are_measured(gpu, sizes):
-    programs = gpu.rewards(ENV, 3)
+def test_trainings_are_measured(parts, sizes):
+    programs = parts.rewards(ENV, 3)
     assert len({str(program) for program in programs}) == 3
-    found = gpu.training(ENV, "cpu", sizes, lanes=2, processes=2)
+    found = parts.training(ENV, "cpu", sizes, lanes=2, processes=2)
     assert found["worlds"] == 8 and found["steps_per_second"] > 0
     assert found["nodes_per_reward"] == sum(len(program.nodes) for program in programs[:2]) / 2
 
 
-def test_the_human_reward_is_trained_for_a_time_and_scored(gpu, sizes, monkeypatch):
+def test_the_human_reward_is_trained_for_a_time_and_scored(gpu, parts, sizes, monkeypatch):
     def evaluate(self: Any, env: str, policies: dict[str, bytes], *, seed: int) -> Iterator[Evaluation]:
         return (Evaluation(lane=lane, fitness=8.5, episode_length=9.0, episodes=1) for lane in policies)
 
-    monkeypatch.setattr(gpu.LocalExecutor, "evaluate", evaluate)  # which would play 256 worlds for 500 steps
-    found = gpu.human(ENV, "cpu", sizes, rate=2 * 4 * 16 * 3 / 0.1)  # three epochs of two lanes
+    monkeypatch.setattr(parts.LocalExecutor, "evaluate", evaluate)  # which would play 256 worlds for 500 steps
+    found = parts.human(ENV, "cpu", sizes, rate=2 * 4 * 16 * 3 / 0.1)  # three epochs of two lanes
     assert set(found["lanes"]) == {"human-s0", "human-s1"}
     assert found["lanes"]["human-s0"]["env_steps"] == 3 * 4 * 16
     assert found["lanes"]["human-s1"]["held_out_at_peak_of_reward"]["fitness"] == 8.5
     assert "of training" in gpu.line("human/cartpole", found)
+
+
+def test_an_epoch_is_taken_apart(gpu, parts, sizes):
+    found = parts.epoch(ENV, "cpu", sizes)
+    assert found["seconds_of_an_epoch"] > 0 and found["steps"] == 16
+    assert (found["seconds_of_the_device"], found["waits"]) == (0, 0), "there is no other device to wait for"
+    assert "waits 0 times" in gpu.line("epoch/cartpole/3", found)
