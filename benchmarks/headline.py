@@ -36,7 +36,7 @@ from openeureka.llm.registry import archived
 from openeureka.numbers import number, spread
 from openeureka.report.view import RunView
 from openeureka.score import clipped, human_normalised, rank
-from openeureka.stats import difference, mean
+from openeureka.stats import all_or_none, difference, mean
 from openeureka.store.db import FILENAME
 
 PLAN = FOLDER / "plans" / "headline.yaml"
@@ -119,6 +119,8 @@ def confirm(env: str, count: int) -> Record:
     again = same and len(known.get("seeds", ())) == count
     rewards = ["human"] if again else ["human", run.best.program.source]
     trained = fresh.trained(run.config, rewards, CONFIRMED / env, count)
+    if trained.noisy != fresh.noisy(env):
+        raise SystemExit(f"{CONFIRMED / env} holds scores without noise: remove it, and the seeds train again.")
     human, generated = (*trained.scores, known["own"]) if again else trained.scores
     return look(trained, human, generated) | ({"generated_on": known["processor"]} if again else {})
 
@@ -190,9 +192,10 @@ def ending(row: Record) -> str:
 
 
 def decidable(row: Record) -> bool:
-    """Whether so few seeds can decide. Where F is 0 or 1, not always: even all against none may be chance."""
+    """Whether so few seeds can decide. Where F is near 0 or 1, not always: even all against none may be chance."""
     own, human, *rivals = row["generated"], row["human"], *row.get("runners_up", {}).values()
-    if not {value for arm in (own, human, *rivals) for value in arm if value is not None} <= {0.0, 1.0}:
+    values = {value for arm in (own, human, *rivals) for value in arm if value is not None}
+    if not values <= {0.0, 1.0} and not all_or_none([*values]):
         return True
     among = [[value for value in arm if value is not None] for arm in rivals]
     split = difference([1.0] * len(own), [0.0] * len(human), among, claims=1 + len(rivals))

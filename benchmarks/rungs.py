@@ -5,7 +5,7 @@
     python benchmarks/rungs.py --env ant --worlds 64 --horizon 32                # a strong model's rewards as well
     make docs                                                                    # tables in docs/concepts/schedule.md
 
-Each lane is one training. At each rung its policy of that moment plays, with mean actions, on start states of its own.
+Each lane is one training. At each rung its policy of that moment plays, as in a search, on start states of its own.
 What is done is in `benchmarks/results/rungs.json` and is not repeated; lanes are trained in parts, each written when it
 is done.
 """

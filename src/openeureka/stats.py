@@ -16,6 +16,8 @@ EARLY = 0.1
 """Of all errors, the share that the looks before the last may make together."""
 CLOSE = 1e-9
 """A spread below this share of the value is rounding."""
+NEAR = 0.25
+"""A share of successes this close to 0 or 1 counts as either."""
 
 
 def mean(values: Sequence[float | None]) -> float | None:
@@ -76,8 +78,9 @@ def difference(
     noisy ones look steady; where it is compared with a noisy one, it adds no noise. Two such that are compared are as
     noisy as the pool, which they are part of. All play the same start states, so what those share is no part of it.
 
-    Where the two rewards have but two values, as where F is 0 or 1, no spread tells what chance does. Then the interval
-    ends at zero at the least, until Fisher's exact test is sure as well.
+    Where the two rewards have but two values, as where F is 0 or 1, no spread tells what chance does. Nor does one
+    where each value is near 0 or near 1: trainings that succeed or do not. Then the interval ends at zero at the least,
+    until Fisher's exact test is sure as well.
 
     Args:
         rivals: scores of the others in the race, for the spread.
@@ -104,9 +107,16 @@ def difference(
     return Difference(value=value, low=value - half, high=value + half, seeds=next(enough, None))
 
 
+def all_or_none(values: Sequence[float]) -> bool:
+    """Whether each value is near 0 or near 1, and some are near either: trainings that succeed or do not."""
+    return min(values) < NEAR < 1 - NEAR < max(values) and all(0 <= min(x, 1 - x) <= NEAR for x in values)
+
+
 def _rates(own: Sequence[float], other: Sequence[float]) -> tuple[float, float] | None:
     """How often each has the higher of two values; None where there are more values than two."""
     low, high = min(*own, *other), max(*own, *other)
+    if all_or_none((*own, *other)):
+        own, other, low, high = *([float(x > 0.5) for x in values] for values in (own, other)), 0.0, 1.0
     rounding = CLOSE * max(abs(low), abs(high))
     if any(min(x - low, high - x) > rounding for x in (*own, *other)):
         return None

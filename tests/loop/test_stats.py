@@ -4,7 +4,7 @@ from random import Random
 
 import pytest
 
-from openeureka.stats import Difference, difference, estimate, mean, midranks, pearson, spent
+from openeureka.stats import Difference, all_or_none, difference, estimate, mean, midranks, pearson, spent
 
 
 def test_mean_leaves_undefined_values_out() -> None:
@@ -133,6 +133,19 @@ def test_intervals_of_successes_hold_as_often_as_they_say(rate: float, never: in
             if found.sure:
                 missed[found.value > 0] += chance
     assert max(missed.values()) < 0.025
+
+
+def test_trainings_that_succeed_or_do_not_are_counted_as_such() -> None:
+    """A success rate of 0.9 beside one of 1 is no spread of what chance deals, which is 0.03 or 0.95."""
+    two, four = (difference([0.99, 0.95, 1.0, 0.98][:n], [0.02, 0.0, 0.01, 0.04][:n]) for n in (2, 4))
+    assert two is not None and four is not None
+    assert (two.sure, four.sure) == (False, True)  # Fisher: 1 / 3, and 2 / 70
+    assert two.low == pytest.approx(0.0) and two.value == pytest.approx(0.96)
+    alike, partial, large = ([0.99, 0.95], [0.9, 0.8]), ([0.99, 0.98], [0.5, 0.51]), ([2.0, 2.01], [0.0, 0.01])
+    for own, other in (partial, large):
+        found = difference(own, other)
+        assert found is not None and found.sure, "no value says success or failure, so the spread tells"
+    assert difference(*alike) is not None and all_or_none([0.0, 1.0]) and not all_or_none([0.9, 1.0])
 
 
 def _binomial(seeds: int, successes: int, rate: float) -> float:

@@ -129,4 +129,7 @@ def test_baselines_measured_beforehand_are_compared_with(tmp_path, monkeypatch):
     view = RunView.read(search_in(tmp_path / "run", [reply(7), reply(8)], baselines="known"))
     assert view.outcome is not None
     assert view.outcome.normalised == pytest.approx((7.01 - 5) / (10 - 5))  # seed 1, held out one less
-    assert measured.sentence() in tables.final(view.outcome, view.known).note
+    note = tables.final(view.outcome, view.known, noisy=False).note
+    assert measured.sentence() in note and "deterministic actions" in note
+    noisy = tables.final(view.outcome, view.known, noisy=True).note
+    assert "actions have the noise of training" in noisy and noisy.endswith("Those played without noise.")

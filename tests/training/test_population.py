@@ -267,7 +267,7 @@ def test_episodes_that_begin_alike_differ_by_noise_alone():
 
 
 @pytest.mark.parametrize(("env", "alike"), [("shadow_hand_door_open_outward", True), ("cartpole", False)])
-def test_policies_play_with_noise_where_all_episodes_begin_alike(env, alike):
+def test_policies_play_with_noise_where_all_episodes_begin_alike(env, alike, monkeypatch):
     from openeureka.training.evaluate import begin_alike, evaluate
 
     simulation = make(env, worlds=3, lane_seeds=[5, 5], threads=1)
@@ -281,6 +281,8 @@ def test_policies_play_with_noise_where_all_episodes_begin_alike(env, alike):
     assert usual == (noisy if alike else quiet) and usual.noisy == alike
     (single,) = evaluate(env, policies, seed=3, episodes=1)
     assert not single.noisy, "one episode is alike with itself"
+    monkeypatch.setattr(simulation.task, "draws_itself", True, raising=False)
+    assert not begin_alike(simulation, 2), "equal starts may go on differently there"
 
 
 def test_correlation_is_pearsons():

@@ -21,7 +21,7 @@ CPU_WORKERS = 8
 """The most processes that share one CPU: each costs 0.4 GB of memory before its worlds."""
 MAX_WORLDS = {"cpu": 16384, "cuda": 65536}
 """On a CPU a world costs about 0.15 MB, of which the model hardly matters (measured on Cartpole and Humanoid). On a GPU
-it has 7 KB (Cartpole) to 0.5 MB (two hands at a door), with all of them 34 GB, and what the solver needs on top."""
+the simulator alone has 76 kB (Ant) to 1 MB (ShadowHand), with all of them 5 to 68 GB (measured on an H200)."""
 
 
 def devices(setting: str) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from .view import RunView
 
 MOST_ARMS = 4
 """Given rewards in the head of a run; the table below holds all."""
+NOISY = "as all episodes begin alike, actions have the noise of training"
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,16 +121,16 @@ def search(run: RunView) -> Table:
     return Table(("during the search", "F when played", "F in training"), rows, note)
 
 
-def final(outcome: Outcome, known: Baselines | None, *, noisy: bool = False) -> Table:
+def final(outcome: Outcome, known: Baselines | None, *, noisy: bool) -> Table:
     """The best reward against the others with fresh seeds. `noisy` says how their policies played."""
     arms = {"best generated": outcome.method}
     arms |= {f"runner-up {place}": arm for place, arm in outcome.rivals.items()}
     arms |= {"human": outcome.human, "sparse": outcome.sparse}
     rows = [(name, spread(arm.held_out), spread(arm.training), str(len(arm.training))) for name, arm in arms.items()]
-    how = "as all episodes begin alike, actions have the noise of training" if noisy else "deterministic actions"
+    how = NOISY if noisy else "deterministic actions"
     note = f"Mean ± standard deviation over seeds. Held out: {how}, fresh episodes."
     if known is not None:
-        note += f" {known.sentence()}"
+        note += f" {known.sentence()}{' Those played without noise.' if noisy else ''}"
     return Table(("reward", "F, held out", "F, maximum over training", "seeds"), rows, note)
 
 
@@ -155,7 +156,7 @@ def given(run: RunView) -> Table:
             )
         )
     titles = ("reward", "F in training", "F held out", "episode length", "correlation", "steps", "time", "score")
-    return Table(titles, rows, note)
+    return Table(titles, rows, f"{note} Held out, {NOISY}." if run.noisy else note)
 
 
 def polished(run: RunView, found: Polished) -> Table:
