@@ -140,7 +140,8 @@ def test_an_older_run_is_finished_where_its_last_rows_say_so(tmp_path, ended):
             search_in(tmp_path / "run", [], model=Dies([]))
     with sqlite3.connect(tmp_path / "run" / FILENAME) as connection:
         for table in ("evaluations", "plays", "trials", "rungs"):
-            connection.execute(f"ALTER TABLE {table} DROP COLUMN lost")
+            for column in ("lost", "noisy"):
+                connection.execute(f"ALTER TABLE {table} DROP COLUMN {column}")
         connection.execute("DROP TABLE ended")
         connection.execute("PRAGMA user_version = 12")
     connection.close()
