@@ -4,15 +4,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from report.scripted import search_in
 
 from openeureka.cli import terminal
 from openeureka.cli.remote import feedback
 from openeureka.cli.terminal import TerminalDesk
 from openeureka.config import RunConfig
 from openeureka.errors import FeedbackError
+from openeureka.events import Began, Event
 from openeureka.store import Store
 from openeureka.store.remarks import remark, spoken, typed
 from openeureka.testing.conformance.search import entries
+from openeureka.testing.scripted import reply
 from openeureka.types import Generation, Place, Remark, RemarkKind
 
 CONFIG = RunConfig(sample=2, iteration=2, feedback="human", feedback_timeout=90)
@@ -24,6 +27,19 @@ JERKY = Remark(kind=RemarkKind.WORDS, text="too jerky")
 def directory(tmp_path: Path) -> Path:
     Store.open(tmp_path / "run", CONFIG).close()
     return tmp_path / "run"
+
+
+@pytest.fixture
+def waiting(tmp_path: Path) -> Path:
+    """A run that was killed while it waited for what a person says of g0s0 and g0s1."""
+
+    def killed(event: Event) -> None:
+        if isinstance(event, Began) and event.phase == "feedback":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        search_in(tmp_path / "waiting", [reply(7), reply(8)], tell=killed, iteration=2, feedback="human")
+    return tmp_path / "waiting"
 
 
 def said(directory: Path) -> tuple[Remark, ...]:
@@ -105,13 +121,21 @@ def test_go_in_a_sentence_does_not_end_the_wait() -> None:
     assert typed("let it go veto=g0s1") == [remark("veto=g0s1"), remark("let it go")]
 
 
-def test_the_command_keeps_what_is_said_and_says_when_the_run_goes_on(directory: Path, capsys) -> None:
-    feedback(directory, ["too jerky"])
+def test_the_command_keeps_what_is_said_and_says_when_the_run_goes_on(waiting: Path, capsys) -> None:
+    feedback(waiting, ["too jerky"])
     assert "when you say `go`" in capsys.readouterr().out
-    feedback(directory, ["go"])
+    feedback(waiting, ["go"])
     assert capsys.readouterr().out == "The run goes on.\n"
-    feedback(directory, ["it", "leans", "back"])
-    assert said(directory) == (JERKY, GO, remark("it leans back"))
+    feedback(waiting, ["it", "leans", "back"])
+    assert said(waiting) == (JERKY, GO, remark("it leans back"))
+
+
+def test_go_before_there_is_something_to_judge_is_refused_and_nothing_kept(directory: Path) -> None:
+    with pytest.raises(FeedbackError, match="^The run in .* has no new policies to judge yet, so nothing was kept; "):
+        feedback(directory, ["too jerky", "go"])
+    assert said(directory) == ()
+    feedback(directory, ["too jerky"])
+    assert said(directory) == (JERKY,)
 
 
 def test_nothing_said_is_refused_with_an_example(directory: Path) -> None:
@@ -125,22 +149,35 @@ class Keyboard(io.StringIO):
         return True
 
 
-def test_the_terminal_shows_each_candidate_and_keeps_lines_typed(directory: Path, monkeypatch, capsys) -> None:
+def test_the_terminal_shows_each_candidate_and_keeps_lines_typed(waiting: Path, monkeypatch, capsys) -> None:
     monkeypatch.setattr("sys.stdin", Keyboard("too jerky\nveto=g9s9\n\n"))
-    monkeypatch.setattr(terminal.select, "select", lambda *lists: (lists[0], [], []))
-    desk = TerminalDesk(directory, CONFIG, [])
+    monkeypatch.setattr(terminal.select, "select", lambda *_: ([], [], []))
+    desk = TerminalDesk(waiting, CONFIG, [])
     desk.invite(Generation(0, tuple(entries(0, [1.0, 2.0]))))
     shown = capsys.readouterr().out
     assert "g0s0       1" in shown and "g0s1       2" in shown
-    assert f"eureka feedback {directory}" in shown
+    assert f"eureka feedback {waiting}" in shown
     assert "Without a word it goes on after 1 min 30 s." in shown
+    monkeypatch.setattr(terminal.select, "select", lambda *lists: (lists[0], [], []))
     desk.listen(0)
     desk.listen(0)
     assert "g9s9 is no trained candidate" in capsys.readouterr().out
     desk.listen(0)
-    assert said(directory) == (JERKY, GO)
+    assert said(waiting) == (JERKY, GO)
     desk.listen(0)  # the end of the input: from now on only other shells are heard
-    assert said(directory) == (JERKY, GO)
+    assert said(waiting) == (JERKY, GO)
+
+
+def test_of_what_was_typed_before_there_was_anything_to_watch_the_words_count_and_go_does_not(
+    waiting: Path, monkeypatch
+) -> None:
+    keyboard = Keyboard("\ntoo jerky go\n\n")
+    monkeypatch.setattr("sys.stdin", keyboard)
+    monkeypatch.setattr(terminal.select, "select", lambda *lists: (lists[0] if keyboard.tell() < 15 else [], [], []))
+    desk = TerminalDesk(waiting, CONFIG, [])
+    desk.invite(Generation(0, ()))
+    desk.listen(0)
+    assert said(waiting) == (JERKY,)
 
 
 def test_a_job_in_the_background_leaves_the_keyboard_alone(directory: Path, monkeypatch) -> None:

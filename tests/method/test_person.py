@@ -233,6 +233,45 @@ def test_what_is_said_while_a_generation_trains_counts_for_the_next_prompt(begin
     assert "> early bird\n" in one.asked(1)
 
 
+def test_a_go_said_while_a_generation_trains_is_refused_and_skips_no_wait(begin) -> None:
+    one = begin()
+    train = one.trainer.train
+
+    def training(*args):
+        if one.model.said == 2:
+            with pytest.raises(FeedbackError, match="has no new policies to judge yet"):
+                say(one.directory, words("early"), GO)
+        return train(*args)
+
+    one.trainer.train = training
+    _, person = one.heard([words("seen")])
+    assert person.asked == [0]
+    assert one.history().generations[0].remarks == (words("seen"), GO)
+
+
+def test_after_the_timeout_a_late_go_is_refused(begin) -> None:
+    one = begin([*SCRIPT, reply(3), reply(4)], iteration=3, feedback_timeout=1e-9)
+    train = one.trainer.train
+
+    def training(*args):
+        if one.model.said == 4:  # of generation 1: the wait after generation 0 is over
+            with pytest.raises(FeedbackError, match="has no new policies to judge yet"):
+                say(one.directory, GO)
+        return train(*args)
+
+    one.trainer.train = training
+    one.go(Silent())
+    assert not any(generation.remarks for generation in one.history().generations)
+
+
+def test_a_go_said_while_a_run_waits_survives_a_kill(begin) -> None:
+    one = begin()
+    with pytest.raises(Killed):
+        one.go(Dying(one.directory, GO))
+    one.go(Silent())
+    assert one.history().generations[0].remarks == (GO,)
+
+
 def test_a_run_that_does_not_listen_or_is_over_says_so(begin) -> None:
     deaf = begin(feedback="none", name="deaf")
     deaf.go()

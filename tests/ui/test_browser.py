@@ -140,6 +140,7 @@ def test_what_a_person_types_opens_and_chooses_survives_the_news(page: Page, tmp
         expect(page.get_by_label("What should be different?")).to_have_value("half a sen")
         expect(page.locator("pre", has_text="Do the thing.")).to_be_visible()
         expect(page.get_by_label("compare g0s0")).to_be_checked()
+        expect(page.get_by_text("The run waits for a person.")).to_be_visible()
         page.get_by_role("button", name="Say, and go on").click()
 
 

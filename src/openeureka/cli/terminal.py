@@ -21,7 +21,7 @@ from ..report.view import VIDEO
 from ..store import artifacts, say
 from ..store.remarks import typed
 from ..text import one_line, plain
-from ..types import Generation, Usage, lane_id
+from ..types import Generation, RemarkKind, Usage, lane_id
 
 CONTROL = "model=random draws by chance and reads neither results nor words. It is the control for a real model."
 
@@ -64,6 +64,8 @@ class TerminalDesk:
     def invite(self, generation: Generation) -> None:
         for films in self._films:
             films.wait()
+        while self._typed_within(0):  # before there was anything to watch: the words count, an Enter ends no wait
+            self._hear(sys.stdin.readline(), go=False)
         print("\n".join(self._invitation(generation)), flush=True)
 
     def _invitation(self, generation: Generation) -> Iterator[str]:
@@ -91,15 +93,19 @@ class TerminalDesk:
     def listen(self, seconds: float) -> None:
         if not (self._listening and _in_front()):
             time.sleep(seconds)
-        elif select.select([sys.stdin], [], [], seconds)[0]:
+        elif self._typed_within(seconds):
             self._hear(sys.stdin.readline())
 
-    def _hear(self, line: str) -> None:
+    def _typed_within(self, seconds: float) -> bool:
+        """Whether there is a line for this process to read."""
+        return self._listening and _in_front() and bool(select.select([sys.stdin], [], [], seconds)[0])
+
+    def _hear(self, line: str, *, go: bool = True) -> None:
         if not line:  # Ctrl-D: the keyboard is silent from now on, other shells are not
             self._listening = False
             return
         try:
-            say(self._directory, *typed(line))
+            say(self._directory, *(said for said in typed(line) if go or said.kind is not RemarkKind.GO))
         except FeedbackError as error:
             print(plain(str(error)))
 

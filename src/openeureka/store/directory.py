@@ -135,7 +135,7 @@ def say(directory: Path | str, *remarks: Remark) -> None:
 
     Raises:
         FeedbackError: when the run waits for no person, repeats what was said in another, is over, or has no such
-            trained candidate, or only a rejected one as the favourite.
+            trained candidate, or only a rejected one as the favourite; for `go` before there is something to judge.
         StoreError: when there is no run.
     """
     with Store.view(directory) as store:
@@ -146,8 +146,20 @@ def say(directory: Path | str, *remarks: Remark) -> None:
             )
         check(store, remarks)
         _expect_standing(store, remarks)
+        if not awaits_go(store) and any(remark.kind is RemarkKind.GO for remark in remarks):
+            raise FeedbackError(
+                f"The run in {store.directory} has no new policies to judge yet, so nothing was kept; leave out `go`, "
+                "or say it when they are trained."
+            )
     with Store.visit(directory) as store:
         store.remarks.say(*remarks)
+
+
+def awaits_go(store: Store) -> bool:
+    """Whether the last trained generation is one to judge that nothing was made of yet. A `go` said earlier would end
+    the wait for one that nobody has watched."""
+    trained = store.glance().generations
+    return 0 < trained <= store.config.hearings and store.remarks.heard(trained - 1) is None
 
 
 def check(store: Store, remarks: Iterable[Remark]) -> None:

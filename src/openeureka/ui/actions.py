@@ -14,7 +14,7 @@ from ..llm import expect, is_plain, open_model
 from ..parsing import parse
 from ..store import Store, artifacts, is_held, is_run
 from ..store.db import LOG, explained
-from ..store.directory import output_directory
+from ..store.directory import awaits_go, output_directory
 from ..store.remarks import remark
 from ..tasks import registry
 from ..types import Remark, RemarkKind
@@ -96,10 +96,10 @@ class Ear(NamedTuple):
 def ear(directory: Path) -> Ear:
     """Raises StoreError when there is no run."""
     with Store.view(directory) as store:
-        hearings, done = store.config.hearings, store.glance().generations
+        hearings = store.config.hearings
         replays = store.config.model.startswith("replay:")  # it repeats what was said
         listens = hearings > 0 and not replays and store.remarks.heard(hearings - 1) is None
-        waits = listens and 0 < done <= hearings and store.remarks.heard(done - 1) is None and is_held(directory)
+        waits = listens and awaits_go(store) and is_held(directory)
     return Ear(listens=listens, waits=waits)
 
 
