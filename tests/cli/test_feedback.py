@@ -180,6 +180,17 @@ def test_of_what_was_typed_before_there_was_anything_to_watch_the_words_count_an
     assert said(waiting) == (JERKY,)
 
 
+def test_a_byte_that_the_locale_cannot_read_ends_no_run(directory: Path, monkeypatch) -> None:
+    class Odd(io.TextIOWrapper):
+        def isatty(self) -> bool:
+            return True
+
+    monkeypatch.setattr("sys.stdin", Odd(io.BytesIO(b"too \xe9 jerky\n"), encoding="utf-8", errors="strict"))
+    monkeypatch.setattr(terminal.select, "select", lambda *lists: (lists[0], [], []))
+    TerminalDesk(directory, CONFIG, []).listen(0)
+    assert said(directory) == (remark("too \ufffd jerky"),)
+
+
 def test_a_job_in_the_background_leaves_the_keyboard_alone(directory: Path, monkeypatch) -> None:
     """A shell stops one that reads what is typed for others."""
 

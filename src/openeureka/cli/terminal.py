@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import select
 import sys
@@ -60,6 +61,8 @@ class TerminalDesk:
     def __init__(self, directory: Path, config: RunConfig, films: Sequence[Filming]) -> None:
         self._directory, self._config, self._films = directory, config, films
         self._listening = sys.stdin is not None and sys.stdin.isatty()
+        if self._listening and isinstance(sys.stdin, io.TextIOWrapper):
+            sys.stdin.reconfigure(errors="replace")  # a key that the locale cannot read must not end the run
 
     def invite(self, generation: Generation) -> None:
         for films in self._films:
