@@ -1,6 +1,7 @@
 import pytest
 
 from openeureka.errors import FeedbackError
+from openeureka.store.remarks import remark
 from openeureka.types import Place, Remark, RemarkKind
 from openeureka.ui import actions
 
@@ -18,6 +19,21 @@ def test_a_form_becomes_remarks():
 
 def test_go_comes_last_so_that_no_words_are_left_behind():
     assert [r.kind for r in actions.read({"go": "1", "words": "stop"})] == [RemarkKind.WORDS, RemarkKind.GO]
+
+
+def test_marks_among_the_words_are_what_they_are_in_a_shell():
+    wanted = [remark("veto=g0s1"), remark("favourite=g0s0"), remark("too jerky,\nlet it go"), remark("go")]
+    assert actions.read({"words": "veto=g0s1 favourite=g0s0\r\ntoo jerky,\r\nlet it go"}) == tuple(wanted[:3])
+    assert actions.read({"words": "veto=g0s1\ngo\nfavourite=g0s0\ntoo jerky,\nlet it go"}) == tuple(wanted)
+    assert actions.read({"words": "go"}) == (remark("go"),)
+    assert actions.read({"words": "too slow favourite=g0s0"}) == (remark("favourite=g0s0"), remark("too slow"))
+    assert actions.read({"words": "set gain=2, please"}) == (remark("set gain=2, please"),)
+
+
+@pytest.mark.parametrize("words", ["favourit=g0s0", "calmer\nvetoe=g0s1", "gain=2"])
+def test_a_misspelt_mark_does_not_become_words_for_the_model(words):
+    with pytest.raises(FeedbackError, match=r"^There is no `\w+=` to say\."):
+        actions.read({"words": words})
 
 
 @pytest.mark.parametrize("form", [{}, {"words": "  "}])

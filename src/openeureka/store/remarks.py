@@ -82,6 +82,12 @@ def spoken(words: Sequence[str]) -> list[Remark]:
     return [remark(part) for part in (*marks, *quoted, " ".join(loose), *last) if part]
 
 
+def is_marked(line: str) -> bool:
+    """Whether a line is more than words: it is `go`, or holds a mark or what was meant for one."""
+    settings = filter(None, map(_SETTING.match, line.split()))
+    return _is_go(line.strip()) or any(nearest(setting[1].lower(), _MARKS) for setting in settings)
+
+
 def remark(word: str) -> Remark:
     """`go`, `favourite=g0s3`, `veto=g0s1`, `vote=g0s3:g0s1`, and everything else are words for the model.
 

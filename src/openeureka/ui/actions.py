@@ -15,7 +15,7 @@ from ..parsing import parse
 from ..store import Store, artifacts, is_held, is_run
 from ..store.db import LOG, explained
 from ..store.directory import awaits_go, output_directory
-from ..store.remarks import remark
+from ..store.remarks import is_marked, remark, typed
 from ..tasks import registry
 from ..types import Remark, RemarkKind
 from ..worker import environment, interpreter
@@ -106,14 +106,18 @@ def ear(directory: Path) -> Ear:
 def read(form: Mapping[str, str]) -> tuple[Remark, ...]:
     """The remarks of a form: `words`, a candidate as `favourite` or `veto`, a `vote` such as g0s3:g0s1, and `go`.
 
+    A line of the words that holds a mark, or is `go`, means what it means in a shell.
+
     Raises:
-        FeedbackError: where a candidate is not named like g0s1, or nothing is said.
+        FeedbackError: where a candidate is not named like g0s1, a mark is misspelt, or nothing is said.
     """
     remarks = [remark(f"{mark}={form[mark]}") for mark in ("favourite", "veto", "vote") if mark in form]
-    if words := form.get("words", "").strip():
-        remarks.append(Remark(kind=RemarkKind.WORDS, text=words))
+    lines = form.get("words", "").splitlines()
+    remarks += [said for line in lines if is_marked(line) for said in typed(line)]
+    if words := "\n".join(line for line in lines if not is_marked(line)).strip():
+        remarks.append(remark(words))
     if "go" in form:
         remarks.append(Remark(kind=RemarkKind.GO))
     if not remarks:
         raise FeedbackError("Nothing was said; write some words, or choose a candidate.")
-    return tuple(remarks)
+    return tuple(sorted(remarks, key=lambda said: said.kind is RemarkKind.GO))  # later words would be left behind
