@@ -12,7 +12,7 @@ from openeureka.cli.terminal import TerminalDesk
 from openeureka.config import RunConfig
 from openeureka.errors import FeedbackError
 from openeureka.events import Began, Event
-from openeureka.store import Store
+from openeureka.store import Store, read_config
 from openeureka.store.remarks import remark, spoken, typed
 from openeureka.testing.conformance.search import entries
 from openeureka.testing.scripted import reply
@@ -122,12 +122,20 @@ def test_go_in_a_sentence_does_not_end_the_wait() -> None:
 
 
 def test_the_command_keeps_what_is_said_and_says_when_the_run_goes_on(waiting: Path, capsys) -> None:
-    feedback(waiting, ["too jerky"])
-    assert "when you say `go`" in capsys.readouterr().out
-    feedback(waiting, ["go"])
-    assert capsys.readouterr().out == "The run goes on.\n"
-    feedback(waiting, ["it", "leans", "back"])
+    with Store.open(waiting, read_config(waiting)):
+        feedback(waiting, ["too jerky"])
+        assert "when you say `go`" in capsys.readouterr().out
+        feedback(waiting, ["go"])
+        assert capsys.readouterr().out == "The run goes on.\n"
+        feedback(waiting, ["it", "leans", "back"])
     assert said(waiting) == (JERKY, GO, remark("it leans back"))
+
+
+@pytest.mark.parametrize("words", [["too jerky"], ["too jerky", "go"]])
+def test_the_command_says_how_a_run_goes_on_that_nobody_works_on(waiting: Path, capsys, words: list[str]) -> None:
+    feedback(waiting, words)
+    told = f"Kept. Nobody works on the run; it goes on with: eureka resume {waiting}\n"
+    assert capsys.readouterr().out == told and said(waiting)[0] == JERKY
 
 
 def test_go_before_there_is_something_to_judge_is_refused_and_nothing_kept(directory: Path) -> None:

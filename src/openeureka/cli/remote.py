@@ -29,6 +29,9 @@ def feedback(directory: Path, words: Sequence[str]) -> None:
     if not remarks:
         raise FeedbackError('Say something, for example: eureka feedback DIR "too jerky" favourite=g0s3 go')
     say(directory, *remarks)
+    if not is_held(directory):
+        print(f"Kept. Nobody works on the run; it goes on with: {command_line('resume', directory)}")
+        return
     go = any(said.kind is RemarkKind.GO for said in remarks)
     print("The run goes on." if go else "Kept for the next generation; the run goes on when you say `go`.")
 
