@@ -165,7 +165,7 @@ def test_the_terminal_shows_each_candidate_and_keeps_lines_typed(waiting: Path, 
     shown = capsys.readouterr().out
     assert "g0s0       1" in shown and "g0s1       2" in shown
     assert f"eureka feedback {waiting}" in shown
-    assert "Without a word it goes on after 1 min 30 s." in shown
+    assert "Without `go` it goes on after 1 min 30 s." in shown
     monkeypatch.setattr(terminal.select, "select", lambda *lists: (lists[0], [], []))
     desk.listen(0)
     desk.listen(0)

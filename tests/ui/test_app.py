@@ -22,7 +22,7 @@ from openeureka.display import now
 from openeureka.events import Began, nobody
 from openeureka.method import given
 from openeureka.method.lanes import Lanes
-from openeureka.store import Store
+from openeureka.store import Store, read_config
 from openeureka.store.db import FILENAME, LOCK, LOG
 from openeureka.store.directory import is_asked_to_stop
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
@@ -364,6 +364,19 @@ def test_words_are_stored_and_shown_and_refused_ones_explained(tmp_path):
     assert ">too fast</textarea>" in refused.text
     with Store.view(tmp_path / "run") as store:
         assert [remark.kind for remark in store.remarks.unheard()][:3] == ["words", "favourite", "vote"]
+
+
+def test_a_run_that_goes_on_by_itself_says_of_no_button_that_it_must_be_pressed(tmp_path):
+    def leave(event):
+        if isinstance(event, Began) and event.phase == "feedback":
+            raise KeyboardInterrupt
+
+    asked = {"iteration": 2, "feedback": "human", "feedback_timeout": 6.0}
+    with pytest.raises(KeyboardInterrupt):
+        search_in(tmp_path / "run", [reply(7), reply(8)], tell=leave, **asked)
+    with Store.open(tmp_path / "run", read_config(tmp_path / "run")):
+        page = shown(visitor(tmp_path), "/runs/run/").flat
+    assert "The run waits for a person. “Say, and go on” ends the wait." in page and "goes on after" not in page
 
 
 def test_buttons_to_judge_stand_only_where_a_run_listens(tmp_path):

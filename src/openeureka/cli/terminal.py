@@ -84,7 +84,7 @@ class TerminalDesk:
         if self._listening:
             yield "or here, a line at a time; an empty line goes on."
         if self._config.feedback_timeout:
-            yield f"Without a word it goes on after {duration(self._config.feedback_timeout)}."
+            yield f"Without `go` it goes on after {duration(self._config.feedback_timeout)}."
 
     def _videos(self, generation: Generation) -> Iterator[tuple[str, str, str]]:
         for entry in generation.entries:
