@@ -109,6 +109,20 @@ def test_a_directory_whose_name_no_disk_takes_is_one_sentence(capsys):
     assert capsys.readouterr().err.startswith(f"Cannot use {'x' * 300}")
 
 
+@pytest.mark.parametrize("before", [(), ("--",)])
+@pytest.mark.parametrize("said", ["- keep the torso upright", "--faster", "-5 is too low", "--max-cost=5", "-x"])
+def test_what_is_said_to_a_run_may_begin_with_a_dash(monkeypatch, before, said):
+    heard = []
+    monkeypatch.setattr("openeureka.cli.remote.feedback", lambda directory, words: heard.append((directory, words)))
+    assert run("feedback", "outputs/walk", *before, said, "go") == 0
+    assert heard == [(Path("outputs/walk"), [said, "go"])]
+
+
+def test_help_is_shown_beside_a_run_too(capsys):
+    assert run("feedback", "outputs/walk", "--help") == 0
+    assert "Example: eureka feedback" in capsys.readouterr().out
+
+
 def test_ctrl_c_exits_with_130(monkeypatch):
     fail_with(KeyboardInterrupt(), monkeypatch)
     assert run("context") == 130

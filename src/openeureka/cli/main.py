@@ -303,13 +303,18 @@ _OPTIONS = ("--help", "--version", "--web", "--json")
 
 
 def _undashed(argv: Sequence[str]) -> list[str]:
-    """The words of a command line. Raises ConfigError for a setting that is written with dashes."""
-    for word, following in zip(argv, [*argv[1:], ""], strict=False):
+    """The words of a command line; after `--` none is an option. Raises ConfigError for a setting that is written with
+    dashes."""
+    words = list(argv)
+    if words[:1] == ["feedback"] and not {"--", "-h", "--help"} & set(words):
+        words.insert(2, "--")  # what is said to a run may begin with a dash
+    settings = words[: words.index("--")] if "--" in words else words
+    for word, following in zip(settings, [*settings[1:], ""], strict=False):
         name, sign, value = word.partition("=")
         if name.startswith("--") and name not in _OPTIONS and len(name) > 2:
             setting = f"{name[2:].replace('-', '_')}={value if sign else following or '...'}"
             raise ConfigError(f"Settings are written without dashes: `{setting}`, not `{word}`.")
-    return list(argv)
+    return words
 
 
 _PLAIN = {"±": "+-", "…": "...", "·": "-", "—": "-"}
