@@ -303,6 +303,22 @@ def test_braces_of_a_program_are_not_taken_for_fields_of_a_template():
         assert "{'{x}': x}" in prompt.messages[2].content and "{feedback} {0}" in prompt.messages[3].content
 
 
+@pytest.mark.parametrize(("style", "limit"), [("free", 4_000), ("grammar", 2_000)])
+def test_early_words_of_a_person_give_way_in_whole_lines(style, limit):
+    early = tuple(f"{number:03d} {'x' * 93}" for number in range(60))  # each 97 characters: 100 with "> " and its end
+    plan = PromptPlan(count=1, opinion=Opinion(words=(*early, "newest")))
+    told = prompts.render(CONTEXT, plan, style).messages[-1].content
+    said = told.split("the newest last:\n")[1].splitlines()
+    kept = limit // 100 - 1  # the newest has 9, so that one fewer has room
+    assert said[: kept + 2] == ["[...]", *(f"> {words}" for words in early[-kept:]), "> newest"]
+
+
+def test_one_long_remark_keeps_its_beginning_and_its_end():
+    plan = PromptPlan(count=1, opinion=Opinion(words=("first " + "x" * 5_000 + " last",)))
+    told = prompts.render(CONTEXT, plan, "free").messages[-1].content
+    assert "> first xxx" in told and "xxx last\n" in told and "\n> [...]\n" in told
+
+
 def test_fences_in_a_program_end_no_code_block():
     program = 'def compute_reward(x):\n    """Pays as\n    ```\n    x\n    ```\n    does."""\n    return x, {}'
     opinion = Opinion(vetoed=(entry(program, "no"),))

@@ -44,6 +44,8 @@ MAX_SIBLINGS, MAX_TERMS, MAX_TERM = 15, 10, 30
 """Other rewards of a generation that a prompt lists, terms of each, and characters of a term's name."""
 MAX_WORDS = 4_000
 """Characters of what a person said; the embedded model is shown half of it."""
+ROOM = 50
+"""Characters within those that a remark of several lines leaves to its marks, so that what is cut fits whole."""
 MAX_REJECTED = 2
 """Rejected programs that a prompt shows, the newest ones."""
 
@@ -248,12 +250,25 @@ def _with_opinion(messages: tuple[Message, ...], opinion: Opinion, limit: int, r
     if opinion.won or opinion.lost:
         lines.append(f"They preferred its policy in {opinion.won} of {opinion.won + opinion.lost} comparisons.")
     if opinion.words:
-        said = "\n".join(f"> {line}" for words in opinion.words for line in clean(words, limit).splitlines())
-        lines += ["They said, the newest last:", said[-limit:]]
+        cleaned = [clean(words, limit - ROOM).splitlines() for words in opinion.words]
+        said = [f"> {line}" for words in cleaned for line in words]
+        lines += ["They said, the newest last:", *_newest(said, limit)]
     for entry in opinion.vetoed[-rejected:] if rejected else ():
         program = clean(entry.sample.candidate.source, MAX_BRIEF_FEEDBACK) if entry.sample.candidate else ""
         lines.append(f"They rejected the policy of this reward function:\n{extract.fenced(program.strip())}")
     return _with_postscript(messages, template("person").format(opinion="\n".join(lines))) if lines else messages
+
+
+def _newest(lines: list[str], limit: int) -> list[str]:
+    """The last lines that have room, whole ones, behind a mark where earlier ones are left out."""
+    kept: list[str] = []
+    for line in reversed(lines):
+        limit -= len(line) + 1
+        if limit < 0:
+            kept.append(_CUT.strip())
+            break
+        kept.append(line)
+    return kept[::-1]
 
 
 def _with_postscript(messages: tuple[Message, ...], text: str) -> tuple[Message, ...]:
