@@ -25,7 +25,7 @@ from openeureka.report import html
 from openeureka.report.view import VIDEO, RunView
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 from openeureka.types import Prompt, Reply, TrainingProgress, Usage
-from openeureka.ui import actions
+from openeureka.ui import actions, follow
 
 from .conftest import PATIENCE, comes_true, served
 from .serving import TOKEN
@@ -199,6 +199,29 @@ def test_a_page_that_has_lost_its_server_says_so_until_it_is_back(chromium: Brow
         expect(page.locator("#lost")).to_have_css("position", "sticky")  # also to who reads far below
         with served(tmp_path, port):
             expect(page.get_by_text("This page no longer hears from eureka ui.")).to_be_hidden()
+
+
+def test_a_page_whose_connection_falls_silent_says_so_and_connects_anew(
+    page: Page, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    search_in(tmp_path / "run", [reply(7), reply(8)])
+    lost = page.get_by_text("This page no longer hears from eureka ui.")
+    page.clock.install()
+    monkeypatch.setattr(follow, "BEAT", 0.1)
+    page.goto("/runs/run/")
+    for _ in range(2):  # 40 s of beats
+        before = page.evaluate("timer")
+        assert comes_true(page, f"timer !== {before}")
+        page.clock.fast_forward(20_000)
+        expect(lost).to_be_hidden()
+    with monkeypatch.context() as patched:
+        patched.setattr(follow, "BEAT", float("inf"))
+        page.wait_for_timeout(1000)  # for a beat that is under way
+        page.clock.fast_forward(30_000)
+        expect(lost).to_be_visible()
+    page.clock.fast_forward(2_000)
+    expect(lost).to_be_hidden()
+    assert comes_true(page, "source.readyState === EventSource.OPEN")
 
 
 def test_lanes_are_followed_while_they_train(page: Page, tmp_path: Path):

@@ -92,4 +92,18 @@ def test_a_page_without_news_hears_a_sign_of_life(monkeypatch):
     async def listen() -> list[str]:
         return [event async for event in events(lambda: version(a="1"), marks(version(a="1")), gone)]
 
-    assert awaited(listen()) == [": here\n\n"]
+    assert awaited(listen()) == ["event: beat\ndata: here\n\n"]
+
+
+def test_a_page_that_is_looked_at_seldom_hears_signs_of_life_between(monkeypatch):
+    monkeypatch.setattr("openeureka.ui.follow.BEAT", 0.0)
+    monkeypatch.setattr("openeureka.ui.follow.PAUSE", 0.0)
+    seen, left = Version(parts=version(a="1").parts, pause=60.0), iter([False, False, True])
+
+    async def gone() -> bool:
+        return next(left)
+
+    async def listen() -> list[str]:
+        return [event.partition("\n")[0] async for event in events(lambda: seen, marks(seen), gone)]
+
+    assert awaited(listen()) == ["event: beat", "event: beat"]

@@ -15,7 +15,8 @@ PAUSE = 1.0
 BLINK = 0.2
 """[s] after which it is seen that nobody looks any more."""
 BEAT = 10.0
-"""[s] after which a page is told that it is still heard of, so that a connection that broke is noticed."""
+"""[s] after which a page is told that it is still heard of, so that either side notices a connection that broke. It is
+an event with a name, as scripts never see comments; `follow.js` waits for two and a half of them."""
 SHARE = 0.01
 """Of one core, which reading and drawing anew may take while a run changes all the time; looking whether it has changed
 takes nearly as much again."""
@@ -91,19 +92,19 @@ async def events(
     """
     due = heard = time.monotonic()
     while not await gone():
-        if time.monotonic() < due:
-            await asyncio.sleep(min(BLINK, PAUSE))
-            continue
-        begun = time.thread_time()
-        version = look()
-        due = time.monotonic() + max(version.pause, (time.thread_time() - begun) / SHARE)
-        changes = version.beyond(shown)
+        changes = None
+        if time.monotonic() >= due:
+            begun = time.thread_time()
+            version = look()
+            due = time.monotonic() + max(version.pause, (time.thread_time() - begun) / SHARE)
+            changes = version.beyond(shown)
         if changes is not None:
             shown = [part.mark for part in version.parts]
             yield f"data: {json.dumps(changes)}\n\n"
         elif time.monotonic() - heard >= BEAT:
-            yield ": here\n\n"
+            yield "event: beat\ndata: here\n\n"
         else:
+            await asyncio.sleep(min(BLINK, PAUSE))
             continue
         heard = time.monotonic()
 

@@ -80,7 +80,9 @@ function renew({ order, changed }) {
   awaitFilms();
 }
 
+const SILENCE = 25000;  // [ms], two and a half beats of ui/follow.py
 let source = null;
+let timer = 0;
 let pressed = false;
 const waiting = [];
 
@@ -95,21 +97,36 @@ function release() {
   setTimeout(() => { if (!pressed) waiting.splice(0).forEach(renew); });  // after the click
 }
 
+function lose() {
+  source?.close();
+  lost.hidden = false;
+  clearTimeout(timer);
+  timer = setTimeout(follow, 2000);
+}
+
+/** A connection that breaks without a word, as when a laptop sleeps or a tunnel stalls, looks open for ever. */
+function awaitBeat() {
+  clearTimeout(timer);
+  timer = setTimeout(lose, SILENCE);
+}
+
 /** Browsers hold few connections to one server: a tab that nobody looks at gives its own back. */
 function follow() {
   source?.close();
   source = null;
+  clearTimeout(timer);
   if (document.hidden) return;
   const address = new URL(parts.dataset.address, location.origin);
   address.searchParams.set("shown", [...parts.children].map((part) => part.dataset.mark).join(","));
   source = new EventSource(address);
   source.onopen = () => { lost.hidden = true; };
-  source.onmessage = ({ data }) => hear(JSON.parse(data));
-  source.onerror = () => {
-    source?.close();
-    lost.hidden = false;
-    setTimeout(follow, 2000);
+  source.onmessage = ({ data }) => {
+    awaitBeat();
+    hear(JSON.parse(data));
   };
+  source.addEventListener("beat", awaitBeat);
+  source.onerror = lose;
+  awaitBeat();
 }
 
 addEventListener("pointerdown", () => { pressed = true; }, true);
