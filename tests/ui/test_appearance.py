@@ -62,6 +62,17 @@ def test_a_phone_shows_where_one_is_and_the_look_in_one_line(page: Page, searche
     expect(page.get_by_label("Where you are")).to_have_text("Runs / run")
 
 
+@pytest.mark.parametrize("width", [375, 1400])
+def test_the_notice_of_a_lost_server_is_wholly_seen_by_who_reads_far_below(page: Page, searched: Path, width: int):
+    page.set_viewport_size({"width": width, "height": 900})
+    page.goto("/runs/run/")
+    page.evaluate("lost.hidden = false; scrollTo(0, 1000)")
+    header, notice = page.locator("header").bounding_box(), page.locator("#lost").bounding_box()
+    assert header is not None and notice is not None
+    assert header["height"] <= notice["y"] < header["height"] + 20
+    assert page.locator("#lost").evaluate("lost => getComputedStyle(lost).paddingTop") != "0px"
+
+
 def test_a_table_stays_scrolled_as_news_comes(page: Page, tmp_path: Path):
     page.set_viewport_size({"width": 375, "height": 900})
     with running(tmp_path / "run", [reply(n) for n in (7, 8, 9, 5)]) as model:
