@@ -139,6 +139,9 @@ def test_the_best_video_is_in_the_page_and_others_are_beside_it(tmp_path):
     (directory / "best" / "video.mp4").write_bytes(b"mp4")
     (directory / "lanes" / result.lane / "video.mp4").write_bytes(b"mp4")
     assert page(directory).links()[1] == "data:video/mp4;base64,bXA0"
+    assert "<video controls muted loop playsinline" in html.report(
+        RunView.read(directory), directory
+    )  # within the page
     assert f"lanes/{result.lane}/video.mp4" in page(directory).links()
     with (directory / "best" / "video.mp4").open("wb") as file:
         file.truncate(html.MAX_EMBEDDED + 1)

@@ -145,6 +145,18 @@ def test_a_finger_reads_the_chart_first_and_only_a_point_leads_on(chromium: Brow
         expect(page).to_have_url(re.compile(r"candidates\?show=g0s0$"))
 
 
+def test_a_phone_does_not_enlarge_the_page_when_a_field_is_touched(chromium: Browser, address: str, searched: Path):
+    fields = "[...document.querySelectorAll('input, select, textarea')]"
+    sizes = f"{fields}.map(one => parseFloat(getComputedStyle(one).fontSize))"
+    view = {"width": 375, "height": 900}
+    with chromium.new_context(base_url=address, has_touch=True, is_mobile=True, viewport=view) as context:
+        page = context.new_page()
+        page.goto(f"{address.replace('//', f'//{guard.USER}:{TOKEN}@')}/open")
+        for place in ("/", "/runs/run/"):
+            page.goto(place)
+            assert min(page.evaluate(sizes)) >= 16, place  # below that iOS does
+
+
 def test_only_the_newest_and_the_best_generation_are_unfolded_and_a_person_folds_them(page: Page, tmp_path: Path):
     script = [reply(n) for n in (3, 4, 9, 5, 6, 7)]
     with running(tmp_path / "run", script, iteration=3) as model:
