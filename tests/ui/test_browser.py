@@ -123,6 +123,11 @@ def test_two_candidates_are_compared_and_the_better_one_gets_the_vote(page: Page
         page.get_by_role("button", name="Better than g0s1").click()
         expect(page.get_by_text("g0s0 is better than g0s1")).to_be_visible()
         expect(page.locator("section.candidate")).to_have_count(2)  # for the next vote
+        veto = page.get_by_role("button", name="Veto")
+        expect(veto).to_have_count(0)  # no slip of a finger beside the votes
+        page.get_by_text("Reject g0s1 for good").click()
+        veto.click()
+        expect(page.get_by_text("veto: g0s1")).to_be_visible()
         page.goto("/runs/run/")
         page.get_by_role("button", name="Say, and go on").click()
         expect(page.get_by_text("Generation 1")).to_be_visible()
