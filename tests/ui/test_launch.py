@@ -191,6 +191,30 @@ def test_an_address_that_is_taken_is_said_in_a_sentence(tmp_path):
         server.listen("192.0.2.1", 0)
 
 
+@pytest.mark.parametrize(("host", "family"), [("0.0.0.0", socket.AF_INET), ("::", socket.AF_INET6)])
+def test_an_address_that_means_all_of_this_machine_is_printed_as_one_to_come_by(monkeypatch, host, family):
+    class Routed(socket.socket):
+        def connect(self, address):
+            assert self.family == family
+
+        def getsockname(self):
+            return ("192.0.2.7" if family == socket.AF_INET else "2001:db8::7", 1)
+
+    monkeypatch.setattr(socket, "socket", Routed)
+    assert server.called(host) == {"0.0.0.0": "192.0.2.7", "::": "[2001:db8::7]"}[host]
+
+
+def test_a_machine_without_a_network_is_called_by_its_name(monkeypatch):
+    class Alone(socket.socket):
+        def connect(self, address):
+            raise OSError("Network is unreachable")
+
+    monkeypatch.setattr(socket, "socket", Alone)
+    monkeypatch.setattr(socket, "gethostname", lambda: "workshop")
+    assert server.called("0.0.0.0") == "workshop"
+    assert server.called("127.0.0.1") == "127.0.0.1" and server.called("::1") == "[::1]"
+
+
 def test_only_loopback_names_are_checked_by_name():
     assert server.names("127.0.0.1") == server.names("::1") == ("127.0.0.1", "localhost", "[::1]")
     assert server.names("0.0.0.0") == ("*",)

@@ -15,12 +15,14 @@ from . import app, guard
 LONGEST_ADDRESS = 1 << 20
 """Bytes of a request's head: an open page says which parts it shows, 13 bytes for each candidate of a run."""
 
+_ALL = ("0.0.0.0", "::")
+
 
 def serve(root: Path, host: str, port: int) -> None:
     """Print the address, with its token, and serve. Raises ConfigError when the address cannot be had."""
     token = secrets.token_urlsafe(24)
     with listen(host, port) as listener:
-        print(f"Open http://{guard.USER}:{token}@{_in_address(host)}:{listener.getsockname()[1]}{app.ENTRANCE}")
+        print(f"Open http://{guard.USER}:{token}@{called(host)}:{listener.getsockname()[1]}{app.ENTRANCE}")
         print("Ctrl-C ends the page; runs go on.", flush=True)
         serving = server(root, token, names(host))
         try:
@@ -60,6 +62,20 @@ def listen(host: str, port: int) -> socket.socket:
 def names(host: str) -> tuple[str, ...]:
     """Under which the page may be called: those of this machine, or any where others can connect."""
     return guard.LOOPBACK if _in_address(host) in guard.LOOPBACK else ("*",)
+
+
+def called(host: str) -> str:
+    """What the address for a browser holds: where `host` means all of this machine, the address by which others reach
+    it, or its name where it has no network."""
+    if host not in _ALL:
+        return _in_address(host)
+    family, beyond = (socket.AF_INET6, "2001:db8::1") if ":" in host else (socket.AF_INET, "192.0.2.1")
+    try:
+        with socket.socket(family, socket.SOCK_DGRAM) as probe:
+            probe.connect((beyond, 9))  # of a datagram: chooses the way there, and sends nothing
+            return _in_address(probe.getsockname()[0])
+    except OSError:
+        return socket.gethostname()
 
 
 def _in_address(host: str) -> str:
