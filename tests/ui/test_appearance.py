@@ -148,9 +148,9 @@ def test_a_finger_reads_the_chart_first_and_only_a_point_leads_on(chromium: Brow
 def test_a_phone_does_not_enlarge_the_page_when_a_field_is_touched(chromium: Browser, address: str, searched: Path):
     fields = "[...document.querySelectorAll('input, select, textarea')]"
     sizes = f"{fields}.map(one => parseFloat(getComputedStyle(one).fontSize))"
-    view = {"width": 375, "height": 900}
-    with chromium.new_context(base_url=address, has_touch=True, is_mobile=True, viewport=view) as context:
+    with chromium.new_context(base_url=address, has_touch=True, is_mobile=True) as context:
         page = context.new_page()
+        page.set_viewport_size({"width": 375, "height": 900})
         page.goto(f"{address.replace('//', f'//{guard.USER}:{TOKEN}@')}/open")
         for place in ("/", "/runs/run/"):
             page.goto(place)

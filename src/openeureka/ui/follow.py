@@ -98,8 +98,8 @@ async def events(
             version = look()
             due = time.monotonic() + max(version.pause, (time.thread_time() - begun) / SHARE)
             changes = version.beyond(shown)
-        if changes is not None:
             shown = [part.mark for part in version.parts]
+        if changes is not None:
             yield f"data: {json.dumps(changes)}\n\n"
         elif time.monotonic() - heard >= BEAT:
             yield "event: beat\ndata: here\n\n"
