@@ -113,14 +113,12 @@ def all_or_none(values: Sequence[float]) -> bool:
 
 
 def _rates(own: Sequence[float], other: Sequence[float]) -> tuple[float, float] | None:
-    """How often each has the higher of two values; None where there are more values than two."""
+    """How often each has the higher of two values, or of two kinds of value; None where there are more than two."""
     low, high = min(*own, *other), max(*own, *other)
-    if all_or_none((*own, *other)):
-        own, other, low, high = *([float(x > 0.5) for x in values] for values in (own, other)), 0.0, 1.0
-    rounding = CLOSE * max(abs(low), abs(high))
-    if any(min(x - low, high - x) > rounding for x in (*own, *other)):
+    near = NEAR if all_or_none((*own, *other)) else CLOSE * max(abs(low), abs(high))
+    if any(min(x - low, high - x) > near for x in (*own, *other)):
         return None
-    one, two = (sum(high - x <= rounding for x in values) / len(values) for values in (own, other))
+    one, two = (sum(high - x <= near for x in values) / len(values) for values in (own, other))
     return one, two
 
 

@@ -94,14 +94,15 @@ class TerminalDesk:
                 yield str(entry.sample.place), number(entry.score), shown
 
     def listen(self, seconds: float) -> None:
-        if not (self._listening and _in_front()):
-            time.sleep(seconds)
-        elif self._typed_within(seconds):
+        if self._typed_within(seconds):
             self._hear(sys.stdin.readline())
 
     def _typed_within(self, seconds: float) -> bool:
-        """Whether there is a line for this process to read."""
-        return self._listening and _in_front() and bool(select.select([sys.stdin], [], [], seconds)[0])
+        """Whether there is a line for this process to read; it takes all the time where there is none."""
+        if not (self._listening and _in_front()):
+            time.sleep(seconds)
+            return False
+        return bool(select.select([sys.stdin], [], [], seconds)[0])
 
     def _hear(self, line: str, *, go: bool = True) -> None:
         if not line:  # Ctrl-D: the keyboard is silent from now on, other shells are not

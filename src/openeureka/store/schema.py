@@ -192,10 +192,15 @@ CREATE TABLE best_policy (                       -- judged as it is, whatever ma
 );
 """
 
-_COSTS = "".join(
-    f"ALTER TABLE {table} ADD COLUMN costs TEXT;  -- beside F; NULL: none were measured\n"
-    for table in ("evaluations", "plays", "trials", "rungs")
-)
+
+def _of_scores(column: str) -> str:
+    """One more column of every table of scores."""
+    return "".join(
+        f"ALTER TABLE {table} ADD COLUMN {column}\n" for table in ("evaluations", "plays", "trials", "rungs")
+    )
+
+
+_COSTS = _of_scores("costs TEXT;  -- beside F; NULL: none were measured")
 
 _ROBUST = """
 ALTER TABLE lanes ADD COLUMN ranges TEXT;        -- by name, what its worlds are drawn from; NULL: as in the run
@@ -238,15 +243,9 @@ CREATE TABLE ended (                 -- a search of which nothing is left but re
 );
 """
 
-_LOST = "".join(
-    f"ALTER TABLE {table} ADD COLUMN lost INTEGER NOT NULL DEFAULT 0;  -- episodes, as the physics broke down\n"
-    for table in ("evaluations", "plays", "trials", "rungs")
-)
+_LOST = _of_scores("lost INTEGER NOT NULL DEFAULT 0;  -- episodes, as the physics broke down")
 
-_NOISY = "".join(
-    f"ALTER TABLE {table} ADD COLUMN noisy INTEGER NOT NULL DEFAULT 0;  -- whether actions had the noise of training\n"
-    for table in ("evaluations", "plays", "trials", "rungs")
-)
+_NOISY = _of_scores("noisy INTEGER NOT NULL DEFAULT 0;  -- whether actions had the noise of training")
 
 MIGRATIONS: list[str] = [
     _TABLES + _immutable("run", "prompts", "replies", "verdicts", "results", "entries", "evaluations"),
