@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import openeureka
@@ -36,7 +37,7 @@ def trained(config: RunConfig, rewards: Sequence[str], directory: Path, count: i
         count: seeds of each; from two on.
 
     Raises:
-        SystemExit: as `held_out` does.
+        SystemExit: as `held_out` does, and where the run's policies played without noise before they were to have it.
     """
     run = openeureka.train(
         config.env,
@@ -48,9 +49,13 @@ def trained(config: RunConfig, rewards: Sequence[str], directory: Path, count: i
         worlds=config.worlds,
         device=config.device,
     )
-    return Trained(list(seeds(run.config)), list(held_out(run, count).values()), run.view.noisy)
+    scores = list(held_out(run, count).values())
+    if run.view.noisy != noisy(config.env):
+        raise SystemExit(f"{directory} holds scores without noise: remove it, and the seeds train again.")
+    return Trained(list(seeds(run.config)), scores, run.view.noisy)
 
 
+@cache
 def noisy(env: str) -> bool:
     """Whether policies of a task play with the noise of training."""
     simulation = registry.make(env, worlds=2)

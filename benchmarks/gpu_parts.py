@@ -6,7 +6,7 @@ import os
 import platform
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from functools import cache
@@ -210,7 +210,7 @@ def _used_memory(device: str) -> int:
 def training(env: str, device: str, sizes: Sizes, lanes: int, processes: int) -> Found:
     """Environment steps a second of training, network updates included, from the moment all processes are under way."""
     programs = rewards(env, max(sizes.lanes))[:lanes]
-    specs = [LaneSpec(id=str(seed), program=program, seed=seed) for seed, program in enumerate(programs)]
+    specs = _lanes(programs)
     budget = TrainBudget(worlds=sizes.worlds, env_steps=ENDLESS)
     steps_per_epoch = sizes.worlds * registry.get(env).recipe.horizon * lanes // processes
     called, began, epochs = time.perf_counter(), 0.0, 0
@@ -233,8 +233,7 @@ def training(env: str, device: str, sizes: Sizes, lanes: int, processes: int) ->
 
 def epoch(env: str, device: str, sizes: Sizes) -> Found:
     """[s] of an epoch of training, and what torch's profiler says of the next ones, which it slows down."""
-    programs = rewards(env, max(sizes.lanes))
-    specs = [LaneSpec(id=str(seed), program=program, seed=seed) for seed, program in enumerate(programs)]
+    specs = _lanes(rewards(env, max(sizes.lanes)))
     trained = Population(env, specs, TrainBudget(worlds=sizes.worlds, env_steps=ENDLESS), device=device)
     stream = trained.train()
     next(stream)
@@ -257,6 +256,11 @@ def epoch(env: str, device: str, sizes: Sizes) -> Found:
         "waits": round(counts.get("cudaStreamSynchronize", 0), 1),
         "steps": trained.horizon,
     }
+
+
+def _lanes(programs: Sequence[RewardGraph]) -> list[LaneSpec]:
+    """A lane each, with a seed of its own."""
+    return [LaneSpec(id=str(seed), program=program, seed=seed) for seed, program in enumerate(programs)]
 
 
 @cache

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import variance
 
+import fresh
 from choosing import JUDGED
 from records import Record, command_line, correlation, keep, machine, results
 
@@ -22,8 +23,7 @@ from openeureka.config import short_name
 from openeureka.numbers import number
 from openeureka.stats import mean
 from openeureka.store import Store
-from openeureka.tasks import registry
-from openeureka.training.evaluate import HELD_OUT_SEED, begin_alike, evaluate
+from openeureka.training.evaluate import evaluate
 
 RESULTS = results("noise")
 EPISODES = 64
@@ -40,12 +40,10 @@ def measure(directory: Path) -> tuple[str, Record]:
     with Store.view(directory) as store:
         lanes = [path.name for path in sorted((directory / "lanes").iterdir())]
         policies = {lane: data for lane in lanes if (data := store.lanes.policy(lane, "fitness")) is not None}
-    simulation = registry.make(env, worlds=4, lane_seeds=[JUDGED + HELD_OUT_SEED])
-    simulation.reset()
     scores = [evaluate(env, policies, seed=JUDGED, episodes=EPISODES, noise=noise) for noise in (False, True)]
     played = [{score.lane: score.fitness for score in one} for one in scores]
     both = {lane: [one[lane] for one in played] for lane in policies}
-    return env, {"alike": begin_alike(simulation), "episodes": EPISODES, "played": both, **machine("cpu")}
+    return env, {"alike": fresh.noisy(env), "episodes": EPISODES, "played": both, **machine("cpu")}
 
 
 def between_seeds(played: Mapping[str, Sequence[float | None]], side: int) -> float | None:
