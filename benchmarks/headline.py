@@ -147,7 +147,7 @@ def outcome(directory: Path, cell: Cell, found: bench.Bench) -> Record:
         "steps": run.config.steps,
         "all_steps": result.steps,
         "minutes": round(result.minutes, 1),
-        **machine("cpu"),
+        **machine(run.config.device),
         "seed": cell.seed,
         "crowned": str(run.best.place),
         "generated": list(ends.method.held_out),
