@@ -1,4 +1,5 @@
 from contextlib import closing
+from dataclasses import replace
 
 import pytest
 
@@ -129,7 +130,8 @@ def test_baselines_measured_beforehand_are_compared_with(tmp_path, monkeypatch):
     view = RunView.read(search_in(tmp_path / "run", [reply(7), reply(8)], baselines="known"))
     assert view.outcome is not None
     assert view.outcome.normalised == pytest.approx((7.01 - 5) / (10 - 5))  # seed 1, held out one less
-    note = tables.final(view.outcome, view.known, noisy=False).note
+    note = tables.final(view, view.outcome).note
     assert measured.sentence() in note and "deterministic actions" in note
-    noisy = tables.final(view.outcome, view.known, noisy=True).note
+    scores = {lane: replace(score, noisy=True) for lane, score in view.evaluations.items()}
+    noisy = tables.final(replace(view, evaluations=scores), view.outcome).note
     assert "actions have the noise of training" in noisy and noisy.endswith("Those played without noise.")

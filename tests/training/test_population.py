@@ -156,6 +156,7 @@ def test_curves_hold_one_point_an_epoch_and_every_component():
     assert set(curves) == whole | {"component_early/angle", "component_late/angle"}
     assert {len(curves[name]) for name in whole} == {4}
     assert curves["reward"] == pytest.approx([-2.0 * (x or 0.0) for x in curves["component/angle"]], rel=1e-4)
+    assert all(float(f"{x:.6g}") == x for x in curves["component/angle"] if x is not None)
     assert result.fitness == max(x for x in curves["fitness"] if x is not None)
 
 

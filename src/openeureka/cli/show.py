@@ -97,7 +97,7 @@ def summary(run: RunView) -> list[str]:
     lines += [f"{name.capitalize()} reward: F {how} {number(run.baseline_score(name))}" for name in run.baselines]
     if run.outcome is not None:
         score = f"Human-normalised score, held out: {number(run.outcome.normalised)}. {tables.scale(run.outcome)}"
-        lines += ["", *_lines(tables.final(run.outcome, run.known, noisy=run.noisy)), score, verdict(run), meaning(run)]
+        lines += ["", *_lines(tables.final(run, run.outcome)), score, verdict(run), meaning(run)]
         lines += [f"Suspected reward hacking: {sign.kind}. {sign.sentence}" for sign in run.signs]
     elif lost := limits_reason(run) or none_found(run):
         lines.append(lost)

@@ -13,7 +13,7 @@ from ..method.hacking import PEAKS, WORLDS, Kind
 from ..numbers import dollars, duration, number, scored, spread
 from ..refine.polishing import Polished, Try
 from ..refine.tuned import ORIGINAL, Tuned
-from ..score import Arm, Baselines, Outcome, human_normalised
+from ..score import Arm, Outcome, human_normalised
 from ..stats import mean
 from ..types import Evaluation, Glance, Remark, RemarkKind
 from .candidates import CandidateView
@@ -121,16 +121,16 @@ def search(run: RunView) -> Table:
     return Table(("during the search", "F when played", "F in training"), rows, note)
 
 
-def final(outcome: Outcome, known: Baselines | None, *, noisy: bool) -> Table:
-    """The best reward against the others with fresh seeds. `noisy` says how their policies played."""
+def final(run: RunView, outcome: Outcome) -> Table:
+    """The best reward of a run against the others with fresh seeds."""
     arms = {"best generated": outcome.method}
     arms |= {f"runner-up {place}": arm for place, arm in outcome.rivals.items()}
     arms |= {"human": outcome.human, "sparse": outcome.sparse}
     rows = [(name, spread(arm.held_out), spread(arm.training), str(len(arm.training))) for name, arm in arms.items()]
-    how = NOISY if noisy else "deterministic actions"
+    how = NOISY if run.noisy else "deterministic actions"
     note = f"Mean ± standard deviation over seeds. Held out: {how}, fresh episodes."
-    if known is not None:
-        note += f" {known.sentence()}{' Those played without noise.' if noisy else ''}"
+    if run.known is not None:
+        note += f" {run.known.sentence()}{' Those played without noise.' if run.noisy else ''}"
     return Table(("reward", "F, held out", "F, maximum over training", "seeds"), rows, note)
 
 

@@ -98,7 +98,7 @@ class Curves:
         waits = [terminated > 0 and not elsewhere for terminated, elsewhere in self._where.tolist()]
         components: list[dict[str, float | None]] = [{} for _ in range(self.lanes)]
         for (lane, name), (total, _) in zip(self.components, self._means.tolist(), strict=True):
-            components[lane][COMPONENT + name] = total / self._steps
+            components[lane][COMPONENT + name] = _short(total / self._steps)
         if parts:
             every = torch.full((len(self.components),), float(self._steps * self.worlds), dtype=torch.float64)
             total, early = (self._means.cpu() * self.worlds).unbind(dim=-1)
@@ -125,14 +125,11 @@ class Curves:
         return fitness, own_means
 
     def learned(self, statistics: Tensor) -> None:
-        """What PPO says of the update (L, 5) that followed the closed epoch; where it is not finite, nothing.
-
-        Six digits: what is stored of these curves is read by people alone.
-        """
+        """What PPO says of the update (L, 5) that followed the closed epoch; where it is not finite, nothing."""
         for curves, row in zip(self.curves, statistics.tolist(), strict=True):
             for name, number in zip(STATISTICS, row, strict=True):
                 if abs(number) < float("inf"):
-                    curves[f"ppo/{name}"][-1] = float(f"{number:.6g}")
+                    curves[f"ppo/{name}"][-1] = _short(number)
 
     def forget_parts(self) -> None:
         """Let no epoch so far count for `early_and_late`."""
@@ -168,3 +165,8 @@ class Curves:
     def correlation(self, lane: int) -> float | None:
         """Of own and human reward over every transition so far."""
         return correlation(self.moments[lane])
+
+
+def _short(value: float) -> float:
+    """Six digits of what people alone read: a store of twenty lanes is half as large for it."""
+    return float(f"{value:.6g}")
