@@ -1,24 +1,27 @@
 """What the paper claims of its parts, asked here: docs/reference/headline.md has the answers.
 
-    python benchmarks/claims.py                        # what is missing; about three hours on 2 cores
+    python benchmarks/claims.py                        # what is missing; about four hours on 2 cores
     python benchmarks/claims.py --env ant --groups first reflection
 
-A group is the eight replies to one prompt: `benchmarks/claims/TASK.json`, for the first `choosing/TASK.json`. Groups
-differ in that prompt or in the model: the first prompt of a search; the second with reward reflection, as our searches
-send it; the same with the score alone; that of a search which began with the human reward; the first prompt again,
-answered by the embedded model. The second prompts tell of the trainings of the task's row in the table. All rewards
+A group is the eight replies to one prompt: the first of them those of the task's row in the table, the others in
+`benchmarks/claims/TASK.json`, or where a longer search asked them in `benchmarks/longer/TASK.json`. Groups differ in
+that prompt or in the model: the first prompt of a search; the second with reward reflection, as our searches send it;
+the same with the score alone; that of a search which began with the human reward; the first prompt again, answered by
+the embedded model. The second prompts tell of the trainings of the task's row in the table. All rewards
 train alike, with one seed that nothing was chosen by, and are judged in the same held-out episodes. Claims are about
 groups, so the spread is that over rewards. A group is a run under `outputs/claims/`; one that was killed goes on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import hypot
+from pathlib import Path
 from statistics import fmean, variance
 
 import fresh
 import headline
+import longer
 import rungs
 from records import FOLDER, OUTPUTS, Record, command_line, interval, keep, machine, read, results, show
 from scipy.stats import t
@@ -30,7 +33,10 @@ from openeureka.stats import mean
 
 REPLIES = FOLDER / "claims"
 RESULTS = results("claims")
-STEPS = {env: load(headline.PLAN).per_task[env]["steps"] for env in ("ant", "ballbalance", "quadcopter")}
+ROWS = load(headline.PLAN).per_task
+LONGER = ("cartpole", "anymal", "shadow_hand_door_open_outward")
+"""Tasks whose second prompt a longer search sent: all that have such a search, but Ant."""
+STEPS = {env: ROWS[env]["steps"] for env in ("ant", "ballbalance", "quadcopter", *LONGER)}
 """Of each lane: those of the task's row."""
 SEED = 300
 """Of all trainings: no search of these rewards used it."""
@@ -58,10 +64,19 @@ def accepted(env: str, replies: Sequence[str]) -> list[str]:
 
 
 def asked(env: str, group: str) -> list[str]:
-    """The replies of a group; the table's row has those of the first."""
+    """The replies of a group; none where nobody asked for them."""
+    row = read(Path(ROWS[env]["model"].removeprefix("replay:")))["replies"]
     if group == "first":
-        return read(FOLDER / "choosing" / f"{env}.json")["replies"]
+        return row
+    if env in LONGER:
+        return read(longer.ARCHIVE / f"{env}.json")["replies"][len(row) : 2 * len(row)] if group == "reflection" else []
     return read(REPLIES / f"{env}.json")["replies"][group]
+
+
+def left(measured: Mapping[str, Record]) -> Iterator[tuple[str, str]]:
+    """The tasks and groups that have replies and are not measured."""
+    for env in STEPS:
+        yield from ((env, group) for group in GROUPS if group not in measured.get(env, {}) and asked(env, group))
 
 
 def measure(env: str, group: str) -> Record:
@@ -96,10 +111,10 @@ def rows(measured: Mapping[str, Record]) -> list[tuple[str, ...]]:
 
 
 def compared(measured: Mapping[str, Record], better: str, worse: str) -> dict[str, tuple[list[float], list[float]]]:
-    """Scores of two groups by task, where both have some."""
+    """Scores of two groups by task, where both have some and these differ: else nothing says how far chance goes."""
     rows = {env: (own[better], own[worse]) for env, own in measured.items() if better in own and worse in own}
     found = {env: (scored(own), scored(other)) for env, (own, other) in rows.items()}
-    return {env: both for env, both in found.items() if min(map(len, both)) > 1}
+    return {env: both for env, both in found.items() if min(map(len, both)) > 1 and any(map(variance, both))}
 
 
 def together(groups: Iterable[tuple[list[float], list[float]]]) -> list[float]:
@@ -135,10 +150,9 @@ if __name__ == "__main__":
     parser.add_argument("--env", nargs="+", choices=STEPS, default=list(STEPS))
     parser.add_argument("--groups", nargs="+", choices=GROUPS, default=list(GROUPS))
     options = parser.parse_args()
-    for env in options.env:
-        for group in options.groups:
-            if group not in read(RESULTS).get(env, {}):
-                row = measure(env, group)
-                keep(RESULTS, env, read(RESULTS).get(env, {}) | {group: row})
-                print(env, group, row["scores"], flush=True)
+    for env, group in left(read(RESULTS)):
+        if env in options.env and group in options.groups:
+            row = measure(env, group)
+            keep(RESULTS, env, read(RESULTS).get(env, {}) | {group: row})
+            print(env, group, row["scores"], flush=True)
     show(*answers(read(RESULTS)))

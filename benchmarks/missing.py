@@ -38,13 +38,7 @@ def left() -> Iterator[list[str]]:
     yield from (["headline.py", "--env", env] for env in load(headline.PLAN).tasks if env not in known)
     yield from (["longer.py", "--env", env] for env in longer.left(read(longer.RESULTS)))
     yield from (["greedy.py", "--env", env] for env, row in read(greedy.RESULTS).items() if greedy.waits(row))
-    known = read(claims.RESULTS)
-    yield from (
-        ["claims.py", "--env", env, "--groups", group]
-        for env in claims.STEPS
-        for group in claims.GROUPS
-        if group not in known.get(env, {})
-    )
+    yield from (["claims.py", "--env", env, "--groups", group] for env, group in claims.left(read(claims.RESULTS)))
     known = read(tune.RESULTS)
     yield from (
         ["tune.py", "--tasks", env, "--kinds", kind]
