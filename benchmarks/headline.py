@@ -36,7 +36,7 @@ from openeureka.llm.registry import archived
 from openeureka.numbers import number, spread
 from openeureka.report.view import RunView
 from openeureka.score import clipped, human_normalised, rank
-from openeureka.stats import all_or_none, difference, mean
+from openeureka.stats import difference, mean, two_valued
 from openeureka.store.db import FILENAME
 
 PLAN = FOLDER / "plans" / "headline.yaml"
@@ -190,14 +190,21 @@ def ending(row: Record) -> str:
 
 
 def decidable(row: Record) -> bool:
-    """Whether so few seeds can decide. Where F is near 0 or 1, not always: even all against none may be chance."""
-    own, human, *rivals = row["generated"], row["human"], *row.get("runners_up", {}).values()
-    values = {value for arm in (own, human, *rivals) for value in arm if value is not None}
-    if not values <= {0.0, 1.0} and not all_or_none([*values]):
+    """Whether so few seeds can decide. Where F has two values, not always: even all against none may be chance."""
+    own, human, *among = (
+        _defined(arm) for arm in (row["generated"], row["human"], *row.get("runners_up", {}).values())
+    )
+    if not two_valued([*own, *human]):
         return True
-    among = [[value for value in arm if value is not None] for arm in rivals]
-    split = difference([1.0] * len(own), [0.0] * len(human), among, claims=1 + len(rivals))
+    low, high = min(*own, *human), max(*own, *human)
+    if low == high:
+        low, high = 0.0, 1.0
+    split = difference([high] * len(own), [low] * len(human), among, claims=1 + len(among))
     return split is not None and split.low > 0
+
+
+def _defined(scores: Sequence[float | None]) -> list[float]:
+    return [score for score in scores if score is not None]
 
 
 def rows(measured: Mapping[str, Record]) -> list[list[str]]:
@@ -213,14 +220,16 @@ def rows(measured: Mapping[str, Record]) -> list[list[str]]:
         if again is not None:
             how = " that play with noise" if again.get("noisy") else ""
             title = f"{first[0]}, {len(again['seeds'])} other seeds{how}"
-            found.append([title, "", *_scores(again, row["sparse"]), ""])
+            sparse = [] if again.get("noisy") else row["sparse"]  # it played without noise
+            found.append([title, "", *_scores(again, sparse), ""])
     return found
 
 
 def _scores(row: Record, sparse: Sequence[float | None]) -> tuple[str, ...]:
     between = interval(*row["difference"], digits=3) if row["difference"] is not None else "-"
     arms = row["generated"], row["human"], sparse
-    score = human_normalised(*map(mean, arms))
+    _, human, least = means = [mean(arm) for arm in arms]
+    score = human_normalised(*means) if human is not None and least is not None and human > least else None
     return *map(spread, arms), between, ending({**row, "confirmed": {}}), number(score, 3), number(clipped(score), 3)
 
 
@@ -231,12 +240,11 @@ def differences(measured: Mapping[str, Record]) -> Iterator[tuple[str, Record]]:
 
 
 def gains(measured: Mapping[str, Record]) -> list[tuple[str, float, float, float]]:
-    """A row a task whose human reward scores: the difference and its interval, as shares of the human one's F."""
+    """A row a task whose rewards do not both score zero: the difference and its interval, as shares of the larger F."""
     found = []
     for name, row in differences(measured):
-        human = mean(row["human"])
-        if human:
-            value, low, high = (end / abs(human) for end in row["difference"])
+        if largest := max(abs(mean(row[arm]) or 0.0) for arm in ("generated", "human")):
+            value, low, high = (end / largest for end in row["difference"])
             found.append((name, value, low, high))
     return found
 

@@ -34,7 +34,8 @@ BEGUN = {BEST: "with the best policy", SCRATCH: "from scratch"}
 ARMS = (PLAIN, LONGER, UNIFORM, "ours")
 RESULTS = results("robust")
 TITLES = (
-    *("task", "trainings begin with", "seeds", *ARMS, "ours minus plain in hard worlds, 95 % interval"),
+    *("task", "trainings begin with", "seeds", *ARMS),
+    *("ours minus plain in hard worlds, 95 % interval", "uniform minus plain"),
     *("ours loses in its own world", "of plain's loss in hard worlds: ours", "uniform"),
 )
 
@@ -93,8 +94,8 @@ def _row(env: str, start: str, seeds: Sequence[Record]) -> list[str]:
     means = {key: mean(values) for key, values in of.items()}
     (nominal, share), (_, uniform) = losses(means, "ours"), losses(means, UNIFORM)
     both = [f"{spread(of[arm, 'nominal'])} / {spread(of[arm, 'hard'])}" if arm in shown else "-" for arm in ARMS]
-    gained = paired(of["ours", "hard"], of[PLAIN, "hard"])
-    return [env, start, str(len(seeds)), *both, gained, *map(_percent, (nominal, share, uniform))]
+    gained = [paired(of[arm, "hard"], of[PLAIN, "hard"]) for arm in ("ours", UNIFORM)]
+    return [env, start, str(len(seeds)), *both, *gained, *map(_percent, (nominal, share, uniform))]
 
 
 def paired(own: Sequence[float | None], other: Sequence[float | None]) -> str:

@@ -70,17 +70,18 @@ def correlations(
 
 
 def bars(rows: Sequence[tuple[str, float, float, float]]) -> str:
-    """Rows of task, and how much more the generated reward's F is than the human one's, as a share of that, with both
-    ends of its interval."""
+    """Rows of task, and how much more the generated reward's F is than the human one's, as a share of the larger, with
+    both ends of its interval."""
     figure = _figure(8.0, 0.6 + 0.34 * len(rows))
     axes = figure.add_subplot()
     for place, (_, value, low, high) in enumerate(rows):
         axes.barh(place, value, color=_colour(better=low > 0.0, worse=high < 0.0), height=0.6)
         axes.plot([low, high], [place, place], "-", color="#222222", linewidth=1.0)
     axes.axvline(0.0, color="#222222", linewidth=1.0)
+    axes.set_xlim(-1.5, 1.5)  # an interval of three seeds can be ten times as wide, and would flatten all others
     axes.set_yticks(range(len(rows)), [task for task, *_ in rows])
     axes.invert_yaxis()
-    axes.set_xlabel("F of the generated reward less that of the human one, held out, as a share of it")
+    axes.set_xlabel("F of the generated reward less that of the human one, held out, as a share of the larger")
     _free(axes)
     return _svg(figure)
 

@@ -17,7 +17,7 @@ NO_LIMITS: Limits = {}
 
 def human_normalised(method: float | None, human: float | None, sparse: float | None) -> float | None:
     """(method - sparse) / |human - sparse| of arXiv 2310.12931, section 4.2: 0 is as good as training on F itself, 1 as
-    good as the reward that people wrote. None when undefined."""
+    good as the reward that people wrote, or -1 where that is the worse of the two. None when undefined."""
     if method is None or human is None or sparse is None or human == sparse:
         return None
     return (method - sparse) / abs(human - sparse)

@@ -107,17 +107,25 @@ def difference(
     return Difference(value=value, low=value - half, high=value + half, seeds=next(enough, None))
 
 
-def all_or_none(values: Sequence[float]) -> bool:
-    """Whether each value is near 0 or near 1, and some are near either: trainings that succeed or do not."""
-    return min(values) < NEAR < 1 - NEAR < max(values) and all(0 <= min(x, 1 - x) <= NEAR for x in values)
+def two_valued(values: Sequence[float]) -> bool:
+    """Whether there are two values at most, or each is near 0 or near 1: trainings that succeed or do not."""
+    low, high, near = min(values), max(values), _near(values)
+    return all(min(x - low, high - x) <= near for x in values)
+
+
+def _near(values: Sequence[float]) -> float:
+    """How far a value may be from the least or the largest of them to count as it."""
+    low, high = min(values), max(values)
+    ends = low < NEAR < 1 - NEAR < high and all(0 <= min(x, 1 - x) <= NEAR for x in values)
+    return NEAR if ends else CLOSE * max(abs(low), abs(high))
 
 
 def _rates(own: Sequence[float], other: Sequence[float]) -> tuple[float, float] | None:
     """How often each has the higher of two values, or of two kinds of value; None where there are more than two."""
-    low, high = min(*own, *other), max(*own, *other)
-    near = NEAR if all_or_none((*own, *other)) else CLOSE * max(abs(low), abs(high))
-    if any(min(x - low, high - x) > near for x in (*own, *other)):
+    both = (*own, *other)
+    if not two_valued(both):
         return None
+    high, near = max(both), _near(both)
     one, two = (sum(high - x <= near for x in values) / len(values) for values in (own, other))
     return one, two
 

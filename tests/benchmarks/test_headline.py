@@ -40,6 +40,7 @@ def row(generated: list[float], human: list[float], difference: list[float] | No
         "generated": generated,
         "human": human,
         "sparse": [0.0],
+        "runners_up": {},
         "difference": difference,
         "score": 1.5,
         "correlation_with_human": 0.5,
@@ -62,6 +63,8 @@ def test_seeds_that_could_not_decide_are_no_draw(headline: ModuleType):
     assert headline.ending(own) == "too few seeds", "with a rival, 3 of 3 against 0 of 4 may be chance"
     assert headline.ending(own | {"runners_up": {}}) == "level", "without, it is not"
     assert headline.ending(own | {"generated": [0.5, 0.25, 1.0]}) == "level", "F has more than two values"
+    rival = {"generated": [1.0] * 3, "human": [1.0, 0.5, 1.0, 1.0], "runners_up": {"g0s1": [0.5, 1.0, 1.0]}}
+    assert headline.ending(own | rival) == "too few seeds", "two values are no more than 0 and 1 are"
     more = {"generated": [1.0] * 9, "human": [0.0, 1.0] * 4 + [1.0], "difference": [0.4, 0.0, 0.8]}
     assert headline.ending(own | {"confirmed": more}) == "level"
     assert "level on 0, worse on 0. On 1 three seeds are too few to tell" in headline.summary({"ant": own})
@@ -99,6 +102,8 @@ def test_seeds_that_chose_nothing_decide_a_row_and_stand_below_it(headline: Modu
     assert second[0] == "ant, 2 other seeds" and "worse" in second and "-2 (-3 to -1)" in second
     assert (first[-3:-1], second[-3:-1]) == (["2.33", "2.33"], ["0.5", "0.5"])  # of the human mean 1.5, and of 4
     assert headline.gains({"ant": own}) == [("ant", -0.5, -0.75, -0.25)]
+    unreached = {**row([3.0, 4.0], [0.0, 0.0], [3.5, 1.75, 5.25]), "confirmed": None}
+    assert headline.gains({"ant": unreached}) == [("ant", 1.0, 0.5, 1.5)], "the strongest win has a bar too"
 
 
 def test_a_reward_of_the_table_trains_again_beside_the_human_one(

@@ -45,7 +45,9 @@ def test_what_it_found_is_judged_with_seeds_that_chose_nothing(
         asked.extend((rewards, directory.name, count))
         return longer.fresh.Trained([4, 5], [[1.0, 2.0], [3.0, 5.0]], noisy=False)
 
-    monkeypatch.setattr(longer.headline, "search", lambda *_: (tmp_path / "store", {"generated": [9.0], "steps": 1}))
+    monkeypatch.setattr(
+        longer.headline, "search", lambda *_: (tmp_path / "store", {"generated": [9.0], "steps": 1, "crowned": "g1s0"})
+    )
     monkeypatch.setattr(longer.headline, "put_away", lambda *_: None)
     monkeypatch.setattr(longer.headline, "archive", lambda *_: run)
     monkeypatch.setattr(longer.fresh, "trained", trained)
@@ -56,8 +58,11 @@ def test_what_it_found_is_judged_with_seeds_that_chose_nothing(
     monkeypatch.setattr(longer, "RESULTS", tmp_path / "longer.json")
     (tmp_path / "longer.json").write_text(json.dumps({"ant": row}))
     assert longer.left({"ant": row}) == [task for task in load(longer.PLAN).tasks if task != "ant"]
-    ((task, *_, human, apart, ending),) = longer.rows({"ant": row})
-    assert (task, human, ending) == ("ant", "1.50 ± 0.71", "level") and apart.startswith("2.5 (")
+    ((task, *_, human, apart, ending, crowned),) = longer.rows({"ant": row})
+    assert (task, human, ending, crowned) == ("ant", "1.50 ± 0.71", "level", "g1s0") and apart.startswith("2.5 (")
+    apart = {"generated": [1.0, 2.0, 3.0], "human": [4.0, 5.0, 6.0], "difference": [-3.0, -5.27, -0.73]}
+    (told,) = longer.rows({"ant": row | {"confirmed": row["confirmed"] | apart}})
+    assert told[-2] == "level", "alone it would be worse, but four are asked"
     assert longer.summary({"ant": row}) == "After three generations 1 of 1 are at or above the human reward."
     lost = row | {"confirmed": row["confirmed"] | {"generated": [1.0, 1.5]}}
     assert "After three generations 1 of 2 are" in longer.summary({"ant": row, "anymal": lost})

@@ -4,7 +4,7 @@ from random import Random
 
 import pytest
 
-from openeureka.stats import Difference, all_or_none, difference, estimate, mean, midranks, pearson, spent
+from openeureka.stats import Difference, difference, estimate, mean, midranks, pearson, spent, two_valued
 
 
 def test_mean_leaves_undefined_values_out() -> None:
@@ -145,7 +145,8 @@ def test_trainings_that_succeed_or_do_not_are_counted_as_such() -> None:
     for own, other in (partial, large):
         found = difference(own, other)
         assert found is not None and found.sure, "no value says success or failure, so the spread tells"
-    assert difference(*alike) is not None and all_or_none([0.0, 1.0]) and not all_or_none([0.9, 1.0])
+    assert difference(*alike) is not None
+    assert two_valued([0.0, 0.9, 1.0]) and two_valued([0.5, 1.0, 1.0]) and not two_valued([0.8, 0.9, 1.0])
 
 
 def _binomial(seeds: int, successes: int, rate: float) -> float:

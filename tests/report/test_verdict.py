@@ -143,7 +143,7 @@ def test_a_score_of_0_beside_a_perfect_f_is_explained() -> None:
     )
     assert perfect.normalised == 0
     assert scale(perfect).endswith(
-        "Here the sparse reward is the better of the two: 0 is better than the human reward."
+        "the sparse reward, -1 as good as the human one. Here the sparse reward is the better of the two."
     )
     assert scale(Outcome(best=None, human=Arm(held_out=(3.0,)), sparse=Arm(held_out=(1.0,)))).endswith("the human one.")
     zeros = Arm(held_out=(0.0, 0.0))

@@ -160,7 +160,8 @@ class Comparison:
         paired = f" Differences are paired by seed{together}." if claims else ""
         return (
             "Means over seeds and 95 % intervals, one search a value. F held out: of the best reward in fresh "
-            "trainings and episodes. Score: 0 is as good as the sparse reward, 1 as the human one; clipped to 0 and 3. "
+            "trainings and episodes. Score: 0 is as good as the sparse reward, 1 as the human one, or -1 where that is "
+            "below the sparse one; clipped to 0 and 3. "
             f"F played, matched steps: the best of the search when it had spent what the cheapest arm did.{paired}"
         )
 

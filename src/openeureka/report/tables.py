@@ -219,13 +219,12 @@ def measures(outcome: Outcome) -> Table:
 
 def scale(outcome: Outcome) -> str:
     """How to read the human-normalised score of a run."""
-    words = "Human-normalised: 0 is as good as the sparse reward, 1 as good as the human one."
+    words = "Human-normalised: 0 is as good as the sparse reward,"
     human, sparse = mean(outcome.human.held_out), mean(outcome.sparse.held_out)
-    if human is None or sparse is None or human > sparse:
-        return words
-    if human == sparse:
-        return f"{words} Here both are equal, and there is no score."
-    return f"{words} Here the sparse reward is the better of the two: 0 is better than the human reward."
+    if human is None or sparse is None or human >= sparse:
+        equal = " Here both are equal, and there is no score." if human is not None and human == sparse else ""
+        return f"{words} 1 as good as the human one.{equal}"
+    return f"{words} -1 as good as the human one. Here the sparse reward is the better of the two."
 
 
 def on_scale(outcome: Outcome | Glance) -> float | None:
