@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 from math import comb
 from typing import get_args
@@ -31,7 +32,6 @@ from openeureka.sandbox.client import Sandbox
 from openeureka.score import rank
 from openeureka.stats import mean
 from openeureka.store import Store
-from openeureka.strategies.strategy import Best
 from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
 from openeureka.types import (
@@ -111,7 +111,7 @@ def measure(env: str, seed: int, threads: int) -> None:
         store = lanes.store
         rewards = programs(env, store)
         results = lanes.train(deal(rewards, [seed], "final" if seed else "candidate"))
-        lanes.play(results, Best(samples=0, peaks=PEAKS))
+        replace(lanes, peaks=PEAKS).play(results)
         known = read(RESULTS).get(env, {"lanes": {}})["lanes"]
         records: Record = {}
         for lane in (lane for lane in results if lane not in known):

@@ -27,12 +27,10 @@ from openeureka.refine.polishing import PARTS
 from openeureka.runs.compose import comparing
 from openeureka.score import played, rank
 from openeureka.stats import mean
-from openeureka.strategies import Best
 from openeureka.types import Lane, PolicyId, RewardProgram, Start
 
 RESULTS = results("polish")
 TASKS = ("quadcopter", "ballbalance", "ant")
-STRATEGY = Best(samples=0)
 AGAIN = 100
 """Added to the seed of a training from scratch for that from the parent with the first share, twice for the next."""
 
@@ -75,8 +73,8 @@ def measure(options: argparse.Namespace, env: str) -> None:
 
 def judge(lanes: Lanes, ids: Mapping[str, object]) -> None:
     """Let policies play, and score the one that stands for each lane on held-out episodes."""
-    lanes.play(ids, STRATEGY)
-    lanes.evaluate(lanes.counted_peaks(ids, STRATEGY))
+    lanes.play(ids)
+    lanes.evaluate(lanes.counted_peaks(ids))
 
 
 def began(lanes: Lanes) -> PolicyId:
@@ -86,7 +84,7 @@ def began(lanes: Lanes) -> PolicyId:
         if lane.start is not None:
             return lane.start.policy
     best = max(plays, key=lambda lane: rank(played(plays[lane]).fitness))
-    return PolicyId(best, lanes.counted_peaks([best], STRATEGY)[best])
+    return PolicyId(best, lanes.counted_peaks([best])[best])
 
 
 def carried(

@@ -41,12 +41,12 @@ def run(
     """
     baselines.chosen(config)  # refuses what was not measured, before anything is paid for
     sampler = Sampler(config, store, model, checker, context, tell)
-    lanes = Lanes(config, store, trainer, tell)
+    lanes = Lanes(config, store, trainer, tell, strategy.ranks, strategy.peaks)
     hearing = Hearing(config, store, desk or EmptyDesk(), tell)
     history = store.history()
     for generation in history.generations:
         tell(generation)
-    history = history.replayed(lanes.play(history.lanes, strategy))  # only if it was stopped while they played
+    history = history.replayed(lanes.play(history.lanes))  # only if it was stopped while they played
 
     for index in range(len(history.generations), config.generations):
         history = hearing.hear(history)
@@ -61,7 +61,7 @@ def run(
         results = lanes.train(wanted)
         if strategy.ranks == "played":
             tell(Began(index, "play"))
-        scores = lanes.play([*history.lanes, *results], strategy)
+        scores = lanes.play([*history.lanes, *results])
 
         entries: list[Scored] = []
         for sample in samples:
@@ -70,15 +70,15 @@ def run(
             feedback = reflect(sample, result, model.style, played, config.cost_limits)
             entries.append(Scored(sample=sample, result=result, played=played, feedback=feedback))
         history = history.replayed(scores).grown(entries)
-        keep(lanes, strategy, Ranking(history).best)
+        keep(lanes, Ranking(history).best)
         store.save_generation(history.generations[-1])
         tell(history.generations[-1])
 
     history = hearing.hear(history)  # where votes decide, the last generation needs some too
     if not tuning.begun(store):
-        conclude(lanes, strategy, history)
+        conclude(lanes, history)
     winner = race.crowned_or_leading(history, store.crown())
-    tuned = tuning.tune_winner(lanes, checker, winner, strategy.peaks) if config.tune else None
+    tuned = tuning.tune_winner(lanes, checker, winner) if config.tune else None
     if config.polish and (tuned is not None or store.crown() is not None):
         polishing.polish(lanes)
     store.end()
@@ -87,7 +87,7 @@ def run(
     return outcome
 
 
-def conclude(lanes: Lanes, strategy: SearchStrategy, history: History) -> None:
+def conclude(lanes: Lanes, history: History) -> None:
     """Confirm the best reward with fresh seeds, then score it beside the human and the sparse one on held-out episodes.
     Where there is one, the store holds its crown, and `best/` its policy.
 
@@ -96,40 +96,38 @@ def conclude(lanes: Lanes, strategy: SearchStrategy, history: History) -> None:
     config, store, tell = lanes.config, lanes.store, lanes.tell
     tell(Began(config.generations, "final"))
     confirmed = store.crown()
-    best = (
-        race.crowned_or_leading(history, confirmed) if confirmed is not None else race.crown(history, lanes, strategy)
-    )
+    best = race.crowned_or_leading(history, confirmed) if confirmed is not None else race.crown(history, lanes)
     if best is None:
-        keep(lanes, strategy, Ranking(history).best)
-        return score_nearest(lanes, strategy, history)
+        keep(lanes, Ranking(history).best)
+        return score_nearest(lanes, history)
     tell(Began(config.generations, "evaluate"))
     finals = lanes.final(race.contenders(history))
-    scores = lanes.evaluate(lanes.counted_peaks([lane for arm in finals.values() for lane in arm], strategy))
+    scores = lanes.evaluate(lanes.counted_peaks([lane for arm in finals.values() for lane in arm]))
     results = store.lanes.results()
     own = {lane: results[lane] for lane in finals[best.candidate_id] if lane in scores}
     winner = max(own, key=lambda lane: worth(scores[lane], config.cost_limits), default=None)
-    keep(lanes, strategy, best, winner)
+    keep(lanes, best, winner)
     if winner is not None:
-        lanes.try_out(hacking.trials(own, winner, lanes.counted_peaks(own, strategy)))
+        lanes.try_out(hacking.trials(own, winner, lanes.counted_peaks(own)))
     if confirmed is None:
         store.save_crown(best.sample.place)
 
 
-def score_nearest(lanes: Lanes, strategy: SearchStrategy, history: History) -> None:
+def score_nearest(lanes: Lanes, history: History) -> None:
     """Where nobody wins, tell that in numbers too: those of the candidate that came nearest, held out."""
     ranking = Ranking(history)
     nearest = ranking.nearest or ranking.best
     if nearest is not None and nearest.result is not None:
         lanes.tell(Began(lanes.config.generations, "evaluate"))
-        lanes.evaluate(lanes.counted_peaks([nearest.result.lane], strategy))
+        lanes.evaluate(lanes.counted_peaks([nearest.result.lane]))
 
 
-def keep(lanes: Lanes, strategy: SearchStrategy, best: Scored | None, lane: str | None = None) -> None:
+def keep(lanes: Lanes, best: Scored | None, lane: str | None = None) -> None:
     """Leave the best reward, if any, in `best/`, with the policy of a lane; None for its lane in the search."""
     if best is None:  # who led may be rejected by now
         return lanes.store.folders.clear("best")
     lane = lane or lane_id(best.candidate_id, lanes.config.seed)
-    lanes.store.save_best(best.sample.candidate, PolicyId(lane, lanes.counted_peaks([lane], strategy)[lane]))
+    lanes.store.save_best(best.sample.candidate, PolicyId(lane, lanes.counted_peaks([lane])[lane]))
 
 
 def summarise(config: RunConfig, store: Store, history: History) -> Outcome:

@@ -10,7 +10,6 @@ from ..events import Began
 from ..score import rank
 from ..stats import mean
 from ..store import Store
-from ..strategies import Best
 from ..types import GIVEN, Candidate, Lane, PolicyId, Reply, RewardProgram, Verdict
 from .lanes import BASELINES, Lanes, Wanted, deal
 
@@ -49,7 +48,7 @@ def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
     Raises:
         EurekaError: what stopped it; all that was finished is stored, and calling again continues.
     """
-    store, strategy = lanes.store, Best(samples=0)
+    store = lanes.store
     rewards = programs(store)
     if not rewards:  # killed between the two first rows of the run
         raise StoreError(
@@ -61,9 +60,9 @@ def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
     lanes.tell(Began(0, "train"))
     results = lanes.train(wanted)
     lanes.tell(Began(0, "play"))
-    lanes.play(results, strategy)
+    lanes.play(results)
     lanes.tell(Began(0, "evaluate"))
-    peaks = lanes.counted_peaks(results, strategy)
+    peaks = lanes.counted_peaks(results)
     scores = lanes.evaluate(peaks)
     fitness = {lane: score.fitness for lane, score in scores.items()}
     arms: dict[str, list[str]] = {}

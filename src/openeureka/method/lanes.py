@@ -14,8 +14,8 @@ from ..errors import WorkerError
 from ..events import Played, Tell
 from ..score import counted_peak, level, played
 from ..store import Store
-from ..strategies import SearchStrategy
 from ..types import (
+    PEAKS,
     Bonus,
     CandidateId,
     Evaluation,
@@ -24,6 +24,7 @@ from ..types import (
     Observe,
     Peak,
     Ranges,
+    Ranks,
     RewardGraph,
     RewardProgram,
     Role,
@@ -154,6 +155,10 @@ class Lanes:
     store: Store
     trainer: Trainer
     tell: Tell
+    ranks: Ranks = "played"
+    """What ranks them: where it is "training", none plays."""
+    peaks: tuple[Peak, ...] = PEAKS
+    """Which policies of a lane may stand for it: that which plays best, or the first where none plays."""
 
     def train(self, wanted: Iterable[Wanted], *, steps: int = 0) -> dict[str, TrainingResult]:
         """Results of all these lanes, by id; those that the store holds are not trained again.
@@ -278,21 +283,21 @@ class Lanes:
         """Lane ids of the final trainings by reward, as far as they are done: see `final_lanes`."""
         return final_lanes(self.config, arms, self.store.lanes.results(), self.store.lanes.plays(), seeds)
 
-    def play(self, ids: Iterable[str], strategy: SearchStrategy) -> dict[str, Evaluation]:
+    def play(self, ids: Iterable[str]) -> dict[str, Evaluation]:
         """What each lane scores by the one of its policies that plays best, on start states kept for choosing; nothing
-        where the strategy ranks by training.
+        where training ranks.
 
         All play some episodes; those candidates that are level with the best of them within the errors of both play
         some more. All of it takes at most about a tenth of the steps of training.
         """
-        if strategy.ranks == "training":
+        if self.ranks == "training":
             return {}
         ids = tuple(dict.fromkeys(ids))
-        self._look(0, ids, strategy.peaks)
+        self._look(0, ids)
         records, beside = self.store.lanes.all(), dict(BASELINES)
         rivals = [lane for lane in ids if records[lane].role == "given" or records[lane].reward not in beside]
         lawful = {lane: s for lane, s in self.first_looks(rivals).items() if not s.broken(self.config.cost_limits)}
-        self._look(1, level(lawful), strategy.peaks)
+        self._look(1, level(lawful))
         scores = self._scores(ids)
         self.tell(Played(scores))
         return scores
@@ -314,20 +319,20 @@ class Lanes:
             if lane in plays
         }
 
-    def _look(self, look: int, ids: Sequence[str], peaks: Sequence[Peak]) -> None:
+    def _look(self, look: int, ids: Sequence[str]) -> None:
         """Let those play that have not yet, in this look, side by side on the same start states."""
         known, results, records = self.store.lanes.plays(), self.store.lanes.results(), self.store.lanes.all()
         # Whose F is undefined wins nothing, unless no episode ended as it went on from a policy for a while.
         ids = [lane for lane in ids if results[lane].fitness is not None or records[lane].start is not None]
         missing: list[tuple[str, Peak]] = [
-            (lane, peak) for lane in ids for peak in peaks if len(known.get(lane, {}).get(peak, ())) <= look
+            (lane, peak) for lane in ids for peak in self.peaks if len(known.get(lane, {}).get(peak, ())) <= look
         ]
         places: dict[str, tuple[str, Peak]] = {f"{lane} {peak}": (lane, peak) for lane, peak in missing}
         policies = {key: self.store.lanes.policy(*place) for key, place in places.items()}
         playing = {key: policy for key, policy in policies.items() if policy is not None}
         if not playing:
             return
-        episodes = affordable([results[lane] for lane in ids], len(peaks))
+        episodes = affordable([results[lane] for lane in ids], len(self.peaks))
         seed = self.config.seed + CHOOSING + look
         scores: list[Evaluation] = []
         play = self.trainer.evaluate
@@ -347,11 +352,11 @@ class Lanes:
                 firsts.setdefault(lane, key)
         return frozenset(firsts.values())
 
-    def counted_peaks(self, ids: Iterable[str], strategy: SearchStrategy) -> dict[str, Peak]:
+    def counted_peaks(self, ids: Iterable[str]) -> dict[str, Peak]:
         """Which of its policies counts for each lane: that which plays best, or the first where none was played."""
         plays = self.store.lanes.plays()
         limits = self.config.cost_limits
-        return {lane: counted_peak(plays.get(lane), strategy.peaks[0], limits) for lane in ids}
+        return {lane: counted_peak(plays.get(lane), self.peaks[0], limits) for lane in ids}
 
     def evaluate(self, ids: Mapping[str, Peak]) -> dict[str, Evaluation]:
         """Held-out scores by lane id, each of the named policy; a lane without it has none."""

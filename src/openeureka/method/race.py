@@ -11,7 +11,7 @@ from ..config import RunConfig
 from ..reward.form import form
 from ..score import Outcome, compare, lawful, level, rank
 from ..stats import difference, mean, spent
-from ..strategies import Ranking, SearchStrategy
+from ..strategies import Ranking
 from ..types import CandidateId, Evaluation, History, Place, Scored, TrainingResult
 from . import baselines
 from .lanes import Lanes, beside, deal, final_lanes, final_seeds, programs
@@ -45,7 +45,7 @@ def contenders(history: History) -> tuple[Scored, ...]:
     return tuple(different.values())[:CONTENDERS]
 
 
-def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | None:
+def crown(history: History, lanes: Lanes) -> Scored | None:
     """The best of the contenders by the played F of fresh trainings; None when nothing ever trained, or each breaks a
     limit, on average over its fresh trainings.
 
@@ -60,7 +60,7 @@ def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | 
     arms = {entry.candidate_id: entry for entry in contenders(history)}
     if not arms:
         return None
-    config, names, raced = lanes.config, list(arms), strategy.ranks == "played"
+    config, names, raced = lanes.config, list(arms), lanes.ranks == "played"
     known, others = baselines.chosen(config), beside(config)[: 1 if raced else None]
     seeds: list[int] = []
     for more in rounds(final_seeds(config), raced=raced):
@@ -68,7 +68,7 @@ def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | 
         if not raced:
             break
         seeds += more  # a resumed race decides each round by what there was in it
-        first, scores = play_finals(lanes, lanes.final(tuple(arms.values()), seeds), strategy)
+        first, scores = play_finals(lanes, lanes.final(tuple(arms.values()), seeds))
         if known is not None:
             scores["human"] = list(known.human.scores)
         able = [name for name in arms if lawful(first[name], history.limits)]
@@ -83,11 +83,11 @@ def crown(history: History, lanes: Lanes, strategy: SearchStrategy) -> Scored | 
 
 
 def play_finals(
-    lanes: Lanes, finals: Mapping[str, Sequence[str]], strategy: SearchStrategy
+    lanes: Lanes, finals: Mapping[str, Sequence[str]]
 ) -> tuple[dict[str, list[Evaluation]], dict[str, list[float]]]:
     """Let final lanes play: their first looks by the name of the reward, and F of those where it is defined."""
     ids = [lane for own in finals.values() for lane in own]
-    lanes.play(ids, strategy)
+    lanes.play(ids)
     played = lanes.first_looks(ids)
     first = {name: [played[lane] for lane in own if lane in played] for name, own in finals.items()}
     return first, {name: [look.fitness for look in own if look.fitness is not None] for name, own in first.items()}

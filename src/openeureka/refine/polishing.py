@@ -7,7 +7,7 @@ What that policy scores is no measure of the reward it was trained under last: f
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..config import RunConfig
 from ..events import Began
@@ -16,8 +16,7 @@ from ..method.lanes import COMPARING, Lanes, Wanted, polish_seeds
 from ..score import breach, gain, worth
 from ..stats import Estimate
 from ..store import Store
-from ..strategies import Best
-from ..types import Evaluation, Lane, Limits, PolicyId, RewardGraph, Start, TrainingResult, Trial
+from ..types import PEAKS, Evaluation, Lane, Limits, PolicyId, RewardGraph, Start, TrainingResult, Trial
 from .tuned import last_index
 
 SHARES = (0.0, 0.1, 0.25, 0.5)
@@ -36,6 +35,7 @@ def polish(lanes: Lanes) -> None:
     Raises:
         EurekaError: what stopped it; all that was finished is stored, and calling again continues.
     """
+    lanes = replace(lanes, ranks="played", peaks=PEAKS)  # whatever the search ranks by
     config, store, log, tell = lanes.config, lanes.store, lanes.store.lanes, lanes.tell
     starts = (lane.start.policy for lane in log.all().values() if lane.role == "polish" and lane.start is not None)
     began = next(starts, None) or store.best()
@@ -46,7 +46,7 @@ def polish(lanes: Lanes) -> None:
     tell(Began(index, "polish"))
     results = lanes.train(deal(config, began, rewards(store, log.all()[began.lane].reward)), steps=steps)
     tell(Began(index, "play"))
-    leader = _leader(lanes.play(results, Best(samples=0)), config.cost_limits)
+    leader = _leader(lanes.play(results), config.cost_limits)
     tell(Began(index, "evaluate"))
     both = [policy for policy in (began, leader) if policy is not None]
     lanes.try_out([Trial(lane=lane, name=COMPARED, peak=peak) for lane, peak in both], starts=COMPARING)

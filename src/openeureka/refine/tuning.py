@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from statistics import median
 
 import numpy as np
@@ -21,8 +22,7 @@ from ..method.sampling import Checker
 from ..reward.weights import Weight, values, weighed, weights
 from ..score import lawful, rank, worth
 from ..store import Store
-from ..strategies import Best
-from ..types import GIVEN, Candidate, Peak, PolicyId, Reply, RewardProgram, Scored, TrainingState, Verdict, lane_id
+from ..types import GIVEN, Candidate, PolicyId, Reply, RewardProgram, Scored, TrainingState, Verdict, lane_id
 from . import tuned
 from .tuned import ORIGINAL
 
@@ -32,8 +32,6 @@ RIVALS = 2
 """Weightings that race the text as it came."""
 DIGITS, FARTHEST = 4, 10.0
 """Of a proposed number; and the most steps that it goes from the one that came."""
-JUDGE = Best(samples=0)
-"""Ranks by what policies play."""
 
 
 class Optimiser:
@@ -87,13 +85,10 @@ def keep(store: Store, origin: Candidate, verdict: Verdict) -> None:
         store.save_given({ORIGINAL: origin.id})
 
 
-def tune(lanes: Lanes, checker: Checker, judge: Best = JUDGE) -> PolicyId | None:
+def tune(lanes: Lanes, checker: Checker) -> PolicyId | None:
     """Train rounds of weightings, race the best of them against the text as it came, and score the racers held out.
 
     `best/` gets the better one of the text as it came and the winner among the others, by mean held-out F.
-
-    Args:
-        judge: says which policies of a lane may stand for it.
 
     Returns:
         The policy in `best/`.
@@ -116,28 +111,25 @@ def tune(lanes: Lanes, checker: Checker, judge: Best = JUDGE) -> PolicyId | None
         candidates = [kept[name] for name in names]
         last = own is every[-1]
         over = bool(_raced(lanes, kept)) if last else _name(own.stop) in kept
-        _train(lanes, index, candidates, judge, over=over)
+        _train(lanes, index, candidates, over=over)
         if not last:
             optimiser.tell(*_scores(lanes, candidates, origin))
-    return _race(lanes, judge)
+    return _race(lanes)
 
 
-def tune_winner(lanes: Lanes, checker: Checker, winner: Scored | None, peaks: tuple[Peak, ...]) -> PolicyId | None:
+def tune_winner(lanes: Lanes, checker: Checker, winner: Scored | None) -> PolicyId | None:
     """Fit the numbers of what a search found, where it found a reward that has some.
-
-    Args:
-        peaks: the policies that may stand for a lane in the search: by one of these its winner is judged already.
 
     Returns, Raises:
         EurekaError: as `tune` does.
     """
-    judge = Best(samples=0, peaks=peaks)
+    lanes = replace(lanes, ranks="played")  # with the search's own peaks: its winner is judged by one of these
     if begun(lanes.store):  # what it trains may have changed who leads, where nobody is crowned
-        return tune(lanes, checker, judge)
+        return tune(lanes, checker)
     found = winner.sample if winner is not None else None
     if found is not None and found.candidate is not None and weights(found.candidate.source):
         keep(lanes.store, found.candidate, found.verdict)
-        return tune(lanes, checker, judge)
+        return tune(lanes, checker)
     return None
 
 
@@ -167,7 +159,7 @@ def _programs(store: Store, candidates: Iterable[Candidate]) -> list[tuple[str, 
     return [(own.id, program) for own in candidates if (program := given.program(store, own.id)) is not None]
 
 
-def _train(lanes: Lanes, index: int, candidates: Iterable[Candidate], judge: Best, *, over: bool) -> None:
+def _train(lanes: Lanes, index: int, candidates: Iterable[Candidate], *, over: bool) -> None:
     """Train and play the weightings of a round.
 
     Args:
@@ -177,7 +169,7 @@ def _train(lanes: Lanes, index: int, candidates: Iterable[Candidate], judge: Bes
     results = lanes.train(deal(_programs(lanes.store, candidates), [lanes.config.seed], "tuned"))
     if not over:
         lanes.tell(Began(lanes.config.generations + index, "play"))
-        lanes.play(results, judge)
+        lanes.play(results)
 
 
 def _scores(
@@ -196,7 +188,7 @@ def _scores(
     return [own for own in numbers if own is not None], [kept.get(lane) for lane in ids]
 
 
-def _race(lanes: Lanes, judge: Best) -> PolicyId | None:
+def _race(lanes: Lanes) -> PolicyId | None:
     """Train those that lead and the text as it came with fresh seeds, more of them only while it is undecided."""
     config, store = lanes.config, lanes.store
     texts = store.texts()
@@ -208,14 +200,14 @@ def _race(lanes: Lanes, judge: Best) -> PolicyId | None:
         seeds += more
         lanes.train(deal(_programs(store, [arms[name] for name in (ORIGINAL, *racing)]), more, "final"))
         own = tuned.final_lanes(config, arms, store.lanes.results(), seeds)
-        looks, scores = race.play_finals(lanes, own, judge)
+        looks, scores = race.play_finals(lanes, own)
         racing = [name for name in racing if name in looks and lawful(looks[name], config.cost_limits)]
         racing = race.running(scores, racing)
         strict = claims / race.share(config, len(seeds))
         if len(racing) < 2 and (not racing or race.sure(scores, racing[0], ORIGINAL, strict)):
             break
     lanes.tell(Began(tuned.last_index(config), "evaluate"))
-    return _conclude(lanes, texts, judge)
+    return _conclude(lanes, texts)
 
 
 def _raced(lanes: Lanes, texts: tuned.Texts) -> list[str]:
@@ -235,7 +227,7 @@ def _leading(lanes: Lanes, texts: tuned.Texts) -> list[str]:
     return [name for name in texts if name in best]  # as `_raced` finds them again
 
 
-def _conclude(lanes: Lanes, texts: tuned.Texts, judge: Best) -> PolicyId | None:
+def _conclude(lanes: Lanes, texts: tuned.Texts) -> PolicyId | None:
     """Score the final trainings on held-out episodes, and leave the better reward in `best/`.
 
     Returns: its policy; None where that breaks a limit.
@@ -243,7 +235,7 @@ def _conclude(lanes: Lanes, texts: tuned.Texts, judge: Best) -> PolicyId | None:
     config, store = lanes.config, lanes.store
     results = store.lanes.results()
     own = tuned.final_lanes(config, texts, results)
-    peaks = lanes.counted_peaks([lane for ids in own.values() for lane in ids], judge)
+    peaks = lanes.counted_peaks([lane for ids in own.values() for lane in ids])
     scores = lanes.evaluate(peaks)
     found = tuned.read(config, texts, results, lanes.scores(), scores)
     if found is None or not own[found.better]:

@@ -10,7 +10,7 @@ from typing import Literal, Protocol
 from ..config import RunConfig
 from ..errors import ConfigError
 from ..plugins import Door
-from ..types import History, Opinion, Peak, PromptPlan, Ranks, RemarkKind, Scored, VerdictCode
+from ..types import PEAKS, History, Opinion, Peak, PromptPlan, Ranks, RemarkKind, Scored, VerdictCode
 from .ranking import Ranking
 
 
@@ -56,7 +56,7 @@ class Best:
 
     samples: int
     ranks: Ranks = "played"
-    peaks: tuple[Peak, ...] = ("reward", "last", "fitness")
+    peaks: tuple[Peak, ...] = PEAKS
 
     def ask(self, history: History, rng: Random) -> Sequence[PromptPlan]:
         ranking = Ranking(history)

@@ -24,6 +24,7 @@ from .tasks import StateKind, StateSpec, StateUse, StateVar, TaskContext
 from .training import (
     COMPONENT,
     COSTS,
+    PEAKS,
     Bonus,
     Checkpoint,
     Episodes,
@@ -55,6 +56,7 @@ __all__ = [
     "COSTS",
     "GIVEN",
     "NOMINAL",
+    "PEAKS",
     "PROGRESS",
     "Arg",
     "Attempt",

@@ -16,6 +16,8 @@ RewardProgram = RewardGraph | Literal["human", "sparse"]
 
 Peak = Literal["fitness", "reward", "last"]
 """Which of a lane's policies: where F was highest in training, where its own reward was, or the one at the end."""
+PEAKS: tuple[Peak, ...] = ("reward", "last", "fitness")
+"""Those that are played to find the one that stands for a lane."""
 
 Observe = Literal["all", "measurable"]
 
