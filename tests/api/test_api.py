@@ -235,6 +235,13 @@ def test_settings_that_do_not_fit_are_refused_as_on_the_command_line(tmp_path, s
     assert sentence in str(refused.value) and not (tmp_path / "run").exists()
 
 
+def test_the_model_of_a_search_that_is_refused_is_closed(tmp_path):
+    model = ScriptedModel(SCRIPT)
+    with pytest.raises(ConfigError, match="There is no search `bst`"):
+        search(tmp_path / "run", model, search="bst")
+    assert model.closed == 1 and not (tmp_path / "run").exists()
+
+
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [

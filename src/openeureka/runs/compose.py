@@ -156,18 +156,17 @@ def _parts(
     if config.init and not begun:
         sampling.given(config)  # refuses what cannot be read, before a model is opened
     trainer = trainer_of(config, directory)
-    model = priced(model, config) if model is not None else _model(config, directory)
-    if begun:  # its model may be its own replies now, which do not say in which style they were asked
-        before = read_config(directory)
-        config = replace(config, sample=config.sample or before.sample, iteration=config.iteration or before.iteration)
-    config = strategies.sized(config, model.style)
-    strategy = strategies.make(config)  # refuses what is none; a run of before may rank otherwise, so it is made again
-    expect_free(directory, config)
-    with host.working("Trying the task out"):
-        states = record_states(config.env)
-    host.begins(config, directory)
-    task = informed(task, states, config)
-    try:
+    with closing(priced(model, config) if model is not None else _model(config, directory)) as model:
+        if begun:  # its model may be its own replies now, which do not say in which style they were asked
+            old = read_config(directory)
+            config = replace(config, sample=config.sample or old.sample, iteration=config.iteration or old.iteration)
+        config = strategies.sized(config, model.style)
+        strategy = strategies.make(config)  # refuses what is none; a run of before may rank otherwise: it is made again
+        expect_free(directory, config)
+        with host.working("Trying the task out"):
+            states = record_states(config.env)
+        host.begins(config, directory)
+        task = informed(task, states, config)
         worlds = config.worlds or get(config.env).recipe.worlds
         with Sandbox(task.state, states, worlds=worlds, unsafe=config.unsafe_no_sandbox) as checker:
             if not begun:
@@ -184,8 +183,6 @@ def _parts(
                 strategy = strategies.make(config, store.ranks)
                 tell = everyone(*log, *films, *mirrors, view)
                 yield config, store, model, checker, trainer, task, strategy, tell, desk
-    finally:
-        model.close()
 
 
 def _model(config: RunConfig, directory: Path) -> LanguageModel:
@@ -294,7 +291,6 @@ def robust(
         training = planned(store, wanted.start, wanted.steps)
     _expect_storable(config, config.env, training.steps, "steps=")
     trainer, mechanics = trainer_of(config, directory), task.compile_model()
-    model = priced(model, config) if model is not None else open_model(config)
     robot = Robot(
         task=task.description,
         description=ranges.described(task, mechanics),
@@ -304,7 +300,7 @@ def robust(
     )
     began = stored(directory)
     with (
-        closing(model),
+        closing(priced(model, config) if model is not None else open_model(config)) as model,
         _store(directory, began) as store,
         continuable(again, store),
         stoppable(directory),
