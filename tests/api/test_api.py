@@ -354,7 +354,9 @@ def test_more_epochs_than_a_row_can_hold_are_refused_before_they_train(tmp_path)
         ({"curriculum": "stages.yaml"}, "are 3,906,250 epochs.* or fewer steps= or `steps:` of its stage"),
     ],
 )
-def test_so_are_those_of_what_follows_a_search_and_of_stages(tmp_path, settings, sentence):
+def test_so_are_those_of_what_follows_a_search_and_of_stages(tmp_path, monkeypatch, settings, sentence):
+    """Before the executor is made, which may start a cluster."""
+    monkeypatch.setattr("openeureka.executors.local.LocalExecutor", lambda **_: pytest.fail("an executor was made"))
     (tmp_path / "stages.yaml").write_text("- {steps: 1e9}\n- {}\n")
     if "curriculum" in settings:
         settings = {**settings, "curriculum": str(tmp_path / "stages.yaml")}

@@ -35,6 +35,7 @@ from ..tasks import costs, curriculum, ranges
 from ..tasks.context import context, informed
 from ..tasks.record import record_states, try_out
 from ..tasks.registry import get
+from ..tasks.task import Stage
 from ..training.curriculum import CurriculumTrainer, shares
 from ..types import Candidate, Ranks, TaskContext, Trainer, Usage, Verdict
 from . import inputs, trust
@@ -341,23 +342,24 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
     Raises:
         ConfigError: for an executor, a device, a curriculum or ranges that do not exist or do not fit.
     """
-    options: dict[str, object] = {
-        "device": config.device,
-        "threads": config.threads,
-        "snapshots": directory / "snapshots",
-    }
     if config.address and config.executor == "local":
         raise ConfigError("`address=` names a Ray cluster: add executor=ray, or say `address=` with nothing after it.")
-    options |= {"address": config.address} if config.address else {}
-    trainer: Trainer = EXECUTORS.make(config.executor, **options)
     _expect_storable(config, config.env, config.steps, "steps=")
     if config.polish_steps:
         _expect_storable(config, config.env, config.polish_steps, "polish_steps=")
     ranges.find(config.env, config.randomise)  # refuses what does not fit
     if config.observe != "all" and not (task := get(config.env)).unmeasured:
         raise ConfigError(f"All that `{task.env}` observes counts as measurable: leave observe=measurable out.")
-    if not config.curriculum:
-        return trainer
+    stages = _stages(config) if config.curriculum else ()
+    options: dict[str, object] = {"device": config.device, "threads": config.threads}
+    options |= {"snapshots": directory / "snapshots"}
+    options |= {"address": config.address} if config.address else {}
+    trainer: Trainer = EXECUTORS.make(config.executor, **options)  # last: it may start what runs on
+    return CurriculumTrainer(trainer, stages, StageFiles(directory)) if stages else trainer
+
+
+def _stages(config: RunConfig) -> tuple[Stage, ...]:
+    """Those of the curriculum. Raises ConfigError where they cannot train with the other settings."""
     stages = curriculum.find(config.env, config.curriculum)
     if config.observe != "all" and len({get(stage.env).unseen("measurable") for stage in stages}) > 1:
         raise ConfigError(
@@ -366,7 +368,7 @@ def trainer_of(config: RunConfig, directory: Path) -> Trainer:
         )
     for stage, steps in zip(stages, shares(stages, config.steps), strict=True):
         _expect_storable(config, stage.env, steps, "steps= or `steps:` of its stage")
-    return CurriculumTrainer(trainer, stages, StageFiles(directory))
+    return stages
 
 
 def _expect_storable(config: RunConfig, env: str, steps: int, said: str) -> None:
