@@ -17,9 +17,10 @@ from ..store import Store
 from ..store.directory import output_directory
 from ..tasks.registry import get
 from ..types import Verdict
-from . import compose, rewards, trust
+from . import compose, rewards
 from .program import Event, Tell, done, followed
 from .run import Run
+from .trust import agree, remember
 
 # --- settings: what they mean, the fields of `config.RunConfig` and `config.TrainConfig` say ------------------------
 
@@ -185,7 +186,7 @@ def train(
     """
     config, listed = TrainConfig(**taken(TrainConfig, {"env": env, **settings})), _listed(reward)
     get(config.env)
-    trust.remember(config)
+    remember(config)
     programs = rewards.named(config, listed)
     directory = output_directory(config.dir, config.env, "train_")
     return done(directory, on_event, lambda host: compose.train(config.run_config(), directory, programs, host))
@@ -229,7 +230,7 @@ def tune(
     _expect("reward", reward, "a name, a path or the text of a program")
     config = TuneConfig(**taken(TuneConfig, {"env": env, **settings}))
     get(config.env)
-    trust.remember(config)
+    remember(config)
     program = rewards.to_tune(config, reward)
     directory = output_directory(config.dir, config.env, "tune_")
     return done(directory, on_event, lambda host: compose.tune(config.run_config(), directory, program, host))
@@ -239,7 +240,7 @@ def robust(
     run: Run | str | Path,
     *,
     model: str | LanguageModel = "",
-    trusted: bool = False,
+    trust: bool = False,
     on_event: Tell | None = None,
     **settings: Unpack[RobustSettings],
 ) -> Run:
@@ -253,7 +254,7 @@ def robust(
     Args:
         run: the run, or its directory.
         model: as in `search`; empty means the run's own.
-        trusted: use what the run names and you never used on this machine: addresses, files, models.
+        trust: use what the run names and you never used on this machine: addresses, files, models.
         on_event: as in `search`.
         settings: those of `eureka robust`, by the same names.
 
@@ -270,7 +271,7 @@ def robust(
     wanted = RobustConfig(**typed)
     config = wanted.applied_to(compose.stored(directory), typed)
     given = [key for key, value in typed.items() if value]
-    trust.agree(config, directory, typed=given, trusted=trusted, way="call robust(..., trusted=True)")
+    agree(config, directory, typed=given, trusted=trust, way="call robust(..., trust=True)")
     words = [repr(str(directory)), *(f"{key}={value!r}" for key, value in typed.items() if key != "model")]
     if own is not None or name:
         words.append("model=..." if own is not None else f"model={name!r}")  # what prints as itself is no object
@@ -310,7 +311,7 @@ def open_run(directory: str | Path) -> Run:
 
 
 def resume(
-    run: Run, *, model: LanguageModel | None, trusted: bool, on_event: Tell | None, settings: Mapping[str, object]
+    run: Run, *, model: LanguageModel | None, trust: bool, on_event: Tell | None, settings: Mapping[str, object]
 ) -> Run:
     """See `Run.resume`."""
     if model is not None:
@@ -318,7 +319,7 @@ def resume(
     directory = run.directory
     config = replace(compose.stored(directory), **taken(RunConfig, settings))
     typed = [*settings, *(["model"] if model is not None else [])]
-    trust.agree(config, directory, typed=typed, trusted=trusted, way="call resume(trust=True)")
+    agree(config, directory, typed=typed, trusted=trust, way="call resume(trust=True)")
     if config.model == NO_MODEL:
         work = compose.tune if config.tune else compose.train
         return done(directory, on_event, lambda host: work(config, directory, None, host))

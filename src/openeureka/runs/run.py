@@ -265,7 +265,7 @@ class Run:
         """
         from .api import resume
 
-        return resume(self, model=model, trusted=trust, on_event=on_event, settings=settings)
+        return resume(self, model=model, trust=trust, on_event=on_event, settings=settings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
