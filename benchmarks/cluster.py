@@ -44,7 +44,15 @@ from openeureka.executors.ray import ActorCall, RayExecutor
 from openeureka.executors.retry import Errand
 from openeureka.executors.transport import Slot, WorkerLost
 from openeureka.training.wire import pack, unpack_lanes
-from openeureka.types import LaneSpec, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainingState
+from openeureka.types import (
+    LaneSpec,
+    TrainBudget,
+    Trainer,
+    TrainingEvent,
+    TrainingProgress,
+    TrainingResult,
+    TrainingState,
+)
 from openeureka.worker import Frame, framed, unframed
 
 RESULTS = results("cluster")
@@ -258,7 +266,7 @@ class Sleeper:
         yield framed({"done": True})
 
 
-def told(message: TrainingProgress | TrainingResult) -> bytes:
+def told(message: TrainingEvent) -> bytes:
     frame = pack(message)
     return framed(frame.header, frame.blobs)
 

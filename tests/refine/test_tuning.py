@@ -354,7 +354,7 @@ def test_a_tuning_that_has_begun_goes_on_with_its_text_whoever_leads_by_then(tmp
         lanes, began = Lanes(wanted, store, ToyTrainer(), nobody), dict(store.given())
         other = next(entry for entry in entries if entry.candidate_id != began[ORIGINAL])
         assert tuning.tune_winner(lanes, ToyChecker(), other) is not None
-        assert tuning.tune_winner(lanes, ToyChecker(), None, ("fitness", "reward", "last")) is not None
+        assert tuning.tune_winner(lanes, ToyChecker(), None) is not None
         assert store.given() == began
 
 

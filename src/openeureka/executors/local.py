@@ -10,10 +10,10 @@ import torch
 
 from ..sim import check_device
 from ..tasks import registry
-from ..types import LaneSpec, TrainBudget
+from ..types import LaneSpec, TrainBudget, TrainingEvent
 from ..worker import usable_cores
 from . import retry, scheduler
-from .retry import Errand, Message
+from .retry import Errand
 from .transport import SILENCE, Processes, Slot
 
 CPU = "cpu"
@@ -88,7 +88,7 @@ class LocalExecutor(retry.Questions):
         kind = "cuda" if self._devices[0].startswith("cuda") else "cpu"
         self._max_worlds = max_worlds or MAX_WORLDS[kind]
 
-    def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Generator[Message]:
+    def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Generator[TrainingEvent]:
         """Train every lane. A worker that dies or hangs is started again with those of its lanes that have no result
         yet, then once more for each of them alone; those that die even so are FAILED with the reason.
 

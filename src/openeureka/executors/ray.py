@@ -16,12 +16,12 @@ from typing import Any
 
 from ..errors import ConfigError, TaskError, WorkerError
 from ..tasks import registry
-from ..types import LaneSpec, TrainBudget
+from ..types import LaneSpec, TrainBudget, TrainingEvent
 from ..worker import Frame, WorkerDied, framed, unframed
 from . import cluster, ray_node, retry, scheduler
 from .cluster import Place
 from .local import MAX_WORLDS
-from .retry import Errand, Message
+from .retry import Errand
 from .transport import SILENCE, Slot, WorkerLost
 
 POLL = 1.0
@@ -66,7 +66,7 @@ class RayExecutor(retry.Questions):
         super().__init__(self._actors, Slot("cuda:0" if device == "cuda" else "cpu", threads))
         self._had_room = False
 
-    def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Generator[Message]:
+    def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Generator[TrainingEvent]:
         """Train every lane, as `local.LocalExecutor.train` does, as soon as a node has room.
 
         Raises:

@@ -23,6 +23,7 @@ from ..types import (
     LaneSpec,
     RewardGraph,
     TrainBudget,
+    TrainingEvent,
     TrainingProgress,
     TrainingResult,
     TrainingState,
@@ -41,7 +42,6 @@ doing: a GPU that another program holds, a full disk and too little memory end a
 LOSSES = 10
 """Machines that may leave with one population or question before they count as its doing."""
 
-Message = TrainingProgress | TrainingResult
 _log = logging.getLogger(__name__)
 
 
@@ -142,7 +142,7 @@ class Errand:
         header = {"do": "train", "snapshot_seconds": SNAPSHOT_SECONDS if folder is not None else 0.0, **packed.header}
         return Frame(header, {**packed.blobs, **({SNAPSHOT: state} if state is not None else {})})
 
-    def hear(self, call: Call) -> tuple[Message | None, bool]:
+    def hear(self, call: Call) -> tuple[TrainingEvent | None, bool]:
         """What the worker says next, if it concerns anybody, and whether its attempt is over.
 
         Raises:
@@ -190,7 +190,7 @@ class Errand:
         else:
             self._kept, self._early = self._epoch, 0
 
-    def told(self, frame: Frame) -> Message | None:
+    def told(self, frame: Frame) -> TrainingEvent | None:
         """What a frame says, if it concerns anybody; what it said before is stored by now."""
         assert self._attempt is not None
         self.keep(frame)

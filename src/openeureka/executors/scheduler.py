@@ -6,9 +6,9 @@ from collections import deque
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from ..types import LaneSpec, NodeShare, TrainingProgress, TrainingResult
+from ..types import LaneSpec, NodeShare, TrainingEvent, TrainingProgress, TrainingResult
 from ..worker import Frame
-from .retry import Errand, Message
+from .retry import Errand
 from .transport import AnyCall, Slot, Transport, farewell
 
 
@@ -23,7 +23,7 @@ def deal(lanes: Sequence[LaneSpec], kept: Sequence[Sequence[str]], count: int) -
     return [*together, *(rest[start : start + size] for start in range(0, len(rest), size))]
 
 
-def train(transport: Transport[AnyCall], errands: Sequence[Errand], slots: Sequence[Slot]) -> Generator[Message]:
+def train(transport: Transport[AnyCall], errands: Sequence[Errand], slots: Sequence[Slot]) -> Generator[TrainingEvent]:
     """Train every errand, as many side by side as there are slots; messages as they come.
 
     A slot that is free takes the next errand in turn that does not wait for another one. Where training is stopped, by

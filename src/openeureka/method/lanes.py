@@ -32,6 +32,7 @@ from ..types import (
     Scored,
     TrainBudget,
     Trainer,
+    TrainingEvent,
     TrainingProgress,
     TrainingResult,
     TrainingState,
@@ -50,7 +51,6 @@ SHARE = 0.1
 
 BASELINES: tuple[tuple[str, RewardProgram], ...] = (("human", "human"), ("sparse", "sparse"))
 
-Event = TrainingProgress | TrainingResult
 Wanted = tuple[Lane, RewardProgram]
 """A lane, and what it trains under."""
 Sharing = Mapping[str, Sequence[LaneSpec]]
@@ -225,7 +225,11 @@ class Lanes:
         return {group[0].id: group for group in alike.values()}
 
     def _hear_out(
-        self, events: Iterator[Event], last: Event | None, hear: Callable[[Event], None], stop: KeyboardInterrupt
+        self,
+        events: Iterator[TrainingEvent],
+        last: TrainingEvent | None,
+        hear: Callable[[TrainingEvent], None],
+        stop: KeyboardInterrupt,
     ) -> None:
         """Keep the results that had come when Ctrl-C fell between two of them, or while the last was being kept."""
         if isinstance(last, TrainingResult) and last.lane not in self.store.lanes.results():
@@ -236,7 +240,7 @@ class Lanes:
                 for late in events:
                     hear(late)
 
-    def _hear(self, event: Event, number: int, sharing: Sharing, failed: list[TrainingResult]) -> None:
+    def _hear(self, event: TrainingEvent, number: int, sharing: Sharing, failed: list[TrainingResult]) -> None:
         """Keep what comes of a lane on the way to a rung; those that failed are for the caller to judge together."""
         if isinstance(event, TrainingProgress):
             self.tell(event)

@@ -27,6 +27,7 @@ from ..types import (
     StateSpec,
     TaskContext,
     TrainBudget,
+    TrainingEvent,
     TrainingProgress,
     TrainingResult,
     TrainingState,
@@ -103,9 +104,7 @@ class ToyTrainer:
     error: float = 0.0
     """Standard error of what is played: rewards nearer than two of both are level."""
 
-    def train(
-        self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget
-    ) -> Iterator[TrainingProgress | TrainingResult]:
+    def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Iterator[TrainingEvent]:
         yield TrainingProgress(epoch=1, epochs=2, env_steps_per_second=1.0, fitness={lane.id: None for lane in lanes})
         for lane in lanes:
             self.trained.append(lane.id)

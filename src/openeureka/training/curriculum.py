@@ -9,9 +9,7 @@ from functools import partial
 
 from ..store.lane_log import StageFiles
 from ..tasks.task import Stage
-from ..types import LaneSpec, TrainBudget, Trainer, TrainingProgress, TrainingResult, TrainingState
-
-Event = TrainingProgress | TrainingResult
+from ..types import LaneSpec, TrainBudget, Trainer, TrainingEvent, TrainingProgress, TrainingResult, TrainingState
 
 
 class CurriculumTrainer:
@@ -32,7 +30,7 @@ class CurriculumTrainer:
         self._trainer, self._stages, self._finished = trainer, stages, finished
         self.evaluate, self.rewards = trainer.evaluate, trainer.rewards
 
-    def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Iterator[Event]:
+    def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Iterator[TrainingEvent]:
         """Train every lane. The budget's steps, if any, are shared out among the stages in proportion to their own."""
         if lanes and all(lane.start is not None for lane in lanes):
             yield from self._trainer.train(env, lanes, budget)
@@ -57,8 +55,8 @@ class CurriculumTrainer:
                 return
 
     def _told(
-        self, number: int, steps: Sequence[int], passed: Mapping[str, list[TrainingResult]], event: Event
-    ) -> Event | None:
+        self, number: int, steps: Sequence[int], passed: Mapping[str, list[TrainingResult]], event: TrainingEvent
+    ) -> TrainingEvent | None:
         """What an event of one stage is in all of it; nothing where a lane passed the stage."""
         if isinstance(event, TrainingProgress):
             return _overall(event, steps, number)
@@ -70,7 +68,9 @@ class CurriculumTrainer:
         before.append(event)
         return None
 
-    def _remembered(self, number: int, stage: Stage, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Iterator[Event]:
+    def _remembered(
+        self, number: int, stage: Stage, lanes: Sequence[LaneSpec], budget: TrainBudget
+    ) -> Iterator[TrainingEvent]:
         """What is left of a finished stage, then the rest as it is trained."""
         known = {lane.id: self._finished.read(number, lane.id) for lane in lanes}
         yield from (result for result in known.values() if result is not None)
@@ -78,14 +78,16 @@ class CurriculumTrainer:
         if missing:
             yield from _each(self._trainer.train(stage.env, missing, budget), partial(self._kept, number))
 
-    def _kept(self, number: int, event: Event) -> Event:
+    def _kept(self, number: int, event: TrainingEvent) -> TrainingEvent:
         """The event, once it is safe: a stage that failed trains again."""
         if isinstance(event, TrainingResult) and event.state is not TrainingState.FAILED:
             self._finished.save(number, event)
         return event
 
 
-def _each(events: Iterator[Event], tell: Callable[[Event], Event | None]) -> Iterator[Event]:
+def _each(
+    events: Iterator[TrainingEvent], tell: Callable[[TrainingEvent], TrainingEvent | None]
+) -> Iterator[TrainingEvent]:
     """What `tell` makes of each event. Who trains is told of a stop, and still heard, and closed in the end."""
     if not isinstance(events, Generator):
         yield from filter(None, map(tell, events))
@@ -100,7 +102,7 @@ def _each(events: Iterator[Event], tell: Callable[[Event], Event | None]) -> Ite
                 raise
 
 
-def _late(events: Generator[Event], stop: KeyboardInterrupt) -> Iterator[Event]:
+def _late(events: Generator[TrainingEvent], stop: KeyboardInterrupt) -> Iterator[TrainingEvent]:
     """What still comes after a stop."""
     with suppress(StopIteration):
         yield events.throw(stop)

@@ -22,6 +22,7 @@ from ..types import (
     LaneSpec,
     Ranges,
     TrainBudget,
+    TrainingEvent,
     TrainingProgress,
     TrainingResult,
     TrainingState,
@@ -122,7 +123,7 @@ class Population:
         if paused and {pausing.kind(lane) for lane in paused} == {self.kind}:
             pausing.put(self, paused)
 
-    def train(self) -> Iterator[TrainingProgress | TrainingResult]:
+    def train(self) -> Iterator[TrainingEvent]:
         """Yields progress about once a second, when its state may be saved, then one result per lane."""
         began, self._started = self.epoch, time.monotonic()
         reported = self._started

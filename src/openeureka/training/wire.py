@@ -8,7 +8,16 @@ from dataclasses import replace
 
 from ..codec import defined, plain, shaped
 from ..reward.validate import validate
-from ..types import Episodes, Evaluation, LaneSpec, RewardGraph, TrainBudget, TrainingProgress, TrainingResult
+from ..types import (
+    Episodes,
+    Evaluation,
+    LaneSpec,
+    RewardGraph,
+    TrainBudget,
+    TrainingEvent,
+    TrainingProgress,
+    TrainingResult,
+)
 from ..worker import Frame
 
 SNAPSHOT = "snapshot"
@@ -44,14 +53,14 @@ def unpack_lanes(frame: Frame) -> tuple[str, list[LaneSpec], TrainBudget]:
     return frame.header["env"], started, shaped(TrainBudget, frame.header["budget"])
 
 
-def pack(message: TrainingProgress | TrainingResult) -> Frame:
+def pack(message: TrainingEvent) -> Frame:
     if isinstance(message, TrainingProgress):
         return Frame({"progress": defined(message)})
     paused = {PAUSED: message.paused} if message.paused is not None else {}
     return Frame({"result": defined(message.holding({}))}, message.policies | paused)
 
 
-def unpack(frame: Frame) -> TrainingProgress | TrainingResult:
+def unpack(frame: Frame) -> TrainingEvent:
     """Inverse of `pack`."""
     if "progress" in frame.header:
         return shaped(TrainingProgress, frame.header["progress"])

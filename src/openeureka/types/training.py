@@ -325,12 +325,14 @@ class Standing:
     """Whether it trained on; else others of its generation did."""
 
 
+TrainingEvent = TrainingProgress | TrainingResult
+"""What training tells of a lane."""
+
+
 class Trainer(Protocol):
     """Trains lanes and scores policies, like `executors.local.LocalExecutor`."""
 
-    def train(
-        self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget
-    ) -> Iterator[TrainingProgress | TrainingResult]:
+    def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Iterator[TrainingEvent]:
         """Train every lane; exactly one result per lane, in any order, progress in between.
 
         With `budget.until` the result of a lane that came so far is PAUSED. Lanes that go on from there come with that

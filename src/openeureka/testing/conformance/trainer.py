@@ -22,6 +22,7 @@ from openeureka.types import (
     RewardProgram,
     TrainBudget,
     Trainer,
+    TrainingEvent,
     TrainingProgress,
     TrainingResult,
     TrainingState,
@@ -43,7 +44,7 @@ class TrainerConformance:
     programs: ClassVar[tuple[RewardProgram, ...]] = ("human", "sparse")
     episodes: ClassVar[int] = 16
 
-    _kept: ClassVar[list[TrainingProgress | TrainingResult]]
+    _kept: ClassVar[list[TrainingEvent]]
 
     def make(self) -> Trainer:
         raise NotImplementedError
@@ -179,7 +180,7 @@ class TrainerConformance:
         episodes = self.episodes
         return list(playing.evaluate(self.env, policies, seed=7, episodes=episodes, dynamics=dynamics, record=record))
 
-    def _events(self) -> list[TrainingProgress | TrainingResult]:
+    def _events(self) -> list[TrainingEvent]:
         """Of one training for all checks of the class: it may take seconds."""
         kind = type(self)
         if "_kept" not in kind.__dict__:
