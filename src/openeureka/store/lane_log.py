@@ -166,8 +166,7 @@ class LaneLog:
 
     def pause(self, rung: int, result: TrainingResult) -> None:
         """Keep a lane that paused, with all that it goes on from, in place of what it left at an earlier rung."""
-        blobs = result.policies | ({"paused": result.paused} if result.paused is not None else {})
-        data = framed({"rung": rung, "result": defined(result.holding({}))}, blobs)
+        data = framed({"rung": rung, "result": defined(result.holding({}))}, result.blobs)
         artifacts.write(self._directory, _paused(result.lane), data)
 
     def paused(self, rung: int, lane: str) -> TrainingResult | None:
@@ -180,7 +179,7 @@ class LaneLog:
             return None
         if frame.header.get("rung") != rung or result.lane != lane:
             return None
-        return dataclasses.replace(result.holding(frame.blobs), paused=frame.blobs.get("paused"))
+        return result.holding(frame.blobs)
 
     def forget(self, lane: str) -> None:
         """The lane has its result: nobody goes on from where it paused."""

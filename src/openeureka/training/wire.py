@@ -56,15 +56,14 @@ def unpack_lanes(frame: Frame) -> tuple[str, list[LaneSpec], TrainBudget]:
 def pack(message: TrainingEvent) -> Frame:
     if isinstance(message, TrainingProgress):
         return Frame({"progress": defined(message)})
-    paused = {PAUSED: message.paused} if message.paused is not None else {}
-    return Frame({"result": defined(message.holding({}))}, message.policies | paused)
+    return Frame({"result": defined(message.holding({}))}, message.blobs)
 
 
 def unpack(frame: Frame) -> TrainingEvent:
     """Inverse of `pack`."""
     if "progress" in frame.header:
         return shaped(TrainingProgress, frame.header["progress"])
-    return replace(shaped(TrainingResult, frame.header["result"]).holding(frame.blobs), paused=frame.blobs.get(PAUSED))
+    return shaped(TrainingResult, frame.header["result"]).holding(frame.blobs)
 
 
 def pack_score(score: Evaluation) -> Frame:

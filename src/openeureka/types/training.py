@@ -202,14 +202,19 @@ class TrainingResult:
         found = {name: peak.policy for name, peak in peaks.items() if peak is not None}
         return found | ({"last": self.last} if self.last is not None else {})
 
-    def holding(self, policies: Mapping[str, bytes]) -> TrainingResult:
-        """The same with these policies alone, and no state; a peak that has none among them has an empty one."""
+    @property
+    def blobs(self) -> dict[str, bytes]:
+        """Its policies, and the state that it goes on from, by the names of their fields."""
+        return self.policies | ({"paused": self.paused} if self.paused is not None else {})
+
+    def holding(self, blobs: Mapping[str, bytes]) -> TrainingResult:
+        """The same with these of its `blobs` alone; a peak whose policy is not among them has an empty one."""
         peaks = {
-            name: replace(peak, policy=policies.get(name, b""))
+            name: replace(peak, policy=blobs.get(name, b""))
             for name, peak in (("best_fitness", self.best_fitness), ("best_reward", self.best_reward))
             if peak is not None
         }
-        return replace(self, **peaks, last=policies.get("last"), paused=None)
+        return replace(self, **peaks, last=blobs.get("last"), paused=blobs.get("paused"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
