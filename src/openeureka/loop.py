@@ -10,7 +10,7 @@ from random import Random
 from .config import RunConfig
 from .events import Began, Tell, nobody
 from .llm.client import LanguageModel
-from .method import baselines, hacking, race, screen
+from .method import hacking, race, screen
 from .method.lanes import Lanes, beside, deal, programs
 from .method.person import Desk, EmptyDesk, Hearing
 from .method.reflection import reflect
@@ -39,7 +39,6 @@ def run(
     Raises:
         EurekaError: what stopped the run; all that was finished is stored, and running again continues.
     """
-    baselines.chosen(config)  # refuses what was not measured, before anything is paid for
     sampler = Sampler(config, store, model, checker, context, tell)
     lanes = Lanes(config, store, trainer, tell, strategy.ranks, strategy.peaks)
     hearing = Hearing(config, store, desk or EmptyDesk(), tell)
@@ -82,7 +81,7 @@ def run(
     if config.polish and (tuned is not None or store.crown() is not None):
         polishing.polish(lanes)
     store.end()
-    outcome = summarise(config, store, history)
+    outcome = race.outcome(config, history, store.crown(), store.lanes.results(), store.lanes.evaluations())
     tell(outcome)
     return outcome
 
@@ -128,11 +127,3 @@ def keep(lanes: Lanes, best: Scored | None, lane: str | None = None) -> None:
         return lanes.store.folders.clear("best")
     lane = lane or lane_id(best.candidate_id, lanes.config.seed)
     lanes.store.save_best(best.sample.candidate, PolicyId(lane, lanes.counted_peaks([lane])[lane]))
-
-
-def summarise(config: RunConfig, store: Store, history: History) -> Outcome:
-    """The outcome as far as the store holds it; where nobody was crowned, nobody has won."""
-    place = store.crown()
-    if place is None:
-        return Outcome(best=None)
-    return race.outcome(config, history, place, store.lanes.results(), store.lanes.evaluations())

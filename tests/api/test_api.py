@@ -17,6 +17,7 @@ from openeureka.cli.train import resume as resume_command
 from openeureka.config import RobustConfig, RunConfig
 from openeureka.errors import BudgetError, ConfigError, ModelError, RewardFileError, StoreError
 from openeureka.film import mp4, video
+from openeureka.method import baselines
 from openeureka.runs import compose, rewards
 from openeureka.store import Store, read_replies
 from openeureka.store.directory import ask_to_stop
@@ -233,6 +234,14 @@ def test_settings_that_do_not_fit_are_refused_as_on_the_command_line(tmp_path, s
     with pytest.raises(ConfigError) as refused:
         openeureka.search(**{"model": "random", "dir": tmp_path / "run", **settings})
     assert sentence in str(refused.value) and not (tmp_path / "run").exists()
+
+
+def test_baselines_that_nobody_measured_stop_a_run_before_it_begins(tmp_path, monkeypatch):
+    monkeypatch.setattr(baselines, "known", lambda env, *, played: None)
+    model = ScriptedModel(SCRIPT)
+    with pytest.raises(ConfigError, match="use baselines=train"):
+        search(tmp_path / "run", model, baselines="known")
+    assert model.said == 0 and not (tmp_path / "run").exists()
 
 
 def test_the_model_of_a_search_that_is_refused_is_closed(tmp_path):

@@ -13,11 +13,11 @@ from sandbox.states import recorded
 
 from openeureka import strategies
 from openeureka.config import RunConfig
-from openeureka.errors import BudgetError, ConfigError, ModelError, WorkerError
+from openeureka.errors import BudgetError, ModelError, WorkerError
 from openeureka.events import Began, Checked, Event, Tell, nobody
 from openeureka.llm.random import RandomModel
-from openeureka.loop import run, summarise
-from openeureka.method import baselines
+from openeureka.loop import run
+from openeureka.method import baselines, race
 from openeureka.method.lanes import CHOOSING, HELD_OUT
 from openeureka.method.sampling import Sampler, request_seed
 from openeureka.sandbox import confine
@@ -112,14 +112,6 @@ def test_known_baselines_are_not_trained_again(begin, monkeypatch) -> None:
     assert outcome.normalised == pytest.approx(5.015 / 8)
 
 
-def test_baselines_that_nobody_measured_stop_a_run_before_it_begins(begin, monkeypatch) -> None:
-    monkeypatch.setattr(baselines, "known", lambda env, *, played: None)
-    one = begin([reply(7), reply(8)], baselines="known")
-    with pytest.raises(ConfigError, match="use baselines=train"):
-        one.go()
-    assert one.model.said == 0
-
-
 def test_best_holds_the_program_and_the_policy_of_the_better_final_seed(begin) -> None:
     one = begin([reply(7), reply(8)], seeds=2)
     one.go()
@@ -134,7 +126,8 @@ def test_a_finished_run_asks_and_trains_nothing_when_run_again(begin) -> None:
     assert one.go() == first
     assert (one.model.said, one.trainer.trained) == (asked, trained)
     with Store.view(one.directory) as store:
-        assert summarise(one.config, store, store.history()) == first
+        log = store.lanes
+        assert race.outcome(one.config, store.history(), store.crown(), log.results(), log.evaluations()) == first
 
 
 def test_equal_programs_are_checked_and_trained_once(begin) -> None:

@@ -106,8 +106,9 @@ def outcome(
     results: Mapping[str, TrainingResult],
     scores: Mapping[str, Evaluation],
 ) -> Outcome:
-    """What a search found, as far as its final trainings (`results`) and held-out `scores`, by lane id, go."""
-    best = crowned_or_leading(history, place)
+    """What a search found, as far as its final trainings (`results`) and held-out `scores`, by lane id, go; where
+    nobody was crowned, nobody has won."""
+    best = crowned_or_leading(history, place) if place is not None else None
     if best is None:
         return Outcome(best=None)
     others = _first_of_each(sorted(history.entries, key=lambda entry: -rank(entry.score)))
