@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -37,12 +38,10 @@ from ..tasks.record import record_states, try_out
 from ..tasks.registry import get
 from ..tasks.task import Stage
 from ..training.curriculum import CurriculumTrainer, shares
-from ..types import Candidate, Ranks, TaskContext, Trainer, Usage, Verdict
+from ..types import Candidate, Ranks, Trainer, Usage, Verdict
 from . import inputs, trust
 from .stopping import continuable, stoppable, stopped
 
-Parts = tuple[RunConfig, Store, LanguageModel, Sandbox, Trainer, TaskContext, strategies.SearchStrategy, Tell, Desk]
-"""Arguments of `loop.run`."""
 MOST_EPOCHS = 100_000
 """Of a training: its curves are stored whole, in a row of at most 64 MiB."""
 
@@ -120,8 +119,8 @@ def search(config: RunConfig, directory: Path, host: Host, model: LanguageModel 
     begun = has_begun(directory)
     with swept(directory), mirrored(directory, config) as mirrors:
         try:
-            with _parts(config, directory, host, model, mirrors) as parts:
-                loop.run(*parts)
+            with _prepared(config, directory, host, model, mirrors) as work:
+                work()
         except KeyboardInterrupt:  # before the search, or a resumed one, was at work
             begun = begun or has_begun(directory)
             raise Interrupted(stopped(host.again(directory)) if begun else "Stopped before it began.") from None
@@ -146,10 +145,10 @@ def _reported(
 
 
 @contextmanager
-def _parts(
+def _prepared(
     config: RunConfig, directory: Path, host: Host, model: LanguageModel | None, mirrors: Sequence[Tell]
-) -> Iterator[Parts]:
-    """What a search is made of, as long as it is at work."""
+) -> Iterator[Callable[[], object]]:
+    """A search to run, as long as all that it is made of is open."""
     task = context(config.env)
     baselines.chosen(config)  # refuses what was not measured
     costs.check(config.env, config.cost_limits)
@@ -183,7 +182,7 @@ def _parts(
                 desk = host.desk(config, directory, films)
                 strategy = strategies.make(config, store.ranks)
                 tell = everyone(*log, *films, *mirrors, view)
-                yield config, store, model, checker, trainer, task, strategy, tell, desk
+                yield partial(loop.run, config, store, model, checker, trainer, task, strategy, tell, desk)
 
 
 def _model(config: RunConfig, directory: Path) -> LanguageModel:
