@@ -30,11 +30,15 @@ from openeureka.types import (
     Candidate,
     Generation,
     History,
+    Message,
+    Prompt,
     PromptPlan,
+    Reply,
     StateSpec,
     StateVar,
     TrainingResult,
     TrainingState,
+    Usage,
     VerdictCode,
 )
 
@@ -362,6 +366,18 @@ def test_spending_stops_before_the_limit_and_goes_on_with_a_higher_one(begin) ->
     assert strategies.Ranking(one.history()).best.fitness == 8
     one.config = replace(one.config, max_cost=0.05)
     assert one.go().best.fitness == 10
+
+
+def test_what_proposals_of_ranges_cost_counts_as_spent(begin) -> None:
+    one = begin([reply(7), reply(8), reply(9), reply(10)], iteration=2, max_cost=0.03)  # a reply costs 0.01
+    with pytest.raises(BudgetError, match=r": 0\.02 are spent"):
+        one.go()
+    proposal = Reply(text="mass: [0.9, 1.1]", model="scripted", usage=Usage(cost_usd=0.03))
+    with Store.open(one.directory, one.config) as store:
+        store.talk.save_proposal(0, 0, Prompt(messages=(Message("user", "Which ranges?"),)), proposal)
+    one.config = replace(one.config, max_cost=0.05)  # enough for four replies, were it not for the proposal
+    with pytest.raises(BudgetError, match=r": 0\.05 are spent"):
+        one.go()
 
 
 def test_a_replay_of_the_replies_is_the_same_search(begin) -> None:

@@ -11,7 +11,7 @@ import pytest
 from report.scripted import search_in
 
 from openeureka.errors import ConfigError, ModelError
-from openeureka.events import nobody
+from openeureka.events import Event, Replied, nobody
 from openeureka.llm.client import LanguageModel
 from openeureka.llm.random import RandomModel
 from openeureka.method.lanes import CHOOSING, HELD_OUT, ROBUST, Lanes
@@ -82,6 +82,17 @@ def searched(tmp_path: Path) -> Path:
 
 
 TABLE = "Some words.\n```yaml\nmass: [{}, {}]\n```\n"
+
+
+def test_each_reply_is_told_so_that_what_it_costs_is_shown(searched: Path) -> None:
+    heard: list[Event] = []
+    with Store.open(searched, RunView.read(searched).config) as store:
+        lanes = Lanes(replace(store.config, sample=2, repair=1), store, Toughening(), heard.append)
+        model = ScriptedModel(["Not a table.", TABLE.format(0.9, 1.1), TABLE.format(0.8, 1.2)])
+        harden(lanes, model, robot(), planned(store, "best", 0))
+    assert [(event.slot, event.reply.usage.cost_usd) for event in heard if isinstance(event, Replied)] == [
+        *((0, 0.01), (1, 0.01), (0, 0.01)),
+    ]
 
 
 def test_the_proposal_that_plays_best_in_hard_worlds_is_kept_with_its_ranges(searched: Path) -> None:

@@ -11,7 +11,7 @@ from typing import Protocol
 
 from ..config import RunConfig
 from ..errors import ModelError, RewardFileError
-from ..events import Asked, Began, Checked, Replied, Tell
+from ..events import Asked, Began, Checked, Replied, Tell, nobody
 from ..llm import price
 from ..llm.client import LanguageModel
 from ..llm.random import RandomModel
@@ -128,13 +128,9 @@ class Sampler:
         if not missing:
             return
         self.tell(Began(generation, "sample"))
-        if self.config.max_cost:
-            known = price.find(self.config.model, self.config.price)
-            price.afford(self.config.max_cost, self.store.talk.replies(), known, prompt, len(missing))
-        self.tell(Asked(tuple(missing)))
         seed = request_seed(self.config.seed, generation, attempt, slots[0])
-        rest = rest_of(self.model, prompt, seed=seed, held=slots.index(missing[0]), missing=len(missing))
-        for slot, reply in zip(missing, rest, strict=True):
+        paid = self.store.talk.paid()
+        for slot, reply in draw(self.model, prompt, slots, missing, seed, paid, self.config, self.tell):
             self.store.talk.save_reply(generation, attempt, slot, reply)
             self.tell(Replied(generation, slot, reply))
 
@@ -201,6 +197,35 @@ def _repeating(filled: Mapping[int, Sample], known: Iterable[Sample]) -> list[in
             repeating.append(slot)
         seen.add(program)
     return repeating
+
+
+def draw(
+    model: LanguageModel,
+    prompt: Prompt,
+    slots: Sequence[int],
+    missing: Sequence[int],
+    seed: int,
+    paid: Sequence[Reply],
+    config: RunConfig,
+    tell: Tell = nobody,
+) -> Iterator[tuple[int, Reply]]:
+    """The replies of a request that are missing, with their slots, as they come.
+
+    Args:
+        slots: of the whole request.
+        seed: of the whole request.
+        paid: every reply that the run has.
+        tell: told that the model begins to write.
+
+    Raises:
+        BudgetError: they would pass `max_cost=`; nothing is asked then.
+        ModelError: the model gives fewer, or failed.
+    """
+    if config.max_cost:
+        price.afford(config.max_cost, paid, price.find(config.model, config.price), prompt, len(missing))
+    tell(Asked(tuple(missing)))
+    rest = rest_of(model, prompt, seed=seed, held=slots.index(missing[0]), missing=len(missing))
+    yield from zip(missing, rest, strict=True)
 
 
 def rest_of(model: LanguageModel, prompt: Prompt, *, seed: int, held: int, missing: int) -> Iterator[Reply]:

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 
 from ..config import BEST, SCRATCH
 from ..errors import ConfigError, ModelError
-from ..events import Began
-from ..llm import price
+from ..events import Began, Replied
 from ..llm.client import LanguageModel
 from ..method import given, prompts
 from ..method.lanes import CHOOSING, ROBUST, Lanes, Wanted, drawn
-from ..method.sampling import request_seed, rest_of
+from ..method.sampling import draw, request_seed
 from ..parsing import command_line
 from ..score import worth
 from ..store import Store, expect_files
@@ -198,18 +197,16 @@ def propose(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardenin
 
 
 def _draw(lanes: Lanes, model: LanguageModel, prompt: Prompt, attempt: int, slots: Sequence[int]) -> None:
+    """Ask for the replies that the store does not hold yet."""
     config, store = lanes.config, lanes.store
     missing = [slot for slot in slots if (slot, attempt) not in store.talk.proposals()]
     if not missing:
         return
     lanes.tell(Began(last_index(config), "sample"))
-    if config.max_cost:
-        paid = [*store.talk.replies(), *store.talk.proposals().values()]
-        price.afford(config.max_cost, paid, price.find(config.model, config.price), prompt, len(missing))
     seed = request_seed(config.seed, config.generations, attempt, slots[0])
-    rest = rest_of(model, prompt, seed=seed, held=slots.index(missing[0]), missing=len(missing))
-    for slot, reply in zip(missing, rest, strict=True):
+    for slot, reply in draw(model, prompt, slots, missing, seed, store.talk.paid(), config):
         store.talk.save_proposal(slot, attempt, prompt, reply)
+        lanes.tell(Replied(last_index(config), slot, reply))
 
 
 def table_of(reply: str) -> str:

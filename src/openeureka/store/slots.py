@@ -84,7 +84,11 @@ class TalkLog:
 
     def usage(self) -> Usage:
         """Tokens and money spent so far, over all resumptions."""
-        return sum((reply.usage for reply in (*self.replies(), *self.proposals().values())), Usage())
+        return sum((reply.usage for reply in self.paid()), Usage())
+
+    def paid(self) -> tuple[Reply, ...]:
+        """All that models replied, whatever they were asked for."""
+        return (*self.replies(), *self.proposals().values())
 
     def save_proposal(self, slot: int, attempt: int, asked: Prompt, reply: Reply) -> None:
         """Keep what a model replied that was asked for ranges, before anything else happens to it."""
