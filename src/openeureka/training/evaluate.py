@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -61,40 +62,59 @@ def evaluate(
         noise: whether actions have the noise of training; None where all episodes begin alike.
         alive: called after every step of all worlds, and what else may take minutes.
     """
-    others = {lane for lane, world in (dynamics or {}).items() if world != NOMINAL}
-    unplayed = others if registry.get(env).draws_itself else set[str]()
-    alive()
+    changed = {lane: world for lane, world in (dynamics or {}).items() if world != NOMINAL}
+    unplayed = changed.keys() if registry.get(env).draws_itself else set[str]()
     scores = [
         Evaluation(lane=lane, fitness=None, episode_length=0.0, episodes=0) for lane in policies if lane in unplayed
     ]
-    policies = {lane: policy for lane, policy in policies.items() if lane not in unplayed}
-    if not policies:
-        return scores
-    lanes, worlds = len(policies), episodes or EPISODES
-    if lanes > (most := max(1, WORLDS // worlds)):
-        names = list(policies)
-        for first in range(0, lanes, most):
-            scores += evaluate(
-                env,
-                {name: policies[name] for name in names[first : first + most]},
-                seed=seed,
-                dynamics=dynamics,
-                episodes=episodes,
-                record=record,
-                noise=noise,
-                device=device,
-                threads=threads,
-                alive=alive,
-            )
-        return scores
-    world = {lane: (dynamics or {}).get(lane, NOMINAL) for lane in policies}
+    left = [(lane, policy) for lane, policy in policies.items() if lane not in unplayed]
+    play = partial(
+        _side_by_side,
+        env,
+        worlds=episodes or EPISODES,
+        seed=seed + HELD_OUT_SEED,
+        dynamics=changed if changed.keys() - unplayed else None,
+        record=record,
+        noise=noise,
+        device=device,
+        threads=threads,
+        alive=alive,
+    )
+    most = max(1, WORLDS // (episodes or EPISODES))
+    for first in range(0, len(left), most):
+        scores += play(dict(left[first : first + most]))
+    return scores
+
+
+def _side_by_side(
+    env: str,
+    policies: Mapping[str, bytes],
+    *,
+    worlds: int,
+    seed: int,
+    dynamics: Mapping[str, Dynamics] | None,
+    record: Collection[str],
+    noise: bool | None,
+    device: str,
+    threads: int,
+    alive: Callable[[], None],
+) -> list[Evaluation]:
+    """Scores of as many policies as have room at once.
+
+    Args:
+        worlds: of each policy; each plays one episode.
+        seed: of the start states and of noise.
+        dynamics: of the lanes that play in another world; None where none of the whole call does.
+    """
+    alive()
+    lanes = len(policies)
     simulation = registry.make(
         env,
         worlds=worlds,
-        lane_seeds=[seed + HELD_OUT_SEED] * lanes,
+        lane_seeds=[seed] * lanes,
         device=device,
         threads=threads,
-        ranges=[Ranges(one, one) for one in world.values()] if others - unplayed else (),
+        ranges=[Ranges(one, one) for one in (dynamics.get(lane, NOMINAL) for lane in policies)] if dynamics else (),
     )
     alive()
     meter = Meter(simulation)
@@ -104,14 +124,14 @@ def evaluate(
     alive()
     noisy = begin_alike(simulation, lanes) if noise is None else noise
     opened = [Policy.from_bytes(data) for data in policies.values()]
-    play = Player(opened, simulation.sim.device, noise=seed + HELD_OUT_SEED if noisy else None)
+    play = Player(opened, simulation.sim.device, noise=seed if noisy else None)
     total, contributions, broken = _play_once(simulation, observation, play, meter, recorder, alive)
     sums, parts = (x.unflatten(1, (lanes, worlds)).transpose(0, 1) for x in (total, contributions))
     lost = broken.view(lanes, worlds).sum(1).tolist()
     costs = meter.read(lanes)
     kept = dict(zip(recorded, recorder.read([sums[place] for place in recorded]), strict=True))
     played = zip(policies, sums, parts, lost, costs, map(kept.get, range(lanes)), strict=True)
-    return scores + [replace(_evaluation(*one), noisy=noisy) for one in played]
+    return [replace(_evaluation(*one), noisy=noisy) for one in played]
 
 
 def begin_alike(simulation: BatchedEnv, lanes: int = 1) -> bool:
