@@ -45,7 +45,7 @@ def run(
     history = store.history()
     for generation in history.generations:
         tell(generation)
-    history = history.replayed(lanes.play(history.lanes))  # only if it was stopped while they played
+    history = history.rescored(lanes.play(history.lanes))  # finds nothing to do unless it was stopped while they played
 
     for index in range(len(history.generations), config.generations):
         history = hearing.hear(history)
@@ -68,7 +68,7 @@ def run(
             result, played = results.get(lane), scores.get(lane)
             feedback = reflect(sample, result, model.style, played, config.cost_limits)
             entries.append(Scored(sample=sample, result=result, played=played, feedback=feedback))
-        history = history.replayed(scores).grown(entries)
+        history = history.rescored(scores).grown(entries)
         keep(lanes, Ranking(history).best)
         store.save_generation(history.generations[-1])
         tell(history.generations[-1])

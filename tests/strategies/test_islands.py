@@ -87,7 +87,7 @@ def test_an_island_whose_policies_break_a_limit_is_the_weakest() -> None:
         )
         for entry in history.entries if entry.result is not None
     }  # fmt: skip
-    limited = replace(history.replayed(played), limits={"torque": 40.0})
+    limited = replace(history.rescored(played), limits={"torque": 40.0})
     assert parents(asked(limited)) == [Place(0, 0), Place(0, 0)]
     later = limited.grown(entries(RENEWAL, [0.0, 0.0, 0.5, 0.25]))
     assert parents(asked(later)) == [Place(0, 0), Place(RENEWAL, 2)]

@@ -84,11 +84,15 @@ def trials(results: Mapping[str, TrainingResult], kept: str, peaks: Mapping[str,
 def tried(
     results: Mapping[str, TrainingResult],
     held_out: Mapping[str, Evaluation],
-    trials: Mapping[str, Mapping[str, Evaluation]],
+    others: Mapping[str, Mapping[str, Evaluation]],
 ) -> list[Tried]:
-    """Everything known of the final trainings, of those that left a policy."""
+    """Everything known of the final trainings, of those that left a policy.
+
+    Args:
+        others: scores in trials, by lane id and name.
+    """
     return [
-        Tried(result=result, held_out=own, trials={**trials.get(lane, {}), PEAKS[own.peak]: own})
+        Tried(result=result, held_out=own, trials={**others.get(lane, {}), PEAKS[own.peak]: own})
         for lane, result in results.items()
         if (own := held_out.get(lane)) is not None and own.peak is not None
     ]

@@ -68,12 +68,6 @@ def programs(samples: Iterable[Sample]) -> list[tuple[CandidateId, RewardGraph]]
     return [(candidate, graph) for candidate, graph in graphs.items() if graph is not None]
 
 
-def _alike(due: Sequence[LaneSpec]) -> list[list[LaneSpec]]:
-    """Lanes that go on, and those that begin anew as what they were at a rung is lost: no population trains both."""
-    groups = [[spec for spec in due if (spec.paused is None) == anew] for anew in (False, True)]
-    return [group for group in groups if group]
-
-
 def beside(config: RunConfig) -> tuple[tuple[str, RewardProgram], ...]:
     """The rewards that candidates are compared with, as far as the run trains them itself."""
     return BASELINES if config.baselines == "train" else ()
@@ -298,8 +292,8 @@ class Lanes:
             return {}
         ids = tuple(dict.fromkeys(ids))
         self._look(0, ids)
-        records, beside = self.store.lanes.all(), dict(BASELINES)
-        rivals = [lane for lane in ids if records[lane].role == "given" or records[lane].reward not in beside]
+        records, baselines = self.store.lanes.all(), dict(BASELINES)
+        rivals = [lane for lane in ids if records[lane].role == "given" or records[lane].reward not in baselines]
         lawful = {lane: s for lane, s in self.first_looks(rivals).items() if not s.broken(self.config.cost_limits)}
         self._look(1, level(lawful))
         scores = self._scores(ids)
@@ -393,3 +387,9 @@ class Lanes:
         for score in play:
             trial = missing[score.lane]
             self.store.lanes.save_trial(trial.name, dataclasses.replace(score, lane=trial.lane, peak=trial.peak))
+
+
+def _alike(due: Sequence[LaneSpec]) -> list[list[LaneSpec]]:
+    """Lanes that go on, and those that begin anew as what they were at a rung is lost: no population trains both."""
+    groups = [[spec for spec in due if (spec.paused is None) == anew] for anew in (False, True)]
+    return [group for group in groups if group]

@@ -120,7 +120,7 @@ def _free(context: TaskContext, plan: PromptPlan, progress: bool) -> Prompt:
         facts="\n".join(["What else there is to know:", *facts(context)]) + "\n\n" if plan.informed else "",
     )
     turns = [message for turn in plan.turns for message in _turn(turn, plan, "free")]
-    messages = _with_task((Message("system", system), Message("user", task), *turns), plan)
+    messages = _with_notes((Message("system", system), Message("user", task), *turns), plan)
     return Prompt(messages=_with_opinion(messages, plan.opinion, MAX_WORDS, MAX_REJECTED))
 
 
@@ -136,7 +136,7 @@ def _grammar(context: TaskContext, plan: PromptPlan, progress: bool) -> Prompt:
     # Parents only: the newest is the best reward, and a longer prompt costs each of the parallel samples its memory.
     shown = plan.turns[-2:] if plan.crossover else plan.turns[-1:]
     turns = [message for turn in shown for message in _turn(turn, plan, "grammar")]
-    messages = _with_task((Message("system", system), Message("user", task), *turns), plan)
+    messages = _with_notes((Message("system", system), Message("user", task), *turns), plan)
     return Prompt(
         messages=_with_opinion(messages, plan.opinion, MAX_WORDS // 2, rejected=0),
         grammar=grammar.grammar(context.state, progress=progress),
@@ -230,7 +230,7 @@ def facts(context: TaskContext) -> list[str]:
     return [score, *context.facts]
 
 
-def _with_task(messages: tuple[Message, ...], plan: PromptPlan) -> tuple[Message, ...]:
+def _with_notes(messages: tuple[Message, ...], plan: PromptPlan) -> tuple[Message, ...]:
     """That two parents are to be combined, or the reasons for which nothing trained, each once, at the end of the last
     request."""
     if plan.crossover:

@@ -243,14 +243,14 @@ def rest_of(model: LanguageModel, prompt: Prompt, *, seed: int, held: int, missi
         replies = islice(model.sample(prompt, n=held + missing, seed=seed), held, None)
     else:
         replies = model.sample(prompt, n=missing, seed=(seed + held) % 2**31)
-    given = 0
+    came = 0
     for reply in replies:  # to its end, so that what a model does after its last reply is done too
-        if given == missing:
+        if came == missing:
             break
         yield reply
-        given += 1
-    if given < missing:
-        raise ModelError(f"{model.name} gave {given} of {missing} replies: its `sample` must yield as many as n says.")
+        came += 1
+    if came < missing:
+        raise ModelError(f"{model.name} gave {came} of {missing} replies: its `sample` must yield as many as n says.")
 
 
 def request_seed(seed: int, generation: int, attempt: int, slot: int) -> int:

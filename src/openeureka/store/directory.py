@@ -64,7 +64,7 @@ def swept(directory: Path) -> Generator[None]:
 
 
 def read_config(directory: Path | str) -> RunConfig:
-    """The settings a run began with, for `eureka resume`. Raises StoreError when there is no run."""
+    """The settings a run began with. Raises StoreError when there is no run."""
     with Store.view(directory) as store:
         return store.config
 

@@ -161,17 +161,17 @@ def shapes(
     observations: int, actions: int, hidden: Sequence[int], choices: Sequence[int] = ()
 ) -> dict[str, tuple[int, ...]]:
     sizes = (observations, *hidden)
-    shapes: dict[str, tuple[int, ...]] = {}
+    found: dict[str, tuple[int, ...]] = {}
     for layer, (inputs, outputs) in enumerate(pairwise(sizes)):
-        shapes |= {f"w{layer}": (inputs, outputs), f"b{layer}": (1, outputs)}
-    shapes |= {"head_w": (sizes[-1], actions + 1), "head_b": (1, actions + 1)}
-    return shapes if choices else shapes | {"log_std": (1, actions)}
+        found |= {f"w{layer}": (inputs, outputs), f"b{layer}": (1, outputs)}
+    found |= {"head_w": (sizes[-1], actions + 1), "head_b": (1, actions + 1)}
+    return found if choices else found | {"log_std": (1, actions)}
 
 
-def _initial(shapes: Mapping[str, tuple[int, ...]], seed: int) -> Tensor:
+def _initial(parameters: Mapping[str, tuple[int, ...]], seed: int) -> Tensor:
     generator = torch.Generator().manual_seed(seed)
     parts = []
-    for name, shape in shapes.items():
+    for name, shape in parameters.items():
         if "w" in name:
             bound = 1.0 / math.sqrt(shape[0])
             parts.append(torch.empty(math.prod(shape)).uniform_(-bound, bound, generator=generator))

@@ -108,8 +108,8 @@ class Population:
             device=self.device,
         )
         self._early = task.episode_length // 4  # steps that count as early in an episode
-        self.best_fitness: list[Peak | None] = [None] * self.lanes
-        self.best_reward: list[Peak | None] = [None] * self.lanes
+        self.best_fitness: list[Kept | None] = [None] * self.lanes
+        self.best_reward: list[Kept | None] = [None] * self.lanes
         self._largest = torch.zeros(self.lanes, device=self.device)
         """Largest own reward of each lane in this epoch, by size; NaN once any was."""
         self.messages = [""] * self.lanes
@@ -200,7 +200,7 @@ class Population:
         self.curves.load_state_dict(saved["curves"])
         self.rewards.load_state_dict(saved["rewards"])
         self.best_fitness, self.best_reward = (
-            [peak and Peak(peak["epoch"], peak["value"], self._policy(peak["policy"])) for peak in peaks]
+            [peak and Kept(peak["epoch"], peak["value"], self._policy(peak["policy"])) for peak in peaks]
             for peaks in saved["peaks"]
         )
         self.messages, self.trained = saved["messages"], saved["trained"]
@@ -254,7 +254,7 @@ class Population:
             for peaks, value in ((self.best_fitness, fitness[lane]), (self.best_reward, own[lane])):
                 known = peaks[lane]
                 if value is not None and (known is None or value > known.value):
-                    peaks[lane] = Peak(epoch, value, self._now(lane))
+                    peaks[lane] = Kept(epoch, value, self._now(lane))
 
     def _progress(self, epochs_per_second: float) -> TrainingProgress:
         best = {spec.id: peak.value if peak else None for spec, peak in zip(self.specs, self.best_fitness, strict=True)}
@@ -303,7 +303,7 @@ def _newest(curves: Mapping[str, Sequence[float | None]]) -> dict[str, float | N
     return {name: curve[-1] for name, curve in followed.items() if curve}
 
 
-class Peak:
+class Kept:
     """The best epoch so far, with its policy still as tensors."""
 
     def __init__(self, epoch: int, value: float, policy: Policy) -> None:

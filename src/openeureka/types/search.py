@@ -170,7 +170,7 @@ class History:
         generation = Generation(len(self.generations), tuple(entries), limits=self.limits)
         return replace(self, generations=(*self.generations, generation))
 
-    def replayed(self, scores: Mapping[str, Evaluation]) -> History:
+    def rescored(self, scores: Mapping[str, Evaluation]) -> History:
         """With what policies scored by now, by lane id: those that lead may have been played again."""
         generations = [
             replace(
