@@ -114,8 +114,12 @@ def opened(directory: Path, name: str, *, writable: bool = False) -> BinaryIO | 
 
 
 def appended(directory: Path, name: str) -> BinaryIO:
-    """A file of the directory to write at its end; made when missing. Raises StoreError where something else than a file
-    has its name, OSError for what else is wrong."""
+    """A file of the directory to write at its end; made when missing.
+
+    Raises:
+        StoreError: where a pipe or the like has its name.
+        OSError: what else is wrong, also where a link has its name.
+    """
     flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK
     descriptor = os.open(directory / name, flags, 0o666)
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):

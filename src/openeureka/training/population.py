@@ -91,22 +91,11 @@ class Population:
             task.unseen(budget.observe),
         )
         self.interface = _interface(task, self.ppo.network.unseen)
-        for lane, spec in enumerate(self.specs):
-            if spec.start is not None:
-                Policy.from_bytes(spec.start).put(self.ppo, lane, fresh=spec.fresh, rescaled=spec.rescaled)
+        self._put_starts()
         self.rollout = Rollout(
             self.lanes, self.worlds, self.horizon, task.num_observations, task.num_actions, self.device
         )
-        window = -(-task.episode_length // self.horizon)
-        self.curves = Curves(
-            self.lanes,
-            self.worlds,
-            window=window,
-            # A training that is too short for it has the F of its end at least.
-            settled=0 if task.counts_early else min(2 * window, self.epochs),
-            components=self.rewards.components,
-            device=self.device,
-        )
+        self.curves = self._curves(task)
         self._early = task.episode_length // 4  # steps that count as early in an episode
         self.best_fitness: list[Kept | None] = [None] * self.lanes
         self.best_reward: list[Kept | None] = [None] * self.lanes
@@ -122,6 +111,24 @@ class Population:
         # Elsewhere worlds and noise are others: these lanes begin anew, and so do those beside them.
         if paused and {pausing.kind(lane) for lane in paused} == {self.kind}:
             pausing.put(self, paused)
+
+    def _put_starts(self) -> None:
+        """Let lanes that carry a policy on begin with its weights."""
+        for lane, spec in enumerate(self.specs):
+            if spec.start is not None:
+                Policy.from_bytes(spec.start).put(self.ppo, lane, fresh=spec.fresh, rescaled=spec.rescaled)
+
+    def _curves(self, task: type[Task]) -> Curves:
+        window = -(-task.episode_length // self.horizon)
+        return Curves(
+            self.lanes,
+            self.worlds,
+            window=window,
+            # A training that is too short for it has the F of its end at least.
+            settled=0 if task.counts_early else min(2 * window, self.epochs),
+            components=self.rewards.components,
+            device=self.device,
+        )
 
     def train(self) -> Iterator[TrainingEvent]:
         """Yields progress about once a second, when its state may be saved, then one result per lane."""
