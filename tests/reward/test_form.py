@@ -9,6 +9,7 @@ import torch
 
 from openeureka.reward import graph
 from openeureka.reward.form import form
+from openeureka.reward.validate import validate
 from openeureka.sandbox.client import Sandbox
 from openeureka.types import Candidate, Node, RewardGraph
 from reward.honest import CARTPOLE, recorded
@@ -18,6 +19,7 @@ SAME = {
     "one after the other": "a = torch.exp(-x.abs() / 0.1) * 2; b = 0.01 * v**2; return a - b, {'a': a, 'b': b}",
     "the other way round": "b = -0.01 * v**2; a = 2.0 * torch.exp(-x.abs() * 10); return b + a, {'b': b, 'a': a}",
     "begun with zeros": "r = torch.zeros_like(x); r += torch.exp(-10 * x.abs()) * 2; r -= v**2 / 100; return r, {}",
+    "less what is left of one": "a = 1 - torch.exp(-10 * x.abs()); return 2 * (1 - a) - 0.01 * v**2, {}",
     "in halves": "half = torch.exp(x.abs() / -0.1) - 0.005 * v**2; return half + half, {'unused': half * x}",
 }
 OTHER = {
@@ -78,3 +80,41 @@ def test_what_a_bonus_pays_for_makes_another_reward() -> None:
         for components in ((("progress_done", 0),), (("progress_done", 1),), (("done", 0),))
     )
     assert len({form(done), form(high), form(none)}) == 3
+
+
+REF, LATER = {"ref": 1}, {"ref": 2}
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        Node("neg.default", (), {"self": REF}),
+        Node("add.Scalar", (REF, 1.0, 2.0)),
+        Node("add.Tensor", (REF,), {"other": LATER}),
+        Node("sub.Tensor", (REF,), {"other": 2.0}),
+        Node("rsub.Scalar", (), {"self": REF, "other": 1.0}),
+        Node("rsub.Scalar", (REF, 1.0, 2.0)),
+        Node("mul.Tensor", (), {"self": REF, "other": 2.0}),
+        Node("div.Tensor_mode", (REF, 2.0), {"rounding_mode": "floor"}),
+    ],
+    ids=lambda node: f"{node.op} {len(node.args)}",
+)
+def test_arguments_in_any_order_that_may_train_have_a_form(node: Node) -> None:
+    start = (Node("input", ("dof_pos",)), Node("select.int", ({"ref": 0}, 1, 0)), Node("abs.default", (REF,)))
+    whole, part = (RewardGraph(nodes=(*start, node), reward=index, components=()) for index in (3, 1))
+    validate(whole)
+    assert form(whole) != form(part)
+
+
+def test_a_difference_either_way_round_is_one_sum() -> None:
+    start = (Node("input", ("dof_pos",)), Node("select.int", ({"ref": 0}, 1, 0)))
+    # 3 - 2 x
+    spelled = (
+        (Node("rsub.Scalar", (REF, 3.0), {"alpha": 2}),),
+        (Node("mul.Tensor", (REF, -2.0)), Node("add.Tensor", (LATER, 3.0))),
+    )
+    other = (Node("sub.Scalar", (REF, 3.0), {"alpha": 2}),)  # x - 2 * 3
+    forms = [
+        form(RewardGraph(nodes=(*start, *nodes), reward=1 + len(nodes), components=())) for nodes in (*spelled, other)
+    ]
+    assert forms[0] == forms[1] != forms[2]

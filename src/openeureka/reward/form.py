@@ -36,12 +36,15 @@ def _terms(node: Node, done: Sequence[Terms]) -> Terms:
     name = node.op.partition(".")[0]
     if name == "zeros_like":
         return {_ZERO: 1.0}  # kept inside other operations: there its shape may count
-    if name == "neg":
+    # A graph may be forged: what is given in another place or by another name than tracing does is no sum.
+    if name == "neg" and node.args:
         return _sum({}, _sides(node, done)[0], -1)
-    if name in ("add", "sub"):
+    if name in ("add", "sub", "rsub") and len(node.args) == 2 and node.kwargs.keys() <= {"alpha"}:
         alpha = node.kwargs.get("alpha", 1)
         if isinstance(alpha, int | float):
             own, other = _sides(node, done)
+            if name == "rsub":  # as `1 - x` is traced
+                own, other = other, own
             return _sum(own, other, alpha if name == "add" else -alpha)
     if name in ("mul", "div") and not node.kwargs:
         weight = node.args[1]
