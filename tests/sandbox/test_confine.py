@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 import torch
@@ -108,6 +109,24 @@ def test_root_becomes_nobody(sandbox: Sandbox) -> None:
     )
     # getgroups itself is not among the allowed calls
     assert "PermissionError" in verdict.findings[0].message
+
+
+def test_a_child_that_cannot_be_confined_runs_nothing_and_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(**_: object) -> None:
+        raise OSError(errno.EPERM, "root cannot become another user here; start it as an ordinary user")
+
+    def work() -> Answer:
+        raise AssertionError
+
+    monkeypatch.setattr(server, "confine", refused)
+    outcome = server._Child(work, confined=True).finish(20.0)
+    (finding,) = Answer.read(outcome.answer).findings
+    said = "its process cannot be confined: root cannot become another user here; start it as an ordinary user"
+    assert (finding.rule, finding.message) == ("unconfined", said)
+    # Whoever starts a search then reads that sentence.
+    for work_done_once in ("_collapse", "gc"):
+        monkeypatch.setattr(server, work_done_once, Mock())
+    assert server._warm_up(server._Bench(STATE, RECORDED, 0, confined=True)) == said
 
 
 ALONE = ["unshare", "--user", "--map-root-user"]
@@ -306,6 +325,21 @@ def test_the_parts_of_a_value_count(sandbox: Sandbox) -> None:
         sandbox, forged_graph(*nodes, ["getitem", [{"ref": 4}, 0], {}], ["select.int", [{"ref": 5}, 0, 0], {}])
     )
     assert verdict.findings[0].rule == "memory"  # 4,000 values and 4,000 indices per world; 4,096 may be
+
+
+TABLES = """total = pos[:, 0]
+for turn in range(300):
+    total = total + torch.tensor([0.1 + turn + 0.001 * place for place in range(1000)]).sum()
+pos = total[:, None]"""
+
+
+@pytest.mark.parametrize("body", [TABLES, "import os\nos.write(3, b'\\xff' * 64)\nos._exit(0)"], ids=["tables", "forged"])
+def test_a_graph_of_too_many_numbers_is_no_crash(sandbox: Sandbox, body: str) -> None:
+    verdict = run(sandbox, body)
+    assert (verdict.code, verdict.findings[0].rule) == (VerdictCode.CONTRACT, "memory")
+    assert verdict.findings[0].sentence() == (
+        "its graph holds too many numbers [memory]; compute tables with torch operations, from a few numbers"
+    )
 
 
 def test_lines_that_a_child_forges_are_lines(sandbox: Sandbox) -> None:

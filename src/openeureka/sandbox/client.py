@@ -9,7 +9,6 @@ from collections.abc import Mapping
 
 from torch import Tensor
 
-from ..codec import DecodeError, decode
 from ..errors import SandboxUnavailable, WorkerError
 from ..reward.validate import GraphError, validate
 from ..text import printable
@@ -25,18 +24,33 @@ _GRACE_SECONDS = 5.0
 _MAX_LINE = 100_000
 _MAX_FIX = 2_000
 """Characters: a fix may list every state variable."""
-_TIMEOUTS = {
+_OUTCOMES = {
     "timeout": (
+        VerdictCode.TIMEOUT,
+        "timeout",
         "{what} ran for more than {seconds:g} s on a few hundred states",
         "use tensor operations instead of Python loops",
     ),
     "waited": (
+        VerdictCode.TIMEOUT,
+        "timeout",
         "{what} did nothing for most of {longest:g} s, on a machine with processors to spare",
         "use plain tensor operations",
     ),
-    "silent": ("nothing was heard of it again, twice", "write a shorter program of plain tensor operations"),
+    "silent": (
+        VerdictCode.TIMEOUT,
+        "timeout",
+        "nothing was heard of it again, twice",
+        "write a shorter program of plain tensor operations",
+    ),
+    "oversized": (
+        VerdictCode.CONTRACT,
+        "memory",
+        "its graph holds too many numbers",
+        "compute tables with torch operations, from a few numbers",
+    ),
 }
-"""What is said of an outcome, and what its author can do."""
+"""What an outcome without an answer is, by which rule, what is said of it, and what its author can do."""
 _RULE = re.compile(r"[a-z][a-z-]{0,31}")
 _Judgement = tuple[VerdictCode, tuple[Finding, ...], RewardGraph | None]
 
@@ -111,11 +125,11 @@ class Sandbox:
                 f"The machine is too busy to judge a reward: nothing gets {SECONDS:g} s of a processor in {longest:g}"
                 " s; have less run beside it."
             )
-        if outcome in _TIMEOUTS:
-            message, fix = _TIMEOUTS[outcome]
+        if outcome in _OUTCOMES:
+            code, rule, message, fix = _OUTCOMES[outcome]
             message = message.format(what=what, seconds=SECONDS, longest=longest)
-            return VerdictCode.TIMEOUT, (Finding(rule="timeout", message=message, fix=fix),), None
-        answer = _parse(frame.blobs.get("answer", b""))
+            return code, (Finding(rule=rule, message=message, fix=fix),), None
+        answer = Answer.read(frame.blobs.get("answer", b""))
         if outcome not in ("answer", "refused"):
             return VerdictCode.CRASHED, (_crash(frame.header.get("signal"), what),), None
         if answer.findings:
@@ -180,13 +194,6 @@ def _accepted(graph: RewardGraph) -> _Judgement:
     except GraphError as error:
         finding = Finding(rule="operation", message=f"its graph is not allowed: {printable(str(error), 200)}")
         return VerdictCode.CONTRACT, (finding,), None
-
-
-def _parse(data: bytes) -> Answer:
-    try:
-        return decode(Answer, data)
-    except DecodeError:
-        return Answer()
 
 
 def _crash(number: object, what: str) -> Finding:

@@ -24,7 +24,7 @@ from typing import Any, NoReturn
 
 import torch
 
-from ..codec import DecodeError, decode, encode, shaped
+from ..codec import encode, shaped
 from ..reward import examine, gate, graph, load, probe
 from ..reward.dispatch import without_compiler
 from ..reward.states import only
@@ -112,10 +112,7 @@ def _twinned(finding: Finding, program: gate.Program) -> Finding:
 
 def _examine(text: bytes, bench: _Bench) -> Answer:
     """The verdict on what a child answered: findings, or a graph that may train, or neither."""
-    try:
-        said = decode(Answer, text)
-    except DecodeError:
-        return Answer()
+    said = Answer.read(text)
     if said.findings or said.graph is None:
         return Answer(findings=said.findings)
     try:
@@ -244,7 +241,8 @@ def _serve(request: int, answer: int, work: Callable[[], Answer], confined: bool
         try:
             confine(kernel=confined)
         except OSError as error:
-            _answer({"unconfined": str(error)})
+            said = f"its process cannot be confined: {error.strerror or error}"
+            _answer(Answer(findings=(Finding(rule="unconfined", message=said),)))
         else:
             _answer(work())
     except Exception as error:  # a fault of ours, or of a program that slipped through the gate: say which, then go
@@ -254,7 +252,7 @@ def _serve(request: int, answer: int, work: Callable[[], Answer], confined: bool
         os._exit(0)
 
 
-def _answer(answer: object) -> None:
+def _answer(answer: Answer) -> None:
     text = encode(answer).encode()
     _write(3, LENGTH.pack(len(text)) + text)
 
@@ -352,9 +350,10 @@ def _warm_up(bench: _Bench) -> str:
     gc.freeze()  # children then share these pages instead of copying them
     _collapse()
     _, outcome = _judge(program, bench, 60.0)
-    if outcome.kind == "answer" and decode(Answer, outcome.answer).graph is not None:
+    answer = Answer.read(outcome.answer)
+    if outcome.kind == "answer" and answer.graph is not None:
         return ""
-    return f"{outcome.kind} {outcome.died_of} {outcome.answer[:300].decode()}"
+    return answer.findings[0].message if answer.findings else f"{outcome.kind}, signal {outcome.died_of}"
 
 
 def _collapse() -> None:
