@@ -333,7 +333,9 @@ for turn in range(300):
 pos = total[:, None]"""
 
 
-@pytest.mark.parametrize("body", [TABLES, "import os\nos.write(3, b'\\xff' * 64)\nos._exit(0)"], ids=["tables", "forged"])
+@pytest.mark.parametrize(
+    "body", [TABLES, "import os\nos.write(3, b'\\xff' * 64)\nos._exit(0)"], ids=["tables", "forged"]
+)
 def test_a_graph_of_too_many_numbers_is_no_crash(sandbox: Sandbox, body: str) -> None:
     verdict = run(sandbox, body)
     assert (verdict.code, verdict.findings[0].rule) == (VerdictCode.CONTRACT, "memory")

@@ -1,6 +1,6 @@
 """The contract of a reward graph, judged on recorded states by running allow-listed operations only.
 
-Every graph is judged here, whoever made it, in a confined child of its own (`sandbox.server`) that runs nothing else:
+Every candidate's graph is judged here, in a confined child of its own (`sandbox.server`) that runs nothing else:
 an operation that ends its process, or asks for memory that is not there, costs a verdict.
 """
 
@@ -17,7 +17,7 @@ from ..types import Arg, Finding, Node, RewardGraph, StateSpec
 from . import graph as graphs
 from . import surface
 from .probe import TRACE_SIZES, Traced, outputs
-from .states import Recorded, is_world, only, take, world_count
+from .states import Recorded, only, take, world_count
 from .trace import Refused
 from .validate import MAX_SIZE_PER_WORLD, MAX_TOTAL_PER_WORLD, inputs, leaves, needed, references, validate
 
@@ -78,9 +78,8 @@ def _examine_inputs(graph: RewardGraph, spec: StateSpec) -> set[int]:
     if unknown:
         raise Refused("unknown-input", f"`{unknown[0]:.60}` is not a state variable of this task")
     paying = needed(graph, graph.reward)
-    if not any(
-        graph.nodes[index].op == "input" and is_world(str(graph.nodes[index].args[0]), spec) for index in paying
-    ):
+    nodes = (graph.nodes[index] for index in paying)
+    if not any(node.op == "input" and node.args[0] in spec.per_world for node in nodes):
         raise Refused("constant-reward", "the reward does not depend on the state", "use the state variables")
     return paying
 
@@ -139,7 +138,7 @@ def _too_large(traced: Traced, index: int) -> Refused:
 def _meta(name: str, value: Tensor | float | int, spec: StateSpec, count: int) -> Any:
     if not isinstance(value, Tensor):
         return count if name in spec and spec[name].kind == "num_envs" else value
-    shape = (count, *value.shape[1:]) if is_world(name, spec) else value.shape
+    shape = (count, *value.shape[1:]) if name in spec.per_world else value.shape
     return torch.empty(shape, dtype=value.dtype, device="meta")
 
 

@@ -12,7 +12,6 @@ from torch import Tensor, fx
 from ..codec import DecodeError, decode
 from ..types import Arg, Node, Part, RewardGraph, StateSpec
 from . import surface
-from .states import is_world
 from .validate import TORCH_NAMES, GraphError, inputs, needed, operation, references, refuse_truncation, validate
 
 MADE_FROM_NOTHING = surface.words("""
@@ -167,7 +166,7 @@ class CompiledReward:
         unknown = [name for name in self.inputs if name not in spec]
         if unknown:
             raise GraphError(f"input {unknown[0]!r:.60} is not a state variable")
-        self._world = next((name for name in self.inputs if spec[name].kind == "world"), None)
+        self._world = next((name for name in self.inputs if name in spec.per_world), None)
         self._names = tuple(name for name, _ in graph.components)
         self._module = _module(graph, self.inputs)
         self._device = torch.device("cpu")
@@ -257,7 +256,7 @@ def spelled(graph: RewardGraph, spec: StateSpec) -> str:
         GraphError: for anything but a well-formed graph of such operations.
     """
     validate(graph)
-    first = next(name for name in inputs(graph) if is_world(name, spec))
+    first = next(name for name in inputs(graph) if name in spec.per_world)
     lines = [f'n, device = state["{first}"].shape[0], state["{first}"].device']
     lines += [f"x{index} = {_value(node)}" for index, node in enumerate(graph.nodes)]
     components = ", ".join(f"{name!r}: {_output(index)}" for name, index in graph.components)

@@ -15,13 +15,8 @@ Recorded = Mapping[str, Tensor | float | int]
 
 
 def world_count(recorded: Recorded, spec: StateSpec) -> int:
-    return next(
-        value.shape[0] for name, value in recorded.items() if is_world(name, spec) and isinstance(value, Tensor)
-    )
-
-
-def is_world(name: str, spec: StateSpec) -> bool:
-    return name in spec and spec[name].kind == "world"
+    known = spec.per_world
+    return next(value.shape[0] for name, value in recorded.items() if name in known and isinstance(value, Tensor))
 
 
 def take(recorded: Recorded, spec: StateSpec, worlds: Sequence[int] | Tensor) -> dict[str, Any]:
@@ -30,7 +25,7 @@ def take(recorded: Recorded, spec: StateSpec, worlds: Sequence[int] | Tensor) ->
     index = torch.as_tensor(worlds) % count
     values: dict[str, Any] = {}
     for name, value in recorded.items():
-        if is_world(name, spec) and isinstance(value, Tensor):
+        if name in spec.per_world and isinstance(value, Tensor):
             values[name] = value[index]
         else:
             values[name] = value.clone() if isinstance(value, Tensor) else value
@@ -42,5 +37,5 @@ def take(recorded: Recorded, spec: StateSpec, worlds: Sequence[int] | Tensor) ->
 
 def only(recorded: Recorded, spec: StateSpec, names: Sequence[str]) -> Recorded:
     """The named variables, and one per-world variable in any case: it says how many worlds there are."""
-    world = next(variable.name for variable in spec.variables if variable.kind == "world")
+    world = spec.per_world[0]
     return {name: value for name, value in recorded.items() if name in names or name == world}

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 import signal
 import time
-from collections.abc import Mapping
 
 from torch import Tensor
 
 from ..errors import SandboxUnavailable, WorkerError
+from ..reward.states import Recorded
 from ..reward.validate import GraphError, validate
 from ..text import printable
 from ..types import Candidate, Finding, RewardGraph, StateSpec, Verdict, VerdictCode
@@ -71,7 +71,7 @@ class Sandbox:
     def __init__(
         self,
         state: StateSpec,
-        recorded: Mapping[str, Tensor | float | int],
+        recorded: Recorded,
         *,
         worlds: int = 0,
         unsafe: bool = False,

@@ -341,9 +341,9 @@ def main() -> None:
 
 def _warm_up(bench: _Bench) -> str:
     """Load what torch loads lazily, before a child may open no file, and try two; the problem met, or nothing."""
-    variable = next(v for v in bench.spec.variables if v.kind == "world")
-    term = f"{variable.name}.reshape(num_envs, -1).sum(dim=-1)"
-    program = _gate(_WARM_UP.format(arguments=variable.name, term=term), bench)
+    name = bench.spec.per_world[0]
+    term = f"{name}.reshape(num_envs, -1).sum(dim=-1)"
+    program = _gate(_WARM_UP.format(arguments=name, term=term), bench)
     assert isinstance(program, gate.Program), program
     _examine(encode(_probe(program, bench)).encode(), bench)
     gc.collect()

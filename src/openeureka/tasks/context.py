@@ -11,6 +11,7 @@ from torch import Tensor
 
 from ..config import RunConfig
 from ..errors import TaskError
+from ..reward.states import Recorded
 from ..text import plain
 from ..types import COSTS, StateSpec, TaskContext
 from . import curriculum, ranges
@@ -52,7 +53,7 @@ def context(env: str) -> TaskContext:
     )
 
 
-def informed(known: TaskContext, recorded: Mapping[str, Tensor | float | int], config: RunConfig) -> TaskContext:
+def informed(known: TaskContext, recorded: Recorded, config: RunConfig) -> TaskContext:
     """With the facts of a search: how long episodes and trainings are, what ends them and where they start, and what
     is drawn. What safety asks for becomes part of the description, which every prompt has.
 

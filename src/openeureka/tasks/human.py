@@ -16,7 +16,6 @@ from torch import Tensor
 from ..errors import TaskError
 from ..reward import gate, graph, probe
 from ..reward.load import load
-from ..reward.states import is_world
 from ..reward.trace import Refused
 from ..types import Finding, RewardGraph
 
@@ -71,7 +70,7 @@ def compiled(task: type[Task], state: Mapping[str, Any]) -> graph.CompiledReward
     checked = gate.check(program(task), task.spec)
     if not isinstance(checked, gate.Program):
         raise _refused(task, checked[0])
-    if not any(is_world(name, task.spec) for name in checked.inputs):
+    if not any(name in task.spec.per_world for name in checked.inputs):
         raise _refused(task, Finding(rule="constant-reward", message="it does not depend on the state"))
     recorded = {
         name: value.detach().cpu() if isinstance(value, Tensor) else value

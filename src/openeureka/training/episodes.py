@@ -39,7 +39,7 @@ class Recorder:
         self._spec, self._lanes, self._count = spec, lanes, min(EPISODES, worlds)
         own = torch.arange(self._count)
         self._rows = torch.cat([own + lane * worlds for lane in lanes]) if lanes else own[:0]
-        self._names = [variable.name for variable in spec.variables if variable.kind == "world"]
+        self._names = spec.per_world
         self._taken: list[tuple[Tensor, dict[str, Tensor]]] = []
         self._numbers: dict[str, Tensor] = {}
         self._apart, self._most = 1, 0
@@ -115,7 +115,7 @@ def _parts(spec: StateSpec, recorded: Sequence[Mapping[str, Tensor]]) -> Iterato
         elif variable.kind != "num_envs":
             value = recorded[0][name]  # the task's own, the same in all of them
             joined[name] = value if variable.kind == "constant" else value.item()
-    worlds = [variable.name for variable in spec.variables if variable.kind == "world"]
+    worlds = spec.per_world
     for start in range(0, len(joined[worlds[0]]), TOGETHER):
         part = joined | {name: joined[name][start : start + TOGETHER] for name in worlds}
         count = len(part[worlds[0]])

@@ -142,8 +142,7 @@ def begin_alike(simulation: BatchedEnv, lanes: int = 1) -> bool:
     if simulation.task.draws_itself or simulation.num_worlds == lanes:
         return False
     state, spec = simulation.current_state(), simulation.task.spec
-    names = [variable.name for variable in spec.variables if variable.kind == "world"]
-    worlds = (state[name].float().unflatten(0, (lanes, -1)) for name in names)
+    worlds = (state[name].float().unflatten(0, (lanes, -1)) for name in spec.per_world)
     return all(bool(torch.isclose(x, x[:, :1], rtol=ROUNDING, atol=ROUNDING).all()) for x in worlds)
 
 

@@ -53,7 +53,7 @@ class LaneRewards:
         self.components = [
             (lane, name) for lane, program in self._compiled.items() for name, _ in program.graph.components
         ]
-        self._per_world = {variable.name for variable in task.spec.variables if variable.kind == "world"}
+        self._per_world = set(task.spec.per_world)
         generated = [lane in self._compiled for lane in range(len(self.programs))]
         self._generated = torch.tensor(generated, dtype=torch.float32, device=task.device)[:, None]
         self._counts = ProgressCounts(len(self.programs), task.device) if bonus == "progress" else None

@@ -49,6 +49,11 @@ class StateSpec:
     def names(self) -> tuple[str, ...]:
         return tuple(variable.name for variable in self.variables)
 
+    @property
+    def per_world(self) -> tuple[str, ...]:
+        """Names of the variables that each world has a value of."""
+        return tuple(variable.name for variable in self.variables if variable.kind == "world")
+
     def __getitem__(self, name: str) -> StateVar:
         for variable in self.variables:
             if variable.name == name:

@@ -41,7 +41,7 @@ def compare(
     """
     task = _with_round_friction(get(env)) if round_friction else get(env)
     first, second = (BatchedEnv(task, worlds=worlds, device=name, threads=1) for name in (reference, device))
-    names = [variable.name for variable in task.spec.variables if variable.kind == "world"]
+    names = task.spec.per_world
     found: dict[str, list[Tensor]] = {name: [] for name in names}
 
     def note(a: dict[str, Tensor], b: dict[str, Tensor]) -> None:
