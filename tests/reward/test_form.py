@@ -40,7 +40,7 @@ def graphs() -> dict[str, RewardGraph]:
     with Sandbox(CARTPOLE, recorded(CARTPOLE)) as checker:
         for name, body in (SAME | OTHER).items():
             verdict = checker.check(Candidate.of(f"import torch\n\n{HEAD}    {body}\n"))
-            assert verdict.graph is not None, (name, verdict.message)
+            assert verdict.graph is not None, (name, verdict.findings)
             found[name] = verdict.graph
     return found
 

@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from ..numbers import number
-from ..score import NO_LIMITS, breach
+from ..score import ERRORS, NO_LIMITS, breach
 from ..types import Dynamics, Evaluation, Limits, Peak, TrainingResult, Trial
 
 DRIFT = 0.2
 """Share of the range of F over training that training on for the reward may cost."""
-ERRORS = 2.0
-"""Standard errors that a loss must exceed, else it may be luck."""
 CONCENTRATED = 0.5
 """Share of F that the highest twentieth of its contributions may make; a twentieth where all are equal."""
 LOST = 0.01

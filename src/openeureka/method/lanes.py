@@ -15,6 +15,7 @@ from ..events import Played, Tell
 from ..score import counted_peak, level, played
 from ..store import Store
 from ..types import (
+    OWN_REWARDS,
     PEAKS,
     Bonus,
     CandidateId,
@@ -49,7 +50,7 @@ EPISODES = (8, 64)
 SHARE = 0.1
 """Of the steps of a training that both looks may take together."""
 
-BASELINES: tuple[tuple[str, RewardProgram], ...] = (("human", "human"), ("sparse", "sparse"))
+BASELINES: tuple[tuple[str, RewardProgram], ...] = tuple((name, name) for name in OWN_REWARDS)
 
 Wanted = tuple[Lane, RewardProgram]
 """A lane, and what it trains under."""

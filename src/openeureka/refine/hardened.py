@@ -9,7 +9,7 @@ from ..method.hacking import untrained
 from ..score import breach, pooled, worth
 from ..stats import mean
 from ..store import Store
-from ..types import NOMINAL, Dynamics, Evaluation, Limits, Peak, Ranges, TrainingResult
+from ..types import NOMINAL, PEAKS, Dynamics, Evaluation, Limits, Ranges, TrainingResult
 
 _FACTOR = (0.4, 0.6, 0.8, 0.9, 1.1, 1.2, 1.5, 2.0)
 GRID: Mapping[str, tuple[float, ...]] = {
@@ -36,7 +36,6 @@ HARD: Mapping[str, Dynamics] = {
 start states of its own."""
 KEEPS = 0.75
 """Share of what was learnt that a policy keeps where it is said to work."""
-PEAKS: tuple[Peak, ...] = ("reward", "last", "fitness")
 PLAIN, LONGER, UNIFORM = "plain", "longer", "uniform"
 """The policy that the search left; the same, trained on as it was; and ranges that nobody gave a reason for."""
 

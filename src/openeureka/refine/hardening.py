@@ -23,6 +23,7 @@ from ..store import Store, expect_files
 from ..text import plain
 from ..types import (
     NOMINAL,
+    PEAKS,
     Dynamics,
     Hardening,
     Lane,
@@ -35,7 +36,7 @@ from ..types import (
     Trial,
 )
 from ..types.dynamics import SCALES
-from .hardened import GRID, HARD, KEEPS, LONGER, PEAKS, UNIFORM, Carried, carries, chosen, origin
+from .hardened import GRID, HARD, KEEPS, LONGER, UNIFORM, Carried, carries, chosen, origin
 from .tuned import last_index
 
 SWEEP_EPISODES, CHOOSING_EPISODES, HARD_EPISODES = 32, 16, 64

@@ -13,7 +13,7 @@ from itertools import chain
 from pathlib import Path
 
 from ..errors import RewardFileError, nearest
-from ..types import Candidate
+from ..types import OWN_REWARDS, Candidate
 from .normalise import ENTRY_NAMES
 
 MAX_REPLY = 1_000_000
@@ -24,8 +24,6 @@ MAX_TRIMS = 50
 MAX_JOINS = 50
 """Fences that are tried as the end of a block whose first one is in a string."""
 MAX_NESTING = 2
-OWN = ("human", "sparse")
-"""What a task calls its own rewards, where a file may be named."""
 
 # Possessive, all of them: a mark that gave characters back would be tried again at each.
 _FENCE = re.compile(r"^(?P<quote>[ \t>]*+)(?P<mark>`{3,}+|~{3,}+)(?P<info>[^`\n]*+)$")
@@ -82,22 +80,17 @@ def in_file(path: Path) -> tuple[Candidate, str]:
     Raises:
         RewardFileError: for a file that cannot be read.
     """
-    text = read(path).source
-    found = in_text(text)
-    prose = f"{path} is prose with a program in it; lines are counted from the program's first."
-    return found, prose if found.source != text else ""
-
-
-def read(path: Path) -> Candidate:
-    """The program in a file. Raises RewardFileError."""
     try:
-        return Candidate.of(path.read_text(encoding="utf-8-sig"))
+        text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        own = f" Where rewards train, {' and '.join(OWN)} are the task's own; here a name is that of a file."
-        meant = own if str(path) in OWN else nearest(str(path), OWN)
+        own = f" Where rewards train, {' and '.join(OWN_REWARDS)} are the task's own; here a name is that of a file."
+        meant = own if str(path) in OWN_REWARDS else nearest(str(path), OWN_REWARDS)
         raise RewardFileError(f"Cannot read the reward file {path}: {error.strerror}.{meant}") from None
     except UnicodeDecodeError:
         raise RewardFileError(f"{path} is not a text file; a reward file is Python source in UTF-8.") from None
+    found = in_text(text)
+    prose = f"{path} is prose with a program in it; lines are counted from the program's first."
+    return found, prose if found.source != text else ""
 
 
 def in_text(text: str) -> Candidate:

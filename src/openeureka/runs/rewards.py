@@ -17,7 +17,7 @@ from ..tasks import human
 from ..tasks.record import record_states
 from ..tasks.registry import get
 from ..text import one_line, plain
-from ..types import Candidate, Verdict, VerdictCode
+from ..types import OWN_REWARDS, Candidate, Verdict, VerdictCode
 
 
 def read(program: str | Path) -> Candidate:
@@ -56,7 +56,7 @@ def named(config: TrainConfig, words: Sequence[str | Path]) -> Given:
             same = len({str(word) for word, own in zip(words, names, strict=True) if own == name}) == 1
             way = "name it once, and train it with more seeds: seeds=2" if same else "give the files different names"
             raise ConfigError(f"`reward` names `{name}` twice; {way}.")
-    programs = {name: read(word) for name, word in zip(names, words, strict=True) if word not in extract.OWN}
+    programs = {name: read(word) for name, word in zip(names, words, strict=True) if word not in OWN_REWARDS}
     verdicts = judge(config.env, list(programs.values()), worlds=config.worlds, unsafe=config.unsafe_no_sandbox)
     judged = {name: (programs[name], verdict) for name, verdict in zip(programs, verdicts, strict=True)}
     for name, word in zip(names, words, strict=True):
@@ -111,17 +111,17 @@ def _only(config: TuneConfig, word: str | Path) -> Candidate:
 
 def _name(reward: str | Path, number: int) -> str:
     """A file's stem, as far as it can name a folder."""
-    if reward in extract.OWN:
+    if reward in OWN_REWARDS:
         return str(reward)
     if is_text(reward):
         return f"reward_{number}"
     stem = _nameable(Path(reward).stem)
-    return f"{stem}_file" if stem in extract.OWN else stem
+    return f"{stem}_file" if stem in OWN_REWARDS else stem
 
 
 def _in_folder(reward: str | Path, name: str) -> str:
     """A file by its folder and its stem."""
-    if reward in extract.OWN or is_text(reward):
+    if reward in OWN_REWARDS or is_text(reward):
         return name
     return _nameable(f"{Path(reward).absolute().parent.name}_{Path(reward).stem}")
 

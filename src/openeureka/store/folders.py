@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from ..types import Peak, PolicyId
+from ..types import PEAKS, PolicyId
 from . import artifacts
 from .db import Database
 from .lane_log import LaneLog
@@ -41,12 +41,11 @@ class Folders:
         data = artifacts.read(self._database.directory, f"{folder}/policy.safetensors")
         if data is None:
             return []
-        peaks: tuple[Peak, ...] = ("reward", "last", "fitness")
         wanted = digest(data)
         rows = self._database.rows("results")
         return [
             PolicyId(row["lane"], peak)
             for row in rows
-            for peak in peaks
+            for peak in PEAKS
             if self._database.decoded(decode_digest, row["result"], peak) == wanted
         ]

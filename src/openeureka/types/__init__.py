@@ -24,6 +24,7 @@ from .tasks import StateKind, StateSpec, StateUse, StateVar, TaskContext
 from .training import (
     COMPONENT,
     COSTS,
+    OWN_REWARDS,
     PEAKS,
     Bonus,
     Checkpoint,
@@ -57,6 +58,7 @@ __all__ = [
     "COSTS",
     "GIVEN",
     "NOMINAL",
+    "OWN_REWARDS",
     "PEAKS",
     "PROGRESS",
     "Arg",

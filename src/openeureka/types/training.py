@@ -12,12 +12,14 @@ from .bounds import Count, Finite, Name, Share
 from .dynamics import NOMINAL, Dynamics, Ranges
 from .rewards import RewardGraph
 
+OWN_REWARDS: tuple[Literal["human", "sparse"], ...] = ("human", "sparse")
+"""What a task calls the rewards that come with it."""
 RewardProgram = RewardGraph | Literal["human", "sparse"]
 
 Peak = Literal["fitness", "reward", "last"]
 """Which of a lane's policies: where F was highest in training, where its own reward was, or the one at the end."""
 PEAKS: tuple[Peak, ...] = ("reward", "last", "fitness")
-"""Those that are played to find the one that stands for a lane."""
+"""All of them, in the order in which they are played; of equal ones the first counts."""
 
 Observe = Literal["all", "measurable"]
 
