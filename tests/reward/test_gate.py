@@ -300,6 +300,7 @@ def test_what_is_refused_where_it_is_made_is_not_refused_again_where_it_is_used(
         ("math.prod([0.5, 2.0])", "multiply the numbers with `*`"),
         ("np.clip(1.5, 0, 1)", "use `torch.clip`"),
         ("np.array([0.5])", "use `torch.tensor`"),
+        ("np.concatenate([dof_pos, dof_pos])", "use `torch.concatenate`"),
     ],
 )
 def test_what_is_said_of_functions_of_plain_numbers_works(call: str, fix: str) -> None:

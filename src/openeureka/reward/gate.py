@@ -15,9 +15,10 @@ from types import CodeType
 
 from ..text import printable
 from ..types import Finding, StateSpec
+from .guess import twin
 from .normalise import Draft, Normaliser
 from .rules import IMPLICIT, Rules
-from .syntax import dotted, twin
+from .syntax import dotted
 
 FILENAME = "<reward>"
 MAX_BYTES = 20_000
@@ -100,16 +101,15 @@ def _text_findings(source: str) -> Iterator[Finding]:
                 return
 
 
-def twins(program: Program, line: int | None) -> dict[str, str]:
-    """Functions of numpy and math that are called in a line, each with what torch calls it."""
-    calls = (node for node in ast.walk(program.draft.tree) if isinstance(node, ast.Call) and node.lineno == line)
-    found: dict[str, str] = {}
-    for call in calls:
-        head, _, rest = (dotted(call.func) or "").partition(".")
-        path = ".".join(filter(None, (program.draft.names.get(head), rest)))
-        if known := twin(path):
-            found[ast.unparse(call.func)] = known
-    return found
+def of_numbers(program: Program, line: int | None) -> tuple[str, str] | None:
+    """The first function of numpy or math that a line calls, and what torch calls it."""
+    for node in ast.walk(program.draft.tree):
+        if isinstance(node, ast.Call) and node.lineno == line:
+            head, _, rest = (dotted(node.func) or "").partition(".")
+            path = ".".join(filter(None, (program.draft.names.get(head), rest)))
+            if known := twin(path):
+                return ast.unparse(node.func), known
+    return None
 
 
 def parse(source: str) -> ast.Module | Finding:

@@ -44,6 +44,15 @@ def instead(name: str) -> str:
     return next((f"{module}.{name}" for module in _ELSEWHERE if name in surface.MODULES[module]), "")
 
 
+def twin(path: str) -> str | None:
+    """What torch calls a function of numpy or math: `torch.exp` for `numpy.exp`; None where it has none."""
+    package, _, rest = path.partition(".")
+    if package not in ("numpy", "math"):
+        return None
+    module, _, name = f"torch.{rest}".rpartition(".")
+    return f"{module}.{name}" if name in surface.MODULES.get(module, ()) else _MEANT.get(rest)
+
+
 def nearest(name: str, known: Iterable[str], likeness: float) -> str:
     """The known name that this one misspells, or shortens word by word; empty where none is."""
     if name in _OTHERS:

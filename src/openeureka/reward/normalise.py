@@ -8,7 +8,7 @@ allowed is for `gate`.
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from typing import TypeVar, cast
 
@@ -59,6 +59,16 @@ class Draft:
     def method(self) -> bool:
         """Whether the reward reads the state as attributes of `self`."""
         return bool(self.entry.args.args) and self.entry.args.args[0].arg == "self"
+
+
+def entry_name(functions: Iterable[str]) -> str:
+    """Which of a program's functions is the reward: the one of an asked name, else the last.
+
+    Args:
+        functions: one or more names, in the order of the program.
+    """
+    names = list(functions)
+    return next((name for name in ENTRY_NAMES if name in names), names[-1])
 
 
 def _is_literal(node: ast.expr) -> bool:
@@ -124,8 +134,7 @@ class Normaliser(ast.NodeTransformer):
             kept = self._top_level(statement, after=statement.lineno > last)
             if kept is not None:
                 body.append(kept)
-        entry = next((self.functions[name] for name in ENTRY_NAMES if name in self.functions), None)
-        entry = entry or list(self.functions.values())[-1]
+        entry = self.functions[entry_name(self.functions)]
         plain = ast.fix_missing_locations(ast.Module(body=body, type_ignores=[]))
         known = frozenset(self.constants), self.ignored, frozenset(self._refused)
         return Draft(plain, entry, self.functions, self.names, *known)

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from ..types import Finding, StateSpec
 from . import guess, surface
 from .normalise import Draft
-from .syntax import MAX_INT, Scope, bound, dotted, identifiers, rebound, shown, twin
+from .syntax import MAX_INT, Scope, bound, defaults, dotted, identifiers, rebound, shown
 
 MAX_RANGE = 1_000
 MAX_GUESSED = 40
@@ -100,9 +100,7 @@ class Rules(ast.NodeVisitor):
     def _signature(self) -> None:
         arguments = self.draft.entry.args
         positional = arguments.args[1:] if self.draft.method else arguments.args
-        defaulted = {argument.arg for argument in arguments.args[len(arguments.args) - len(arguments.defaults) :]}
-        pairs = zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)
-        defaulted |= {argument.arg for argument, default in pairs if default is not None}
+        defaulted = {argument.arg for argument, _ in defaults(self.draft.entry)}
         for argument in (*positional, *arguments.kwonlyargs):
             if self._is_input(argument.arg):
                 self.inputs[argument.arg] = self.arguments[argument.arg] = None
@@ -225,7 +223,7 @@ class Rules(ast.NodeVisitor):
             self._refuse("data-read", message, node, "use torch.where or a mask")
         else:
             offered = surface.MODULES.get(path.rpartition(".")[0], surface.TORCH)
-            known = twin(path) or guess.instead(name)
+            known = guess.twin(path) or guess.instead(name)
             fix = f"use `{known}`" if known else self._guess(name, offered) or "write it with tensor operations"
             if path == "math.prod":
                 fix = "multiply the numbers with `*`"
@@ -335,7 +333,4 @@ def _mutable(node: Scope) -> frozenset[str]:
     """Arguments of a function whose default is a list or a dict."""
     if not isinstance(node, ast.FunctionDef | ast.Lambda):
         return frozenset()
-    spec = node.args
-    positional = zip(reversed(spec.args), reversed(spec.defaults), strict=False)
-    pairs = (*positional, *zip(spec.kwonlyargs, spec.kw_defaults, strict=True))
-    return frozenset(arg.arg for arg, default in pairs if isinstance(default, ast.List | ast.Dict))
+    return frozenset(arg.arg for arg, default in defaults(node) if isinstance(default, ast.List | ast.Dict))

@@ -70,6 +70,15 @@ def rebound(function: ast.FunctionDef) -> set[str]:
     return {name.id for name in names if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)}
 
 
+def defaults(function: ast.FunctionDef | ast.Lambda) -> Iterator[tuple[ast.arg, ast.expr]]:
+    """The arguments that have a default, each with it."""
+    arguments = function.args
+    yield from zip(reversed(arguments.args), reversed(arguments.defaults), strict=False)
+    for argument, default in zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True):
+        if default is not None:
+            yield argument, default
+
+
 # --- what numbers come to, as in `LIMIT = 12 * math.pi / 180` --------------------------------------------------------
 
 Number = int | float
@@ -108,25 +117,6 @@ _NUMPY = {
 def numpy_name(name: str) -> Any:
     """What a name of numpy stands for: a constant, or the function of Python numbers."""
     return _NUMPY[name] if name in _NUMPY else getattr(math, name)
-
-
-_SPELT = {
-    "power": "pow",
-    "fabs": "abs",
-    "amax": "amax",
-    "amin": "amin",
-    "concatenate": "cat",
-    "degrees": "rad2deg",
-    "radians": "deg2rad",
-}
-
-
-def twin(path: str) -> str | None:
-    """What torch calls a function of numpy or math: `torch.exp` for `numpy.exp`; None where it has none."""
-    package, _, name = path.partition(".")
-    module, _, name = f"torch.{_SPELT.get(name, name)}".rpartition(".")
-    known = package in ("numpy", "math") and name in surface.MODULES.get(module, ())
-    return f"{module}.{name}" if known else None
 
 
 class Folder(ast.NodeTransformer):

@@ -15,7 +15,8 @@ from itertools import accumulate
 from typing import Literal, cast
 
 from . import gate, surface
-from .normalise import ENTRY_NAMES
+from .normalise import entry_name
+from .syntax import defaults
 
 Use = Literal["factor", "added", "threshold", "data"]
 """How an expression takes part: multiplied or divided by, added or handed on, compared with, or none of these."""
@@ -116,11 +117,8 @@ class _Finder:
             if isinstance(statement, ast.Assign | ast.AnnAssign) and _target(statement) in read:
                 yield from self._statement(statement, "")
         for function in self._functions:
-            arguments = function.args
-            named = [*zip(reversed(arguments.args), reversed(arguments.defaults), strict=False)]
-            for argument, default in (*named, *zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)):
-                if default is not None:
-                    yield from self._assigned(argument.arg, default)
+            for argument, default in defaults(function):
+                yield from self._assigned(argument.arg, default)
             owner = "reward" if function is self._functions[0] else function.name
             for statement in function.body:
                 yield from self._statement(statement, owner)
@@ -248,8 +246,7 @@ def _within(place: ast.expr) -> Iterator[str]:
 def _reached(tree: ast.Module) -> Iterator[ast.FunctionDef]:
     """The reward function, then those that it calls, directly or through each other."""
     known = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
-    entry = next((name for name in ENTRY_NAMES if name in known), None) or next(reversed(known), None)
-    waiting = [entry] if entry is not None else []
+    waiting = [entry_name(known)] if known else []
     while waiting:
         function = known.pop(waiting.pop(0), None)
         if function is not None:

@@ -104,9 +104,9 @@ def _probe(program: gate.Program, bench: _Bench) -> Answer:
 
 def _twinned(finding: Finding, program: gate.Program) -> Finding:
     """A finding that something took a tensor for a number; where that is a function of numpy's, what torch calls it."""
-    if finding.rule != "branch" or not (found := gate.twins(program, finding.line)):
+    if finding.rule != "branch" or not (found := gate.of_numbers(program, finding.line)):
         return finding
-    (name, known), *_ = found.items()
+    name, known = found
     return replace(finding, message=f"`{name}` takes numbers and this is a tensor", fix=f"use `{known}`")
 
 
