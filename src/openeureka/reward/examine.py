@@ -7,7 +7,7 @@ an operation that ends its process, or asks for memory that is not there, costs 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from typing import Any
 
 import torch
@@ -97,10 +97,9 @@ def _examine_memory(traced: Traced, spec: StateSpec, recorded: Recorded, worlds:
     if any(node.op in _MAY_SHRINK and _counts(node) for node in traced.graph.nodes):
         counts |= {1 << power for power in range(_MANY_WORLDS.bit_length() - 1)}
     for count in sorted(counts):
-        state = {name: _meta(name, value, spec, count) for name, value in recorded.items()}
-        total, index = 0, -1
+        total, index, shapes = 0, -1, _shapes(traced.graph, spec, recorded, count)
         try:
-            for index, value in enumerate(graphs.values(traced.graph, state, count, "meta")):
+            for index, value in enumerate(shapes):
                 size = _size(value)
                 total += size
                 if size > count * MAX_SIZE_PER_WORLD or total > count * MAX_TOTAL_PER_WORLD:
@@ -135,6 +134,12 @@ def _too_large(traced: Traced, index: int) -> Refused:
     )
 
 
+def _shapes(graph: RewardGraph, spec: StateSpec, recorded: Recorded, count: int) -> Iterator[Any]:
+    """The value of each node in turn for so many worlds, without its numbers."""
+    state = {name: _meta(name, value, spec, count) for name, value in recorded.items()}
+    return graphs.values(graph, state, count, "meta")
+
+
 def _meta(name: str, value: Tensor | float | int, spec: StateSpec, count: int) -> Any:
     if not isinstance(value, Tensor):
         return count if name in spec and spec[name].kind == "num_envs" else value
@@ -167,12 +172,7 @@ def _examine_reductions(traced: Traced, spec: StateSpec, recorded: Recorded, pay
     one of them presses too hard, say. Nor may what scans or sorts them: picked of that, a world is one of all too.
     What picks a world is judged by values: what is picked may be the same in all.
     """
-
-    def shaped(count: int) -> list[Any]:
-        state = {name: _meta(name, value, spec, count) for name, value in recorded.items()}
-        return list(graphs.values(traced.graph, state, count, "meta"))
-
-    small, large = map(shaped, TRACE_SIZES)
+    small, large = (list(_shapes(traced.graph, spec, recorded, count)) for count in TRACE_SIZES)
     grows = [_size(a) != _size(b) for a, b in zip(small, large, strict=True)]
     for index in sorted(paying):
         node = traced.graph.nodes[index]

@@ -102,6 +102,31 @@ def _constant(node: Node, device: torch.device | str) -> Tensor:
     return numbers.reshape(cast(tuple[int, ...], shape))
 
 
+def _filler(done: Sequence[Any], times_worlds: Callable[[int], Any]) -> Callable[[Arg], Any]:
+    """What gives an argument as it is handed on, with the values of nodes before in place of references.
+
+    Args:
+        times_worlds: a multiple of the number of worlds.
+    """
+
+    def fill(arg: Arg) -> Any:
+        if isinstance(arg, tuple):
+            return [fill(part) for part in arg]
+        if isinstance(arg, Mapping):
+            return done[arg["ref"]] if "ref" in arg else times_worlds(arg["n"])
+        return arg
+
+    return fill
+
+
+def _call(node: Node, fill: Callable[[Arg], Any], device: Any) -> tuple[Callable[..., Any], list[Any], dict[str, Any]]:
+    """What runs for a node, and what it is given."""
+    args, kwargs = [fill(arg) for arg in node.args], _named({key: fill(arg) for key, arg in node.kwargs.items()})
+    if node.op in MADE_FROM_NOTHING:
+        kwargs["device"] = device
+    return _callable(node.op), args, kwargs
+
+
 def values(graph: RewardGraph, state: State, num_worlds: int, device: torch.device | str = "cpu") -> Iterator[Any]:
     """The value of each node in turn: the reference interpreter, for checks; on the meta device, shapes only.
 
@@ -114,13 +139,7 @@ def values(graph: RewardGraph, state: State, num_worlds: int, device: torch.devi
     for source, index in last.items():
         over[index].append(source)
 
-    def fill(arg: Arg) -> Any:
-        if isinstance(arg, tuple):
-            return [fill(part) for part in arg]
-        if isinstance(arg, Mapping):
-            return done[arg["ref"]] if "ref" in arg else arg["n"] * num_worlds
-        return arg
-
+    fill = _filler(done, lambda times: times * num_worlds)
     for index, node in enumerate(graph.nodes):
         if node.op == "input":
             value = torch.as_tensor(state[str(node.args[0])], device=device)
@@ -129,12 +148,10 @@ def values(graph: RewardGraph, state: State, num_worlds: int, device: torch.devi
         elif node.op == "getitem":
             value = _part(fill(node.args[0]), node.args[1])
         else:
-            args, kwargs = [fill(arg) for arg in node.args], _named({k: fill(arg) for k, arg in node.kwargs.items()})
-            if node.op in MADE_FROM_NOTHING:
-                kwargs["device"] = device
+            function, args, kwargs = _call(node, fill, device)
             if device == "meta" and node.op == "index.Tensor":
                 args[1] = _largest_selection(args[1])
-            value = _callable(node.op)(*args, **kwargs)
+            value = function(*args, **kwargs)
         done.append(value)
         for source in over[index]:
             done[source] = None
@@ -212,16 +229,7 @@ def _module(graph: RewardGraph, names: Sequence[str]) -> fx.GraphModule:
     places = {name: built.placeholder(f"in_{index}") for index, name in enumerate(names)}
     count, device = built.placeholder("num_worlds"), built.placeholder("device")
     done: list[fx.Node] = []
-
-    def fill(arg: Arg) -> Any:
-        if isinstance(arg, tuple):
-            return [fill(part) for part in arg]
-        if isinstance(arg, Mapping):
-            if "ref" in arg:
-                return done[arg["ref"]]
-            return count if arg["n"] == 1 else built.call_function(operator.mul, (count, arg["n"]))
-        return arg
-
+    fill = _filler(done, lambda times: count if times == 1 else built.call_function(operator.mul, (count, times)))
     for index, node in enumerate(graph.nodes):
         if node.op == "input":
             done.append(places[str(node.args[0])])
@@ -231,11 +239,8 @@ def _module(graph: RewardGraph, names: Sequence[str]) -> fx.GraphModule:
         elif node.op == "getitem":
             done.append(built.call_function(operator.getitem, (fill(node.args[0]), node.args[1])))
         else:
-            kwargs = _named({key: fill(arg) for key, arg in node.kwargs.items()})
-            if node.op in MADE_FROM_NOTHING:
-                kwargs["device"] = device
-            args = tuple(fill(arg) for arg in node.args)
-            done.append(built.call_function(_callable(node.op), args, kwargs))
+            function, args, kwargs = _call(node, fill, device)
+            done.append(built.call_function(function, tuple(args), kwargs))
     built.output((done[graph.reward], *(done[index] for _, index in graph.components)))
     return fx.GraphModule(root, built)
 
