@@ -192,7 +192,7 @@ def _reward(run: RunView, identity: str) -> str:
 
 def _scale(run: RunView) -> tuple[tuple[float | None, float | None], str]:
     """Held-out F of the human and the sparse reward, trained along or known beforehand, and a word on which."""
-    text = "Score: human-normalised, (F - sparse) / |human - sparse|, held out."
+    text, origin = "Score: human-normalised, (F - sparse) / |human - sparse|, held out.", ""
     arms, known = run.given, baselines.measured(run.config)
     if "human" in arms and "sparse" in arms:
         human, sparse = mean(arms["human"].scores), mean(arms["sparse"].scores)
@@ -200,10 +200,10 @@ def _scale(run: RunView) -> tuple[tuple[float | None, float | None], str]:
         return (None, None), f"{text} It needs both: add human and sparse to reward=."
     else:
         human, sparse = mean(known.human.held_out), mean(known.sparse.held_out)
-        text += f" {known.sentence()}"
+        origin = f" {known.sentence()}"
     if human is not None and human == sparse:
         text = f"No score: the human and the sparse reward both reach F {number(human)} held out, which makes no scale."
-    return (human, sparse), text
+    return (human, sparse), text + origin
 
 
 def measures(outcome: Outcome) -> Table:
