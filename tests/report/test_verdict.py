@@ -94,6 +94,11 @@ def test_what_to_type_next_names_the_seeds_that_would_decide(
     assert nexts(ended(generated, human), "the run")[-1][0] == "eureka play 'the run'"
 
 
+def test_a_chance_to_decide_is_told_where_two_seeds_say_how_far_seeds_differ() -> None:
+    assert nexts(ended([40.0, 42.0], [39.0, 41.0]))[0][1] == "an even chance to decide it"
+    assert nexts(ended([41.0], [40.0]))[0][1] == "train both with more seeds"
+
+
 def test_where_the_human_reward_was_measured_with_one_seed_training_it_along_decides() -> None:
     view = ended([41.0, 42.0], [40.0])
     known = replace(view, config=replace(view.config, env="humanoid", baselines="known"))

@@ -193,9 +193,9 @@ def nexts(run: RunView, directory: str = "DIR") -> list[tuple[str, str]]:
     refining = bool(run.config.tune or run.config.polish) and not run.ended
     if unfinished or (run.searched and (run.outcome is None or refining)):
         return [(command_line("resume", directory), "go on where it was")]
-    found, command = run.polished, deciding(run, directory)
+    found, command, left = run.polished, deciding(run, directory), _left_open(run, directory)
     told = [
-        (command, "an even chance to decide it"),
+        (command, "an even chance to decide it" if left and left[0] else "train both with more seeds"),
         (command_line("play", directory), "watch the best reward's policy"),
         (command_line("play", directory, "policy=polished"), "watch the best policy"),
     ]
