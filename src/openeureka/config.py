@@ -28,6 +28,11 @@ _COUNTS = (
     *("sample", "iteration", "feedback_timeout", "repair", "refill", "tune", "polish"),
     *("polish_steps", "steps", "worlds", "threads", "max_cost"),
 )
+FREE_TO_CHANGE = (
+    *("dir", "device", "threads", "executor", "address", "base_url", "max_cost", "price", "video", "log"),
+    *("feedback_timeout", "unsafe_no_sandbox"),
+)
+"""Settings that say how and where to run, not what is searched: a resumed run may have others."""
 LARGEST_SEED = 2**52
 """Fresh seeds are added to it, and JSON's whole numbers end at 2**53."""
 MOST_THREADS = 1024
@@ -226,7 +231,7 @@ class TrainConfig:
     worlds: int = 0
     """Worlds per training; 0 means the task's own."""
     bonus: str = "none"
-    """What generated rewards get: `none`; `original`, 250 on success in hand tasks; `progress`, pay for rare stages."""
+    """What reward files get: `none`; `original`, 250 on success in hand tasks; `progress`, pay for rare stages."""
     device: str = "cpu"
     """`cpu`, `cuda` (every GPU there is), or some of them, such as `cuda:0,cuda:1`."""
     threads: int = 0
@@ -260,6 +265,8 @@ class TuneConfig(TrainConfig):
     """`human`, the path of a reward file, or the directory of a run, whose best reward it is."""
     trials: int = 32
     """Trainings that the numbers are fitted by, the reward as it came among them."""
+    bonus: str = "none"
+    """What it gets, `human` too: `none`; `original`, 250 on success in hand tasks; `progress`, pay for rare stages."""
     sample: int = 8
     """Trainings side by side, after which the next ones are proposed."""
     seeds: int = 3

@@ -9,6 +9,7 @@ import pytest
 
 from openeureka import __version__
 from openeureka.cli import main as command
+from openeureka.config import FREE_TO_CHANGE
 from openeureka.errors import ModelError
 
 
@@ -26,6 +27,18 @@ COMMANDS = sorted(info.callback.__name__ for info in command.app.registered_comm
 def test_the_help_of_every_command_shows_an_example_of_itself(name, capsys):
     assert run(name, "--help") == 0
     assert f"Example: eureka {name}" in capsys.readouterr().out
+
+
+def test_the_help_of_resume_names_the_settings_that_may_change(capsys):
+    run("resume", "--help")
+    help_ = " ".join(capsys.readouterr().out.split())
+    named = help_.split("may differ from before: ")[1].rstrip(".").split(", ")
+    assert {*named, "dir"} == set(FREE_TO_CHANGE) and "max_cost" in named
+
+
+def test_the_help_of_export_says_which_runs_it_is_for(capsys):
+    run("export", "--help")
+    assert "a gym:, mjlab: or isaaclab: run" in " ".join(capsys.readouterr().out.split())
 
 
 def test_help_imports_nothing_slow():

@@ -13,11 +13,10 @@ from typing import Any
 
 import yaml
 
-from ..config import NO_MODEL, RunConfig, short_name
+from ..config import FREE_TO_CHANGE, NO_MODEL, RunConfig, short_name
 from ..errors import ConfigError, nearest
 from ..method.lanes import unused_seed
 from ..parsing import absolute, parse, read_yaml, restored, taken
-from ..store.store import FREE_TO_CHANGE
 
 Settings = Mapping[str, Any]
 """Values of `RunConfig` fields by name."""

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
-from ..config import RobustConfig, RunConfig, TrainConfig, TuneConfig
+from ..config import FREE_TO_CHANGE, RobustConfig, RunConfig, TrainConfig, TuneConfig
 from ..errors import ConfigError, EurekaError, Interrupted, StoreError
 from ..text import plain
 from ..version import __version__
@@ -85,7 +85,10 @@ def run(words: Settings = None) -> None:
     run(words or [])
 
 
-@app.command()
+_MAY_CHANGE = ", ".join(key for key in FREE_TO_CHANGE if key != "dir")  # which is the run itself
+
+
+@app.command(epilog=f"Settings that may differ from before: {_MAY_CHANGE}.")
 def resume(words: Words = None) -> None:
     """Continue a search where it stopped; no reply is paid for twice.
 
@@ -142,7 +145,7 @@ def report(words: Words = None) -> None:
 
 @app.command(epilog=describe(ExportConfig))
 def export(words: Words = None) -> None:
-    """Write the best reward of a run as a file for Gymnasium, mjlab or Isaac Lab, which needs no openeureka.
+    """Write the best reward of a gym:, mjlab: or isaaclab: run as a file for use there, without openeureka.
 
     Example: eureka export outputs/2026-01-31_12-00-00_hopper_v5 to=gymnasium
     """

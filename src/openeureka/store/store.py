@@ -15,7 +15,7 @@ from typing import TypeVar
 from filelock import FileLock
 
 from ..codec import decode, encode
-from ..config import NO_MODEL, RunConfig
+from ..config import FREE_TO_CHANGE, NO_MODEL, RunConfig
 from ..errors import ConfigError, NotBegun, StoreError
 from ..parsing import restored
 from ..score import played
@@ -52,12 +52,6 @@ from .slots import ScreenLog, TalkLog
 T = TypeVar("T")
 HARDENING = "robust.json"
 """Not in `robust/`: what that holds goes whenever another policy comes."""
-
-FREE_TO_CHANGE = {
-    *("dir", "device", "threads", "executor", "address", "base_url", "max_cost", "price", "video", "log"),
-    *("feedback_timeout", "unsafe_no_sandbox"),
-}
-"""Settings that say how and where to run, not what is searched: a resumed run may have others."""
 
 
 def expect_same(directory: Path, stored: RunConfig, wanted: RunConfig) -> None:
