@@ -38,6 +38,7 @@ from openeureka.types import (
     Checkpoint,
     LaneSpec,
     Node,
+    Reply,
     RewardGraph,
     TrainingResult,
     TrainingState,
@@ -219,6 +220,16 @@ def test_a_tuning_of_another_reward_is_refused(tmp_path: Path) -> None:
     go(tmp_path, Hill(), HUMAN, tune=4, sample=4)
     with pytest.raises(StoreError, match="tunes another reward"):
         go(tmp_path, Hill(), spoiled(1), tune=4, sample=4)
+
+
+def test_a_tuning_of_other_numbers_than_count_by_now_says_so(tmp_path: Path) -> None:
+    with Store.open(tmp_path, config()) as store:
+        for name, text in ((ORIGINAL, HUMAN), ("trial_1", HUMAN.replace("speed, effort", "effort, speed"))):
+            candidate = Candidate.of(text)
+            store.save_verdict(candidate, Reader().check(candidate), Reply(text=text, model="given"))
+            store.save_given({name: candidate.id})
+        with pytest.raises(StoreError, match="counted other numbers of this reward; tune it again with another dir="):
+            tuning.tune(Lanes(config(), store, Hill(), nobody), Reader())
 
 
 def test_one_that_was_killed_before_it_had_its_reward_says_what_to_type(tmp_path: Path) -> None:

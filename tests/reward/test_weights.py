@@ -106,6 +106,45 @@ def test_a_number_that_a_size_or_a_place_is_computed_from_is_none():
     assert found(reward(*lines, "return z / CUT", before=before)) == {"LOW": 0.5, "reward 1.5": 1.5}
 
 
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ("start = 2 * leg", "return 0.5 * x[:, start:start + 2]"),
+        ("start, end = 2 * leg, 2 * leg + 2", "return 0.5 * x[:, start:end]"),
+        ("first = JOINTS * 1", "z = JOINTS * y", "return 0.5 * x[:, first]"),
+        ("first = 3 * JOINTS", "last = first + 2 * 3", "return 0.5 * x.narrow(1, first, last - first)"),
+        ("start = 0", "start += 2 * leg", "return 0.5 * x[:, start]"),
+        ("for start in range(0, 2 * 3):", "    z = x[:, start]", "return 0.5 * z"),
+        ("for start in [2 * leg for leg in range(3)]:", "    z = x[:, start]", "return 0.5 * z"),
+        ("return 0.5 * x[:, place(leg)]",),
+        ("return 0.5 * part(x, 2 * leg)",),
+        ("half = int(0.25 * size * 2)", "return 0.5 * x[:, :half]"),
+    ],
+)
+def test_no_number_by_which_a_place_is_reached_weighs(lines):
+    before = (
+        "JOINTS = 3\n\n\ndef place(leg):\n    return 2 * leg\n\n\n"
+        "def part(z, first):\n    return z[:, first:first + 2]\n\n\n"
+    )
+    assert found(reward(*lines, before=before)) == {"reward 0.5": 0.5}
+
+
+def test_what_a_place_is_chosen_by_still_weighs():
+    """Any number will do before a comparison, a choice or a cut to whole numbers, and in what has names for places."""
+    lines = (
+        'terms = {"near": 4 * x}',
+        "for name in terms:",
+        "    z = terms[name]",
+        "score = 2 * x + 0.5 * y",
+        "low = y < 3 * 0.1",
+        "bins = (10 * y).long()",
+        "return score.gather(1, score.argmax(dim=-1)) + x[low] + x[bins]",
+    )
+    assert found(reward(*lines)) == {
+        "near 4": 4, "score 2": 2, "score 0.5": 0.5, "low 3": 3, "low 0.1": 0.1, "bins 10": 10,
+    }  # fmt: skip
+
+
 def test_a_method_that_the_reward_calls_has_numbers_too():
     helper = "def shaping(self, x):\n    return 0.75 * x\n\n\n"
     assert found(f"{helper}def compute_reward(self):\n    return self.shaping(self.x) * 2.5\n") == {

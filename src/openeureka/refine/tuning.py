@@ -183,9 +183,13 @@ def _scores(
     came = lanes.store.lanes.result(lane)
     if came is not None and came.state is TrainingState.CUT and lane in ids:
         kept[lane] = median([score for own, score in kept.items() if own != lane and score is not None] or [0.0])
-    numbers = [values(candidate.source, origin.source) for candidate in candidates]
-    assert all(own is not None for own in numbers)  # all come from `weighed`
-    return [own for own in numbers if own is not None], [kept.get(lane) for lane in ids]
+    numbers = [own for each in candidates if (own := values(each.source, origin.source)) is not None]
+    if len(numbers) < len(candidates):
+        raise StoreError(
+            f"{lanes.store.directory} was begun by a version that counted other numbers of this reward; tune it again "
+            "with another dir=."
+        )
+    return numbers, [kept.get(lane) for lane in ids]
 
 
 def _race(lanes: Lanes) -> PolicyId | None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from itertools import accumulate
 from typing import Literal, cast
 
-from . import gate, surface
+from . import gate, places, surface
 from .normalise import entry_name
 from .syntax import defaults
 
@@ -24,11 +24,6 @@ THRESHOLD = 0.1
 """Step of what is compared with: twice a height at which a robot has fallen is always, half of it never."""
 GUARD, LARGEST = 1e-5, 1e15
 """What is added and not above the first keeps a division from zero; what reaches the second stands for infinity."""
-_UNREAD = surface.words("""
-    arange chunk empty expand eye full_like gather linspace narrow new_full new_ones new_zeros one_hot ones permute
-    range repeat reshape roll select split tile unflatten view zeros
-""")
-"""Functions whose arguments are sizes, places and counts."""
 _UNTOUCHED = surface.words("""
     clamp clamp_max clamp_min clip float_power full isclose norm nan_to_num pow quantile round vector_norm
 """)
@@ -56,7 +51,8 @@ def weights(text: str) -> tuple[Weight, ...]:
 
     Factors, divisors, offsets and thresholds of the reward function, of the functions that it calls and of the
     constants that they read. Whole numbers count as factors and divisors only. No exponent, index, size, bound of a
-    clamp, keyword argument or element of a list does, and neither does zero.
+    clamp, keyword argument or element of a list does, and neither does zero, nor a whole number that an index or a size
+    is computed from.
     """
     tree = gate.parse(text) if len(text) <= gate.MAX_BYTES else None
     if not isinstance(tree, ast.Module):
@@ -110,6 +106,9 @@ class _Finder:
         self._uses: dict[str, Use] = dict.fromkeys(self._operands("threshold"), "threshold")
         self._uses |= dict.fromkeys(self._operands("factor"), "factor")
         self._uses |= dict.fromkeys(self._options(), "data")
+        self._places = places.whole(
+            self._functions, (node for node in tree.body if not isinstance(node, ast.FunctionDef))
+        )
 
     def found(self) -> Iterator[Weight]:
         read = {name for function in self._functions for name in _names(function)}
@@ -138,18 +137,14 @@ class _Finder:
         """Names that stand for themselves as exponents, bounds or kinds, or anywhere within sizes and places."""
         for function in self._functions:
             for node in ast.walk(function):
+                yield from places.names(node)
                 parts: list[ast.expr] = []
                 match node:
                     case ast.BinOp(op=ast.Pow(), right=exponent):
                         parts = [exponent]
-                    case ast.Subscript(slice=place):
-                        yield from _within(place)
                     case ast.Call():
-                        name = _function(node)
                         parts = [keyword.value for keyword in node.keywords]
-                        if name in _UNREAD:
-                            yield from (part for argument in (*node.args, *parts) for part in _within(argument))
-                        elif name in _UNTOUCHED:
+                        if places.function(node) in _UNTOUCHED:
                             parts += node.args
                     case _:
                         pass
@@ -188,7 +183,8 @@ class _Finder:
         parts: Iterable[tuple[ast.AST, Use]]
         match node:
             case ast.Constant():
-                weight = self._weight(node, owner, sign, step) if _counts(node.value, use) else None
+                counts = _counts(node.value, use) and node not in self._places
+                weight = self._weight(node, owner, sign, step) if counts else None
                 if weight is not None:
                     yield weight
                 return
@@ -232,17 +228,6 @@ class _Finder:
         )
 
 
-def _within(place: ast.expr) -> Iterator[str]:
-    """Names that a size or a place is computed from; those of a mask, as in `x[height < LOW]`, are thresholds."""
-    todo: list[ast.AST] = [place]
-    while todo:
-        node = todo.pop()
-        if isinstance(node, ast.Name):
-            yield node.id
-        elif not isinstance(node, ast.Compare):
-            todo += ast.iter_child_nodes(node)
-
-
 def _reached(tree: ast.Module) -> Iterator[ast.FunctionDef]:
     """The reward function, then those that it calls, directly or through each other."""
     known = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
@@ -268,20 +253,15 @@ def _names(function: ast.FunctionDef) -> list[str]:
 
 def _parts(call: ast.Call) -> Iterator[tuple[ast.AST, Use]]:
     """What of a call may hold numbers. A keyword's plain number is an option, as a size's is."""
-    name = _function(call)
+    name = places.function(call)
     yield call.func, "data"
-    if name in _UNREAD:
+    if name in places.SIZED:
         return
     use: Use = "data" if name in _UNTOUCHED else "added"
     for argument in call.args:
         yield argument, use
     for keyword in call.keywords:
         yield keyword.value, "data"
-
-
-def _function(call: ast.Call) -> str:
-    """The last part of what is called."""
-    return call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
 
 
 def _use(op: ast.operator) -> Use:

@@ -1,0 +1,133 @@
+"""What of a reward text are places and sizes: no number there weighs, and another one breaks the program."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterable, Iterator, Sequence
+
+from . import surface
+
+_MADE = surface.words("arange empty expand eye int linspace new_full new_ones new_zeros one_hot ones range view zeros")
+_OF_TENSOR = surface.words("""
+    chunk full_like gather narrow permute repeat reshape roll select split tile unflatten
+""")
+"""Those that begin with a tensor where they are called as `torch.NAME`."""
+SIZED = _MADE | _OF_TENSOR
+"""Functions whose arguments are sizes, places and counts."""
+_CHOOSING = surface.words("""
+    argmax argmin argsort bucketize count_nonzero dim int len long nonzero numel searchsorted size sort topk
+""")
+"""Functions that make whole numbers of any others."""
+
+Flow = tuple[str, ast.expr]
+"""A name and what it may stand for: what it is assigned to, loops over, is called with, or returns."""
+
+
+def function(call: ast.Call) -> str:
+    """The last part of what is called."""
+    return call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+
+
+def names(node: ast.AST) -> Iterator[str]:
+    """Names that sizes and places in this one node, without its parts, are computed from."""
+    match node:
+        case ast.Subscript(slice=place):
+            yield from _named(place)
+        case ast.Call() if (name := function(node)) in SIZED:
+            of_tensor = name == "full_like" or (name in _OF_TENSOR and _base(node.func) == "torch")
+            for argument in (*node.args[of_tensor:], *(keyword.value for keyword in node.keywords)):
+                yield from _named(argument)
+        case _:
+            pass
+
+
+def whole(functions: Sequence[ast.FunctionDef], constants: Iterable[ast.stmt]) -> set[ast.AST]:
+    """The whole numbers that places and sizes are computed from, through however many names.
+
+    Args:
+        functions: those that a reward reaches.
+        constants: what stands above them.
+    """
+    trees = [*functions, *constants]
+    flows: dict[str, list[ast.expr]] = {}
+    for name, value in _flows(functions, trees):
+        flows.setdefault(name, []).append(value)
+    waiting = [name for tree in trees for node in ast.walk(tree) for name in names(node)]
+    found: set[ast.AST] = set()
+    while waiting:
+        for value in flows.pop(waiting.pop(), ()):
+            found.update(part for part in _parts(value) if isinstance(part, ast.Constant) and type(part.value) is int)
+            waiting += _named(value)
+    return found
+
+
+def _named(place: ast.expr) -> Iterator[str]:
+    """Names in it, those of functions that it calls among them."""
+    for node in _parts(place):
+        if isinstance(node, ast.Name):
+            yield node.id
+        elif isinstance(node, ast.Call) and _base(node.func) == "self":
+            yield function(node)
+
+
+def _parts(place: ast.expr) -> Iterator[ast.AST]:
+    """All of it but what may be any number: operands of a comparison, as in `x[height < LOW]`, what is chosen from or
+    cut to whole numbers, tensors whose shape is asked for, and what stands in a dict, which is looped over by its keys.
+    """
+    todo: list[ast.AST] = [place]
+    while todo:
+        node = todo.pop()
+        if isinstance(node, ast.Compare | ast.Attribute | ast.Dict):
+            continue
+        if isinstance(node, ast.Call) and function(node) in _CHOOSING:
+            continue
+        yield node
+        parts = ast.iter_child_nodes(node)
+        todo += (part.value if isinstance(part, ast.Attribute) and _is_called(part, node) else part for part in parts)
+
+
+def _is_called(part: ast.AST, node: ast.AST) -> bool:
+    return isinstance(node, ast.Call) and node.func is part
+
+
+def _flows(functions: Sequence[ast.FunctionDef], trees: Iterable[ast.AST]) -> Iterator[Flow]:
+    own = {function.name: function for function in functions}
+    for tree in trees:
+        for node in ast.walk(tree):
+            match node:
+                case ast.Assign(targets=targets, value=value):
+                    for target in targets:
+                        yield from _assigned(target, value)
+                case (
+                    ast.AnnAssign(target=target, value=ast.expr() as value)
+                    | ast.AugAssign(target=target, value=value)
+                    | ast.NamedExpr(target=target, value=value)
+                    | ast.For(target=target, iter=value)
+                    | ast.comprehension(target=target, iter=value)
+                ):
+                    yield from _assigned(target, value)
+                case ast.Call() if (called := own.get(function(node))) is not None:
+                    taken = [argument.arg for argument in called.args.args if argument.arg != "self"]
+                    yield from zip(taken, node.args, strict=False)
+                    yield from ((keyword.arg, keyword.value) for keyword in node.keywords if keyword.arg is not None)
+                case ast.FunctionDef(name=name):
+                    for inner in ast.walk(node):
+                        if isinstance(inner, ast.Return) and inner.value is not None:
+                            yield name, inner.value
+                case _:
+                    pass
+
+
+def _assigned(target: ast.expr, value: ast.expr) -> Iterator[Flow]:
+    """Of several targets each its own value, where both are written so."""
+    if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple) and len(target.elts) == len(value.elts):
+        for part, own in zip(target.elts, value.elts, strict=True):
+            yield from _assigned(part, own)
+    else:
+        stored = (node for node in ast.walk(target) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store))
+        yield from ((node.id, value) for node in stored)
+
+
+def _base(called: ast.expr) -> str:
+    """The name that an attribute is asked of; empty for any other expression."""
+    return called.value.id if isinstance(called, ast.Attribute) and isinstance(called.value, ast.Name) else ""
