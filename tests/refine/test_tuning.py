@@ -356,6 +356,32 @@ def test_a_search_that_fits_numbers_compares_what_it_would_without(tmp_path: Pat
     assert [command for command, _ in nexts(killed)] == ["eureka resume DIR"]
 
 
+class Settled(ToyTrainer):
+    """Other numbers than 7 and 12 are worth less, and so is what trains with the seeds of a tuning."""
+
+    def _result(self, lane: LaneSpec) -> TrainingResult:
+        known = isinstance(lane.program, str) or lane.program.nodes[0].args[0] in (7.0, 12.0)
+        if known and lane.seed < 4:
+            return super()._result(lane)
+        return super()._result(replace(lane, program=_worth(11.0 if known else 1.0)))
+
+
+def test_a_search_whose_numbers_stay_keeps_the_policy_that_it_found_and_tried(tmp_path: Path) -> None:
+    def search(name: str, tune: int) -> RunView:
+        wanted = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=3, tune=tune)
+        with Store.open(tmp_path / name, wanted) as store:
+            model = ScriptedModel([reply(7.0), reply(12.0)])
+            run(wanted, store, model, ToyChecker(), Settled(), TOY, strategies.make(wanted))
+            assert store.best() is not None and store.best().lane in store.lanes.trials()
+        return RunView.read(tmp_path / name)
+
+    alone, fitted_too = search("alone", 0), search("fitted", 8)
+    assert fitted_too.tuned is not None and fitted_too.tuned.better == ORIGINAL
+    assert tables.worlds(fitted_too) == tables.worlds(alone)
+    policies = [(tmp_path / name / "best" / "policy.safetensors").read_bytes() for name in ("alone", "fitted")]
+    assert policies[0] == policies[1]
+
+
 def test_a_tuning_that_has_begun_goes_on_with_its_text_whoever_leads_by_then(tmp_path: Path) -> None:
     wanted = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=2, tune=8)
     with Store.open(tmp_path, wanted) as store:

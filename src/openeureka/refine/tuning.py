@@ -14,6 +14,7 @@ from statistics import median
 
 import numpy as np
 
+from ..config import NO_MODEL
 from ..errors import StoreError
 from ..events import Began
 from ..method import given, race
@@ -232,7 +233,8 @@ def _leading(lanes: Lanes, texts: tuned.Texts) -> list[str]:
 
 
 def _conclude(lanes: Lanes, texts: tuned.Texts) -> PolicyId | None:
-    """Score the final trainings on held-out episodes, and leave the better reward in `best/`.
+    """Score the final trainings on held-out episodes, and leave the better reward in `best/`. After a search, the text
+    as it came lies there already.
 
     Returns: its policy; None where that breaks a limit.
     """
@@ -244,6 +246,9 @@ def _conclude(lanes: Lanes, texts: tuned.Texts) -> PolicyId | None:
     found = tuned.read(config, texts, results, lanes.scores(), scores)
     if found is None or not own[found.better]:
         return None
+    held = store.best() if config.model != NO_MODEL and found.better == ORIGINAL else None
+    if held is not None:  # the search chose and tried it
+        return held if found.lawful else None
     lane = max(own[found.better], key=lambda lane: worth(scores.get(lane), config.cost_limits))
     kept = scores[lane].peak if lane in scores else None
     policy = PolicyId(lane, kept or peaks[lane])
