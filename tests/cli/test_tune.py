@@ -18,7 +18,7 @@ from openeureka.cli.main import main
 from openeureka.cli.show import facts, show
 from openeureka.cli.train import resume, train, tune
 from openeureka.config import RunConfig, TuneConfig
-from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError
+from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError, WorkerError
 from openeureka.report.view import RunView
 from openeureka.runs.rewards import to_tune
 from openeureka.sandbox.client import Sandbox
@@ -27,7 +27,7 @@ from openeureka.store import Store
 from openeureka.tasks import human
 from openeureka.tasks.registry import get
 from openeureka.testing.scripted import ToyTrainer
-from openeureka.types import Node, RewardGraph
+from openeureka.types import Node, RewardGraph, TrainingResult, TrainingState
 from openeureka.ui import folder, pages
 
 MINE = """import torch
@@ -218,6 +218,22 @@ def test_a_run_of_another_reward_is_refused(toy, tuned, mine, tmp_path):
     mine.write_text(MINE.replace("8.0", "9.0"))
     with pytest.raises(StoreError, match="tunes another reward"):
         tune(words(mine, tmp_path))
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_a_tuning_in_which_every_training_dies_says_why(toy, mine, tmp_path, monkeypatch, again):
+    def result(lane):
+        return TrainingResult(
+            lane=lane.id, state=TrainingState.FAILED, fitness=None, curves={}, env_steps=0, seconds=0.0,
+            message="Its worker ran out of memory.",
+        )  # fmt: skip
+
+    monkeypatch.setattr(toy, "_result", result)
+    with pytest.raises(WorkerError, match=r"^Its worker ran out of memory\.$"):
+        tune(words(mine, tmp_path))
+    if again:
+        with pytest.raises(WorkerError, match=r"^Its worker ran out of memory\.$"):
+            resume([f"{tmp_path}/out"])
 
 
 @pytest.mark.parametrize("setting", ["trials=3", "sample=1", "seeds=0", "trials=1000000"])

@@ -22,6 +22,7 @@ from openeureka.errors import StoreError
 from openeureka.events import Began, Event, nobody
 from openeureka.loop import run
 from openeureka.method.lanes import Lanes, unused_seed
+from openeureka.method.sampling import Checker
 from openeureka.refine import tuned, tuning
 from openeureka.refine.tuned import ORIGINAL, Tuned, distinct, final_lanes
 from openeureka.report import fitted, html, tables
@@ -36,6 +37,7 @@ from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrain
 from openeureka.types import (
     Candidate,
     Checkpoint,
+    Finding,
     LaneSpec,
     Node,
     Reply,
@@ -98,12 +100,12 @@ def config(**settings) -> RunConfig:
     return RunConfig(**{"model": NO_MODEL, "tune": 32, "sample": 8, "seeds": 3, "video": "none"} | settings)
 
 
-def go(directory: Path, trainer: ToyTrainer, text: str, **settings) -> Tuned:
+def go(directory: Path, trainer: ToyTrainer, text: str, *, checker: Checker | None = None, **settings) -> Tuned:
     wanted = config(**settings)
     with Store.open(directory, wanted) as store:
         candidate = Candidate.of(text)
         tuning.keep(store, candidate, Reader().check(candidate))
-        tuning.tune(Lanes(wanted, store, trainer, nobody), Reader())
+        tuning.tune(Lanes(wanted, store, trainer, nobody), checker or Reader())
     found = RunView.read(directory).tuned
     assert found is not None
     return found
@@ -196,6 +198,34 @@ def test_where_no_weighting_trains_the_text_as_it_came_stays(tmp_path: Path) -> 
         "The numbers stay as they came: no other weighting trained"
     )
     assert (tmp_path / "best" / "reward.py").read_text() == HUMAN
+
+
+def test_where_every_proposal_is_refused_the_verdict_says_why(tmp_path: Path) -> None:
+    class Strict(Reader):
+        def check(self, candidate: Candidate) -> Verdict:
+            if candidate.source == HUMAN:
+                return super().check(candidate)
+            finding = Finding(rule="indices", message="slice indices must be integers", line=2)
+            return Verdict(candidate=candidate.id, code=VerdictCode.CONTRACT, findings=(finding,))
+
+    found = go(tmp_path, Hill(), HUMAN, tune=8, sample=4, checker=Strict())
+    assert of_tuning(found) == (
+        "The numbers stay as they came: no other weighting trained to a policy that could be scored. 7 of 7 were "
+        "refused or failed; the first, trial_1: line 2: slice indices must be integers [indices]."
+    )
+
+
+def test_where_every_other_training_dies_the_verdict_says_why(tmp_path: Path) -> None:
+    class Dying(Hill):
+        def _result(self, lane: LaneSpec) -> TrainingResult:
+            result = super()._result(lane)
+            if lane.id.startswith(Candidate.of(HUMAN).id):
+                return result
+            died = replace(result, state=TrainingState.FAILED, fitness=None, best_fitness=None, best_reward=None)
+            return replace(died, last=None, message="Its worker ran out of memory.")
+
+    found = go(tmp_path, Dying(), HUMAN, tune=4, sample=4)
+    assert of_tuning(found).endswith("3 of 3 were refused or failed; the first, trial_1: Its worker ran out of memory.")
 
 
 @pytest.mark.parametrize("after", [0, 5, 9, 14, 17, 22])

@@ -50,7 +50,7 @@ def resume(words: Sequence[str]) -> None:
     expect_same(directory, stored, config)
     trust.agree(config, directory, typed=_keys(settings), trusted=trusted, way=_trusting(directory), asks=True)
     if config.model == NO_MODEL and config.tune:
-        fit(config, directory, None)
+        _say_that_all_failed(fit(config, directory, None))
     elif config.model == NO_MODEL:
         _say_what_failed(compare(config, directory, None))
     else:
@@ -121,14 +121,21 @@ def compare(config: RunConfig, directory: Path, rewards: Given | None) -> RunVie
     return run
 
 
+def _failed(run: RunView) -> dict[str, str]:
+    """What the trainer said of lanes that ended their worker, by id."""
+    return {lane: result.message for lane, result in run.results.items() if result.state is TrainingState.FAILED}
+
+
+def _say_that_all_failed(run: RunView) -> None:
+    failed = _failed(run)
+    if failed and len(failed) == len(run.results):
+        raise WorkerError(next(iter(failed.values())))
+
+
 def _say_what_failed(run: RunView) -> None:
-    failed = {lane: result.message for lane, result in run.results.items() if result.state is TrainingState.FAILED}
-    if not failed:
-        return
-    reason = next(iter(failed.values()))
-    if len(failed) == len(run.results):
-        raise WorkerError(reason)
-    raise WorkerError(f"{', '.join(failed)} could not be trained. {reason}")
+    _say_that_all_failed(run)
+    if failed := _failed(run):
+        raise WorkerError(f"{', '.join(failed)} could not be trained. {next(iter(failed.values()))}")
 
 
 def tune(words: Sequence[str], *, as_json: bool = False) -> None:
@@ -145,6 +152,7 @@ def tune(words: Sequence[str], *, as_json: bool = False) -> None:
         run = fit(typed.run_config(), directory, reward)
     if as_json:
         print(json.dumps({"directory": str(directory), **facts(run)}, indent=2))
+    _say_that_all_failed(run)
 
 
 def fit(config: RunConfig, directory: Path, reward: tuple[Candidate, Verdict] | None) -> RunView:

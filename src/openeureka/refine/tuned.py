@@ -94,6 +94,8 @@ class Tuned:
     """Of all errors, those that the look at which the race stopped may make: see `stats.spent`."""
     alone: bool = False
     """Whether the text as it came is the only one that trained to a policy which could be scored."""
+    lost: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Why others left no policy, by name, in words of the checks or of the trainer."""
     breach: str = ""
     """The limits that the policies of `after` break, on average over its final trainings; empty where none."""
     breach_before: str = ""
@@ -175,6 +177,11 @@ def read(
             for place, weight in enumerate(weights(origin))
         ),
         after=after,
+        lost={
+            trial.name: result.message
+            for trial in trials
+            if trial.name != ORIGINAL and (result := ended[trial.candidate.id]) is not None and result.message
+        },
         share=race.share(config, len(lanes.get(after, ()))),
     )
     if not after:

@@ -35,7 +35,9 @@ def verdict(run: RunView) -> str:
 def of_tuning(found: Tuned | None) -> str:
     """Whether the fitted numbers are better than those that came."""
     if found is not None and found.alone:
-        return "The numbers stay as they came: no other weighting trained to a policy that could be scored."
+        return (
+            f"The numbers stay as they came: no other weighting trained to a policy that could be scored.{_lost(found)}"
+        )
     if found is None or not found.judged or not found.after:
         return "Not decided yet: the final trainings are not done."
     before, after = found.arms[ORIGINAL], found.arms[found.after]
@@ -52,6 +54,17 @@ def of_tuning(found: Tuned | None) -> str:
         return f"Not decided: {between}. {_one_seed(before, after)}"
     told = decided(difference, "The tuned numbers are {} than those before", between)
     return told if difference.sure else f"{told} {_needed(difference)}"
+
+
+def _lost(found: Tuned) -> str:
+    """How many weightings were refused or did not train, and why the first was."""
+    name, reason = next(iter(found.lost.items()), ("", ""))
+    others = len(found.trials) - 1
+    return (
+        f" {len(found.lost)} of {others} were refused or failed; the first, {name}: {reason.rstrip('.')}."
+        if name
+        else ""
+    )
 
 
 def of_polishing(found: Polished) -> str:

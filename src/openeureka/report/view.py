@@ -72,6 +72,8 @@ class RunView:
     """Whether nothing is left of a search but reports."""
     texts: Mapping[str, Candidate] = field(default_factory=dict)
     """Given rewards and weightings by name; not those that come with the task."""
+    refused: Mapping[str, str] = field(default_factory=dict)
+    """Why weightings were refused, by name."""
 
     @staticmethod
     def read(directory: Path) -> RunView:
@@ -98,6 +100,7 @@ class RunView:
                 unheard=store.remarks.unheard(),
                 ended=store.ended,
                 texts=store.texts(),
+                refused=_refused(store),
                 videos=videos,
             )
 
@@ -117,7 +120,9 @@ class RunView:
         if not self.config.tune:
             return None
         found = tuned.read(self.config, self.texts, self.results, self.played, self.evaluations)
-        return replace(found, judged=True) if found is not None and self.ended else found
+        if found is None:
+            return None
+        return replace(found, judged=found.judged or self.ended, lost={**self.refused, **found.lost})
 
     @property
     def polished(self) -> Polished | None:
@@ -221,6 +226,18 @@ class RunView:
     def signs(self) -> tuple[Sign, ...]:
         """What suggests that the best reward is exploited rather than fulfilled."""
         return hacking.signs(self.tried, self.config.cost_limits)
+
+
+def _refused(store: Store) -> dict[str, str]:
+    """Of weightings alone: no run begins with another given reward that was refused. None of them has a lane."""
+    lanes = {lane.reward for lane in store.lanes.all().values()}
+    waiting = {name: own.id for name, own in store.texts().items() if store.config.tune and own.id not in lanes}
+    verdicts = {name: store.verdict(own) for name, own in waiting.items()}
+    return {
+        name: "; ".join(finding.sentence() for finding in verdict.findings) or verdict.code
+        for name, verdict in verdicts.items()
+        if verdict is not None and not verdict.accepted
+    }
 
 
 def _videos(directory: Path, results: Mapping[str, TrainingResult]) -> dict[str, str]:
