@@ -94,7 +94,7 @@ def _examine_memory(traced: Traced, spec: StateSpec, recorded: Recorded, worlds:
     counts = {_more(worlds, recorded_worlds), _MANY_WORLDS}
     if worlds:
         counts.add(worlds)
-    if any(node.op in _MAY_SHRINK and _counts(node) for node in traced.graph.nodes):
+    if any(node.op in _MAY_SHRINK and _grows_with_worlds(node) for node in traced.graph.nodes):
         counts |= {1 << power for power in range(_MANY_WORLDS.bit_length() - 1)}
     for count in sorted(counts):
         total, index, shapes = 0, -1, _shapes(traced.graph, spec, recorded, count)
@@ -110,7 +110,7 @@ def _examine_memory(traced: Traced, spec: StateSpec, recorded: Recorded, worlds:
             raise Refused("operation", message, "treat all worlds alike, however many there are", line) from None
 
 
-def _counts(node: Node) -> bool:
+def _grows_with_worlds(node: Node) -> bool:
     """Whether an argument of a node is a multiple of the number of worlds."""
     return any(isinstance(leaf, Mapping) and "n" in leaf for leaf in leaves(node))
 

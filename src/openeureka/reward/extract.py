@@ -196,30 +196,46 @@ def _helpers(chosen: _Block, blocks: list[_Block]) -> list[_Block]:
 
 
 def _fenced(text: str, depth: int = 0) -> Iterator[str]:
-    """The contents of code blocks. A block ends at a bare fence of its own kind at least as long, or with the text."""
+    """The contents of code blocks."""
     lines = text.split("\n")
     fences = [(place, fence) for place, line in enumerate(lines) if (fence := _FENCE.match(line))]
     joins = iter(range(MAX_JOINS))
     number = 0
     while number < len(fences):
-        place, opening = fences[number]
-        ends = (
-            later
-            for later in range(number + 1, len(fences))
-            if not fences[later][1]["info"].strip() and fences[later][1]["mark"].startswith(opening["mark"])
-        )
-        number = next(ends, len(fences))
-        block = lines[place + 1 : fences[number][0] if number < len(fences) else None]
-        if _in_string(block):
-            for _, later in zip(joins, ends, strict=False):
-                whole = lines[place + 1 : fences[later][0]]
-                if not _in_string(whole) and _is_program("\n".join(whole)):
-                    number, block = later, whole
-                    break
+        opening = fences[number][1]
+        number, block = _content(lines, fences, number, joins)
         if ">" in opening["quote"]:
             block = [_QUOTE.sub("", line) for line in block]
         yield from _unwrapped(block, depth)
         number += 1
+
+
+def _content(
+    lines: list[str], fences: list[tuple[int, re.Match[str]]], number: int, joins: Iterator[int]
+) -> tuple[int, list[str]]:
+    """Which fence ends the block that one begins, and the lines between.
+
+    It is the next bare one of the same kind that is at least as long, or the end of the text. Where that is in a string
+    of a program, it is the one that completes the program.
+
+    Args:
+        fences: with the lines that they are at.
+        joins: one of them is taken for each later fence that is tried.
+    """
+    place, opening = fences[number]
+    ends = (
+        later
+        for later in range(number + 1, len(fences))
+        if not fences[later][1]["info"].strip() and fences[later][1]["mark"].startswith(opening["mark"])
+    )
+    first = next(ends, len(fences))
+    block = lines[place + 1 : fences[first][0] if first < len(fences) else None]
+    if _in_string(block):
+        for _, later in zip(joins, ends, strict=False):
+            whole = lines[place + 1 : fences[later][0]]
+            if not _in_string(whole) and _is_program("\n".join(whole)):
+                return later, whole
+    return first, block
 
 
 def _in_string(lines: list[str]) -> bool:
@@ -278,6 +294,5 @@ def _parsed(source: str) -> ast.Module | None:
 def _parse(source: str) -> ast.Module:
     if len(source) > MAX_PARSED:
         raise ValueError("too long for a reward program")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # an invalid escape in a model's string is no concern of ours
+    with warnings.catch_warnings(action="ignore"):  # an invalid escape in a model's string is no concern of ours
         return ast.parse(source)

@@ -51,8 +51,7 @@ class Program:
         return max(lines, default=None)
 
     def code(self) -> CodeType:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(action="ignore"):
             return compile(self.draft.tree, FILENAME, "exec")
 
 
@@ -115,8 +114,7 @@ def of_numbers(program: Program, line: int | None) -> tuple[str, str] | None:
 def parse(source: str) -> ast.Module | Finding:
     """Its tree, small enough to be walked by recursion; or why there is none."""
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(action="ignore"):
             tree = ast.parse(source, FILENAME)
     except SyntaxError as error:
         return _unreadable(error)

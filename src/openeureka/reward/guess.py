@@ -53,7 +53,7 @@ def twin(path: str) -> str | None:
     return f"{module}.{name}" if name in surface.MODULES.get(module, ()) else _MEANT.get(rest)
 
 
-def nearest(name: str, known: Iterable[str], likeness: float) -> str:
+def misspelt(name: str, known: Iterable[str], likeness: float) -> str:
     """The known name that this one misspells, or shortens word by word; empty where none is."""
     if name in _OTHERS:
         return ""

@@ -46,7 +46,7 @@ _SCALAR_READS = (
 """torch's own words for a branch on many worlds at once."""
 
 
-def _guarded(run: Runner, state: Mapping[str, Any]) -> object:
+def _run(run: Runner, state: Mapping[str, Any]) -> object:
     """Run a program; whatever it raises becomes a finding with the program's line."""
     try:
         return run(state)
@@ -146,16 +146,16 @@ def probe(run: Runner, spec: StateSpec, recorded: Recorded, worlds: int = 0) -> 
         Refused: at the first rule it breaks.
     """
     everyone = range(world_count(recorded, spec))
-    eager = _run_guarded(run, spec, recorded, everyone)
-    again = outputs(_guarded(run, _state(recorded, spec, everyone)), len(everyone))
-    if len(eager[1]) != len(again[1]) or not all(map(_same_bits, _flat(eager), _flat(again))):
+    eager = _watched(run, spec, recorded, everyone)
+    again = outputs(_run(run, _state(recorded, spec, everyone)), len(everyone))
+    if len(eager[1]) != len(again[1]) or not all(map(_same, _flat(eager), _flat(again))):
         raise Refused("nondeterminism", "the same states give another reward on the second call", "keep no state")
     unified, lines = _unified(run, spec, recorded)
     graph, origin = graphs.simplify(unified)
     _compare(graph, _state(recorded, spec, everyone), eager)
     if worlds not in (0, len(everyone)):
         state = _state(recorded, spec, range(worlds))
-        _compare(graph, state, outputs(_guarded(run, state), worlds), rule="world-count")
+        _compare(graph, state, outputs(_run(run, state), worlds), rule="world-count")
     return Traced(graph, tuple(lines[index] for index in origin))
 
 
@@ -168,12 +168,12 @@ def _tensors(state: Mapping[str, Any]) -> dict[str, Tensor]:
     return {name: value for name, value in state.items() if isinstance(value, Tensor)}
 
 
-def _run_guarded(run: Runner, spec: StateSpec, recorded: Recorded, worlds: range) -> Outputs:
+def _watched(run: Runner, spec: StateSpec, recorded: Recorded, worlds: range) -> Outputs:
     """The program's outputs on all recorded states, refused if it edits them, draws numbers or reads values."""
     state = _state(recorded, spec, worlds)
     guard = Guard(_tensors(state))
     with torch.no_grad(), guard:
-        result = _guarded(run, state)
+        result = _run(run, state)
     if guard.refusal is not None:
         raise guard.refusal
     edited = _edited(state, take(recorded, spec, worlds))
@@ -185,14 +185,10 @@ def _run_guarded(run: Runner, spec: StateSpec, recorded: Recorded, worlds: range
 
 
 def _edited(state: Mapping[str, Any], original: Mapping[str, Any]) -> str | None:
-    for name, before in _tensors(original).items():
-        after = state[name]
-        if after.shape != before.shape or not _same_bits(after, before):
-            return name
-    return None
+    return next((name for name, before in _tensors(original).items() if not _same(state[name], before)), None)
 
 
-def _same_bits(a: Tensor | float, b: Tensor | float) -> bool:
+def _same(a: Tensor | float, b: Tensor | float) -> bool:
     first, second = torch.as_tensor(a), torch.as_tensor(b)
     if first.shape != second.shape or first.dtype != second.dtype:
         return False
@@ -207,7 +203,7 @@ def _traced(tracer: Tracer, run: Runner, spec: StateSpec, recorded: Recorded, wo
     state = _state(recorded, spec, worlds)
 
     def from_tensors(tensors: Mapping[str, Tensor]) -> Outputs:
-        return outputs(_guarded(run, {**state, **tensors}), len(worlds))
+        return outputs(_run(run, {**state, **tensors}), len(worlds))
 
     return trace(tracer, from_tensors, _tensors(state))
 

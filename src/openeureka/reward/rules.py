@@ -66,7 +66,6 @@ class Rules(ast.NodeVisitor):
         self._signature()
         for statement in self.draft.tree.body:
             if isinstance(statement, ast.FunctionDef):
-                self._locals = frozenset()
                 is_entry = statement is self.draft.entry
                 self._protected = frozenset(self.arguments) - rebound(statement) if is_entry else frozenset()
             self.visit(statement)
@@ -83,7 +82,7 @@ class Rules(ast.NodeVisitor):
         if len(name) > MAX_GUESSED or self._guesses == 0:
             return ""
         self._guesses -= 1
-        match = guess.nearest(name, known, likeness)
+        match = guess.misspelt(name, known, likeness)
         return f"did you mean `{match}`?" if match else ""
 
     def _is_input(self, name: str) -> bool:
@@ -142,7 +141,7 @@ class Rules(ast.NodeVisitor):
         if name in self._locals or name in draft.functions or name in draft.constants or name in draft.refused:
             return
         if name in draft.names:
-            self._path(draft.names[name], node)
+            self._imported(draft.names[name], node)
         elif name in surface.ALL_HELPERS or name in surface.BUILTINS:
             return
         elif self._is_input(name):
@@ -170,7 +169,7 @@ class Rules(ast.NodeVisitor):
         if root in self.draft.refused and root not in self._locals:
             return
         if path and root not in self._locals and root in self.draft.names:
-            self._path(f"{self.draft.names[root]}{path[len(root) :]}", node)
+            self._imported(f"{self.draft.names[root]}{path[len(root) :]}", node)
             return
         if isinstance(node.value, ast.Name) and node.value.id == "self":
             self._self_attribute(node)
@@ -203,7 +202,7 @@ class Rules(ast.NodeVisitor):
         else:
             self._unknown_input(node.attr, node)
 
-    def _path(self, path: str, node: ast.AST) -> None:
+    def _imported(self, path: str, node: ast.AST) -> None:
         """An imported name or a chain that starts at one: `torch.exp`, `F.softplus`, `torch.pi.x`."""
         parts = path.split(".")
         for end in range(len(parts), 1, -1):
@@ -296,12 +295,11 @@ class Rules(ast.NodeVisitor):
 
     def visit_Assign(self, node: ast.Assign) -> None:
         for target in node.targets:
-            if isinstance(target, ast.Subscript):
-                self._expect_no_memory(target, node)
-            name = self._protected_root(target) if isinstance(target, ast.Subscript) else None
-            if name:
-                message = f"assignment into input `{name}`"
-                self._refuse("input-edit", message, node, _COPY.format(name=name))
+            if not isinstance(target, ast.Subscript):
+                continue
+            self._expect_no_memory(target, node)
+            if name := self._protected_root(target):
+                self._refuse("input-edit", f"assignment into input `{name}`", node, _COPY.format(name=name))
         self.generic_visit(node)
 
     def _expect_no_memory(self, changed: ast.AST, node: ast.AST) -> None:

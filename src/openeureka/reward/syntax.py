@@ -84,6 +84,7 @@ def defaults(function: ast.FunctionDef | ast.Lambda) -> Iterator[tuple[ast.arg, 
 Number = int | float
 
 
+# `operator.truediv` and `floordiv` have no types.
 def _quotient(a: Number, b: Number) -> Number:
     return a / b
 

@@ -302,16 +302,16 @@ def unify(first: RewardGraph, second: RewardGraph, sizes: tuple[int, int], lines
     nodes: list[Node] = []
     for left, right, line in zip(first.nodes, second.nodes, lines, strict=False):
         if left.op != right.op or left.kwargs.keys() != right.kwargs.keys() or len(left.args) != len(right.args):
-            raise _differs(line)
+            raise _depends_on_count(line)
         args = tuple(_unified(a, b, sizes, line) for a, b in zip(left.args, right.args, strict=True))
         kwargs = {key: _unified(value, right.kwargs[key], sizes, line) for key, value in left.kwargs.items()}
         nodes.append(Node(left.op, args, kwargs))
     if len(first.nodes) != len(second.nodes) or (first.reward, first.components) != (second.reward, second.components):
-        raise _differs(lines[-1])
+        raise _depends_on_count(lines[-1])
     return RewardGraph(nodes=tuple(nodes), reward=first.reward, components=first.components)
 
 
-def _differs(line: int | None) -> Refused:
+def _depends_on_count(line: int | None) -> Refused:
     return Refused(
         "world-count",
         "what the program computes depends on the number of worlds or on the values it saw",
@@ -324,7 +324,7 @@ def _unified(left: Arg, right: Arg, sizes: tuple[int, int], line: int | None) ->
     if isinstance(left, tuple) and isinstance(right, tuple) and len(left) == len(right):
         return tuple(_unified_part(a, b, sizes, line) for a, b in zip(left, right, strict=True))
     if isinstance(left, tuple) or isinstance(right, tuple):
-        raise _differs(line)
+        raise _depends_on_count(line)
     return _unified_part(left, right, sizes, line)
 
 
@@ -335,4 +335,4 @@ def _unified_part(left: Part, right: Part, sizes: tuple[int, int], line: int | N
         factor = left // sizes[0]
         if left == factor * sizes[0] and right == factor * sizes[1]:
             return {"n": factor}
-    raise _differs(line)
+    raise _depends_on_count(line)

@@ -156,7 +156,7 @@ class Sandbox:
             "confined": self._confined,
         }
         try:
-            worker.send(header, {name: _bytes(tensor) for name, tensor in tensors.items()})
+            worker.send(header, {name: tensor.numpy().tobytes() for name, tensor in tensors.items()})
             problem = worker.receive(_START_SECONDS).header.get("problem")
         except WorkerError:
             tail = worker.stderr_tail(500)
@@ -180,10 +180,6 @@ class Sandbox:
                 self.close()
                 outcome = "silent" if isinstance(error, WorkerTimeout) else "crashed"
         return Frame({"outcome": outcome})
-
-
-def _bytes(tensor: Tensor) -> bytes:
-    return tensor.numpy().tobytes()
 
 
 def _accepted(graph: RewardGraph) -> _Judgement:
