@@ -82,6 +82,10 @@ def test_help_imports_nothing_slow():
             ("run", "model=random", "iteration=1", "feedback=human"),
             "feedback=human is heard between generations: there",
         ),
+        (
+            ("run", "feedback=human", "judge=votes", "tune=8"),
+            "`tune` replaces by F what won by votes: leave it out, or",
+        ),
         (("run", "model=random", "iteration=1", "screen=3"), "`screen` judges by an earlier generation: there is one;"),
         (("run", "model=random", "address=auto"), "`address=` names a Ray cluster: add executor=ray"),
         (("ui", "absent"), "There is no folder absent"),

@@ -18,9 +18,9 @@ from openeureka.cli.main import main
 from openeureka.cli.show import facts, show
 from openeureka.cli.train import resume, train, tune
 from openeureka.config import RunConfig, TuneConfig
-from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError, WorkerError
+from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError, TaskError, WorkerError
 from openeureka.report.view import RunView
-from openeureka.runs.rewards import to_tune
+from openeureka.runs.rewards import left_out, to_tune
 from openeureka.sandbox.client import Sandbox
 from openeureka.stats import mean
 from openeureka.store import Store
@@ -183,8 +183,36 @@ def test_the_human_reward_is_tuned_as_the_text_that_it_is(one_sandbox):
 def test_the_best_reward_of_a_run_is_tuned(one_sandbox, tuned):
     candidate, _ = to_tune(TuneConfig(env="cartpole"), str(tuned.directory))
     assert candidate.source == (tuned.directory / "best" / "reward.py").read_text()
-    with pytest.raises(ConfigError, match="is a run of cartpole; add env=cartpole"):
+    with pytest.raises(
+        ConfigError, match="is a run of cartpole; add env=cartpole, or name its file: reward=.*reward.py"
+    ):
         to_tune(TuneConfig(env="ant"), str(tuned.directory))
+
+
+def run_of(directory, **settings):
+    Store.open(directory, RunConfig(**settings)).close()
+    (directory / "best").mkdir()
+    (directory / "best" / "reward.py").write_text(MINE)
+    return directory
+
+
+def test_the_reward_of_a_run_whose_task_has_moved_or_was_set_otherwise_is_tuned(one_sandbox, tmp_path):
+    for number, env in enumerate(("/gone/cartpole.py:Cartpole", "cartpole+episode_length=100")):
+        candidate, _ = to_tune(TuneConfig(env="cartpole"), str(run_of(tmp_path / str(number), env=env)))
+        assert candidate.source == MINE
+
+
+def test_what_is_not_taken_of_a_run_is_said(toy, tmp_path, capsys):
+    run = run_of(tmp_path / "run", steps=350_000, worlds=64, bonus="progress", limits="effort=2")
+    tune(words(run, tmp_path, "worlds=32"))
+    said = capsys.readouterr().out
+    assert (
+        f"{run} trained with other settings. To tune its reward as it trained, add: steps=350000 bonus=progress\n"
+        in said
+    )
+    assert f"The limits of {run} do not hold here: effort=2\n" in said
+    assert left_out(TuneConfig(), "human") == left_out(TuneConfig(), MINE) == ""
+    assert left_out(TuneConfig(), str(run_of(tmp_path / "usual"))) == ""
 
 
 def test_a_reward_without_numbers_is_refused(toy, tmp_path, capsys):
@@ -204,6 +232,10 @@ def test_what_cannot_be_tuned_is_one_sentence(toy, tmp_path):
         to_tune(TuneConfig(), str(bad))
     with pytest.raises(ConfigError, match="sparse reward of a task is no program"):
         to_tune(TuneConfig(), "sparse")
+    with pytest.raises(
+        TaskError, match=r"a method, not a program; name a file: reward=FILE.py, or a run: reward=DIR.$"
+    ):
+        to_tune(TuneConfig(env="gym:Pendulum-v1"), "human")
     empty = tmp_path / "outputs" / "empty"
     Store.open(empty, RunConfig()).close()
     with pytest.raises(

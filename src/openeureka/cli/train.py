@@ -18,7 +18,7 @@ from ..numbers import columns
 from ..parsing import changed, command_line, parse
 from ..report.view import RunView
 from ..runs import compose, trust
-from ..runs.rewards import listed, named, to_tune
+from ..runs.rewards import left_out, listed, named, to_tune
 from ..runs.run import Run
 from ..store.directory import output_directory
 from ..store.store import expect_same
@@ -148,6 +148,8 @@ def tune(words: Sequence[str], *, as_json: bool = False) -> None:
     trust.remember(typed)
     with redirect_stdout(sys.stderr) if as_json else nullcontext():
         reward = to_tune(typed, typed.reward)
+        if told := left_out(typed, typed.reward):
+            print(plain(told))
         directory = output_directory(typed.dir, typed.env, "tune_")
         run = fit(typed.run_config(), directory, reward)
     if as_json:

@@ -218,7 +218,7 @@ def tune(
     Args:
         env: as in `search`.
         reward: `human`, a path, the directory of a run, whose best reward it is, or the program as a text of several
-            lines.
+            lines. No setting of that run is taken.
         on_event: as in `search`.
         settings: those of `eureka tune`, by the same names.
 

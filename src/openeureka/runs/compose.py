@@ -91,6 +91,8 @@ def admitted(config: RunConfig, typed: Collection[str]) -> RunConfig:
         raise ConfigError("feedback=human is heard between generations: there is one; use iteration=2 or more.")
     if once and config.screen > 1:
         raise ConfigError("`screen` judges by an earlier generation: there is one; use iteration=2 or more.")
+    if config.judge == "votes" and config.tune:
+        raise ConfigError("`tune` replaces by F what won by votes: leave it out, or tune the run's reward afterwards.")
     expect(config)
     if config.feedback == "human" and "video" not in typed:
         config = replace(config, video="all")  # who is to judge needs to see

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,6 +19,9 @@ from ..tasks.record import record_states
 from ..tasks.registry import get
 from ..text import one_line, plain
 from ..types import OWN_REWARDS, Candidate, Verdict, VerdictCode
+
+AS_TRAINED = ("curriculum", "randomise", "observe", "steps", "worlds", "bonus")
+"""Settings of a run that say what its rewards are worth."""
 
 
 def read(program: str | Path) -> Candidate:
@@ -88,9 +92,26 @@ def to_tune(config: TuneConfig, word: str | Path) -> tuple[Candidate, Verdict]:
     return candidate, verdict
 
 
+def left_out(config: TuneConfig, word: str | Path) -> str:
+    """What the run whose best reward is tuned trained with, and this tuning does not; empty for any other reward, and
+    where nothing differs but what was set here.
+    """
+    if is_text(word) or not Path(word).is_dir():
+        return ""
+    run, usual = read_config(Path(word)), TuneConfig()
+    own = {
+        key: getattr(run, key) for key in AS_TRAINED if getattr(run, key) != getattr(config, key) == getattr(usual, key)
+    }
+    settings = " ".join(shlex.quote(f"{key}={value}") for key, value in own.items())
+    said = [f"{word} trained with other settings. To tune its reward as it trained, add: {settings}"] if own else []
+    said += [f"The limits of {word} do not hold here: {run.limits}"] if run.limits else []
+    return "\n".join(said)
+
+
 def _only(config: TuneConfig, word: str | Path) -> Candidate:
     if word == "human":
-        return Candidate.of(human.program(get(config.env)))
+        way = "name a file: reward=FILE.py, or a run: reward=DIR"
+        return Candidate.of(human.program(get(config.env), way))
     if word == "sparse":
         raise ConfigError(
             "The sparse reward of a task is no program; tune `human`, a file, or the best reward of a run."
@@ -98,8 +119,12 @@ def _only(config: TuneConfig, word: str | Path) -> Candidate:
     directory = Path(word) if not is_text(word) else None
     if directory is None or not directory.is_dir():
         return read(word)
-    if (env := read_config(directory).env) != config.env:
-        raise ConfigError(f"{directory} is a run of {short_name(env)}; add env={env}.")
+    env = read_config(directory).env
+    if _kind(env) != _kind(config.env):
+        raise ConfigError(
+            f"{directory} is a run of {short_name(env)}; add env={env}, or name its file: "
+            f"reward={directory / 'best' / 'reward.py'}."
+        )
     program = artifacts.read(directory, "best/reward.py")
     if program is None:
         raise RewardFileError(
@@ -107,6 +132,11 @@ def _only(config: TuneConfig, word: str | Path) -> Candidate:
             "Name a file, or reward=human."
         )
     return extract.in_text(program.decode(errors="replace"))
+
+
+def _kind(env: str) -> str:
+    """A task wherever its file is by now, whatever is set of it: whether a reward fits, the checks say."""
+    return short_name(env.partition("+")[0])
 
 
 def _name(reward: str | Path, number: int) -> str:

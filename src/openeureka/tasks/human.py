@@ -25,11 +25,17 @@ if TYPE_CHECKING:
 _CONSTANT = re.compile(r"^([A-Z][A-Z0-9_]*) = [^\n#]*[^\s#]", re.MULTILINE)
 
 
-def program(task: type[Task]) -> str:
+_WAY = "say `human = ...` in the task, or write a file and name it: init=FILE.py"
+
+
+def program(task: type[Task], way: str = _WAY) -> str:
     """The reward that its original authors wrote, as the text of a reward program.
 
     A constant that is called like an attribute of the task, in capitals, has that attribute's value: `TOLERANCE` is the
     `tolerance` of `NAME+tolerance=0.2` too.
+
+    Args:
+        way: what to do where there is none.
 
     Raises:
         TaskError: when the task, or one that it builds on, has a method for it instead.
@@ -37,10 +43,7 @@ def program(task: type[Task]) -> str:
     from .task import Task  # which imports this module
 
     if not task.human or task.human_reward is not Task.human_reward:
-        raise TaskError(
-            f"The human reward of `{task.env}` is a method, not a program; say `human = ...` in the task, or write a "
-            "file and name it: init=FILE.py."
-        )
+        raise TaskError(f"The human reward of `{task.env}` is a method, not a program; {way}.")
 
     def of_task(found: re.Match[str]) -> str:
         value = getattr(task, found[1].lower(), None)
