@@ -7,6 +7,7 @@ import re
 import shlex
 import shutil
 from contextlib import redirect_stdout
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 from typing import NamedTuple
@@ -141,6 +142,14 @@ def test_the_report_the_page_and_show_say_the_same(tuned, capsys):
         assert sentence in text and "centred 0.25" in text and "F with a larger change" in text
     assert "trial_11" in report and "The reward after" in report
     assert "The numbers of a reward are fitted" in page
+
+
+def test_what_made_its_policy_robust_is_shown_too(tuned, monkeypatch, capsys):
+    view = replace(RunView.read(tuned.directory), robust=object())
+    monkeypatch.setattr(RunView, "read", lambda _: view)
+    monkeypatch.setattr("openeureka.cli.show.robust_lines", lambda found: [f"robust: {found is view.robust}"])
+    show(tuned.directory)
+    assert capsys.readouterr().out.endswith("\n\nrobust: True\n")
 
 
 def test_it_is_json_for_programs(toy, mine, tmp_path, capsys):

@@ -37,6 +37,7 @@ from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrain
 from openeureka.types import (
     Candidate,
     Checkpoint,
+    Evaluation,
     Finding,
     LaneSpec,
     Node,
@@ -104,7 +105,7 @@ def go(directory: Path, trainer: ToyTrainer, text: str, *, checker: Checker | No
     wanted = config(**settings)
     with Store.open(directory, wanted) as store:
         candidate = Candidate.of(text)
-        tuning.keep(store, candidate, Reader().check(candidate))
+        tuning.keep(store, candidate, (checker or Reader()).check(candidate))
         tuning.tune(Lanes(wanted, store, trainer, nobody), checker or Reader())
     found = RunView.read(directory).tuned
     assert found is not None
@@ -133,6 +134,31 @@ def test_what_decides_f_is_told_from_what_does_not(tmp_path: Path) -> None:
     assert effort.matters and effort.trend is not None and effort.trend.high < 0  # less is better
     assert not noise.matters
     assert effort.after is not None and effort.after < 0.06
+
+
+def test_of_a_negative_number_the_larger_is_the_one_nearer_to_zero(tmp_path: Path) -> None:
+    class Penal(Reader):
+        def check(self, candidate: Candidate) -> Verdict:
+            (weight,) = weights(candidate.source)
+            graph = RewardGraph(nodes=(Node("full", (abs(weight.value),)),), reward=0, components=())
+            return Verdict(candidate=candidate.id, code=VerdictCode.ACCEPTED, graph=graph)
+
+    text = "def compute_reward(effort):\n    return -50.0 * effort\n"  # -2 is the best
+    (effect,) = go(tmp_path, Hill(), text, tune=24, checker=Penal()).effects
+    assert effect.after is not None and effect.after > -50.0
+    assert effect.trend is not None and effect.trend.low > 0
+    assert fitted.numbers(RunView.read(tmp_path).tuned).rows[0][-1].startswith("more is better")
+
+
+@pytest.mark.parametrize(
+    ("tune", "sample", "sizes"), [(32, 16, [8] * 4), (16, 8, [4] * 4), (8, 8, [4] * 2), (64, 8, [8] * 8)]
+)
+def test_a_round_at_the_end_of_a_search_is_no_more_than_a_quarter_of_its_trainings_and_no_less_than_four(
+    tune: int, sample: int, sizes: list[int]
+) -> None:
+    assert [len(own) for own in tuned.rounds(RunConfig(tune=tune, sample=sample))] == sizes
+    alone = config(tune=tune, sample=sample)  # `eureka tune sample=` says so itself
+    assert {len(own) for own in tuned.rounds(alone)} == {sample}
 
 
 def test_the_text_as_it_came_is_the_first_of_the_first_round(tmp_path: Path) -> None:
@@ -169,7 +195,7 @@ def test_numbers_that_nothing_beats_stay_in_best(tmp_path: Path) -> None:
     found = go(tmp_path, Hill(), HUMAN)  # human numbers are the best there are
     assert (tmp_path / "best" / "reward.py").read_text() == HUMAN
     assert found.better == ORIGINAL and len(found.arms) == 3
-    assert fitted.arms(found).note.endswith("best/ holds the reward before.")
+    assert fitted.arms(RunView.read(tmp_path), found).note.endswith("best/ holds the reward before.")
     assert "The tuned numbers are worse than those before" in of_tuning(found)
 
 
@@ -282,14 +308,18 @@ def test_a_text_that_was_proposed_twice_or_is_the_one_that_came_races_once() -> 
     assert final_lanes(config(seeds=1), texts, lanes) == {ORIGINAL: lanes[:1], "t0.2": lanes[1:]}
 
 
-def test_nothing_is_said_of_a_race_before_its_policies_are_judged() -> None:
+def test_nothing_is_said_of_a_race_before_its_policies_are_judged(tmp_path: Path) -> None:
     going = Arm(training=(5.0, 6.0), held_out=(None, None))
     found = Tuned(trials=(), trained=0, effects=(), after="t0.1", arms={ORIGINAL: going, "t0.1": going})
     assert of_tuning(found) == "Not decided yet: the final trainings are not done."
     known = replace(found, arms={ORIGINAL: Arm(training=(5.0,), held_out=(5.0,)), "t0.1": going})  # as in a search
     assert of_tuning(known) == "Not decided yet: the final trainings are not done."
     assert "with the numbers after, no final training left a policy" in of_tuning(replace(known, judged=True))
-    assert "best/" not in fitted.arms(found).note
+    Store.open(tmp_path, config()).close()
+    run = RunView.read(tmp_path)
+    assert "best/" not in fitted.arms(run, found).note and "noise" not in fitted.arms(run, found).note
+    noisy = Evaluation(lane="a", fitness=1.0, episode_length=1.0, episodes=4, noisy=True)
+    assert "actions have the noise of training" in fitted.arms(replace(run, evaluations={"a": noisy}), found).note
 
 
 # --- at the end of a search ------------------------------------------------------------------------------------------

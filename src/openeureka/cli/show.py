@@ -43,7 +43,7 @@ def show(directory: Path, *, as_json: bool = False) -> None:
         print(json.dumps(facts(run), indent=2))
         return
     if run.tunes:
-        print("\n".join(tuned(run)))
+        print("\n".join([*tuned(run), *(["", *robust_lines(run.robust)] if run.robust is not None else [])]))
         return
     if not run.searched:
         print("\n".join(given_lines(run)))
@@ -103,7 +103,7 @@ def summary(run: RunView) -> list[str]:
         lines.append(lost)
     elif len(run.history.generations) < run.config.generations:
         lines.append(f"{len(run.history.generations)} of {run.config.generations} generations are done.")
-    lines += ["", "The best reward with fitted numbers:", "", *_fitted(found), ""] if (found := run.tuned) else []
+    lines += ["", "The best reward with fitted numbers:", "", *_fitted(run, found), ""] if (found := run.tuned) else []
     lines += ["", "The best policy, as it is:", "", *_carried_on(run, on), ""] if (on := run.polished) else []
     lines += ["", *robust_lines(run.robust), ""] if run.robust is not None else []
     tokens = run.usage.prompt_tokens + run.usage.completion_tokens
@@ -119,7 +119,7 @@ def given_lines(run: RunView) -> list[str]:
 def tuned(run: RunView) -> list[str]:
     """What the fitting of a reward's numbers has found, as aligned text."""
     found = run.tuned
-    return [*_fitted(found), meaning(run)] if found is not None else ["No reward has been trained yet."]
+    return [*_fitted(run, found), meaning(run)] if found is not None else ["No reward has been trained yet."]
 
 
 def robust_lines(found: Robust) -> list[str]:
@@ -141,8 +141,8 @@ def closing(run: RunView, directory: Path) -> list[str]:
     ]
 
 
-def _fitted(found: Tuned) -> list[str]:
-    shown = [fitted.numbers(found), *([fitted.arms(found), fitted.components(found)] if found.arms else [])]
+def _fitted(run: RunView, found: Tuned) -> list[str]:
+    shown = [fitted.numbers(found), *([fitted.arms(run, found), fitted.components(found)] if found.arms else [])]
     lines = [line for table in shown if table.rows for line in _lines(table)]
     return [*lines, plain(of_tuning(found))]
 

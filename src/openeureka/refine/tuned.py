@@ -7,7 +7,7 @@ from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 
-from ..config import FEWEST_TUNED, RunConfig
+from ..config import FEWEST_TUNED, NO_MODEL, RunConfig
 from ..method import race
 from ..method.lanes import tuning_seeds
 from ..reward.weights import Weight, values, weights
@@ -51,7 +51,7 @@ class Effect:
     after: float | None
     """In the best other weighting; None before there is one."""
     trend: Correlation | None
-    """Of F and the number; None where there are too few trainings."""
+    """Of F and the number with its sign; None where there are too few trainings."""
     distance: Correlation | None
     """Of F and how far the number is from the one that came, up or down."""
 
@@ -171,7 +171,7 @@ def read(
             Effect(
                 weight=weight,
                 after=fitted[place] if fitted is not None else None,
-                trend=_trend([abs(trial.values[place]) for trial in whole], whole),
+                trend=_trend([trial.values[place] for trial in whole], whole),
                 distance=_trend([abs(log_factor(trial.values[place], weight)) for trial in whole], whole),
             )
             for place, weight in enumerate(weights(origin))
@@ -205,8 +205,10 @@ def read(
 
 
 def size(config: RunConfig) -> int:
-    """Weightings of a round."""
-    return max(config.sample, FEWEST_TUNED)
+    """Weightings of a round. `sample` of a search says how many rewards a generation has: many a round would leave few
+    rounds, and what the first ones score would move little."""
+    most = config.sample if config.model == NO_MODEL else min(config.sample, config.tune // 4)
+    return max(most, FEWEST_TUNED)
 
 
 def rounds(config: RunConfig) -> list[range]:

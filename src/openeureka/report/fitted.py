@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from ..numbers import number, spread
 from ..refine.tuned import ORIGINAL, Correlation, Effect, Tuned
-from .tables import Table
+from .tables import NOISY, Table
+from .view import RunView
 
 
-def arms(found: Tuned) -> Table:
+def arms(run: RunView, found: Tuned) -> Table:
     """A row for each weighting that trained with fresh seeds."""
     names = {ORIGINAL: "before", found.after: f"after ({found.after})"}
     rows = [
@@ -15,6 +16,8 @@ def arms(found: Tuned) -> Table:
         for name, arm in found.arms.items()
     ]
     note = "Mean ± standard deviation over fresh seeds."
+    if run.noisy:
+        note += f" Held out, {NOISY}."
     if any(arm.scores for arm in found.arms.values()):
         note += f" best/ holds the reward {'before' if found.better == ORIGINAL else 'after'}."
     return Table(("numbers", "F in training", "F held out", "seeds"), rows, note)

@@ -176,6 +176,7 @@ def polished(run: RunView, found: Polished) -> Table:
         "plays best and that policy are compared in episodes that chose neither. ± is the standard error over episodes "
         "of one policy, as it is: nothing here says how good a reward is."
     )
+    note += f" Held out, {NOISY}." if run.noisy else ""
     return Table(("policy", "reward", "fresh weights", "F when played", "F held out"), rows, note)
 
 
