@@ -18,7 +18,7 @@ from openeureka.loop import run
 from openeureka.method.lanes import HELD_OUT
 from openeureka.refine import polishing
 from openeureka.refine.polishing import Polished
-from openeureka.report import html
+from openeureka.report import html, tables
 from openeureka.report.verdict import nexts, of_polishing, verdict
 from openeureka.report.view import RunView
 from openeureka.runs.run import Run
@@ -135,7 +135,11 @@ def test_both_policies_are_compared_in_episodes_by_which_neither_was_chosen(tmp_
 
 def test_the_score_that_the_policy_was_chosen_by_does_not_stand_for_one_to_compare_by(tmp_path: Path) -> None:
     search(tmp_path, Runner())
-    found = replace(RunView.read(tmp_path), trials={}).polished  # as before both are judged
+    view = RunView.read(tmp_path)
+    assert view.polished is not None and "noise" not in tables.polished(view, view.polished).note
+    noisy = {lane: replace(score, noisy=True) for lane, score in view.evaluations.items()}
+    assert "have the noise of training" in tables.polished(replace(view, evaluations=noisy), view.polished).note
+    found = replace(view, trials={}).polished  # as before both are judged
     assert found is not None and found.before is None
 
 

@@ -356,6 +356,7 @@ def test_a_search_fits_the_numbers_of_its_winner(tmp_path: Path) -> None:
     for text in ("\n".join(summary(view)), html.report(view, tmp_path)):
         assert "The best reward with fitted numbers" in text and of_tuning(found) in text
     assert view.fitted is not None and view.fitted.source.splitlines()[1] in re.sub("<[^>]+>", "", text)
+    assert ", with the search's seed; with fitted numbers since, see below." in html.report(view, tmp_path)
     with Store.view(tmp_path) as store:
         assert store.glance().fitness == view.ranking.best.score, "fitted numbers are no candidates"
     assert Run(tmp_path).finished
