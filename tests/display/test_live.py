@@ -174,7 +174,7 @@ def test_a_tuning_after_a_search_is_told_as_such_and_not_as_a_new_search():
     for index, name in [(2, "train"), (3, "final"), (3, "evaluate"), (3, "check"), (4, "train"), (5, "final")]:
         tally.phase(index, name)
         told.append(tally.stage)
-    assert told == ["generation 2 (0 to 2)", "final", "final", "round 0 (0 to 1)", "round 1 (0 to 1)", "final"]
+    assert told == ["generation 2 (0 to 2)", "final", "final", "round 0 (0 to 3)", "round 1 (0 to 3)", "final"]
     assert tally.remaining() is None
     with view(wanted, Usage(), Console(file=io.StringIO(), force_terminal=True, width=160)) as shown:
         assert isinstance(shown, TerminalView)

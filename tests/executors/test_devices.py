@@ -8,8 +8,8 @@ import torch
 
 from openeureka.errors import ConfigError
 from openeureka.executors import scheduler
-from openeureka.executors.local import CPU_WORKERS, LocalExecutor, Message, devices, workers
-from openeureka.types import LaneSpec, TrainBudget, TrainingProgress, TrainingResult, TrainingState
+from openeureka.executors.local import CPU_WORKERS, LocalExecutor, devices, workers
+from openeureka.types import LaneSpec, TrainBudget, TrainingEvent, TrainingProgress, TrainingResult, TrainingState
 
 
 @pytest.fixture
@@ -27,12 +27,12 @@ def gpus(monkeypatch: pytest.MonkeyPatch, signal: Path) -> None:
     monkeypatch.setenv("SIGNAL", str(signal))
 
 
-def train(names: Sequence[str], device: str = "cuda", **options) -> Iterator[Message]:
+def train(names: Sequence[str], device: str = "cuda", **options) -> Iterator[TrainingEvent]:
     trainer = LocalExecutor(device, module="reporting_worker", **options)
     return trainer.train("cartpole", [LaneSpec(id=name, program="human") for name in names], TrainBudget())
 
 
-def results(found: Iterable[Message]) -> dict[str, TrainingResult]:
+def results(found: Iterable[TrainingEvent]) -> dict[str, TrainingResult]:
     return {message.lane: message for message in found if isinstance(message, TrainingResult)}
 
 

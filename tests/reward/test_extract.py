@@ -219,9 +219,9 @@ def test_indented_prose_below_a_program_is_left_out(prose: str):
     ],
 )
 def test_hostile_replies_take_little_time(reply: str):
-    began = time.process_time()
+    began = time.thread_time()
     extract.program(reply)
-    assert time.process_time() - began < 5
+    assert time.thread_time() - began < 5
 
 
 def test_null_bytes_do_no_harm():
@@ -245,12 +245,12 @@ LONG = {
 @pytest.mark.parametrize("name", LONG)
 def test_a_megabyte_of_anything_is_read_in_seconds(name: str) -> None:
     """Time grows with the length alone: with its square, the fence would take hours."""
-    started = time.process_time()
+    started = time.thread_time()
     extract.program(LONG[name])
-    assert time.process_time() - started < 20.0
+    assert time.thread_time() - started < 20.0
 
 
 def test_a_megabyte_of_comments_is_told_from_code_in_seconds() -> None:
-    started = time.process_time()
+    started = time.thread_time()
     extract.in_text("#\n \n" * 200_000 + "prose")
-    assert time.process_time() - started < 20.0
+    assert time.thread_time() - started < 20.0

@@ -425,16 +425,16 @@ def test_inner_functions_see_the_names_around_them() -> None:
 def test_guessing_names_takes_no_longer_than_reading_them() -> None:
     """It took two minutes: a millisecond and more for each of thousands of names."""
     body = "\n".join(f"    pos_abcdefghijklmnop{i} + vel_{'x' * 20}{i}" for i in range(330))
-    started = time.process_time()
+    started = time.thread_time()
     found = gate.check(f"def f(pos):\n{body}\n    return pos[:, 0], {{}}\n", STATE)
     assert isinstance(found, tuple) and len(found) == 660
-    assert time.process_time() - started < 2.0
+    assert time.thread_time() - started < 2.0
 
 
 def test_nested_defaults_are_read_once() -> None:
     nested = "0"
     for _ in range(45):
         nested = f"lambda x={nested}: 0"
-    started = time.process_time()
+    started = time.thread_time()
     assert isinstance(gate.check(f"def f(pos):\n    h = {nested}\n    return pos[:, 0], {{}}\n", STATE), gate.Program)
-    assert time.process_time() - started < 2.0
+    assert time.thread_time() - started < 2.0
