@@ -34,8 +34,8 @@ from openeureka.stats import mean
 REPLIES = FOLDER / "claims"
 RESULTS = results("claims")
 ROWS = load(headline.PLAN).per_task
-LONGER = ("cartpole", "anymal", "shadow_hand_door_open_outward")
-"""Tasks whose second prompt a longer search sent: all that have such a search, but Ant."""
+LONGER = tuple(env for env in load(longer.PLAN).tasks if env != "ant")
+"""Tasks whose second prompt a longer search sent: all that have such a search, but Ant, which was asked before."""
 STEPS = {env: ROWS[env]["steps"] for env in ("ant", "ballbalance", "quadcopter", *LONGER)}
 """Of each lane: those of the task's row."""
 SEED = 300

@@ -35,7 +35,7 @@ from openeureka.config import short_name
 from openeureka.llm.registry import archived
 from openeureka.numbers import number, spread
 from openeureka.report.view import RunView
-from openeureka.score import clipped, human_normalised, rank
+from openeureka.score import clipped, plainly_normalised, rank
 from openeureka.stats import difference, mean, two_valued
 from openeureka.store.db import FILENAME
 
@@ -228,8 +228,7 @@ def rows(measured: Mapping[str, Record]) -> list[list[str]]:
 def _scores(row: Record, sparse: Sequence[float | None]) -> tuple[str, ...]:
     between = interval(*row["difference"], digits=3) if row["difference"] is not None else "-"
     arms = row["generated"], row["human"], sparse
-    _, human, least = means = [mean(arm) for arm in arms]
-    score = human_normalised(*means) if human is not None and least is not None and human > least else None
+    score = plainly_normalised(*map(mean, arms))
     return *map(spread, arms), between, ending({**row, "confirmed": {}}), number(score, 3), number(clipped(score), 3)
 
 

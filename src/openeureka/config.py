@@ -33,6 +33,8 @@ FREE_TO_CHANGE = (
     *("feedback_timeout", "unsafe_no_sandbox"),
 )
 """Settings that say how and where to run, not what is searched: a resumed run may have others."""
+AS_TRAINED = ("curriculum", "randomise", "observe", "steps", "worlds", "bonus")
+"""Settings of a run that say what its rewards are worth."""
 LARGEST_SEED = 2**52
 """Fresh seeds are added to it, and JSON's whole numbers end at 2**53."""
 MOST_THREADS = 1024

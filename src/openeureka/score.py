@@ -23,6 +23,13 @@ def human_normalised(method: float | None, human: float | None, sparse: float | 
     return (method - sparse) / abs(human - sparse)
 
 
+def plainly_normalised(method: float | None, human: float | None, sparse: float | None) -> float | None:
+    """The human-normalised score where no room is to say how to read it: None where its 0 is no worse than its 1."""
+    if human is None or sparse is None or human <= sparse:
+        return None
+    return human_normalised(method, human, sparse)
+
+
 def clipped(normalised: float | None) -> float | None:
     """Clipped to [0, 3], as the paper does before it averages over tasks (appendix D)."""
     return min(max(normalised, 0.0), 3.0) if normalised is not None else None

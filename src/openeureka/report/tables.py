@@ -13,7 +13,7 @@ from ..method.hacking import PEAKS, WORLDS, Kind
 from ..numbers import dollars, duration, number, scored, spread
 from ..refine.polishing import Polished, Try
 from ..refine.tuned import ORIGINAL, Tuned
-from ..score import Arm, Outcome, human_normalised
+from ..score import Arm, Outcome, human_normalised, plainly_normalised
 from ..stats import mean
 from ..types import Evaluation, Glance, Remark, RemarkKind
 from .candidates import CandidateView
@@ -229,13 +229,11 @@ def scale(outcome: Outcome) -> str:
 
 
 def on_scale(outcome: Outcome | Glance) -> float | None:
-    """The human-normalised score where no room is to say how to read it: None where its 0 is no worse than its 1."""
+    """See `score.plainly_normalised`."""
     if isinstance(outcome, Outcome):
-        ends = mean(outcome.method.held_out), mean(outcome.human.held_out), mean(outcome.sparse.held_out)
-    else:
-        ends = outcome.held_out, outcome.human, outcome.sparse
-    _, human, sparse = ends
-    return human_normalised(*ends) if human is not None and sparse is not None and human > sparse else None
+        arms = outcome.method, outcome.human, outcome.sparse
+        return plainly_normalised(*(mean(arm.held_out) for arm in arms))
+    return plainly_normalised(outcome.held_out, outcome.human, outcome.sparse)
 
 
 def exploits(run: RunView) -> Table:

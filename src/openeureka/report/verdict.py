@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..config import TrainConfig
+from ..config import AS_TRAINED, TrainConfig
 from ..method.lanes import beside, unused_seed
 from ..method.prompts import scale
 from ..numbers import number, scored
@@ -17,7 +17,7 @@ from ..tasks import registry
 from ..types import of_components
 from .view import RunView
 
-WORTH_REPEATING = ("curriculum", "randomise", "observe", "steps", "worlds", "bonus", "device", "executor", "address")
+WORTH_REPEATING = (*AS_TRAINED, "device", "executor", "address")
 """Settings of a search that its reward trains with again, where they are not the task's own."""
 
 FEWEST = 3

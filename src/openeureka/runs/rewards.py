@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..config import TrainConfig, TuneConfig, short_name
+from ..config import AS_TRAINED, TrainConfig, TuneConfig, short_name
 from ..errors import ConfigError, RewardFileError
 from ..method.given import Given
 from ..reward import extract
@@ -19,9 +19,6 @@ from ..tasks.record import record_states
 from ..tasks.registry import get
 from ..text import one_line, plain
 from ..types import OWN_REWARDS, Candidate, Verdict, VerdictCode
-
-AS_TRAINED = ("curriculum", "randomise", "observe", "steps", "worlds", "bonus")
-"""Settings of a run that say what its rewards are worth."""
 
 
 def read(program: str | Path) -> Candidate:
