@@ -14,11 +14,12 @@ Phase = Literal["sample", "check", "train", "play", "feedback", "final", "polish
 
 @dataclass(frozen=True, slots=True)
 class Began:
-    """A phase begins: of a generation, of a round of `tune` (counted on from the last generation), or of what follows
-    both. `feedback` waits for a person."""
+    """A phase begins: of a generation, of a round in which `tune` tries numbers, or of what has neither, as the final
+    trainings. `feedback` waits for a person."""
 
-    generation: int
     phase: Phase
+    generation: int | None = None
+    round: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +33,6 @@ class Asked:
 class Replied:
     """A reply arrived and is stored."""
 
-    generation: int
     slot: int
     reply: Reply
 

@@ -53,13 +53,13 @@ def run(
         samples = sampler.given() if config.init and index == 0 else screen.fill(index, plans, sampler, lanes, history)
         model.close()  # an embedded model must not run while training does: they fight for the same cores
 
-        tell(Began(index, "train"))
+        tell(Began("train", index))
         wanted = deal(programs(samples), [config.seed], "candidate")
         if index == 0:
             wanted += deal(beside(config), [config.seed], "baseline")
         results = lanes.train(wanted)
         if strategy.ranks == "played":
-            tell(Began(index, "play"))
+            tell(Began("play", index))
         scores = lanes.play([*history.lanes, *results])
 
         entries: list[Scored] = []
@@ -93,13 +93,13 @@ def conclude(lanes: Lanes, history: History) -> None:
     The search's own scores are the best of many tries; only fresh seeds and fresh episodes say what a reward is worth.
     """
     config, store, tell = lanes.config, lanes.store, lanes.tell
-    tell(Began(config.generations, "final"))
+    tell(Began("final"))
     confirmed = store.crown()
     best = race.crowned_or_leading(history, confirmed) if confirmed is not None else race.crown(history, lanes)
     if best is None:
         keep(lanes, Ranking(history).best)
         return score_nearest(lanes, history)
-    tell(Began(config.generations, "evaluate"))
+    tell(Began("evaluate"))
     finals = lanes.final(race.contenders(history))
     scores = lanes.evaluate(lanes.counted_peaks([lane for arm in finals.values() for lane in arm]))
     results = store.lanes.results()
@@ -117,7 +117,7 @@ def score_nearest(lanes: Lanes, history: History) -> None:
     ranking = Ranking(history)
     nearest = ranking.nearest or ranking.best
     if nearest is not None and nearest.result is not None:
-        lanes.tell(Began(lanes.config.generations, "evaluate"))
+        lanes.tell(Began("evaluate"))
         lanes.evaluate(lanes.counted_peaks([nearest.result.lane]))
 
 

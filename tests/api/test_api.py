@@ -125,7 +125,7 @@ def test_leaving_the_loop_stops_the_search_and_it_goes_on_later(tmp_path, capsys
 def test_a_loop_may_be_left_while_a_person_is_waited_for(tmp_path):
     settings = {**SETTINGS, "feedback": "human"}
     for event in openeureka.searching(model=ScriptedModel(SCRIPT), dir=tmp_path / "run", **settings):
-        if event == openeureka.Began(0, "feedback"):
+        if event == openeureka.Began("feedback", generation=0):
             break
     assert not [thread for thread in threading.enumerate() if thread.name == "openeureka"]
     assert len(openeureka.open_run(tmp_path / "run").history.generations) == 1

@@ -45,11 +45,11 @@ PLAYED = Evaluation(lane=LANE, fitness=300.0, error=12.0, episode_length=300.0, 
 
 def play(shown: PlainView | TerminalView) -> None:
     """One generation, as the loop reports it."""
-    shown(Began(0, "sample"))
-    shown(Replied(0, 0, Reply(text="x", model="m", usage=Usage(prompt_tokens=1000, completion_tokens=234))))
+    shown(Began("sample", 0))
+    shown(Replied(0, Reply(text="x", model="m", usage=Usage(prompt_tokens=1000, completion_tokens=234))))
     shown(Checked(ACCEPTED))
     shown(Checked(REFUSED))
-    shown(Began(0, "train"))
+    shown(Began("train", 0))
     shown(TrainingProgress(epoch=1, epochs=4, env_steps_per_second=5000.0, fitness={LANE: 12.5}))
     shown(RESULT)
     shown(Played({LANE: PLAYED}))
@@ -133,11 +133,11 @@ def test_the_time_left_is_judged_by_finished_generations(monkeypatch):
     now = [0.0]
     monkeypatch.setattr(live.time, "monotonic", lambda: now[0])
     tally = live.Tally(RunConfig(iteration=3), Usage())
-    tally.phase(0, "sample")
+    tally.begin(Began("sample", 0))
     assert tally.remaining() is None
     now[0] = 60.0
     tally.generation_done(Generation(0, ()))
-    tally.phase(1, "sample")
+    tally.begin(Began("sample", 1))
     now[0] = 70.0
     assert tally.remaining() == 110.0  # two generations of 60 s, of which 10 s have passed
 
@@ -153,16 +153,16 @@ def test_training_is_not_expected_to_be_shorter_because_the_model_takes_its_time
     monkeypatch.setattr(live.time, "monotonic", lambda: now[0])
     tally = live.Tally(RunConfig(iteration=2), Usage())
     for name, end in (("sample", 60.0), ("train", 160.0)):
-        tally.phase(0, name)
+        tally.begin(Began(name, 0))
         now[0] = end
     tally.generation_done(Generation(0, ()))
-    tally.phase(1, "sample")
+    tally.begin(Began("sample", 1))
     now[0] += 200.0
     assert tally.remaining() == 100.0  # asking is overdue, the 100 s of training are all ahead
-    tally.phase(1, "train")
+    tally.begin(Began("train", 1))
     now[0] += 30.0
     assert tally.remaining() == 70.0
-    tally.phase(2, "final")
+    tally.begin(Began("final"))
     assert tally.remaining() is None  # how long the final trainings take, nobody says
 
 
@@ -171,16 +171,17 @@ def test_a_tuning_after_a_search_is_told_as_such_and_not_as_a_new_search():
     tally = live.Tally(wanted, Usage())
     tally.generation_done(Generation(0, ()))
     told = []
-    for index, name in [(2, "train"), (3, "final"), (3, "evaluate"), (3, "check"), (4, "train"), (5, "final")]:
-        tally.phase(index, name)
+    rounds = (Began("check", round=0), Began("train", round=1))
+    for began in (Began("train", 2), Began("final"), Began("evaluate"), *rounds, Began("final")):
+        tally.begin(began)
         told.append(tally.stage)
     assert told == ["generation 2 (0 to 2)", "final", "final", "round 0 (0 to 3)", "round 1 (0 to 3)", "final"]
     assert tally.remaining() is None
     with view(wanted, Usage(), Console(file=io.StringIO(), force_terminal=True, width=160)) as shown:
         assert isinstance(shown, TerminalView)
-        shown(Began(3, "evaluate"))
+        shown(Began("evaluate"))
         shown(RESULT)
-        shown(Began(3, "check"))
+        shown(Began("check", round=0))
         frame = Console(file=io.StringIO(), width=160)
         frame.print(shown.render())
         assert isinstance(frame.file, io.StringIO) and LANE not in frame.file.getvalue()
@@ -198,11 +199,11 @@ def test_a_slot_that_the_model_writes_for_says_so_and_for_how_long(monkeypatch):
     monkeypatch.setattr(live.time, "monotonic", lambda: now[0])
     with view(CONFIG, Usage(), Console(file=io.StringIO(), force_terminal=True, width=160)) as shown:
         assert isinstance(shown, TerminalView)
-        shown(Began(0, "sample"))
+        shown(Began("sample", 0))
         shown(Asked((0, 1)))
         now[0] = 75.0
         assert "being written, 1 min 15 s" in shown_rows(shown)["1"]
-        shown(Replied(0, 0, Reply(text="x", model="m")))
+        shown(Replied(0, Reply(text="x", model="m")))
         assert "replied" in shown_rows(shown)["0"]
         shown(Checked(ACCEPTED))
         shown(Checked(REFUSED))

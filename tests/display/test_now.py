@@ -29,16 +29,16 @@ def recorder(tmp_path, monkeypatch):
 
 
 def test_what_is_written_is_read_back(recorder, tmp_path):
-    recorder(Began(0, "sample"))
+    recorder(Began("sample", 0))
     recorder(Asked((0, 1)))
-    recorder(Replied(0, 1, Reply(text="x", model="m", usage=Usage(prompt_tokens=100, completion_tokens=10))))
+    recorder(Replied(1, Reply(text="x", model="m", usage=Usage(prompt_tokens=100, completion_tokens=10))))
     found = now.read(tmp_path)
     assert found is not None
     assert (found.doing, found.writing, found.usage.prompt_tokens) == ("asking the model", 1, 100)
 
 
 def test_every_lane_has_a_value_at_each_place_whenever_it_began(recorder, tmp_path):
-    recorder(Began(0, "train"))
+    recorder(Began("train", 0))
     recorder(told(1, a=0.5))
     recorder(told(2, a=0.75, b=None))
     found = now.read(tmp_path)
@@ -46,13 +46,13 @@ def test_every_lane_has_a_value_at_each_place_whenever_it_began(recorder, tmp_pa
     assert (found.epoch, found.epochs, found.at_epochs) == (2, 1000, (1, 2))
     assert found.curves["a"] == {"fitness": (0.5, 0.75), "component/up": (2.0, 2.0)}
     assert found.curves["b"] == {"fitness": (None, None), "component/up": (None, 2.0)}
-    recorder(Began(0, "play"))
+    recorder(Began("play", 0))
     found = now.read(tmp_path)
     assert found is not None and not found.curves
 
 
 def test_a_long_training_keeps_few_values_over_its_whole_length(recorder, tmp_path):
-    recorder(Began(0, "train"))
+    recorder(Began("train", 0))
     for epoch in range(1000):
         recorder(told(epoch, a=float(epoch)))
     found = now.read(tmp_path)
@@ -65,7 +65,7 @@ def test_a_long_training_keeps_few_values_over_its_whole_length(recorder, tmp_pa
 
 
 def test_lanes_of_the_next_round_take_the_place_of_those_before(recorder, tmp_path):
-    recorder(Began(2, "final"))
+    recorder(Began("final"))
     for epoch in range(100):
         recorder(told(epoch, first=1.0))
     recorder(told(0, second=2.0))
@@ -77,7 +77,6 @@ def test_lanes_of_the_next_round_take_the_place_of_those_before(recorder, tmp_pa
 def test_the_file_of_a_run_of_before_is_read(tmp_path):
     said = {
         "doing": "x",
-        "generation": 0,
         "seconds": 1.0,
         "left": None,
         "places": [3],
@@ -88,7 +87,9 @@ def test_the_file_of_a_run_of_before_is_read(tmp_path):
     assert found is not None and found.at_epochs == (3,)
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"doing": 1}', '{"doing": "x", "generation": -1}'])
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", '{"doing": 1}', '{"doing": "x", "seconds": 1, "left": 0, "epoch": -1}']
+)
 def test_what_is_no_such_file_says_nothing(tmp_path, text):
     (tmp_path / NOW).write_text(text)
     assert now.read(tmp_path) is None

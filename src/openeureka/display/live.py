@@ -13,7 +13,7 @@ from ..config import RunConfig, short_name
 from ..events import Asked, Began, Checked, Event, Phase, Played, Replied
 from ..method.lanes import BASELINES
 from ..numbers import duration, number, scored, sparkline
-from ..refine.tuned import last_index
+from ..refine.tuned import rounds
 from ..score import Outcome
 from ..text import one_line
 from ..types import (
@@ -42,8 +42,6 @@ _PHASES: dict[Phase, str] = {
 
 _PARTS: dict[Phase, str] = {"sample": "ask", "check": "ask", "train": "train"}
 """What the time of a generation goes to; waiting for a person is nobody's to foresee."""
-_TRIED: tuple[Phase, ...] = ("check", "train", "play")
-"""What a round of a tuning does; the rest of a search comes with the index of the first round too."""
 
 
 class Tally:
@@ -52,20 +50,29 @@ class Tally:
     def __init__(self, config: RunConfig, usage: Usage) -> None:
         self.config = config
         self.usage = usage
-        self.index, self._phase = 0, ""
-        self.doing = "starting"
+        self.generation: int | None = None
+        """The one that is at work."""
+        self.stage, self.doing = "", "starting"
         self.started = time.monotonic()
         self.durations: list[dict[str, float]] = []
         """Seconds that each generation which this process has done took, by what it did."""
         self._spent: dict[str, float] = {}
         self._part, self._part_started = "", self.started
 
-    def phase(self, generation: int, name: Phase) -> None:
+    def begin(self, began: Began) -> None:
         self._clock()
-        if generation != self.index:
-            self.index, self._spent = generation, {}
-        self._part, self._phase = _PARTS.get(name, ""), name
-        self.doing = _PHASES[name]
+        if began.generation != self.generation:
+            self.generation, self._spent = began.generation, {}
+        self._part = _PARTS.get(began.phase, "")
+        self.stage, self.doing = self._stage(began), _PHASES[began.phase]
+
+    def _stage(self, began: Began) -> str:
+        """The generation, or the round of a tuning; empty where given rewards train."""
+        if began.generation is not None:
+            return f"generation {began.generation} (0 to {self.config.generations - 1})"
+        if began.round is not None:
+            return f"round {began.round} (0 to {len(rounds(self.config)) - 1})"
+        return "final" if self.config.generations or self.config.tune else ""
 
     def _clock(self) -> None:
         """Book the time since the last look on what was being done."""
@@ -89,13 +96,13 @@ class Tally:
 
         Asking and training are judged apart: a model that takes its time does not make the training shorter.
         """
-        if not self.durations or self.index >= self.config.generations:
+        if not self.durations or self.generation is None:
             return None
         self._clock()
         mean = {part: sum(d.get(part, 0.0) for d in self.durations) / len(self.durations) for part in ("ask", "train")}
         ahead = ("train",) if self._part == "train" else ("ask", "train")
         now = sum(max(0.0, mean[part] - self._spent.get(part, 0.0)) for part in ahead)
-        return now + (self.config.generations - self.index - 1) * sum(mean.values())
+        return now + (self.config.generations - self.generation - 1) * sum(mean.values())
 
     def headline(self) -> str:
         left = self.remaining()
@@ -110,16 +117,6 @@ class Tally:
             f"US$ {self.usage.cost_usd:.4f}" if self.usage.cost_usd else "",
         )
         return " · ".join(part for part in parts if part)
-
-    @property
-    def stage(self) -> str:
-        """The generation, or the round of a tuning; empty where given rewards train."""
-        done, last = self.config.generations, last_index(self.config)
-        if self.index < done:
-            return f"generation {self.index} (0 to {done - 1})"
-        if self._phase in _TRIED and self.index < last:
-            return f"round {self.index - done} (0 to {last - done - 1})"
-        return "final" if last else ""
 
 
 def verdict_line(sample: Sample) -> str:
@@ -147,8 +144,8 @@ class PlainView:
 
     def __call__(self, event: Event) -> None:
         match event:
-            case Began(generation, phase):
-                self._tally.phase(generation, phase)
+            case Began():
+                self._tally.begin(event)
                 self._say(self._tally.headline())
                 self._line = ProgressLine(self._console)
             case Asked(slots):
@@ -207,8 +204,8 @@ class TerminalView:
 
     def __call__(self, event: Event) -> None:
         match event:
-            case Began(generation, phase):
-                self._begin(generation, phase)
+            case Began():
+                self._begin(event)
             case Asked(slots):
                 self._asked = dict.fromkeys(slots, time.monotonic())
             case Replied(slot=slot, reply=reply):
@@ -228,17 +225,17 @@ class TerminalView:
             case Outcome():
                 pass
 
-    def _begin(self, generation: int, phase: Phase) -> None:
+    def _begin(self, began: Began) -> None:
         stage = self._tally.stage
-        self._tally.phase(generation, phase)
-        if self._tally.stage != stage or phase in ("final", "polish"):
+        self._tally.begin(began)
+        if self._tally.stage != stage or began.phase in ("final", "polish"):
             self._samples.clear()
             self._replied.clear()
             self._asked.clear()
             self._fitness.clear()
             self._curves.clear()
         self._epochs, self._nodes = "", ""
-        if phase == "feedback":
+        if began.phase == "feedback":
             self._live.stop()  # the terminal is the person's
         else:
             self._live.start()
@@ -252,7 +249,7 @@ class TerminalView:
 
     def render(self) -> Group:
         lines = [Text(line) for line in (self._tally.headline(), self._epochs, self._nodes) if line]
-        return Group(*lines, self._slots() if self._tally.index < self._tally.config.generations else self._lanes())
+        return Group(*lines, self._lanes() if self._tally.generation is None else self._slots())
 
     def _slots(self) -> Table:
         table = Table("slot", "candidate", "try", box=None, pad_edge=False)

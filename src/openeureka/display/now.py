@@ -38,7 +38,6 @@ class Now:
 
     doing: str
     """In words."""
-    generation: Count
     seconds: Finite
     """[s] since the process began."""
     left: Finite | None
@@ -86,8 +85,8 @@ class Recorder:
 
     def __call__(self, event: Event) -> None:
         match event:
-            case Began(generation, phase):
-                self._tally.phase(generation, phase)
+            case Began():
+                self._tally.begin(event)
                 self._asked.clear()
                 self._clear()
                 self._write()
@@ -134,7 +133,6 @@ class Recorder:
         count = len(self._epochs)
         now = Now(
             doing=self._tally.doing,
-            generation=self._tally.index,
             seconds=self._written - self._tally.started,
             left=self._tally.remaining(),
             writing=len(self._asked),

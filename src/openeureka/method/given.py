@@ -57,11 +57,11 @@ def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
     known = of_given(store).values()
     wanted: list[Wanted] = [(lane, rewards[lane.reward]) for lane in known if lane.reward in rewards]
     wanted += deal(rewards.items(), seeds(lanes.config), "given") if more is None else more
-    lanes.tell(Began(0, "train"))
+    lanes.tell(Began("train"))
     results = lanes.train(wanted)
-    lanes.tell(Began(0, "play"))
+    lanes.tell(Began("play"))
     lanes.play(results)
-    lanes.tell(Began(0, "evaluate"))
+    lanes.tell(Began("evaluate"))
     peaks = lanes.counted_peaks(results)
     scores = lanes.evaluate(peaks)
     fitness = {lane: score.fitness for lane, score in scores.items()}

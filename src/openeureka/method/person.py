@@ -79,7 +79,7 @@ class Hearing:
 
     def _wait(self, generation: Generation) -> None:
         """Until somebody says `go`, or nobody did for too long."""
-        self.tell(Began(generation.index, "feedback"))
+        self.tell(Began("feedback", generation.index))
         self.desk.invite(generation)
         end = time.monotonic() + (self.config.feedback_timeout or math.inf)
         while (

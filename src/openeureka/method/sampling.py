@@ -113,7 +113,7 @@ class Sampler:
                     shown[slot] = repair.messages[len(prompt.messages) :]
                     self._draw(repair, generation, attempt, [slot])
             if vacant:
-                self.tell(Began(generation, "check"))
+                self.tell(Began("check", generation))
             for slot in vacant:
                 sample = self._check(generation, attempt, slot, shown.get(slot, ()))
                 if slot not in filled or sample.verdict.accepted or not filled[slot].verdict.accepted:
@@ -127,12 +127,12 @@ class Sampler:
         missing = [slot for slot in slots if self.store.talk.reply(generation, attempt, slot) is None]
         if not missing:
             return
-        self.tell(Began(generation, "sample"))
+        self.tell(Began("sample", generation))
         seed = request_seed(self.config.seed, generation, attempt, slots[0])
         paid = self.store.talk.paid()
         for slot, reply in draw(self.model, prompt, slots, missing, seed, paid, self.config, self.tell):
             self.store.talk.save_reply(generation, attempt, slot, reply)
-            self.tell(Replied(generation, slot, reply))
+            self.tell(Replied(slot, reply))
 
     def _check(self, generation: int, attempt: int, slot: int, repair: Sequence[Message] = ()) -> Sample:
         candidate, verdict = self._judged(self._reply(generation, attempt, slot))

@@ -37,7 +37,6 @@ from ..types import (
 )
 from ..types.dynamics import SCALES
 from .hardened import GRID, HARD, KEEPS, LONGER, UNIFORM, Carried, carries, chosen, origin
-from .tuned import last_index
 
 SWEEP_EPISODES, CHOOSING_EPISODES, HARD_EPISODES = 32, 16, 64
 PARTS = 2
@@ -76,7 +75,7 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     """
     config, store, began = lanes.config, lanes.store, training.policy
     store.save_hardening(training)
-    lanes.tell(Began(last_index(config), "evaluate"))
+    lanes.tell(Began("evaluate"))
     # What a model is shown must not be what judges its ranges; both sweeps are on equal start states, to compare them.
     lanes.try_out(sweep(began, robot.quantities), starts=CHOOSING, episodes=SWEEP_EPISODES)
     proposed = propose(lanes, model, robot, training)
@@ -90,11 +89,11 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
         raise ConfigError(f"{store.directory} holds no program of the reward {reward}.")
     names = store.lanes.ranges()
     wanted: list[Wanted] = [(Lane(reward, config.seed, "robust", start, ranges=name), program) for name in names]
-    lanes.tell(Began(last_index(config), "train"))
+    lanes.tell(Began("train"))
     lanes.train(wanted, steps=training.steps)
-    lanes.tell(Began(last_index(config), "play"))
+    lanes.tell(Began("play"))
     arms = {lane.ranges: PolicyId(lane.id, _peak(lanes, lane, robot.quantities)) for lane, _ in wanted}
-    lanes.tell(Began(last_index(config), "evaluate"))
+    lanes.tell(Began("evaluate"))
     beside = [name for name in (LONGER, UNIFORM) if name in arms]
     ours = max((name for name in arms if name not in beside), key=lambda name: _worth(lanes, arms[name].lane))
     judged = (began, *(arms[name] for name in beside), arms[ours])
@@ -203,11 +202,11 @@ def _draw(lanes: Lanes, model: LanguageModel, prompt: Prompt, attempt: int, slot
     missing = [slot for slot in slots if (slot, attempt) not in store.talk.proposals()]
     if not missing:
         return
-    lanes.tell(Began(last_index(config), "sample"))
+    lanes.tell(Began("sample"))
     seed = request_seed(config.seed, config.generations, attempt, slots[0])
     for slot, reply in draw(model, prompt, slots, missing, seed, store.talk.paid(), config):
         store.talk.save_proposal(slot, attempt, prompt, reply)
-        lanes.tell(Replied(last_index(config), slot, reply))
+        lanes.tell(Replied(slot, reply))
 
 
 def table_of(reply: str) -> str:

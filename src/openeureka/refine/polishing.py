@@ -17,7 +17,6 @@ from ..score import breach, gain, worth
 from ..stats import Estimate
 from ..store import Store
 from ..types import PEAKS, Evaluation, Lane, Limits, PolicyId, RewardGraph, Start, TrainingResult, Trial
-from .tuned import last_index
 
 SHARES = (0.0, 0.1, 0.25, 0.5)
 """Of fresh weights in the mixture that a lane begins with."""
@@ -42,12 +41,11 @@ def polish(lanes: Lanes) -> None:
     if began is None or log.best_policy() is not None:
         return
     steps = config.polish_steps or max(1, log.results()[began.lane].env_steps // PARTS)
-    index = last_index(config)
-    tell(Began(index, "polish"))
+    tell(Began("polish"))
     results = lanes.train(deal(config, began, rewards(store, log.all()[began.lane].reward)), steps=steps)
-    tell(Began(index, "play"))
+    tell(Began("play"))
     leader = _leader(lanes.play(results), config.cost_limits)
-    tell(Began(index, "evaluate"))
+    tell(Began("evaluate"))
     both = [policy for policy in (began, leader) if policy is not None]
     lanes.try_out([Trial(lane=lane, name=COMPARED, peak=peak) for lane, peak in both], starts=COMPARING)
     scores = _compared(log.trials())

@@ -217,11 +217,6 @@ def rounds(config: RunConfig) -> list[range]:
     return [range(first, min(first + step, config.tune)) for first in range(0, config.tune, step)]
 
 
-def last_index(config: RunConfig) -> int:
-    """What phases that follow all generations and all rounds come with."""
-    return config.generations + len(rounds(config))
-
-
 def final_lanes(
     config: RunConfig, texts: Texts, results: Container[str], seeds: Sequence[int] | None = None
 ) -> dict[str, list[str]]:

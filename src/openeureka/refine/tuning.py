@@ -148,7 +148,7 @@ def _propose(lanes: Lanes, checker: Checker, index: int, texts: Mapping[str, str
     store, known = lanes.store, lanes.store.given()
     fresh = {name: Candidate.of(text) for name, text in texts.items() if name not in known}
     if fresh:
-        lanes.tell(Began(lanes.config.generations + index, "check"))
+        lanes.tell(Began("check", round=index))
     for candidate in fresh.values():
         if store.verdict(candidate.id) is None:
             store.save_verdict(candidate, checker.check(candidate), Reply(text=candidate.source, model=GIVEN))
@@ -166,10 +166,10 @@ def _train(lanes: Lanes, index: int, candidates: Iterable[Candidate], *, over: b
     Args:
         over: the next round is proposed already: what this one scored is what that follows from.
     """
-    lanes.tell(Began(lanes.config.generations + index, "train"))
+    lanes.tell(Began("train", round=index))
     results = lanes.train(deal(_programs(lanes.store, candidates), [lanes.config.seed], "tuned"))
     if not over:
-        lanes.tell(Began(lanes.config.generations + index, "play"))
+        lanes.tell(Began("play", round=index))
         lanes.play(results)
 
 
@@ -200,7 +200,7 @@ def _race(lanes: Lanes) -> PolicyId | None:
     racing, seeds = _raced(lanes, texts) or _leading(lanes, texts), list[int]()
     arms = {name: texts[name] for name in (ORIGINAL, *racing)}
     claims = len(arms) - 1
-    lanes.tell(Began(tuned.last_index(config), "final"))
+    lanes.tell(Began("final"))
     for more in race.rounds(tuning_seeds(config), raced=True):
         seeds += more
         lanes.train(deal(_programs(store, [arms[name] for name in (ORIGINAL, *racing)]), more, "final"))
@@ -211,7 +211,7 @@ def _race(lanes: Lanes) -> PolicyId | None:
         strict = claims / race.share(config, len(seeds))
         if len(racing) < 2 and (not racing or race.sure(scores, racing[0], ORIGINAL, strict)):
             break
-    lanes.tell(Began(tuned.last_index(config), "evaluate"))
+    lanes.tell(Began("evaluate"))
     return _conclude(lanes, texts)
 
 
