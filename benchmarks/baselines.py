@@ -24,10 +24,11 @@ from ledger import learn
 from records import OUTPUTS, PEAKS, ROOT, Record, command_line, machine, read, record, results, write
 
 from openeureka.config import TrainConfig
-from openeureka.method.lanes import BASELINES, Wanted, deal
+from openeureka.method.lanes import Wanted, deal
 from openeureka.store import is_run
 from openeureka.tasks import registry
 from openeureka.tasks.task import Recipe
+from openeureka.types import OWN_REWARDS
 
 RESULTS = results("baselines")
 SHIPPED = ROOT / "src" / "openeureka" / "suite" / "baselines.json"
@@ -35,13 +36,12 @@ DEFAULTS = {
     field.name: field.default for field in dataclasses.fields(Recipe) if field.default is not dataclasses.MISSING
 }
 """Of a recipe: what a record says nothing of, as it is older, was so."""
-REWARDS = tuple(name for name, _ in BASELINES)
 
 
-def missing(entry: Record, seeds: int, rewards: Sequence[str] = REWARDS) -> list[Wanted]:
+def missing(entry: Record, seeds: int, rewards: Sequence[str] = OWN_REWARDS) -> list[Wanted]:
     """Lanes of a task that its record does not hold."""
-    pairs = [pair for pair in BASELINES if pair[0] in rewards]
-    return [lane for lane in deal(pairs, range(seeds), "given") if lane[0].id not in entry["lanes"]]
+    every = deal([(name, name) for name in OWN_REWARDS], range(seeds), "given")
+    return [wanted for wanted in every if wanted[0].reward in rewards and wanted[0].id not in entry["lanes"]]
 
 
 def settings(env: str, steps: int, worlds: int) -> Record:
@@ -92,7 +92,7 @@ def _summarised(entry: Record) -> Record:
         }
 
     return {
-        **{reward: arm(reward) for reward in REWARDS},
+        **{reward: arm(reward) for reward in OWN_REWARDS},
         "env_steps": entry["env_steps"],
         "worlds": entry["worlds"],
         "device": ", ".join(sorted({training["device"] for training in trainings})),
@@ -109,7 +109,7 @@ def _place(name: str) -> tuple[str, int]:
 def main(words: Sequence[str] | None = None) -> None:
     parser = command_line(__doc__)
     parser.add_argument("--env", action="append", choices=registry.names(), help="a task; may be repeated")
-    parser.add_argument("--reward", action="append", choices=REWARDS, help="one of the two; may be repeated")
+    parser.add_argument("--reward", action="append", choices=OWN_REWARDS, help="one of the two; may be repeated")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--steps", type=float, default=0, help="environment steps of a lane, 0 for the recipe's")
     parser.add_argument("--worlds", type=int, default=0, help="worlds of a lane, 0 for the recipe's")
@@ -130,7 +130,7 @@ def main(words: Sequence[str] | None = None) -> None:
         differing = [key for key in wanted if entry[key] != wanted[key]]
         if differing:
             raise SystemExit(f"{options.out} holds {env} with another {' and '.join(differing)}; --again replaces it.")
-        lanes = missing(entry, options.seeds, options.reward or REWARDS)
+        lanes = missing(entry, options.seeds, options.reward or OWN_REWARDS)
         if not lanes:
             print(f"{env}: all is known")
             continue

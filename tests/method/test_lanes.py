@@ -7,13 +7,13 @@ import pytest
 
 from openeureka.config import RunConfig
 from openeureka.events import Event, nobody
-from openeureka.method.lanes import BASELINES, Lanes, deal
+from openeureka.method.lanes import Lanes, beside, deal
 from openeureka.store import Store
 from openeureka.store.lane_log import LaneLog
 from openeureka.testing.scripted import ToyTrainer
 from openeureka.types import LaneSpec, TrainBudget, TrainingProgress, TrainingResult
 
-LANES = deal(BASELINES, [0, 1], "baseline")
+LANES = deal(beside(RunConfig()), [0, 1], "baseline")
 
 
 class Sends(ToyTrainer):

@@ -11,12 +11,12 @@ from rich.text import Text
 
 from ..config import RunConfig, short_name
 from ..events import Asked, Began, Checked, Event, Phase, Played, Replied
-from ..method.lanes import BASELINES
 from ..numbers import duration, number, scored, sparkline
 from ..refine.tuned import rounds
 from ..score import Outcome
 from ..text import one_line
 from ..types import (
+    OWN_REWARDS,
     Evaluation,
     Generation,
     Sample,
@@ -268,7 +268,7 @@ class TerminalView:
             name = sample.candidate.id if sample.candidate else "-"
             scores = self._scores(lane_id(name, seed))
             table.add_row(str(slot), name, str(sample.attempts), Text(verdict_line(sample)), *scores)
-        for name, _ in BASELINES:
+        for name in OWN_REWARDS:
             if lane_id(name, seed) in self._fitness:
                 table.add_row("", f"{name} reward", "", "", *self._scores(lane_id(name, seed)))
         return table

@@ -10,8 +10,8 @@ from ..events import Began
 from ..score import rank
 from ..stats import mean
 from ..store import Store
-from ..types import GIVEN, Candidate, Lane, PolicyId, Reply, RewardProgram, Verdict
-from .lanes import BASELINES, Lanes, Wanted, deal
+from ..types import GIVEN, OWN_REWARDS, Candidate, Lane, PolicyId, Reply, RewardProgram, Verdict
+from .lanes import Lanes, Wanted, deal
 
 Given = Mapping[str, tuple[Candidate, Verdict] | None]
 """Rewards by name, each with the verdict that accepted it; None for those that come with the task."""
@@ -93,7 +93,9 @@ def program(store: Store, reward: str) -> RewardProgram | None:
     """What a reward trains under: a candidate, a given one, or one of the task's own; None for one that was refused."""
     name = store.given().get(reward) or reward
     verdict = store.verdict(name)
-    return dict(BASELINES).get(name) if verdict is None else verdict.graph
+    if verdict is not None:
+        return verdict.graph
+    return name if name in OWN_REWARDS else None
 
 
 def seeds(config: RunConfig) -> range:

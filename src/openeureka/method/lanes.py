@@ -50,8 +50,6 @@ EPISODES = (8, 64)
 SHARE = 0.1
 """Of the steps of a training that both looks may take together."""
 
-BASELINES: tuple[tuple[str, RewardProgram], ...] = tuple((name, name) for name in OWN_REWARDS)
-
 Wanted = tuple[Lane, RewardProgram]
 """A lane, and what it trains under."""
 Sharing = Mapping[str, Sequence[LaneSpec]]
@@ -71,7 +69,7 @@ def programs(samples: Iterable[Sample]) -> list[tuple[CandidateId, RewardGraph]]
 
 def beside(config: RunConfig) -> tuple[tuple[str, RewardProgram], ...]:
     """The rewards that candidates are compared with, as far as the run trains them itself."""
-    return BASELINES if config.baselines == "train" else ()
+    return tuple((name, name) for name in OWN_REWARDS) if config.baselines == "train" else ()
 
 
 def final_seeds(config: RunConfig) -> range:
@@ -293,8 +291,8 @@ class Lanes:
             return {}
         ids = tuple(dict.fromkeys(ids))
         self._look(0, ids)
-        records, baselines = self.store.lanes.all(), dict(BASELINES)
-        rivals = [lane for lane in ids if records[lane].role == "given" or records[lane].reward not in baselines]
+        records = self.store.lanes.all()
+        rivals = [lane for lane in ids if records[lane].role == "given" or records[lane].reward not in OWN_REWARDS]
         lawful = {lane: s for lane, s in self.first_looks(rivals).items() if not s.broken(self.config.cost_limits)}
         self._look(1, level(lawful))
         scores = self._scores(ids)

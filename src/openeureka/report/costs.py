@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from ..config import NO_MODEL
-from ..method.lanes import BASELINES
 from ..numbers import number, scored
-from ..types import COSTS, Evaluation, lane_id
+from ..types import COSTS, OWN_REWARDS, Evaluation, lane_id
 from .tables import Table
 from .view import RunView
 
@@ -42,7 +41,7 @@ def _scores(run: RunView) -> dict[str, Evaluation]:
         lanes = {name: name for name, lane in run.lanes.items() if lane.role == "given"}
     else:
         lanes = {str(c.place): c.result.lane for c in run.candidates if c.result is not None}
-        lanes |= {f"{name} reward": lane_id(name, run.config.seed) for name, _ in BASELINES}
+        lanes |= {f"{name} reward": lane_id(name, run.config.seed) for name in OWN_REWARDS}
     return {called: score for called, lane in lanes.items() if (score := run.played.get(lane)) and score.costs}
 
 

@@ -10,7 +10,7 @@ from .. import score, strategies
 from ..config import NO_MODEL, RunConfig
 from ..method import baselines, hacking, race
 from ..method.hacking import Sign, Tried
-from ..method.lanes import BASELINES, final_lanes
+from ..method.lanes import final_lanes
 from ..refine import hardened, polishing, tuned
 from ..refine.hardened import Robust
 from ..refine.polishing import Polished
@@ -18,6 +18,7 @@ from ..refine.tuned import ORIGINAL, Tuned
 from ..score import Arm, Baselines, Outcome
 from ..store import Store, artifacts
 from ..types import (
+    OWN_REWARDS,
     Candidate,
     Evaluation,
     History,
@@ -179,7 +180,7 @@ class RunView:
     @property
     def baselines(self) -> dict[str, TrainingResult]:
         """The trainings of `human` and `sparse` that the candidates were compared with, as far as they are done."""
-        lanes = {name: lane_id(name, self.config.seed) for name, _ in BASELINES}
+        lanes = {name: lane_id(name, self.config.seed) for name in OWN_REWARDS}
         return {name: self.results[lane] for name, lane in lanes.items() if lane in self.results}
 
     def baseline_score(self, name: str) -> float | None:
