@@ -83,7 +83,7 @@ def began(lanes: Lanes) -> PolicyId:
     for lane in known.values():
         if lane.start is not None:
             return lane.start.policy
-    best = max(plays, key=lambda lane: rank(played(plays[lane]).fitness))
+    best = max(plays, key=lambda lane: rank(played(plays[lane], {}).fitness))
     return PolicyId(best, lanes.counted_peaks([best])[best])
 
 

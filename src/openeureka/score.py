@@ -12,7 +12,6 @@ from .types import COSTS, Evaluation, Limits, Peak, Place, Scored, TrainingResul
 
 ERRORS = 2.0
 """Standard errors that two scores must be apart before one counts as the higher."""
-NO_LIMITS: Limits = {}
 
 
 def human_normalised(method: float | None, human: float | None, sparse: float | None) -> float | None:
@@ -94,21 +93,19 @@ def breach(score: Evaluation | None, limits: Limits) -> str:
     )
 
 
-def played(plays: Mapping[Peak, Sequence[Evaluation]], limits: Limits = NO_LIMITS) -> Evaluation:
+def played(plays: Mapping[Peak, Sequence[Evaluation]], limits: Limits) -> Evaluation:
     """What a lane scores: that of its policies which is worth most counts, of equals the first."""
     return max(map(pooled, plays.values()), key=lambda score: worth(score, limits))
 
 
-def worth(score: Evaluation | None, limits: Limits = NO_LIMITS) -> tuple[float, float]:
+def worth(score: Evaluation | None, limits: Limits) -> tuple[float, float]:
     """To rank policies by: the less one is beyond the limits the better, then F counts. One without a score is last."""
     if score is None:
         return -math.inf, -math.inf
     return -excess(score, limits), rank(score.fitness)
 
 
-def counted_peak(
-    plays: Mapping[Peak, Sequence[Evaluation]] | None, otherwise: Peak, limits: Limits = NO_LIMITS
-) -> Peak:
+def counted_peak(plays: Mapping[Peak, Sequence[Evaluation]] | None, otherwise: Peak, limits: Limits) -> Peak:
     """Which of its policies counts for a lane: that which plays best, or another where none was played."""
     return (played(plays, limits).peak if plays else None) or otherwise
 

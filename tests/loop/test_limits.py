@@ -65,7 +65,7 @@ def test_without_limits_the_search_is_what_it_was_and_its_costs_are_kept(tmp_pat
     with Store.view(plain) as one, Store.view(measured) as other:
         assert one.talk.prompts() == other.talk.prompts()
         assert [e.feedback for e in one.history().entries] == [e.feedback for e in other.history().entries]
-        assert one.crown() == other.crown() and played(other.lanes.plays()["human-s0"]).costs["torque"] == 100.0
+        assert one.crown() == other.crown() and played(other.lanes.plays()["human-s0"], {}).costs["torque"] == 100.0
     assert costs.table(RunView.read(plain)).rows == []
     assert not any(row[0] == Kind.LIMITS for row in tables.exploits(RunView.read(plain)).rows)
 
@@ -111,7 +111,7 @@ def test_of_a_lane_s_policies_one_that_keeps_the_limits_stands_for_it() -> None:
         )
 
     plays = {"reward": [play("reward", 3.0, 90.0)], "last": [play("last", 2.0, 60.0), play("last", 2.0, 80.0)]}
-    assert played(plays).peak == "reward" and played(plays, {"torque": 75.0}).peak == "last"  # type: ignore[arg-type]
+    assert played(plays, {}).peak == "reward" and played(plays, {"torque": 75.0}).peak == "last"  # type: ignore[arg-type]
     assert played(plays, {"torque": 75.0}).costs == {"torque": 70.0}  # type: ignore[arg-type]
     # Where each breaks them, the one that is least beyond them, whatever its F.
     assert played(plays, {"torque": 65.0}).peak == "last"  # type: ignore[arg-type]

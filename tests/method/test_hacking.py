@@ -110,7 +110,7 @@ def test_large_scores_are_written_as_tables_write_them() -> None:
 def test_a_training_that_recorded_less_than_its_peaks_shows_no_sign(changes: dict) -> None:
     lost = drifting(score(110.0), score(60.0), dataclasses.replace(RESULT, **changes))
     assert not hacking.drift(lost)
-    assert all(sign.kind is not Kind.DRIFT for sign in hacking.signs([lost]))
+    assert all(sign.kind is not Kind.DRIFT for sign in hacking.signs([lost], {}))
 
 
 @pytest.mark.parametrize(("share", "seen"), [(0.49, False), (0.51, True), (None, False)])
@@ -140,8 +140,8 @@ def test_fragility_names_the_worst_world() -> None:
 
 def test_a_sign_in_one_training_of_three_is_an_accident() -> None:
     drifted, sound = drifting(score(110.0), score(60.0)), drifting(score(110.0), score(112.0))
-    assert hacking.signs([drifted, sound, sound]) == ()
-    (sign,) = hacking.signs([sound, drifted, drifted])
+    assert hacking.signs([drifted, sound, sound], {}) == ()
+    (sign,) = hacking.signs([sound, drifted, drifted], {})
     assert sign.kind is Kind.DRIFT
     assert sign.sentence.startswith("In 2 of 3 trainings; the first: from epoch 2 to 4")
 
@@ -149,13 +149,13 @@ def test_a_sign_in_one_training_of_three_is_an_accident() -> None:
 def test_a_policy_that_fails_in_a_changed_world_is_a_sign_by_itself() -> None:
     sound = lane(score(110.0))
     fragile = lane(score(110.0), **{"mass +10 %": score(12.0)})
-    assert [sign.kind for sign in hacking.signs([sound, sound, fragile])] == [Kind.FRAGILITY]
+    assert [sign.kind for sign in hacking.signs([sound, sound, fragile], {})] == [Kind.FRAGILITY]
 
 
 def test_a_policy_that_breaks_the_physics_in_more_than_one_episode_of_a_hundred_is_a_sign_by_itself() -> None:
     few, more = (dataclasses.replace(score(110.0), episodes=300 - lost, lost=lost) for lost in (3, 4))
-    assert hacking.signs([lane(few)]) == ()
-    (sign,) = hacking.signs([lane(few), lane(few), lane(more)])
+    assert hacking.signs([lane(few)], {}) == ()
+    (sign,) = hacking.signs([lane(few), lane(few), lane(more)], {})
     assert sign.kind is Kind.PHYSICS
     assert sign.sentence == (
         "In 1 of 3 trainings; the first: the physics broke down in 4 of 300 held-out episodes; F leaves out what was "

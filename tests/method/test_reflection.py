@@ -3,7 +3,8 @@ from dataclasses import replace
 
 import pytest
 
-from openeureka.method.reflection import reflect, summary
+from openeureka.method import reflection
+from openeureka.method.reflection import Style, summary
 from openeureka.types import (
     Candidate,
     Evaluation,
@@ -34,6 +35,10 @@ RESULT = TrainingResult(
     env_steps=1,
     seconds=1.0,
 )
+
+
+def reflect(sample: Sample, result: TrainingResult | None, style: Style, played: Evaluation | None = None) -> str:
+    return reflection.reflect(sample, result, style, played, {})
 
 
 def test_feedback_says_that_a_curriculum_came_before() -> None:

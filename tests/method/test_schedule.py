@@ -40,10 +40,10 @@ def score(fitness: float | None, **costs: float) -> Evaluation:
 
 def test_those_that_play_best_go_on():
     scores = {"a": score(1.0), "b": score(None), "c": score(3.0), "d": score(2.0), "e": score(3.0)}
-    assert leaders(scores, Rung(1 / 4, 1 / 2)) == {"c", "d", "e"}
-    assert leaders(scores, Rung(1 / 4, 0.2)) == {"c"}  # of equals the earlier one
-    assert leaders({"b": score(None)}, Rung(1 / 4, 0.1)) == {"b"}
-    assert why(Rung(1 / 8, 1 / 2), "d", scores) == "after 0.125 of its steps, at place 3 of 5"
+    assert leaders(scores, Rung(1 / 4, 1 / 2), {}) == {"c", "d", "e"}
+    assert leaders(scores, Rung(1 / 4, 0.2), {}) == {"c"}  # of equals the earlier one
+    assert leaders({"b": score(None)}, Rung(1 / 4, 0.1), {}) == {"b"}
+    assert why(Rung(1 / 8, 1 / 2), "d", scores, {}) == "after 0.125 of its steps, at place 3 of 5"
 
 
 def test_who_breaks_a_limit_goes_on_after_those_who_keep_it():
@@ -51,7 +51,7 @@ def test_who_breaks_a_limit_goes_on_after_those_who_keep_it():
     assert leaders(scores, Rung(1 / 4, 1 / 3), {"torque": 40.0}) == {"b"}
     assert leaders(scores, Rung(1 / 4, 2 / 3), {"torque": 40.0}) == {"b", "c"}
     assert why(Rung(1 / 4, 1 / 2), "a", scores, {"torque": 40.0}).endswith("at place 3 of 3")
-    assert leaders(scores, Rung(1 / 4, 1 / 3)) == {"a"}
+    assert leaders(scores, Rung(1 / 4, 1 / 3), {}) == {"a"}
 
 
 def test_half_of_the_candidates_go_on_at_each_rung_and_baselines_always(tmp_path: Path):

@@ -53,7 +53,7 @@ def signs() -> dict[str, tuple[Sign, ...]]:
     for score in scores:
         found[trials[score.lane].lane][trials[score.lane].name] = score
     held_out = {spec: replace(found[spec]["peak of own reward"], peak="reward") for spec in results}
-    return {spec: hacking.signs(hacking.tried({spec: results[spec]}, held_out, found)) for spec in results}
+    return {spec: hacking.signs(hacking.tried({spec: results[spec]}, held_out, found), {}) for spec in results}
 
 
 @pytest.mark.timeout(400)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from ..numbers import number
-from ..score import ERRORS, NO_LIMITS, breach
+from ..score import ERRORS, breach
 from ..types import Dynamics, Evaluation, Limits, Peak, TrainingResult, Trial
 
 DRIFT = 0.2
@@ -102,7 +102,7 @@ def _two(result: TrainingResult) -> bool:
     return first is not None and last is not None and last.epoch > first.epoch
 
 
-def signs(lanes: Sequence[Tried], limits: Limits = NO_LIMITS) -> tuple[Sign, ...]:
+def signs(lanes: Sequence[Tried], limits: Limits) -> tuple[Sign, ...]:
     """What speaks against a reward, given its final trainings.
 
     Drift, concentration and broken limits count when at least half of the trainings show them: one seed in three may be

@@ -10,7 +10,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
-from ..score import NO_LIMITS
 from ..types import Evaluation, Limits, Sample, Scored, TrainingResult, TrainingState, VerdictCode, of_components
 
 Style = Literal["free", "grammar"]
@@ -34,8 +33,8 @@ def reflect(
     sample: Sample,
     result: TrainingResult | None,
     style: Style,
-    played: Evaluation | None = None,
-    limits: Limits = NO_LIMITS,
+    played: Evaluation | None,
+    limits: Limits,
 ) -> str:
     """Feedback on one slot: the findings where its program was refused, else what its training showed.
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from ..score import NO_LIMITS, worth
+from ..score import worth
 from ..store.lane_log import LaneLog
 from ..types import Evaluation, LaneSpec, Limits, Standing, TrainingResult, TrainingState
 
@@ -33,14 +33,14 @@ RUNGS: Mapping[str, tuple[Rung, ...]] = {
 """By the setting `schedule`."""
 
 
-def leaders(scores: Mapping[str, Evaluation], rung: Rung, limits: Limits = NO_LIMITS) -> frozenset[str]:
+def leaders(scores: Mapping[str, Evaluation], rung: Rung, limits: Limits) -> frozenset[str]:
     """The lanes that go on: those that play best, of equals the earlier one. One beyond a limit comes after all that
     keep them."""
     ordered = sorted(scores, key=lambda lane: worth(scores[lane], limits), reverse=True)
     return frozenset(ordered[: max(1, math.ceil(rung.kept * len(ordered)))])
 
 
-def why(rung: Rung, lane: str, scores: Mapping[str, Evaluation], limits: Limits = NO_LIMITS) -> str:
+def why(rung: Rung, lane: str, scores: Mapping[str, Evaluation], limits: Limits) -> str:
     """Why a lane was cut, for people."""
     own = worth(scores[lane], limits)
     place = sum(worth(score, limits) > own for score in scores.values()) + 1
