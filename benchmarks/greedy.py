@@ -21,7 +21,6 @@ from records import OUTPUTS, Record, command_line, interval, keep, machine, read
 
 from openeureka.benchmark.plan import load
 from openeureka.config import short_name
-from openeureka.method import race
 from openeureka.numbers import spread
 from openeureka.report.view import RunView
 from openeureka.strategies import Ranking
@@ -46,7 +45,7 @@ def greedy(history: History) -> Scored | None:
 
 def choices(run: RunView) -> tuple[Scored, Scored]:
     """What both rules crown; one entry twice where that is the same reward."""
-    own, other = race.crowned_or_leading(run.history, run.crown), greedy(run.history)
+    own, other = run.history.entry(run.crown) or Ranking(run.history).best, greedy(run.history)
     assert own is not None and other is not None
     return own, own if other.sample.verdict.graph == own.sample.verdict.graph else other
 

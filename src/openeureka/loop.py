@@ -76,7 +76,7 @@ def run(
     history = hearing.hear(history)  # where votes decide, the last generation needs some too
     if not tuning.begun(store):
         conclude(lanes, history)
-    winner = race.crowned_or_leading(history, store.crown())
+    winner = history.entry(store.crown()) or Ranking(history).best
     tuned = tuning.tune_winner(lanes, checker, winner) if config.tune else None
     if config.polish and (tuned is not None or store.crown() is not None):
         polishing.polish(lanes)
@@ -94,8 +94,8 @@ def conclude(lanes: Lanes, history: History) -> None:
     """
     config, store, tell = lanes.config, lanes.store, lanes.tell
     tell(Began("final"))
-    confirmed = store.crown()
-    best = race.crowned_or_leading(history, confirmed) if confirmed is not None else race.crown(history, lanes)
+    confirmed = history.entry(store.crown())
+    best = confirmed or race.crown(history, lanes)
     if best is None:
         keep(lanes, Ranking(history).best)
         return score_nearest(lanes, history)

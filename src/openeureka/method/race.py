@@ -93,12 +93,6 @@ def play_finals(
     return first, {name: [look.fitness for look in own if look.fitness is not None] for name, own in first.items()}
 
 
-def crowned_or_leading(history: History, place: Place | None) -> Scored | None:
-    """The entry that was confirmed; before that, and in older runs, the best of the search."""
-    found = next((entry for entry in history.entries if entry.sample.place == place), None)
-    return found or Ranking(history).best
-
-
 def outcome(
     config: RunConfig,
     history: History,
@@ -108,7 +102,7 @@ def outcome(
 ) -> Outcome:
     """What a search found, as far as its final trainings (`results`) and held-out `scores`, by lane id, go; where
     nobody was crowned, nobody has won."""
-    best = crowned_or_leading(history, place) if place is not None else None
+    best = history.entry(place)
     if best is None:
         return Outcome(best=None)
     others = _first_of_each(sorted(history.entries, key=lambda entry: -rank(entry.score)))

@@ -163,7 +163,7 @@ class RunView:
     @property
     def best(self) -> CandidateView | None:
         """The confirmed one; before that the first in the ranking of the finished generations."""
-        best = race.crowned_or_leading(self.history, self.crown)
+        best = self.history.entry(self.crown) or self.ranking.best
         return next((c for c in self.candidates if best is not None and c.place == best.sample.place), None)
 
     @property
@@ -216,8 +216,8 @@ class RunView:
     @property
     def tried(self) -> tuple[Tried, ...]:
         """The best reward's final trainings with all their held-out scores; empty before those are taken."""
-        best = race.crowned_or_leading(self.history, self.crown)
-        if best is None or self.outcome is None or not self.trials:
+        best = self.history.entry(self.crown)
+        if best is None or not self.trials:
             return ()
         arms = final_lanes(self.config, [best], self.results, self.evaluations)
         final = {lane: self.results[lane] for lane in arms[best.candidate_id]}

@@ -165,6 +165,10 @@ class History:
         """The slots of all finished generations, in their order."""
         return tuple(entry for generation in self.generations for entry in generation.entries)
 
+    def entry(self, place: Place | None) -> Scored | None:
+        """The slot at a place; None where there is none."""
+        return next((entry for entry in self.entries if entry.sample.place == place), None)
+
     def grown(self, entries: Sequence[Scored]) -> History:
         """With one more generation."""
         generation = Generation(len(self.generations), tuple(entries), limits=self.limits)
