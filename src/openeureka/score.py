@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 
-from .stats import CONFIDENCE, Difference, Estimate, difference, mean, pearson
-from .types import COSTS, Evaluation, Limits, Peak, Place, Scored, TrainingResult
+from .stats import CONFIDENCE, Difference, Estimate, difference, mean
+from .types import COSTS, Evaluation, Limits, Peak, Place, Scored
 
 ERRORS = 2.0
 """Standard errors that two scores must be apart before one counts as the higher."""
@@ -154,24 +154,6 @@ class Arm:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Baselines:
-    """Both ends of the scale for one task, measured beforehand."""
-
-    human: Arm
-    sparse: Arm
-    env_steps: int
-    worlds: int
-    device: str
-    date: str
-
-    def sentence(self) -> str:
-        """How the numbers came about."""
-        seeds = len(self.human.training)
-        size = f"{self.env_steps:,} steps in {self.worlds} worlds, {seeds} seed{'s' if seeds != 1 else ''}"
-        return f"The human and the sparse reward were measured beforehand: {size}, on {self.device}, {self.date}."
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
     """What a search found, and how it compares with the rewards that people wrote."""
 
@@ -206,42 +188,3 @@ class Outcome:
         rivals = [arm.scores for arm in self.rivals.values()]
         claims = (1 + len(rivals)) / self.share
         return difference(self.method.scores, self.human.scores, rivals, claims=claims)
-
-
-def compare(
-    best: Scored,
-    lanes: Mapping[str, Sequence[str]],
-    results: Mapping[str, TrainingResult],
-    scores: Mapping[str, Evaluation],
-    known: Baselines | None = None,
-    rivals: Sequence[Scored] = (),
-    share: float = 1.0,
-) -> Outcome:
-    """The outcome of the final trainings.
-
-    Args:
-        lanes: lane ids by reward (candidate id, `human` or `sparse`), a seed each; one that is missing, because the run
-            is not that far, counts as undefined.
-        known: `human` and `sparse` where the run has no lanes of them.
-        rivals: the other candidates that trained again.
-        share: see `Outcome`.
-    """
-    fitness = {lane: result.fitness for lane, result in results.items()}
-    held_out = {lane: score.fitness for lane, score in scores.items()}
-
-    def arm(name: str) -> Arm:
-        return Arm(training=tuple(map(fitness.get, lanes[name])), held_out=tuple(map(held_out.get, lanes[name])))
-
-    own = best.candidate_id
-    trained = [results[lane] for lane in lanes[own] if lane in results]
-    curves = [(result.curves.get("reward", ()), result.curves.get("human_reward", ())) for result in trained]
-    return Outcome(
-        best=best,
-        method=arm(own),
-        human=known.human if known else arm("human"),
-        sparse=known.sparse if known else arm("sparse"),
-        rivals={rival.sample.place: arm(rival.candidate_id) for rival in rivals},
-        share=share,
-        correlation=mean([result.correlation for result in trained]),
-        curve_correlation=mean([pearson(own, human) for own, human in curves]),
-    )

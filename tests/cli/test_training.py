@@ -11,9 +11,10 @@ from openeureka.cli.train import resume, train
 from openeureka.config import RunConfig, TrainConfig
 from openeureka.errors import ConfigError, Interrupted, RewardFileError, StoreError, WorkerError
 from openeureka.method import baselines
+from openeureka.method.baselines import Baselines
 from openeureka.report.view import RunView
 from openeureka.runs.rewards import listed, named
-from openeureka.score import Arm, Baselines
+from openeureka.score import Arm
 from openeureka.stats import mean
 from openeureka.store import Store
 from openeureka.testing.scripted import ToyTrainer

@@ -18,11 +18,12 @@ from openeureka.events import Began, Checked, Event, Tell, nobody
 from openeureka.llm.random import RandomModel
 from openeureka.loop import run
 from openeureka.method import baselines, race
+from openeureka.method.baselines import Baselines
 from openeureka.method.lanes import CHOOSING, HELD_OUT
 from openeureka.method.sampling import Sampler, request_seed
 from openeureka.sandbox import confine
 from openeureka.sandbox.client import Sandbox
-from openeureka.score import Arm, Baselines, Outcome
+from openeureka.score import Arm, Outcome
 from openeureka.store import Store, read_replies
 from openeureka.testing.hostile import CORPUS, STATE
 from openeureka.testing.scripted import TOY, ScriptedModel, ToyChecker, ToyTrainer, program, reply

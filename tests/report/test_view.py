@@ -5,10 +5,11 @@ import pytest
 
 from openeureka.errors import StoreError
 from openeureka.method import baselines
+from openeureka.method.baselines import Baselines
 from openeureka.report import tables
 from openeureka.report.candidates import CandidateState
 from openeureka.report.view import RunView
-from openeureka.score import Arm, Baselines
+from openeureka.score import Arm
 from openeureka.store import Store
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, program, reply
 from openeureka.types import Remark, RemarkKind

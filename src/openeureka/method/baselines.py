@@ -4,14 +4,33 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from typing import Any
 
 from ..config import NO_RANGES, RunConfig
 from ..errors import ConfigError
-from ..score import Arm, Baselines, rank
+from ..score import Arm, rank
 from ..stats import mean
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Baselines:
+    """Both ends of the scale for one task, measured beforehand."""
+
+    human: Arm
+    sparse: Arm
+    env_steps: int
+    worlds: int
+    device: str
+    date: str
+
+    def sentence(self) -> str:
+        """How the numbers came about."""
+        seeds = len(self.human.training)
+        size = f"{self.env_steps:,} steps in {self.worlds} worlds, {seeds} seed{'s' if seeds != 1 else ''}"
+        return f"The human and the sparse reward were measured beforehand: {size}, on {self.device}, {self.date}."
 
 
 def known(env: str, *, played: bool = False) -> Baselines | None:

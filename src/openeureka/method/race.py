@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from ..config import RunConfig
 from ..reward.form import form
-from ..score import Outcome, compare, lawful, level, rank
-from ..stats import difference, mean, spent
+from ..score import Arm, Outcome, lawful, level, rank
+from ..stats import difference, mean, pearson, spent
 from ..strategies import Ranking
 from ..types import CandidateId, Evaluation, History, Place, Scored, TrainingResult
 from . import baselines
@@ -108,10 +108,24 @@ def outcome(
     others = _first_of_each(sorted(history.entries, key=lambda entry: -rank(entry.score)))
     others.pop(best.candidate_id, None)
     lanes = final_lanes(config, [best, *others.values()], results, scores)
-    # Not whom the scores of now would race: what plays after the race may change those.
-    rivals = [entry for name, entry in others.items() if lanes[name]]
-    own = share(config, len(lanes[best.candidate_id])) if best.played is not None else 1.0
-    return compare(best, lanes, results, scores, baselines.chosen(config), rivals, own)
+    known, trained = baselines.chosen(config), [results[lane] for lane in lanes[best.candidate_id]]
+    curves = [(result.curves.get("reward", ()), result.curves.get("human_reward", ())) for result in trained]
+
+    def arm(name: str) -> Arm:
+        held_out = [scores[lane].fitness if lane in scores else None for lane in lanes[name]]
+        return Arm(training=tuple(results[lane].fitness for lane in lanes[name]), held_out=tuple(held_out))
+
+    return Outcome(
+        best=best,
+        method=arm(best.candidate_id),
+        human=known.human if known else arm("human"),
+        sparse=known.sparse if known else arm("sparse"),
+        # Not whom the scores of now would race: what plays after the race may change those.
+        rivals={entry.sample.place: arm(name) for name, entry in others.items() if lanes[name]},
+        share=share(config, len(trained)) if best.played is not None else 1.0,
+        correlation=mean([result.correlation for result in trained]),
+        curve_correlation=mean([pearson(own, human) for own, human in curves]),
+    )
 
 
 def rounds(seeds: Sequence[int], *, raced: bool) -> Iterator[Sequence[int]]:

@@ -9,13 +9,14 @@ from pathlib import Path
 from .. import score, strategies
 from ..config import NO_MODEL, RunConfig
 from ..method import baselines, hacking, race
+from ..method.baselines import Baselines
 from ..method.hacking import Sign, Tried
 from ..method.lanes import final_lanes
 from ..refine import hardened, polishing, tuned
 from ..refine.hardened import Robust
 from ..refine.polishing import Polished
 from ..refine.tuned import ORIGINAL, Tuned
-from ..score import Arm, Baselines, Outcome
+from ..score import Arm, Outcome
 from ..store import Store, artifacts
 from ..types import (
     OWN_REWARDS,
