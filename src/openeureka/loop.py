@@ -50,7 +50,7 @@ def run(
     for index in range(len(history.generations), config.generations):
         history = hearing.hear(history)
         plans = asked(strategy, history, Random(f"{config.seed}/{index}"), config.sample)
-        samples = sampler.given() if config.init and index == 0 else screen.fill(index, plans, sampler, lanes, history)
+        samples = sampler.initial() if config.init and not index else screen.fill(index, plans, sampler, lanes, history)
         model.close()  # an embedded model must not run while training does: they fight for the same cores
 
         tell(Began("train", index))

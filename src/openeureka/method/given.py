@@ -10,7 +10,7 @@ from ..events import Began
 from ..score import rank
 from ..stats import mean
 from ..store import Store
-from ..types import GIVEN, OWN_REWARDS, Candidate, Lane, PolicyId, Reply, RewardProgram, Verdict
+from ..types import GIVEN, Candidate, Lane, PolicyId, Reply, RewardProgram, Verdict
 from .lanes import Lanes, Wanted, deal
 
 Given = Mapping[str, tuple[Candidate, Verdict] | None]
@@ -23,7 +23,7 @@ def keep(store: Store, rewards: Given) -> None:
     Raises:
         StoreError: when it holds others.
     """
-    known, wanted = store.given(), {name: found[0].id if found else None for name, found in rewards.items()}
+    known, wanted = store.named(), {name: found[0].id if found else None for name, found in rewards.items()}
     if known and known != wanted:
         raise StoreError(
             f"{store.directory} holds a run of other rewards ({', '.join(known)}); name those, as they were, or "
@@ -33,7 +33,7 @@ def keep(store: Store, rewards: Given) -> None:
         if found is not None and store.verdict(found[0].id) is None:
             store.save_verdict(*found, Reply(text=found[0].source, model=GIVEN))
     if not known:
-        store.save_given(wanted)
+        store.save_named(wanted)
 
 
 def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
@@ -71,7 +71,7 @@ def train(lanes: Lanes, more: Iterable[Wanted] | None = None) -> None:
     best = max(arms, key=lambda name: rank(mean([fitness.get(lane) for lane in arms[name]])))
     lane = max(arms[best], key=lambda lane: rank(fitness.get(lane)))
     kept = scores[lane].peak if lane in scores else None  # beside later lanes it may have played once more
-    store.save_best(store.candidate(store.given()[best]), PolicyId(lane, kept or peaks[lane]))
+    store.save_best(store.candidate(store.named()[best]), PolicyId(lane, kept or peaks[lane]))
 
 
 def of_given(store: Store) -> dict[str, Lane]:
@@ -82,20 +82,11 @@ def of_given(store: Store) -> dict[str, Lane]:
 def programs(store: Store) -> dict[str, RewardProgram]:
     """What the given rewards train under, by name."""
     found: dict[str, RewardProgram] = {}
-    for name in store.given():
-        own = program(store, name)
+    for name in store.named():
+        own = store.program(name)
         assert own is not None  # what was refused is never kept
         found[name] = own
     return found
-
-
-def program(store: Store, reward: str) -> RewardProgram | None:
-    """What a reward trains under: a candidate, a given one, or one of the task's own; None for one that was refused."""
-    name = store.given().get(reward) or reward
-    verdict = store.verdict(name)
-    if verdict is not None:
-        return verdict.graph
-    return name if name in OWN_REWARDS else None
 
 
 def seeds(config: RunConfig) -> range:

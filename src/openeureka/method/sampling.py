@@ -83,14 +83,14 @@ class Sampler:
             samples += self._fill(generation, prompt, slots, known=[*earlier, *samples])
         return tuple(samples)
 
-    def given(self) -> tuple[Sample, ...]:
+    def initial(self) -> tuple[Sample, ...]:
         """Generation 0 of a run that begins with a given reward: that alone, kept as if it were a reply.
 
         Raises:
             RewardFileError: when it cannot be read or was refused; nothing is kept of it then.
         """
         if self.store.talk.reply(0, 0, 0) is None:
-            reply = Reply(text=extract.fenced(given(self.config).source), model=GIVEN)
+            reply = Reply(text=extract.fenced(initial(self.config).source), model=GIVEN)
             _accept(self.config, self._judged(reply)[1])
             self.store.talk.save_reply(0, 0, 0, reply)
         self.store.talk.save_slots(0, range(1), asked=None, parent=None)
@@ -160,7 +160,7 @@ class Sampler:
         return reply
 
 
-def given(config: RunConfig) -> Candidate:
+def initial(config: RunConfig) -> Candidate:
     """The program that `init=` names: the human reward, or that of a file, which may be a model's whole answer.
 
     Raises:
@@ -176,9 +176,9 @@ def given(config: RunConfig) -> Candidate:
 
 
 def admit(config: RunConfig, checker: Checker) -> None:
-    """Raises what `Sampler.given` would, before anything of a run is made."""
+    """Raises what `Sampler.initial` would, before anything of a run is made."""
     if config.init:
-        _accept(config, checker.check(given(config)))
+        _accept(config, checker.check(initial(config)))
 
 
 def _accept(config: RunConfig, verdict: Verdict) -> None:

@@ -14,7 +14,7 @@ from ..config import BEST, SCRATCH
 from ..errors import ConfigError, ModelError
 from ..events import Began, Replied
 from ..llm.client import LanguageModel
-from ..method import given, prompts
+from ..method import prompts
 from ..method.lanes import CHOOSING, ROBUST, Lanes, Wanted, drawn
 from ..method.sampling import draw, request_seed
 from ..parsing import command_line
@@ -84,7 +84,7 @@ def harden(lanes: Lanes, model: LanguageModel, robot: Robot, training: Hardening
     as_it_was = {LONGER: drawn(config) or Ranges(NOMINAL, NOMINAL)} if not training.anew else {}
     store.lanes.save_ranges({**as_it_was, UNIFORM: robot.uniform, **proposed})
     reward, start = store.lanes.all()[began.lane].reward, Start(began, 0.0) if not training.anew else None
-    program = given.program(store, reward)
+    program = store.program(reward)
     if program is None:
         raise ConfigError(f"{store.directory} holds no program of the reward {reward}.")
     names = store.lanes.ranges()

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 from ..config import RunConfig
 from ..events import Began
-from ..method import given
 from ..method.lanes import COMPARING, Lanes, Wanted, polish_seeds
 from ..score import breach, gain, worth
 from ..stats import Estimate
@@ -75,7 +74,7 @@ def deal(config: RunConfig, began: PolicyId, rewards: Mapping[str, RewardGraph])
 def rewards(store: Store, own: str) -> dict[str, RewardGraph]:
     """One reward, then the others that trained with fresh seeds: the contenders for the crown, and fitted ones."""
     final = [lane.reward for lane in store.lanes.all().values() if lane.role == "final"]
-    programs = {name: given.program(store, name) for name in (own, *final)}
+    programs = {name: store.program(name) for name in (own, *final)}
     return {name: program for name, program in programs.items() if isinstance(program, RewardGraph)}
 
 

@@ -21,6 +21,7 @@ from ..parsing import restored
 from ..score import played
 from ..text import safe_text
 from ..types import (
+    OWN_REWARDS,
     Attempt,
     Candidate,
     CandidateId,
@@ -34,6 +35,7 @@ from ..types import (
     PolicyId,
     Ranks,
     Reply,
+    RewardProgram,
     Sample,
     Scored,
     TrainingResult,
@@ -230,19 +232,26 @@ class Store:
         row = self._database.row("verdicts", candidate=candidate)
         return self._database.decoded(decode_verdict, row["verdict"]) if row is not None else None
 
-    def save_given(self, rewards: Mapping[str, CandidateId | None]) -> None:
-        """Keep what given rewards are called; `human` and `sparse`, which come with the task, are no candidates."""
+    def save_named(self, rewards: Mapping[str, CandidateId | None]) -> None:
+        """Keep what rewards are called; `human` and `sparse`, which come with the task, are no candidates."""
         self._database.put("given", *({"name": name, "candidate": own} for name, own in rewards.items()))
 
-    def given(self) -> dict[str, CandidateId | None]:
+    def named(self) -> dict[str, CandidateId | None]:
         """Rewards that no model wrote, by name, in the order in which they came: those that a person gave, and other
         weightings of one."""
         return {row["name"]: row["candidate"] for row in self._database.rows("given")}
 
     def texts(self) -> dict[str, Candidate]:
         """Their programs, of those that have one."""
-        found = {name: self.candidate(own) for name, own in self.given().items()}
+        found = {name: self.candidate(own) for name, own in self.named().items()}
         return {name: candidate for name, candidate in found.items() if candidate is not None}
+
+    def program(self, reward: str) -> RewardProgram | None:
+        """What a reward trains under, by its id or its name; None for one that was refused."""
+        name = self.named().get(reward) or reward
+        verdict = self.verdict(name)
+        own = name if name in OWN_REWARDS else None
+        return verdict.graph if verdict is not None else own
 
     # --- generations -------------------------------------------------------------------------------------------------
 
@@ -342,7 +351,7 @@ class Store:
         """The policy in `best/`; of equal ones that of the reward which lies beside it. None before there is one."""
         source = artifacts.read(self.directory, "best/reward.py")
         own = Candidate.of(source.decode(errors="replace")).id if source is not None else None
-        lanes, given, judged = self.lanes.all(), self.given(), self.lanes.evaluations()
+        lanes, given, judged = self.lanes.all(), self.named(), self.lanes.evaluations()
 
         def fits(policy: PolicyId) -> tuple[bool, bool, bool]:
             lane = lanes[policy.lane]
