@@ -66,7 +66,7 @@ def run(
         for sample in samples:
             lane = lane_id(sample.verdict.candidate, config.seed)
             result, played = results.get(lane), scores.get(lane)
-            feedback = reflect(sample, result, model.style, played, config.cost_limits)
+            feedback = reflect(sample, result, model.style, played, config.cost_limits, context.window)
             entries.append(Scored(sample=sample, result=result, played=played, feedback=feedback))
         history = history.rescored(scores).grown(entries)
         keep(lanes, Ranking(history).best)

@@ -56,7 +56,7 @@ def test_feedback_on_a_training() -> None:
         "A policy was trained with this reward function for 40 epochs. Each list begins with the first epoch and has a "
         "value every 4 epochs; Max, Mean and Min are over all of them. A component's value is its mean over all steps "
         "and environments of the epoch. task_score is the score of the policy in training, while it explored. "
-        "episode_length is the mean of the episodes that ended [steps].",
+        "episode_length is the mean of the episodes that ended in the epoch alone, at times a single one [steps].",
         "speed: [0.10, 0.50, 0.90, 1.30, 1.70, 2.10, 2.50, 2.90, 3.30, 3.70], Max: 4.00, Mean: 2.05, Min: 0.10",
         "effort: [" + ", ".join(["-0.0012"] * 10) + "], Max: -0.0012, Mean: -0.0012, Min: -0.0012",
         "task_score: [none, 5.00, 9.00, 13.00, 17.00, 21.00, 25.00, 29.00, 33.00, 37.00], Max: 40.00, Mean: 21.00, "
@@ -64,6 +64,15 @@ def test_feedback_on_a_training() -> None:
         "episode_length: [1.00, 5.00, 9.00, 13.00, 17.00, 21.00, 25.00, 29.00, 33.00, 37.00], Max: 40.00, Mean: 20.50, "
         "Min: 1.00",
     ]
+
+
+def test_a_score_that_looks_back_says_over_how_many_epochs() -> None:
+    """A level score still rises in the list, for as many epochs as it averages."""
+    played = Evaluation(lane="a-s0", fitness=38.0, episode_length=38.0, episodes=64, error=1.0)
+    for found, end in ((None, "."), (played, "; rewards are ranked by the score when played instead.")):
+        told = reflect(SAMPLE, RESULT, "free", found, window=12)
+        assert f"the policy in training, while it explored, averaged over the last 12 epochs{end} " in told
+    assert "averaged" not in reflect(SAMPLE, RESULT, "free", played)
 
 
 def test_the_model_is_not_shown_what_ppo_did() -> None:

@@ -18,14 +18,15 @@ Curves = Mapping[str, Sequence[float | None]]
 _INTRODUCTION = """\
 A policy was trained with this reward function for {epochs} epochs{staged}. Each list begins with the first epoch and \
 has a value every {interval} epochs; Max, Mean and Min are over all of them. A component's value is its mean over all \
-steps and environments of the epoch. task_score is the score of the policy in training, while it explored{ranks}. \
-episode_length is the mean of the episodes that ended [steps]."""
+steps and environments of the epoch. task_score is the score of the policy in training, while it explored{averaged}\
+{ranks}. episode_length is the mean of the episodes that ended in the epoch alone, at times a single one [steps]."""
 _EARLY_AND_LATE = (
     "At the end of training, in the first quarter of a full episode, then in the rest (none: no episode lasted so long)"
 )
 _MEASURED = {"task_score": "fitness", "episode_length": "episode_length"}
 """Curves that the feedback shows beside the components, by what it calls them."""
 _STAGED = ", the last stage of a curriculum; it began with what the stages before had taught it"
+_AVERAGED = ", averaged over the last {window} epochs"
 _RANKS = "; rewards are ranked by the score when played instead"
 
 
@@ -35,6 +36,7 @@ def reflect(
     style: Style,
     played: Evaluation | None,
     limits: Limits,
+    window: int = 1,
 ) -> str:
     """Feedback on one slot: the findings where its program was refused, else what its training showed.
 
@@ -44,6 +46,7 @@ def reflect(
         played: what the policy scored when it was played, if that ranks. Those that lead play more episodes later, so
             the number itself is for the prompt to say.
         limits: the most that it may cost.
+        window: epochs that the score in training averages.
     """
     if result is None:
         return refusal(sample)
@@ -57,6 +60,7 @@ def reflect(
         epochs=_epochs(result.curves),
         staged=_STAGED if result.steps_before else "",
         interval=_interval(result.curves, points=10),
+        averaged=_AVERAGED.format(window=window) if window > 1 else "",
         ranks=_RANKS if played is not None else "",
     )
     parts = _parts(result.curves) if played is not None else []

@@ -50,6 +50,7 @@ def context(env: str) -> TaskContext:
         documented=bool(task.source),
         score_unit=task.score_unit,
         score_range=task.score_range,
+        window=task.window(),
     )
 
 

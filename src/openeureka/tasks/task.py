@@ -284,6 +284,11 @@ class Task(ABC):
         return cls.episode_length - cls.time_out_early
 
     @classmethod
+    def window(cls) -> int:
+        """Epochs that F of a training averages: as many as an episode lasts."""
+        return -(-cls.episode_length // cls.recipe.horizon)
+
+    @classmethod
     def unseen(cls, observe: Observe) -> tuple[int, ...]:
         """Columns of the observation that a policy does not see."""
         hidden = cls.unmeasured if observe == "measurable" else ()

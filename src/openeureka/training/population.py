@@ -119,7 +119,7 @@ class Population:
                 Policy.from_bytes(spec.start).put(self.ppo, lane, fresh=spec.fresh, rescaled=spec.rescaled)
 
     def _curves(self, task: type[Task]) -> Curves:
-        window = -(-task.episode_length // self.horizon)
+        window = task.window()
         return Curves(
             self.lanes,
             self.worlds,

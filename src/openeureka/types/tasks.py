@@ -80,5 +80,7 @@ class TaskContext:
     """What the score counts or measures; higher is better."""
     score_range: tuple[float | None, float | None] = (None, None)
     """Least and highest score there can be; None where nothing bounds it."""
+    window: int = 1
+    """Epochs, as many as an episode lasts, that the score of a training averages."""
     facts: tuple[str, ...] = ()
     """Lines on what the score does not betray: length, ends and starts of episodes, length of training, discount."""
