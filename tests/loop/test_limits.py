@@ -59,11 +59,14 @@ def test_a_reward_whose_policy_breaks_a_limit_cannot_win(tmp_path: Path) -> None
     assert row["cost/torque"] == 80.0
 
 
-def test_without_limits_the_search_is_what_it_was_and_its_costs_are_kept(tmp_path: Path) -> None:
+def test_without_limits_costs_are_kept_and_of_them_the_model_hears_of_early_ends_alone(tmp_path: Path) -> None:
     plain = search_in(tmp_path / "plain", [reply(7), reply(8), reply(6), reply(9)], iteration=2)
     measured = search_in(tmp_path / "measured", [reply(7), reply(8), reply(6), reply(9)], iteration=2, trainer=Costly())
     with Store.view(plain) as one, Store.view(measured) as other:
-        assert one.talk.prompts() == other.talk.prompts()
+        asked = {place: [m.content for m in prompt] for place, prompt in one.talk.prompts().items()}
+        told = {place: [m.content for m in prompt] for place, prompt in other.talk.prompts().items()}
+        assert "steps on average; 25% ended early.\n" in told[1, 0][-1]
+        assert asked == {place: [x.replace("; 25% ended early", "") for x in parts] for place, parts in told.items()}
         assert [e.feedback for e in one.history().entries] == [e.feedback for e in other.history().entries]
         assert one.crown() == other.crown() and played(other.lanes.plays()["human-s0"], {}).costs["torque"] == 100.0
     assert costs.table(RunView.read(plain)).rows == []

@@ -152,6 +152,48 @@ def test_each_shown_reward_has_its_score_and_one_is_marked():
     assert "generation" not in small
 
 
+@pytest.mark.parametrize("style", ["free", "grammar"])
+def test_how_long_the_played_episodes_were_is_told_and_how_many_ended_early(style):
+    """The curve of a training tells of the episodes that happened to end in an epoch."""
+    fallen = Evaluation(lane="b", fitness=-0.17, episode_length=1643.7, episodes=256, costs={"falls": 0.625})
+    plan = replace(INFORMED, turns=(OLDER, replace(BEST, played=fallen)))
+    told = [m.content for m in prompts.render(BALANCED, plan, style).messages if m.role == "user"]
+    assert "\nIts episodes lasted 1644 steps on average; 62% ended early.\n" in told[-1]
+    if style == "free":
+        assert "\nIts episodes lasted 9 steps on average.\n" in told[1]
+    never = replace(BEST, played=replace(fallen, episodes=0))
+    assert "Its episodes" not in prompts.render(BALANCED, replace(plan, turns=(never,)), style).messages[-1].content
+
+
+def test_a_score_equal_to_the_best_is_no_loss():
+    first, last = ranked(0, "first", 428.0), ranked(1, "last", 428.0)
+    plan = PromptPlan(count=1, informed=True, turns=(first, last), best=last)
+
+    def told(plan: PromptPlan) -> str:
+        return prompts.render(BALANCED, plan, "free").messages[3].content
+
+    assert "(higher is better): as good as the best so far.\n" in told(plan)
+    assert "not the best so far by the votes" in told(replace(plan, opinion=Opinion(by_votes=True)))
+    broken = replace(first, played=replace(first.played, costs={"speed": 2.0}))
+    assert "not the best so far.\n" in told(replace(plan, turns=(broken, last), limits={"speed": 1.0}))
+
+
+def test_that_no_score_is_higher_is_told_at_the_end_of_the_range_alone():
+    most = "This is the one to improve. No score is higher: what is left is to learn it sooner, and with any seed.\n"
+
+    def told(best: Scored, **changes: object) -> str:
+        plan = replace(INFORMED, turns=(OLDER, best), best=best, **changes)
+        return prompts.render(BALANCED, plan, "free").messages[-1].content
+
+    solved = ranked(1, "solved", 499.0)
+    assert most in told(solved)
+    assert "No score is higher" not in told(ranked(1, "nearly", 498.9))
+    assert "No score is higher" not in told(solved, opinion=Opinion(by_votes=True))
+    unbounded = replace(BALANCED, score_range=(0.0, None))
+    plan = replace(INFORMED, turns=(solved,), best=solved)
+    assert "No score is higher" not in prompts.render(unbounded, plan, "free").messages[-1].content
+
+
 def test_the_other_rewards_of_the_generation_are_told_by_score_and_terms():
     low, high = (
         replace(entry, result=DONE) for entry in (ranked(1, "low\x1b\nterm", 12.0, 1.0), ranked(1, "far", 99.0))

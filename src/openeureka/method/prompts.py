@@ -119,7 +119,7 @@ def _free(context: TaskContext, plan: PromptPlan, progress: bool) -> Prompt:
         variables="\n".join(f"- `{v.name}`: {_annotation(v)}{_shape(v)}. {v.meaning}" for v in context.state.variables),
         facts="\n".join(["What else there is to know:", *facts(context)]) + "\n\n" if plan.informed else "",
     )
-    turns = [message for turn in plan.turns for message in _turn(turn, plan, "free")]
+    turns = [message for turn in plan.turns for message in _turn(turn, plan, "free", context.score_range[1])]
     messages = _with_notes((Message("system", system), Message("user", task), *turns), plan)
     return Prompt(messages=_with_opinion(messages, plan.opinion, MAX_WORDS, MAX_REJECTED))
 
@@ -135,7 +135,7 @@ def _grammar(context: TaskContext, plan: PromptPlan, progress: bool) -> Prompt:
     system = f"{rules}\n{template('grammar_examples')}"
     # Parents only: the newest is the best reward, and a longer prompt costs each of the parallel samples its memory.
     shown = plan.turns[-2:] if plan.crossover else plan.turns[-1:]
-    turns = [message for turn in shown for message in _turn(turn, plan, "grammar")]
+    turns = [message for turn in shown for message in _turn(turn, plan, "grammar", context.score_range[1])]
     messages = _with_notes((Message("system", system), Message("user", task), *turns), plan)
     return Prompt(
         messages=_with_opinion(messages, plan.opinion, MAX_WORDS // 2, rejected=0),
@@ -144,12 +144,14 @@ def _grammar(context: TaskContext, plan: PromptPlan, progress: bool) -> Prompt:
     )
 
 
-def _turn(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"]) -> tuple[Message, ...]:
-    """An earlier answer and what became of it."""
+def _turn(
+    turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"], highest: float | None
+) -> tuple[Message, ...]:
+    """An earlier answer and what became of it; `highest` is the most that a score can be."""
     candidate = turn.sample.candidate
     program = clean(candidate.source, MAX_PROGRAM).strip() if candidate is not None else ""
     feedback = template(f"{style}_feedback").format(
-        score=_score(turn, plan, style) if plan.informed else "",
+        score=_score(turn, plan, style, highest) if plan.informed else "",
         feedback=clean(turn.feedback, MAX_FEEDBACK if style == "free" else MAX_BRIEF_FEEDBACK),
         siblings=_siblings(plan) if turn is plan.turns[-1] else "",
         tips=template("free_tips") if turn is plan.turns[-1] else "",
@@ -157,8 +159,9 @@ def _turn(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"]) -> 
     return Message("assistant", extract.fenced(program)), Message("user", feedback)
 
 
-def _score(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"]) -> str:
-    """A line: how high a shown reward scores, whether it is the best and whether it is the one to improve."""
+def _score(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"], highest: float | None) -> str:
+    """A line: how high a shown reward scores, whether it is the best and whether it is the one to improve; and one on
+    the episodes that its policy played."""
     if turn.played is not None:
         episodes = f" in {turn.played.episodes} episodes" if style == "free" else ""
         scores = f"Its policy, played{episodes} after training, scores {with_error(turn.played)}"
@@ -166,23 +169,50 @@ def _score(turn: Scored, plan: PromptPlan, style: Literal["free", "grammar"]) ->
         scores = f"Its policy scored {turn.score:.4g} at best during training"
     else:
         scores = "The score of its policy is undefined"
-    best = plan.best is not None and plan.best.candidate_id == turn.candidate_id
-    votes = " by the votes of a person" if plan.opinion.by_votes else ""
-    if plan.best is None and plan.limits:
-        rank = "no policy keeps the limits so far"
-    else:
-        rank = f"the best of all so far{votes}" if best else f"not the best so far{votes}"
+    lasted = f"{_lasted(turn.played)}\n" if turn.played is not None and turn.played.episodes else ""
+    rank = _rank(turn, plan)
     if style == "grammar":
-        return f"{scores}, {rank}.\n"
+        return f"{scores}, {rank}.\n{lasted}"
     if turn is not plan.turns[-1] or plan.crossover:
         rank += "."
-    elif plan.opinion.chosen and not best:
+    elif plan.opinion.chosen and not _best(turn, plan):
         rank += ", but the choice of a person. This is the one to improve."
     else:
         rank += ". This is the one to improve."
+        if _counts(turn, plan) and highest is not None and (turn.score or 0.0) >= highest:
+            rank += " No score is higher: what is left is to learn it sooner, and with any seed."
     told = turn is plan.turns[-1] and "±" in scores
     meaning = "; ± is the standard error over these episodes, of one training" if told else ""
-    return f"A reward function of generation {turn.sample.generation}. {scores} (higher is better{meaning}): {rank}\n\n"
+    generation = f"A reward function of generation {turn.sample.generation}."
+    return f"{generation} {scores} (higher is better{meaning}): {rank}\n{lasted}\n"
+
+
+def _rank(turn: Scored, plan: PromptPlan) -> str:
+    """How a shown reward compares with the best."""
+    votes = " by the votes of a person" if plan.opinion.by_votes else ""
+    if plan.best is None and plan.limits:
+        return "no policy keeps the limits so far"
+    if _best(turn, plan):
+        return f"the best of all so far{votes}"
+    if plan.best is not None and _counts(turn, plan) and turn.score == plan.best.score:
+        return "as good as the best so far"
+    return f"not the best so far{votes}"
+
+
+def _best(turn: Scored, plan: PromptPlan) -> bool:
+    return plan.best is not None and plan.best.candidate_id == turn.candidate_id
+
+
+def _counts(turn: Scored, plan: PromptPlan) -> bool:
+    """Whether its score says how good it is: there is one, it keeps the limits, and nobody votes."""
+    return turn.score is not None and not turn.breaks(plan.limits) and not plan.opinion.by_votes
+
+
+def _lasted(played: Evaluation) -> str:
+    """How long the episodes were that a policy played. What ends them early is known of robots on a floating base."""
+    early = played.costs.get("falls")
+    ended = "" if early is None else f"; {early:.0%} ended early"
+    return f"Its episodes lasted {played.episode_length:.0f} steps on average{ended}."
 
 
 def _siblings(plan: PromptPlan) -> str:
