@@ -194,6 +194,12 @@ def test_that_no_score_is_higher_is_told_at_the_end_of_the_range_alone():
     assert "No score is higher" not in prompts.render(unbounded, plan, "free").messages[-1].content
 
 
+def test_what_an_early_end_does_to_a_reward_is_advice_where_the_prompt_says_what_counts():
+    for plan, advised in ((INFORMED, True), (replace(INFORMED, informed=False), False)):
+        system = prompts.render(BALANCED, plan, "free").messages[0].content
+        assert ("\n- An episode that has ended pays nothing more. " in system) == advised
+
+
 def test_the_other_rewards_of_the_generation_are_told_by_score_and_terms():
     low, high = (
         replace(entry, result=DONE) for entry in (ranked(1, "low\x1b\nterm", 12.0, 1.0), ranked(1, "far", 99.0))

@@ -109,6 +109,7 @@ def _free(context: TaskContext, plan: PromptPlan, progress: bool) -> Prompt:
         functional=_words(surface.FUNCTIONAL),
         helpers=_words(surface.HELPERS),
         progress=template("free_progress") if progress else "",
+        ends=template("free_ends") if plan.informed else "",
         most=surface.MAX_COMPONENTS,
     )
     task = template("free_task").format(
