@@ -29,6 +29,16 @@ def placed(env: BatchedEnv, qpos: list[float], qvel: list[float]) -> dict:
     return env.current_state()
 
 
+def test_legs_are_told_by_where_they_are() -> None:
+    """Forward is +x and left is +y; the original's names of three legs say otherwise."""
+    model = Ant.compile_model()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    places = [data.xpos[model.body(foot).id][:2] > 0 for foot in Ant.feet]
+    legs = [f"{'front' if ahead else 'back'} {'left' if left else 'right'}" for ahead, left in places]
+    assert f"hip and ankle of the {', '.join(legs[:3])} and {legs[3]} leg" in Ant.spec["dof_pos"].meaning
+
+
 def state_of(**values: float | list[float]) -> dict[str, Tensor]:
     """What the rewards read, one world standing still at the origin unless said otherwise."""
     rest = {

@@ -23,7 +23,8 @@ FRICTION = 1.25
 # integrator feeds energy to a fast tumble until the robot flies apart, and rewards for mere speed lead there. It is
 # 0.1 N m at 8 rad/s, 0.6 % of the weight at 6 m/s.
 SPIN_DAMPING = (0.0, 0.0, 2.3e-4)
-# Leg: direction of its diagonal in x and y, ankle axis, ankle range [deg].
+# Leg: direction of its diagonal in x and y (forward and left), ankle axis, ankle range [deg]. The names are the
+# original's, of which three do not say where the leg is.
 LEGS = {
     "front_left": ((1, 1), (-1, 1, 0), (30, 100)),
     "front_right": ((-1, 1), (1, 1, 0), (-100, -30)),
@@ -53,7 +54,8 @@ class Ant(Runner):
         (
             StateVar(name="obs_buf", shape=(60,), meaning="observation of the policy, before clipping"),
             *running_variables(
-                joints="hip and ankle of the front left, front right, back left and back right leg",
+                joints="hip and ankle of the front left, back left, back right and front right leg (not as the source "
+                "names the feet)",
                 dofs=8,
                 feet=4,
                 torque="torque / 15 N m",
