@@ -248,6 +248,7 @@ def test_fitness_is_minus_the_squared_errors_on_every_step():
     task = make(1).task
     score = task.fitness(state, torch.tensor([False]))
     assert score.value.tolist() == [-5.25] and score.weight.tolist() == [1.0]
+    assert task.score_unit == "sum of squared velocity errors, negated"
     assert task.sparse_reward(state).tolist() == [-5.25]
 
 

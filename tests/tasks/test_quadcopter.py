@@ -152,6 +152,7 @@ def test_fitness_is_minus_the_distance_on_every_step(env: BatchedEnv):
         "root_positions": torch.tensor([[3.0, 4.0, 1.0], [0.0, 0.0, 1.5]]),
         "target_position": torch.tensor([0.0, 0.0, 1.0]),
     }
+    assert env.task.score_unit == "m from the target, negated"
     score = env.task.fitness(state, torch.tensor([True, False]))
     assert score.value.tolist() == [-5.0, -0.5] and score.weight.tolist() == [1.0, 1.0]
     assert env.task.sparse_reward(state).tolist() == [-5.0, -0.5]

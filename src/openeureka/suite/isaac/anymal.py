@@ -40,7 +40,7 @@ class Anymal(Task):
     suite = "isaac"
     description = "to make the quadruped follow randomly chosen x, y and yaw target velocities"
     human = REWARDS / "anymal.py"
-    score_unit, score_range = "error of the velocities, negated", (None, 0.0)
+    score_unit, score_range = "sum of squared velocity errors, negated", (None, 0.0)
     ends = "An episode ends early when something touches the base or a thigh with more than 1 N."
     episode_length = 2500
     time_out_early = 1

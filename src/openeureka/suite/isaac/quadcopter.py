@@ -32,7 +32,7 @@ class Quadcopter(Task):
     suite = "isaac"
     description = "to make the quadcopter reach and hover near a fixed position"
     human = REWARDS / "quadcopter.py"
-    score_unit, score_range = "m", (None, 0.0)
+    score_unit, score_range = "m from the target, negated", (None, 0.0)
     ends = (
         "An episode ends early when the chassis is more than 3 m from its target, or less than 0.3 m above the ground."
     )
