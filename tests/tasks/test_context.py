@@ -252,6 +252,16 @@ def test_of_many_points_each_is_told_once_and_a_hand_for_its_fingers():
     assert not any(line.startswith("  `block_right_handle_pos`") for line in lines)  # it is the object's middle
 
 
+def test_a_short_vector_is_told_by_columns_where_it_is_not_zero():
+    """ANYmal stands still at the start, so its error is the command: up to 2 m/s forward, 1 m/s to the left."""
+    facts = informed(context("anymal"), record_states("anymal", steps=3, keep=2), RunConfig(env="anymal")).facts
+    (line,) = (line for line in facts if "velocity_error" in line)
+    forward, left = re.findall(r"(-?[\d.]+) to (-?[\d.]+)", line)[:2]
+    assert -2.0 <= float(forward[0]) < -1.5 and 1.5 < float(forward[1]) <= 2.0
+    assert -1.0 <= float(left[0]) < -0.7 and 0.7 < float(left[1]) <= 1.0
+    assert "base_angular_velocity" not in line and "actions" not in line
+
+
 def test_a_curriculum_is_told_as_the_steps_of_all_its_stages():
     config = RunConfig(env="shadow_hand_spin", curriculum="pen_spinning")
     facts = informed(context(config.env), record_states(config.env, worlds=4, steps=3, keep=2), config).facts

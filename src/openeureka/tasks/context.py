@@ -25,6 +25,8 @@ AIMLESS = "what it is made for"
 _NEAREST = 2
 """Distances that are told of each point."""
 _MAX_POINTS = 10
+_MAX_COLUMNS = 3
+"""Of vectors whose ranges are told column by column."""
 _SAME, _PART = 1e-4, 0.2
 """[m] between points that are one, and between those of one hand, which are told as its palm."""
 _log = logging.getLogger(__name__)
@@ -123,9 +125,18 @@ def _discount(task: type[Task]) -> str:
 
 
 def _scalars(spec: StateSpec, states: Mapping[str, Tensor]) -> list[str]:
-    """A line with the ranges of the numbers whose use is known."""
-    told = [v.name for v in spec.variables if v.kind == "world" and not v.shape and v.use != "raw"]
-    ranges = [f"`{name}` {_range(states[name][:STARTS])}" for name in told if name in states]
+    """A line with the ranges of the numbers whose use is known, and of short vectors that are not zero at the start."""
+    ranges: list[str] = []
+    for variable in spec.variables:
+        if variable.kind != "world" or variable.name not in states:
+            continue
+        value = states[variable.name][:STARTS]
+        if not variable.shape and variable.use != "raw":
+            ranges.append(f"`{variable.name}` {_range(value)}")
+        elif variable.use == "zero_centred" and len(variable.shape) == 1 and variable.shape[0] <= _MAX_COLUMNS:
+            columns = [_range(column) for column in value.unbind(dim=-1)]
+            if set(columns) != {"0"}:
+                ranges.append(f"`{variable.name}` ({', '.join(columns)})")
     return [f"  {', '.join(ranges)}"] if ranges else []
 
 
