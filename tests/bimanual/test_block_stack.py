@@ -19,6 +19,17 @@ def test_the_hands_start_where_the_originals_do() -> None:
         assert float(reach) == pytest.approx(fingers, abs=0.01)
 
 
+def test_the_goal_is_told_from_where_the_lower_block_belongs() -> None:
+    simulation = fresh(STACK)
+    lower = simulation.task.ghosts()["object"][0, :3]
+    moved = simulation.current_state()["goal_pos"][0] - lower
+    assert moved.tolist() == pytest.approx([0.0, 0.1, 0.0], abs=1e-6)
+    assert simulation.task.spec["goal_pos"].meaning.startswith("+0.1 m in y from where the lower, right block belongs")
+    cubes = [simulation.task.scene.things[name].thing for name in ("object", "block")]
+    assert [cube.edge for cube in cubes] == [0.05, 0.05]
+    assert all("a cube of 5 cm" in simulation.task.spec[name].meaning for name in simulation.task.handles)
+
+
 def test_a_stack_stands() -> None:
     simulation = fresh(STACK)
     start = state_with(simulation, blocks((0.0, 0.625), (0.0, 0.675)))

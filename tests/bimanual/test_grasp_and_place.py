@@ -1,8 +1,11 @@
 import math
+import re
 
 import pytest
 
 from openeureka.suite.dexterity.common import distance, finger_distances
+from openeureka.suite.dexterity.grasp_and_place import ShadowHandGraspAndPlace
+from openeureka.suite.dexterity.objects import Bucket, Cube
 
 from .worlds import fresh, let_go, press, scored, state_with, with_fingers_at
 
@@ -20,6 +23,16 @@ def test_the_hands_start_where_the_originals_do() -> None:
         handle = state[f"block_{side}_handle_pos"]
         assert float(distance(state[f"{side}_hand_pos"], handle)) == pytest.approx(0.262, abs=0.003)
         assert float(finger_distances(state, side, handle)) == pytest.approx(1.178, abs=0.01)
+
+
+def test_the_model_is_told_what_has_to_fit_into_what() -> None:
+    scene, spec = ShadowHandGraspAndPlace.scene, ShadowHandGraspAndPlace.spec
+    bucket, block = scene.things["object"].thing, scene.things["block"].thing
+    assert isinstance(bucket, Bucket) and isinstance(block, Cube)
+    sizes = (bucket.top - bucket.bottom, 2 * bucket.top_radius, block.edge)
+    told = spec["block_right_handle_pos"].meaning, spec["block_left_handle_pos"].meaning
+    metres = [float(number) / 100 for number in re.findall(r"(\d+) cm", " ".join(told))]
+    assert metres == pytest.approx(sizes, abs=0.005)
 
 
 def test_bucket_and_block_start_at_rest() -> None:

@@ -58,11 +58,11 @@ class ShadowHandBlockStack(Handles):
         scene,
         num_observations,
         *thing_variables("object", "right block"),
-        *goal_variables("0.1 m in y beside the place of the lower, right block"),
+        *goal_variables("+0.1 m in y from where the lower, right block belongs"),
         *HAND_VARIABLES,
         *thing_variables("block", "left block"),
-        *point_variables("block_right_handle", "right block"),
-        *point_variables("block_left_handle", "left block"),
+        *point_variables("block_right_handle", "middle of the right block, a cube of 5 cm"),
+        *point_variables("block_left_handle", "middle of the left block, a cube of 5 cm"),
     )
 
     def __init__(self, *args) -> None:

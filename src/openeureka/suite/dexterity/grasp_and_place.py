@@ -47,8 +47,8 @@ class ShadowHandGraspAndPlace(Handles):
         *thing_variables("object", "bucket"),
         *point_variables("goal", "unused, a fixed point of the table", use="raw"),
         *HAND_VARIABLES,
-        *point_variables("block_right_handle", "bucket"),
-        *point_variables("block_left_handle", "block"),
+        *point_variables("block_right_handle", "middle of the bucket, which is 10 cm high, its mouth 11 cm wide"),
+        *point_variables("block_left_handle", "middle of the block, a cube of 5 cm"),
     )
 
     def observe(self, s: State) -> Tensor:
