@@ -85,6 +85,15 @@ def test_figures_padding_and_tables_that_repeat_are_left_out():
     assert documents.told(bounded, known) == heading + table.format("0.7")
 
 
+def test_what_ends_an_episode_early_is_told_and_how_long_one_may_be_is_not():
+    told = context("gym:Hopper-v5").source.partition("## Termination\n\n")[2]
+    assert "the environment terminates when the Hopper is unhealthy" in told and "$[-0.2, 0.2]$" in told
+    assert "1000 timesteps" not in told
+    assert context("gym:CartPole-v1").source.endswith("display)")  # "3. Truncation: Episode length is greater ..."
+    paid = "## Episode end\nIt falls.\n\nIt is solved with a reward of 1.\n\n- Truncation: soon.\n1. Not."
+    assert documents.told(paid) == "## Episode end\n\nIt falls."
+
+
 def test_a_prompt_calls_documentation_what_it_is():
     asked = prompts.render(context("gym:HalfCheetah-v5"), PromptPlan(count=1), "free").messages[1].content
     assert "From the environment's documentation:\n\n## Action space" in asked

@@ -19,7 +19,10 @@ TAKEN = frozenset(
 )
 """What means something else in a reward. `outcome` is what F gains in a step."""
 
-_TOLD = ("description", "action space", "observation space", "starting state")
+_ENDS = ("episode end", "episode termination", "termination")
+_TOLD = ("description", "action space", "observation space", "starting state", *_ENDS)
+_TRUNCATION = re.compile(r"^[^\w\n]*(?:\d+[.)] *)?Truncation\b.*", re.IGNORECASE | re.MULTILINE | re.DOTALL)
+"""The last part of what ends an episode, which the length of one tells already."""
 _BETRAYS = re.compile(r"reward|score|success|fitness|recipe|return|solved|penal", re.IGNORECASE)
 _GOAL = re.compile(r"\b(?:goal|aim|objective|task)\b[^.]*?\bis (to [^.]+?)(?:\.(?:\s|$)|$)", re.IGNORECASE)
 _NUMBER = re.compile(r"\d+")
@@ -57,7 +60,8 @@ def sections(text: str) -> dict[str, str]:
 
 
 def told(text: str, names: Collection[str] = ()) -> str:
-    """What a language model may read of it: paragraphs on the world, the actions, the observation and the start.
+    """What a language model may read of it: paragraphs on the world, the actions, the observation, the start, and what
+    ends an episode before its time.
 
     Args:
         names: of the state table, which need not be told once more.
@@ -65,7 +69,8 @@ def told(text: str, names: Collection[str] = ()) -> str:
     known = sections(_FIGURE.sub("", text))
     shown = []
     for title in _TOLD:
-        parts = [part.strip() for part in known.get(title, "").split("\n\n")]
+        text = known.get(title, "")
+        parts = [part.strip() for part in (_TRUNCATION.sub("", text) if title in _ENDS else text).split("\n\n")]
         kept = [part for part in parts if part and not _BETRAYS.search(part)]
         if kept:
             said = [_TABLED if _repeats(part, names) else _PADDING.sub(" ", part) for part in kept]
