@@ -18,7 +18,6 @@ from openeureka.parsing import parse
 from openeureka.tasks import registry
 from openeureka.tasks.context import context
 from openeureka.testing.conformance.task import TaskConformance
-from openeureka.training import pausing
 from openeureka.training.population import Population
 from openeureka.types import LaneSpec, TrainBudget, TrainingResult, TrainingState
 
@@ -106,7 +105,7 @@ def test_a_training_goes_on_to_the_bit_where_it_was_saved():
     list(begun.train())
     told: list[int] = []
     after.env.sim.after_replayed_step = lambda: told.append(1)
-    after.load_state_dict(pausing.load(pausing.save(begun.state_dict()), torch.device("cpu")))
+    after.resume(begun.snapshot())
     assert len(told) == int(begun.env.sim.memory()["steps"].max()) > 0
     list(after.train())
     assert torch.equal(whole.ppo.network.flat, after.ppo.network.flat)

@@ -22,7 +22,6 @@ from openeureka.tasks import registry
 from openeureka.tasks.context import context
 from openeureka.tasks.record import record_states
 from openeureka.testing.conformance.task import TaskConformance
-from openeureka.training import pausing
 from openeureka.training.population import Population
 from openeureka.types import LaneSpec, TrainBudget, TrainingResult
 
@@ -183,7 +182,7 @@ def test_a_training_goes_on_to_the_bit_where_it_was_saved():
     list(whole.train())
     begun.until = 2
     list(begun.train())
-    after.load_state_dict(pausing.load(pausing.save(begun.state_dict()), torch.device("cpu")))
+    after.resume(begun.snapshot())
     list(after.train())
     assert whole.epoch == after.epoch == 4
     assert torch.equal(whole.ppo.network.flat, after.ppo.network.flat)
@@ -203,7 +202,7 @@ def test_each_step_that_is_played_again_is_told(paused: bool):
         lane = dataclasses.replace(lane, paused=result.paused)
     after = Population(env, [lane], budget, alive=lambda: told.append(1))
     if not paused:
-        after.load_state_dict(begun.state_dict())
+        after.resume(begun.snapshot())
     steps = int(begun.env.sim.memory()["steps"].sum())
     assert len(told) == 3 + steps > 3, "the task, its worlds and their start come before"
 

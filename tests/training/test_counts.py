@@ -6,7 +6,7 @@ import math
 import pytest
 import torch
 
-from openeureka.training import pausing, population
+from openeureka.training import population
 from openeureka.training.population import Population
 from openeureka.training.rewards import ProgressCounts, moments, spread
 from openeureka.types import LaneSpec, Node, RewardGraph, TrainBudget, TrainingProgress, TrainingResult, TrainingState
@@ -102,7 +102,7 @@ def test_progress_that_is_not_finite_costs_a_lane_that_pay_alone():
     own, found = trained(specs)
     assert found["odd"].state is TrainingState.FINISHED
     assert found["odd"].curves["component/progress_log"] == (None,) * 4
-    visits = own.rewards.state_dict()["visits"].sum(1)
+    visits = own.rewards.counts.visits.sum(1)
     assert 0 < visits[0] < visits[1] == SMALL.env_steps
 
 
@@ -115,10 +115,10 @@ def test_a_killed_training_goes_on_with_its_visits(monkeypatch: pytest.MonkeyPat
         if isinstance(message, TrainingProgress) and message.epoch == 2:
             break
     second = Population("cartpole", specs, PAID, threads=1)
-    second.load_state_dict(pausing.load(pausing.save(first.state_dict()), second.device))
+    second.resume(first.snapshot())
     ended = {x.lane: x for x in second.train() if isinstance(x, TrainingResult)}
     assert all(alike(ended[lane], results[lane]) for lane in ended)
-    assert torch.equal(second.rewards.state_dict()["visits"], whole.rewards.state_dict()["visits"])
+    assert torch.equal(second.rewards.counts.visits, whole.rewards.counts.visits)
 
 
 def test_a_lane_takes_its_visits_along_when_others_are_cut():
@@ -127,8 +127,8 @@ def test_a_lane_takes_its_visits_along_when_others_are_cut():
     alone, found = trained([dataclasses.replace(specs[1], paused=half["b"])])
     whole, results = trained(specs)
     assert found["b"].curves["reward"] == pytest.approx(results["b"].curves["reward"], rel=1e-3)
-    visits, same = alone.rewards.state_dict()["visits"], whole.rewards.state_dict()["visits"]
+    visits, same = alone.rewards.counts.visits, whole.rewards.counts.visits
     assert visits.sum() == same[1].sum() == SMALL.env_steps
     assert (visits[0] - same[1]).abs().sum() < 0.01 * SMALL.env_steps, "but for what rounding moves across an edge"
     fresh = trained([dataclasses.replace(specs[1], start=results["b"].last)], dataclasses.replace(PAID, env_steps=1))
-    assert fresh[0].rewards.state_dict()["visits"].sum() == 16 * 32, "who begins from a policy has visited nothing"
+    assert fresh[0].rewards.counts.visits.sum() == 16 * 32, "who begins from a policy has visited nothing"

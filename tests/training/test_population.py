@@ -1,6 +1,8 @@
 import dataclasses
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import torch
@@ -54,7 +56,7 @@ def test_a_training_goes_on_from_its_saved_state_as_if_nothing_had_happened(monk
         if message.epoch == 2:
             break
     second = Population("cartpole", specs, SMALL, threads=1)
-    second.load_state_dict(first.state_dict())
+    second.resume(first.snapshot())
     for message in second.train():
         if isinstance(message, TrainingProgress):
             assert message.epoch > 2
@@ -82,11 +84,10 @@ def test_the_clock_of_a_training_goes_on_after_a_pause(monkeypatch: pytest.Monke
     for message in first.train():
         if isinstance(message, TrainingProgress) and message.epoch == 2:
             break
-    saved = first.state_dict()
-    before = tuple(saved["clock"])
+    saved, before = first.snapshot(), tuple(first.clock)
     now = iter(range(5000, 6000))  # the machine was off
     second = Population("cartpole", specs, SMALL, threads=1)
-    second.load_state_dict(saved)
+    second.resume(saved)
     (result,) = [message for message in second.train() if isinstance(message, TrainingResult)]
     assert len(result.clock) == 4 and list(result.clock) == sorted(result.clock)
     assert result.clock[:2] == before and 0 < result.clock[0] < result.clock[3] <= result.seconds < 50
@@ -332,17 +333,17 @@ def test_components_are_told_apart_early_and_late_in_episodes():
     epoch([([4.0, 4.0], [0.0, 0.0])], parts=True)
     assert curves.early_and_late(0)["component_late/a"] == (6.0,)  # (10 + 4 + 4) / 3
     again = Curves(lanes=1, worlds=2, components=curves.components)
-    again.load_state_dict(curves.state_dict())
+    again.load_lanes([curves.lane_state(0)])
     assert again.early_and_late(0)["component_late/a"] == (6.0,)
 
     class OnGPU:
         """What a state that is loaded onto a device holds there."""
 
         def cpu(self):
-            return curves.state_dict()["parts"]
+            return curves.lane_state(0)["parts"]
 
     elsewhere = Curves(lanes=1, worlds=2, components=curves.components)
-    elsewhere.load_state_dict({**curves.state_dict(), "parts": OnGPU()})
+    elsewhere.load_lanes([{**curves.lane_state(0), "parts": OnGPU()}])
     assert elsewhere.early_and_late(0)["component_late/a"] == (6.0,)
 
 
@@ -497,6 +498,25 @@ def test_lanes_that_paused_before_their_device_was_kept_go_on():
     del state["device"], state["curves"]["where"]
     (again,) = results([dataclasses.replace(specs[0], paused=pausing.save({**state, "seconds": 1000.0}))]).values()
     assert again.seconds > 1000.0 and again.curves["reward"] == results(specs)["human"].curves["reward"]
+
+
+def test_what_a_part_of_a_training_newly_remembers_is_kept(monkeypatch: pytest.MonkeyPatch):
+    class Longer(Curves):
+        seen = 0
+
+        def lane_state(self, lane: int) -> dict[str, Any]:
+            return {**super().lane_state(lane), "seen": self.seen}
+
+        def load_lanes(self, lanes: Sequence[Mapping[str, Any]]) -> None:
+            super().load_lanes(lanes)
+            self.seen = lanes[0]["seen"]
+
+    monkeypatch.setattr(population, "Curves", Longer)
+    first, second = (Population("cartpole", [LaneSpec(id="a", program="human")], SMALL, threads=1) for _ in range(2))
+    assert isinstance(first.curves, Longer) and isinstance(second.curves, Longer)
+    first.curves.seen = 7
+    second.resume(first.snapshot())
+    assert second.curves.seen == 7
 
 
 def test_a_lane_that_paused_keeps_what_its_task_remembers(tmp_path: Path):

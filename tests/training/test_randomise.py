@@ -16,7 +16,7 @@ from openeureka.tasks import registry
 from openeureka.tasks.randomise import RandomisedEnv
 from openeureka.tasks.ranges import NAMED, find, ranges, useless
 from openeureka.testing.scripted import ToyTrainer
-from openeureka.training import pausing, population
+from openeureka.training import population
 from openeureka.training.population import Population
 from openeureka.training.wire import pack_lanes, unpack_lanes
 from openeureka.types import NOMINAL, Lane, LaneSpec, Ranges, TrainBudget, TrainingProgress, TrainingResult
@@ -165,7 +165,7 @@ def test_a_training_goes_on_in_the_worlds_it_left(monkeypatch: pytest.MonkeyPatc
             if isinstance(message, TrainingProgress) and message.epoch == 2:
                 break
         second = Population("cartpole", specs, budget, threads=1)
-        second.load_state_dict(first.state_dict())
+        second.resume(first.snapshot())
     results = [message for message in second.train() if isinstance(message, TrainingResult)]
     assert {r.lane: dataclasses.replace(r, seconds=0.0) for r in results} == whole
 
@@ -185,9 +185,9 @@ def test_a_lane_goes_on_alone_where_those_beside_it_acted_later(monkeypatch: pyt
         if isinstance(message, TrainingResult):
             results[message.lane] = message
         elif message.epoch == 2:
-            snapshot = pausing.snapshot(first)
+            snapshot = first.snapshot()
     alone = Population("cartpole", specs[1:], SMALL, threads=1)
-    pausing.resume(alone, snapshot)
+    alone.resume(snapshot)
     (result,) = [message for message in alone.train() if isinstance(message, TrainingResult)]
     assert result.curves["reward"] == pytest.approx(results["near"].curves["reward"], rel=1e-4)
 

@@ -12,7 +12,6 @@ import torch
 from ..codec import shaped
 from ..errors import CapacityError, TaskError, WorkerError
 from ..tasks.faults import fault
-from ..training import pausing
 from ..training.episodes import rewards
 from ..training.evaluate import evaluate
 from ..training.population import Population
@@ -70,7 +69,7 @@ def _evaluate(channel: Channel, request: Frame, options: Mapping[str, Any]) -> N
 def _train(channel: Channel, request: Frame, population: Population) -> None:
     """Stream messages and, now and then, a snapshot to go on from; end with one when the parent asks to stop."""
     if SNAPSHOT in request.blobs:
-        pausing.resume(population, request.blobs[SNAPSHOT])
+        population.resume(request.blobs[SNAPSHOT])
     saved = time.monotonic()
     for message in population.train():
         frame = pack(message)
@@ -79,7 +78,7 @@ def _train(channel: Channel, request: Frame, population: Population) -> None:
             continue
         every, stopping = request.header["snapshot_seconds"], channel.ready()
         if stopping or (every and time.monotonic() - saved > every):
-            channel.send({}, {SNAPSHOT: pausing.snapshot(population)})
+            channel.send({}, {SNAPSHOT: population.snapshot()})
             saved = time.monotonic()
         if stopping:
             channel.receive()

@@ -122,17 +122,21 @@ class BatchedEnv:
                 f" simulator or of the task; in `compute_state`, end {whose} with .clone()."
             )
 
-    def state_dict(self) -> dict[str, Any]:
-        """All that the next step depends on, copied."""
-        own = {"bad": self._bad.clone(), "whole": self._whole.clone(), "draws": self.task.noise.draws.clone()}
-        task = {name: value.clone() for name, value in self.task.tensors().items()}
-        return {**own, "task": task, "sim": self.sim.state_dict()}
+    def state_dict(self, worlds: slice = slice(None)) -> dict[str, Any]:
+        """All that the next step of these worlds depends on, copied; every tensor has their axis first."""
+        task = {name: getattr(self.task, name) for name in self.task.lasting()}
+        return {
+            "whole": self._whole[worlds].clone(),
+            "draws": self.task.noise.draws[worlds].clone(),
+            "task": {name: value[worlds].clone() for name, value in task.items()},
+            "sim": {name: value[worlds].clone() for name, value in self.sim.memory().items()},
+        }
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
-        """Go on where another environment of the same task, lanes and worlds was."""
-        self._bad, self._whole = saved["bad"], saved["whole"]
+        """Go on, when new, where environments of the same task were, with as many worlds together."""
+        self._whole = saved["whole"]
         self.task.noise.draws.copy_(saved["draws"])
-        for name in self.task.tensors():
+        for name in self.task.lasting():
             setattr(self.task, name, saved["task"][name])
         self.sim.load_state_dict(saved["sim"])
 

@@ -82,8 +82,9 @@ class RandomisedEnv(BatchedEnv):
         self._mistake()
         return super().reset(stagger=stagger)
 
-    def state_dict(self) -> dict[str, Any]:
-        return {**super().state_dict(), "random": {name: value.clone() for name, value in self._memory().items()}}
+    def state_dict(self, worlds: slice = slice(None)) -> dict[str, Any]:
+        own = {name: value[worlds].clone() for name, value in self._memory().items()}
+        return {**super().state_dict(worlds), "random": own}
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         super().load_state_dict(saved)

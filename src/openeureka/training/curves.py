@@ -147,20 +147,24 @@ class Curves:
                     found[f"component_{part}/{name}"] = (value / count if finite else None,)
         return found
 
-    def state_dict(self) -> dict[str, Any]:
-        """All that is remembered between two epochs."""
+    def lane_state(self, lane: int) -> dict[str, Any]:
+        """All that is remembered of a lane between two epochs; tensors are copied."""
+        own = slice(lane, lane + 1)
         return {
-            "curves": self.curves,
-            "scores": list(self._scores),
-            "where": self._where,
-            "moments": self.moments,
-            "parts": self._parts,
+            "curves": [self.curves[lane]],
+            "scores": [scores[own].clone() for scores in self._scores],
+            "where": self._where[own].clone(),
+            "moments": self.moments[own].clone(),
+            "parts": self._parts[self._lane_of == lane],
         }
 
-    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
-        self.curves, self._where, self.moments = saved["curves"], saved["where"], saved["moments"]
-        self._scores.extend(saved["scores"])
-        self._parts = saved["parts"].cpu()  # a state may be loaded onto the GPU
+    def load_lanes(self, lanes: Sequence[Mapping[str, Any]]) -> None:
+        """Go on, when new, where these lanes of as many components were."""
+        self.curves = [lane["curves"][0] for lane in lanes]
+        self._scores.extend(torch.cat(epoch) for epoch in zip(*(lane["scores"] for lane in lanes), strict=True))
+        self._where = torch.cat([lane.get("where", self._where[:1]) for lane in lanes])  # an older version saved none
+        self.moments = torch.cat([lane["moments"] for lane in lanes])
+        self._parts = torch.cat([lane["parts"].cpu() for lane in lanes])  # a state may be loaded onto the GPU
 
     def correlation(self, lane: int) -> float | None:
         """Of own and human reward over every transition so far."""

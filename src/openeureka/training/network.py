@@ -45,8 +45,10 @@ class RunningNorm:
         self.var = (self.var * self.count + var * batch + delta**2 * (self.count * batch / total)) / total
         self.count = total
 
-    def state_dict(self) -> dict[str, Any]:
-        return {"mean": self.mean, "var": self.var, "count": self.count}
+    def state_dict(self, lanes: slice = ALL) -> dict[str, Any]:
+        """Of these lanes, copied."""
+        state = {"mean": self.mean, "var": self.var, "count": self.count}
+        return {name: value[lanes].clone() for name, value in state.items()}
 
     def load_state_dict(self, saved: Mapping[str, Any]) -> None:
         self.mean, self.var, self.count = saved["mean"], saved["var"], saved["count"]

@@ -110,7 +110,7 @@ class Population:
         paused = [pausing.load(spec.paused, self.device) for spec in specs if spec.paused is not None]
         # Elsewhere worlds and noise are others: these lanes begin anew, and so do those beside them.
         if paused and {pausing.kind(lane) for lane in paused} == {self.kind}:
-            pausing.put(self, paused)
+            self.load_lanes(paused)
 
     def _put_starts(self) -> None:
         """Let lanes that carry a policy on begin with its weights."""
@@ -179,38 +179,53 @@ class Population:
         # On a GPU, asking how many time-outs there are costs more than values that nobody needs.
         return torch.where(timed_out, self.ppo.value(observation), 0.0)
 
-    def state_dict(self) -> dict[str, Any]:
-        """All that the next epoch depends on: nested dictionaries and lists of tensors, numbers and text."""
+    def snapshot(self) -> bytes:
+        """The states of all lanes, by id."""
+        return pausing.save({spec.id: self.lane_state(lane) for lane, spec in enumerate(self.specs)})
+
+    def resume(self, snapshot: bytes) -> None:
+        """Go on, when new, from a snapshot of these lanes, or of more, on the same kind of device."""
+        lanes = pausing.load(snapshot, self.device)
+        self.load_lanes([lanes[spec.id] for spec in self.specs])
+
+    def lane_state(self, lane: int) -> pausing.State:
+        """All that the next epoch of one lane depends on, copied."""
+        worlds, peaks = slice(lane * self.worlds, (lane + 1) * self.worlds), (self.best_fitness, self.best_reward)
         return {
             "device": self.kind,
             "epoch": self.epoch,
             "seconds": self._seconds(),
             "clock": self.clock,
-            "observation": self.observation,
-            "env": self.env.state_dict(),
-            "ppo": self.ppo.state_dict(),
-            "curves": self.curves.state_dict(),
-            "rewards": self.rewards.state_dict(),
-            "peaks": [
-                [peak and peak.state_dict() for peak in peaks] for peaks in (self.best_fitness, self.best_reward)
-            ],
-            "messages": self.messages,
-            "trained": self.trained,
+            "observation": self.observation[lane : lane + 1].clone(),
+            "env": self.env.state_dict(worlds),
+            "ppo": self.ppo.lane_state(lane),
+            "curves": self.curves.lane_state(lane),
+            "rewards": self.rewards.lane_state(lane),
+            "peaks": [[(peak := kept[lane]) and peak.state_dict()] for kept in peaks],
+            "messages": [self.messages[lane]],
+            "trained": [self.trained[lane]],
         }
 
-    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
-        """Go on where another population of the same task, lanes and budget was; the rest is the same to the bit."""
-        self.epoch, self.observation, self._before = saved["epoch"], saved["observation"], saved["seconds"]
-        self.clock = saved["clock"]
-        self.env.load_state_dict(saved["env"])
-        self.ppo.load_state_dict(saved["ppo"])
-        self.curves.load_state_dict(saved["curves"])
-        self.rewards.load_state_dict(saved["rewards"])
+    def load_lanes(self, lanes: Sequence[pausing.State]) -> None:
+        """Go on, when new, where lanes of this task and budget paused, all at the same epoch; one that was alone, or
+        among the same, is the same to the bit. What lanes share is the slowest's."""
+        slowest = max(lanes, key=lambda lane: lane["seconds"])
+        self.epoch, self._before, self.clock = (slowest[name] for name in ("epoch", "seconds", "clock"))
+        self.observation = torch.cat([lane["observation"] for lane in lanes])
+        self.env.load_state_dict(pausing.joined([lane["env"] for lane in lanes]))
+        self.ppo.load_lanes([lane["ppo"] for lane in lanes])
+        self.curves.load_lanes([lane["curves"] for lane in lanes])
+        if "rewards" in lanes[0]:  # an older version saved none, and knew no bonus that needs them
+            self.rewards.load_lanes([lane["rewards"] for lane in lanes])
         self.best_fitness, self.best_reward = (
-            [peak and Kept(peak["epoch"], peak["value"], self._policy(peak["policy"])) for peak in peaks]
-            for peaks in saved["peaks"]
+            [
+                peak and Kept(peak["epoch"], peak["value"], self._policy(peak["policy"]))
+                for lane in lanes
+                for peak in lane["peaks"][which]
+            ]
+            for which in range(2)
         )
-        self.messages, self.trained = saved["messages"], saved["trained"]
+        self.messages, self.trained = ([lane[name][0] for lane in lanes] for name in ("messages", "trained"))
 
     def _policy(self, tensors: Mapping[str, Tensor]) -> Policy:
         return Policy(self.env_name, tensors, self.ppo.choices, self.ppo.network.unseen, self.interface)
@@ -291,7 +306,7 @@ class Population:
             best_fitness=peak.checkpoint() if peak else None,
             best_reward=peak_reward.checkpoint() if peak_reward else None,
             last=None if message else self._now(lane).to_bytes(),
-            paused=pausing.save(pausing.cut(self, lane)) if paused else None,
+            paused=pausing.save(self.lane_state(lane)) if paused else None,
             message=message,
         )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ from torch import Tensor
 from ..tasks.task import Recipe
 from .heads import head
 from .network import ALL, RunningNorm, StackedActorCritic
+from .pausing import joined
 
 LEARNING_RATES = (1e-6, 1e-2)
 STATISTICS = ("surrogate_loss", "value_loss", "kl", "entropy", "learning_rate")
@@ -116,11 +117,6 @@ class PPO:
         self._row = torch.tensor([distinct.index(seed) for seed in seeds], device=device)
         self._generators = [torch.Generator(device).manual_seed(seed + 1) for seed in distinct]
 
-    @property
-    def streams(self) -> list[int]:
-        """Which of the sources of noise each lane draws from."""
-        return self._row.tolist()
-
     @torch.no_grad()
     def act(self, observation: Tensor) -> Action:
         """Sample actions for observations (L, n, O)."""
@@ -188,29 +184,31 @@ class PPO:
         told = torch.cat((torch.stack(list(steps)).mean(0), entropy[:, None], self.learning_rate), dim=1)
         self.statistics = told.masked_fill(~self.active[:, None], math.nan)
 
-    def state_dict(self) -> dict[str, Any]:
-        """All that the next update depends on; tensors are live."""
+    def lane_state(self, lane: int) -> dict[str, Any]:
+        """All that a lane's next update depends on, copied."""
+        own = slice(lane, lane + 1)
         return {
-            "network": self.network.flat,
-            "observations": self.observations.state_dict(),
-            "values": self.values.state_dict(),
-            "active": self.active,
-            "learning_rate": self.learning_rate,
-            "moments": (self._first, self._second),
+            "network": self.network.flat[own].clone(),
+            "observations": self.observations.state_dict(own),
+            "values": self.values.state_dict(own),
+            "active": self.active[own].clone(),
+            "learning_rate": self.learning_rate[own].clone(),
+            "moments": (self._first[own].clone(), self._second[own].clone()),
             "updates": self._updates,
-            "generators": [generator.get_state() for generator in self._generators],
+            "generators": [self._generators[int(self._row[lane])].get_state()],
         }
 
-    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
-        """Go on where another PPO of the same seeds, sizes and recipe was."""
+    def load_lanes(self, lanes: Sequence[dict[str, Any]]) -> None:
+        """Go on, when new, where lanes of the same seeds, sizes and recipe were, after equally many updates."""
+        saved = joined(lanes)
         self.network.flat.copy_(saved["network"])  # in place: all parameters are views of it
         self.observations.load_state_dict(saved["observations"])
         self.values.load_state_dict(saved["values"])
         self.active, self.learning_rate = saved["active"], saved["learning_rate"]
         self._first, self._second = saved["moments"]
         self._updates = saved["updates"]
-        for generator, state in zip(self._generators, saved["generators"], strict=True):
-            generator.set_state(state.cpu())
+        for row, state in zip(self._row.tolist(), saved["generators"], strict=True):
+            self._generators[row].set_state(state.cpu())
 
     def _step(
         self, observation: Tensor, action: Tensor, old: tuple[Tensor, ...], advantage: Tensor, target: Tensor

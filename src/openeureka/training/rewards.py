@@ -41,6 +41,7 @@ class LaneRewards:
 
     Attributes:
         components: (lane, name) of each component of any program.
+        counts: of progress, where the bonus is paid for it.
     """
 
     def __init__(self, task: Task, programs: Sequence[RewardProgram], worlds: int, *, bonus: Bonus = "none") -> None:
@@ -56,7 +57,7 @@ class LaneRewards:
         self._per_world = set(task.spec.per_world)
         generated = [lane in self._compiled for lane in range(len(self.programs))]
         self._generated = torch.tensor(generated, dtype=torch.float32, device=task.device)[:, None]
-        self._counts = ProgressCounts(len(self.programs), task.device) if bonus == "progress" else None
+        self.counts = ProgressCounts(len(self.programs), task.device) if bonus == "progress" else None
         self._progress = torch.full((len(self.programs), VALUES, worlds), math.nan, device=task.device)
         """Progress values of the last step; NaN for lanes that have none, 0 for what a lane has fewer of."""
         self._parts: list[_Part] = []
@@ -98,7 +99,7 @@ class LaneRewards:
         return self._parts
 
     def _part(self, programs: Mapping[int, graph.CompiledReward], *, recorded: bool) -> _Part:
-        counting = self._counts is not None
+        counting = self.counts is not None
         return _Part(programs, self.worlds, self._per_world, recorded=recorded, counting=counting)
 
     def error(self, lane: int) -> str:
@@ -114,18 +115,18 @@ class LaneRewards:
             sums: of `moments` so far, (L, 6). What progress pays is in standard deviations of a lane's own reward, as
                 nobody knows how large rewards are: PPO takes a reward in any unit, and so it must take this.
         """
-        if self._counts is not None:
-            return self._counts(self._progress, ~bad) * spread(sums)[:, None]
+        if self.counts is not None:
+            return self.counts(self._progress, ~bad) * spread(sums)[:, None]
         bonus = self.task.success_bonus(state) if self._bonus == "original" else None
         return None if bonus is None else (bonus.view(-1, self.worlds) * self._generated).masked_fill(bad, 0.0)
 
-    def state_dict(self) -> dict[str, Any]:
-        """All that is remembered between two steps, one row a lane."""
-        return self._counts.state_dict() if self._counts is not None else {}
+    def lane_state(self, lane: int) -> dict[str, Any]:
+        """All that is remembered of a lane between two steps, copied."""
+        return {"visits": self.counts.visits[lane : lane + 1].clone()} if self.counts is not None else {}
 
-    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
-        if self._counts is not None:
-            self._counts.load_state_dict(saved)
+    def load_lanes(self, lanes: Sequence[Mapping[str, Any]]) -> None:
+        if self.counts is not None:
+            self.counts.visits = torch.cat([lane["visits"] for lane in lanes])
 
 
 class _Part:
@@ -247,9 +248,3 @@ class ProgressCounts:
         bins = (steps * self._places).sum(1)
         self.visits.scatter_add_(1, bins, counted.long())
         return counted / self.visits.gather(1, bins).clamp(min=1).sqrt()
-
-    def state_dict(self) -> dict[str, Any]:
-        return {"visits": self.visits}
-
-    def load_state_dict(self, saved: Mapping[str, Any]) -> None:
-        self.visits = saved["visits"]
