@@ -7,14 +7,17 @@ from pathlib import Path
 
 import pytest
 from report.scripted import search_in
+from tensorboard.backend.event_processing.event_file_loader import EventFileLoader
 
 import openeureka
 from openeureka.cli.show import show
 from openeureka.cli.train import robust
 from openeureka.config import RobustConfig, RunConfig
+from openeureka.display import tensorboard
 from openeureka.errors import ConfigError, EurekaError, Interrupted, ModelError, StoreError
 from openeureka.parsing import parse
 from openeureka.runs import compose
+from openeureka.store import Store
 from openeureka.testing.scripted import ScriptedModel, ToyTrainer, reply
 
 TABLE = "```yaml\nmass: [{}, {}]\n```\n"
@@ -49,6 +52,17 @@ def test_a_stopped_command_says_itself_how_to_go_on(searched, trainer, monkeypat
         kill(trainer, once, after=1)
         robust([str(searched), "model=random", "sample=2"])
     assert str(stop.value).endswith(f"Continue with: eureka robust {searched} model=random sample=2")
+
+
+def test_a_tracker_gets_its_curves_as_it_got_those_of_the_search(tmp_path):
+    run = search_in(tmp_path / "run", [reply(7), reply(8)], env="cartpole", video="none", log="tensorboard")
+    assert not (run / tensorboard.EVENTS).exists()
+    openeureka.robust(run, model="random", sample=1)
+    events = EventFileLoader(str(run / tensorboard.EVENTS)).Load()
+    told = {value.tag.rpartition("/")[0] for event in events for value in event.summary.value}
+    with Store.view(run) as store:
+        trained = {name for name, lane in store.lanes.all().items() if lane.role == "robust"}
+    assert trained and trained <= told
 
 
 def test_from_python_it_names_the_call(searched, trainer, monkeypatch, capsys):

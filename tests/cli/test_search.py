@@ -3,6 +3,7 @@ import os
 import signal
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -13,11 +14,11 @@ from openeureka import __main__ as door
 from openeureka.cli import main as command
 from openeureka.cli import remote
 from openeureka.config import RunConfig
-from openeureka.display import log
+from openeureka.display import log, trackers
 from openeureka.errors import ModelError
 from openeureka.film import video
 from openeureka.llm import open_model
-from openeureka.report.view import RunView
+from openeureka.report.view import VIDEO, RunView
 from openeureka.runs import compose, stopping
 from openeureka.sandbox import client, confine
 from openeureka.store import Store, read_config, read_replies
@@ -75,6 +76,22 @@ def test_a_run_prints_its_best_reward_and_leaves_the_files_of_a_report(parts, tm
     assert "lanes/human-s0/events.out.tfevents.0" in made
     # Held out takes one from each toy F, seed 0 counts for baselines: (11.01 - 4) / (9.005 - 4).
     assert "<td>1.4</td>" in (tmp_path / "run" / "report.html").read_text()
+
+
+def test_a_tracker_gets_the_films_that_the_report_made(parts, tmp_path):
+    told: list[tuple[object, ...]] = []
+    fake = SimpleNamespace(film=lambda *said: told.append(said), **dict.fromkeys(("numbers", "text"), lambda *_: None))
+    fake.close = lambda: told.append(("closed",))
+    parts.setitem(trackers.TRACKERS, "tensorboard", lambda directory, config: fake)
+
+    def build(directory, *_):
+        (film := directory / "lanes" / "human-s0" / VIDEO).write_bytes(b"")
+        told.append(("made",))
+        return [str(film)]
+
+    parts.setattr(compose, "build", build)
+    run("run", *SETTINGS, "log=tensorboard", f"dir={tmp_path}/run")
+    assert [said[0] for said in told] == ["made", "films/human-s0", "closed"]
 
 
 def test_a_failing_endpoint_is_one_sentence_and_the_way_to_continue(parts, tmp_path, capsys):

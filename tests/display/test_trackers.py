@@ -31,6 +31,8 @@ def mirror(directory: Path, log: str) -> Path:
         for lane in (directory / "lanes").iterdir():
             pictures = (np.full((48, 64, 3), 50 * shade, np.uint8) for shade in range(5))
             (lane / VIDEO).write_bytes(encode(pictures, rate=10))
+        for each in mirrors:
+            each.films()
     return directory
 
 

@@ -149,7 +149,7 @@ class Mirror:
                 self._tell("text", f"programs/{entry.sample.place}", plain(entry.sample.candidate.source))
 
     def films(self) -> None:
-        """All that there are, once the run is done."""
+        """All that there are: once the run is done, and its report has made them."""
         for name, path in RunView.read(self._directory).videos.items():
             self._tell("film", f"films/{name}", self._directory / path)
 
@@ -175,7 +175,7 @@ class Mirror:
 
 @contextmanager
 def mirrored(directory: Path, config: RunConfig) -> Iterator[list[Mirror]]:
-    """The one who tells the tracker that the settings name, if they do; films go there when the context is left.
+    """The one who tells the tracker that the settings name, if they do.
 
     Raises:
         ConfigError: when its package is not installed.
@@ -188,7 +188,6 @@ def mirrored(directory: Path, config: RunConfig) -> Iterator[list[Mirror]]:
     mirror = Mirror(config.log, directory, config)
     try:
         yield [mirror]
-        mirror.films()
     finally:
         mirror.close()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import AbstractContextManager, closing, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -127,7 +127,10 @@ def search(config: RunConfig, directory: Path, host: Host, model: LanguageModel 
             begun = begun or has_begun(directory)
             raise Interrupted(stopped(host.again(directory)) if begun else "Stopped before it began.") from None
         doing = "Writing the report" if config.video == "none" else "Filming, and writing the report"
-        return _reported(config, directory, host, "search", doing)
+        problems = _reported(config, directory, host, "search", doing)
+        for mirror in mirrors:
+            mirror.films()
+        return problems
 
 
 def _reported(
@@ -175,15 +178,13 @@ def _prepared(
                 sampling.admit(config, checker)
             with (
                 _store(directory, config, strategy.ranks) as store,
-                continuable(host.again(directory), store),
-                stoppable(directory),
-                logged(directory, config, store.talk.usage()) as log,
-                _filming(directory, config, host) as films,
-                host.view(config, directory, store.talk.usage()) as view,
+                _at_work(store, config, host, host.again(directory), mirrors, _filming(directory, config, host)) as (
+                    tell,
+                    films,
+                ),
             ):
                 desk = host.desk(config, directory, films)
                 strategy = strategies.make(config, store.ranks)
-                tell = everyone(*log, *films, *mirrors, view)
                 yield partial(loop.run, config, store, model, checker, trainer, task, strategy, tell, desk)
 
 
@@ -302,14 +303,12 @@ def robust(
     )
     began = stored(directory)
     with (
+        mirrored(directory, began) as mirrors,
         closing(priced(model, config) if model is not None else open_model(config)) as model,
         _store(directory, began) as store,
-        continuable(again, store),
-        stoppable(directory),
-        logged(directory, config, store.talk.usage()) as log,
-        host.view(config, directory, store.talk.usage()) as view,
+        _at_work(store, config, host, again, mirrors) as (tell, _),
     ):
-        harden(Lanes(config, store, trainer, everyone(*log, view)), model, robot, training)
+        harden(Lanes(config, store, trainer, tell), model, robot, training)
     return _reported(config, directory, host, "hardening")
 
 
@@ -321,12 +320,36 @@ def comparing(config: RunConfig, directory: Path, host: Host) -> Iterator[Lanes]
     with (
         mirrored(directory, config) as mirrors,
         _store(directory, config) as store,
-        continuable(host.again(directory), store),
-        stoppable(directory),
-        logged(directory, config, Usage()) as log,
-        host.view(config, directory, Usage()) as view,
+        _at_work(store, config, host, host.again(directory), mirrors) as (tell, _),
     ):
-        yield Lanes(config, store, trainer, everyone(*log, *mirrors, view))
+        yield Lanes(config, store, trainer, tell)
+
+
+@contextmanager
+def _at_work(
+    store: Store,
+    config: RunConfig,
+    host: Host,
+    again: str,
+    mirrors: Sequence[Tell],
+    filming: AbstractContextManager[Sequence[Filming]] | None = None,
+) -> Iterator[tuple[Tell, Sequence[Filming]]]:
+    """All who are told of a run, and those of them who film it, as long as it is at work and can be stopped.
+
+    Args:
+        config: what it works by, which may be other settings than those that it began with.
+        again: what to write to go on with it.
+        filming: waits, when it is left, for what is being filmed: the view is closed by then, and a stop still heard.
+    """
+    directory, usage = store.directory, store.talk.usage()
+    with (
+        continuable(again, store),
+        stoppable(directory),
+        logged(directory, config, usage) as log,
+        filming or nullcontext(()) as films,
+        host.view(config, directory, usage) as view,
+    ):
+        yield everyone(*log, *films, *mirrors, view), films
 
 
 @contextmanager
