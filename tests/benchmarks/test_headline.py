@@ -222,7 +222,7 @@ def test_a_race_of_today_crowns_what_the_table_says(headline: ModuleType, env: s
     with Store.view(tmp_path) as known:
         config = known.config
     with Store.open(tmp_path, config) as store:
-        strategy = strategies.make(store.config, store.ranks)
+        strategy = strategies.make(store.config)
         lanes = Lanes(store.config, store, Idle(), nobody, strategy.ranks, strategy.peaks)
         best = race.crown(store.history(), lanes)
     assert best is not None and str(best.sample.place) == headline.read(headline.RESULTS)[env]["crowned"]

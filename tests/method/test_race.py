@@ -248,16 +248,6 @@ def test_policies_that_are_level_play_again_and_their_looks_are_pooled(tmp_path:
         assert played.error == pytest.approx(0.7071, abs=1e-4)
 
 
-def test_a_run_of_a_version_that_ranked_by_training_goes_on_as_it_began(tmp_path: Path) -> None:
-    config = RunConfig(sample=2, iteration=1, repair=0, refill=0, seeds=1)
-    with Store.open(tmp_path, config) as store:
-        store._database._connection.executescript("DROP TRIGGER run_UPDATE; UPDATE run SET ranks = NULL;")
-        assert store.ranks == "training"
-        model = ScriptedModel([reply(7), reply(8)])
-        run(config, store, model, ToyChecker(), ToyTrainer(), TOY, strategies.make(config, store.ranks))
-        assert store.lanes.plays() == {} and store.lanes.evaluations()["human-s1"].peak == "reward"
-
-
 def test_the_error_of_a_score_that_nobody_measured_leaves_no_one_level() -> None:
     alone = Evaluation(lane="a", fitness=2.0, episode_length=1.0, episodes=4)
     assert race.level({"a": alone, "b": dataclasses.replace(alone, fitness=1.9)}) == ["a"]

@@ -8,6 +8,7 @@ import pytest
 from openeureka.errors import StoreError
 from openeureka.store import artifacts, db
 from openeureka.store.db import MIGRATIONS, Database
+from openeureka.store.schema import OLDEST
 
 TABLES = (
     "run", "prompts", "replies", "verdicts", "results", "entries", "evaluations", "remarks", "heard", "trials",
@@ -59,15 +60,39 @@ def test_an_older_file_is_migrated_and_keeps_its_rows(
 
 def test_an_older_file_can_be_viewed_and_stays_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as then:
-        then.setattr(db, "MIGRATIONS", MIGRATIONS[:1])
+        then.setattr(db, "MIGRATIONS", MIGRATIONS[:OLDEST])
         older = Database(tmp_path, writable=True)
         older.put("replies", REPLY)
         older.close()
     viewed = Database(tmp_path, writable=False)
     assert dict(viewed.rows("replies")[0]) == REPLY
-    assert viewed.rows("remarks") == []
+    assert viewed.rows("screens") == []
     viewed.close()
-    assert schema(tmp_path)[0] == 1
+    assert schema(tmp_path)[0] == OLDEST
+
+
+@pytest.mark.parametrize("writable", [False, True])
+def test_a_file_that_is_too_old_is_refused_and_stays_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, writable: bool
+) -> None:
+    with monkeypatch.context() as then:
+        then.setattr(db, "MIGRATIONS", MIGRATIONS[: OLDEST - 1])
+        Database(tmp_path, writable=True).close()
+    with pytest.raises(StoreError, match=r"too old for this one; begin anew in another dir=\.$"):
+        Database(tmp_path, writable=writable)
+    assert schema(tmp_path)[0] == OLDEST - 1
+
+
+def test_a_file_whose_maker_was_killed_half_way_is_begun_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def killed(connection: sqlite3.Connection) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as then:
+        then.setattr(db, "FILLS", {5: killed})
+        with pytest.raises(KeyboardInterrupt):
+            Database(tmp_path, writable=True)
+    Database(tmp_path, writable=True).close()
+    assert schema(tmp_path)[0] == len(MIGRATIONS)
 
 
 def test_a_migration_that_fails_leaves_the_old_schema(

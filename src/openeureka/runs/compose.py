@@ -166,7 +166,7 @@ def _prepared(
             old = read_config(directory)
             config = replace(config, sample=config.sample or old.sample, iteration=config.iteration or old.iteration)
         config = strategies.sized(config, model.style)
-        strategy = strategies.make(config)  # refuses what is none; a run of before may rank otherwise: it is made again
+        strategy = strategies.make(config)  # refuses what is none
         expect_free(directory, config)
         with host.working("Trying the task out"):
             states = record_states(config.env)
@@ -184,7 +184,6 @@ def _prepared(
                 ),
             ):
                 desk = host.desk(config, directory, films)
-                strategy = strategies.make(config, store.ranks)
                 yield partial(loop.run, config, store, model, checker, trainer, task, strategy, tell, desk)
 
 

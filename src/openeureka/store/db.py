@@ -22,7 +22,7 @@ from typing import Any, TypeVar
 from ..codec import DecodeError
 from ..errors import NotBegun, StoreError
 from ..parsing import command_line
-from .schema import FILLS, MIGRATIONS
+from .schema import FILLS, MIGRATIONS, OLDEST
 
 T = TypeVar("T")
 FILENAME = "run.sqlite"
@@ -197,7 +197,7 @@ class Database:
         migrate: whether a file of an older version is brought up to date; only who holds the run's lock may.
 
     Raises:
-        StoreError: see `explained`; also for a schema newer than this program.
+        StoreError: see `explained`; also for a schema newer than this program, or too old for it.
     """
 
     def __init__(self, directory: Path, *, writable: bool, migrate: bool = True) -> None:
@@ -218,6 +218,11 @@ class Database:
             schema, objects = self._schema(), _objects(self._connection)
         if schema > len(MIGRATIONS):
             raise StoreError(f"{self.directory} was written by a newer openeureka; install that version to open it.")
+        if 0 < schema < OLDEST:
+            raise StoreError(
+                f"{self.directory} was written by an openeureka that is too old for this one; "
+                "begin anew in another dir=."
+            )
         if schema < 0 or objects != _layout(tuple(MIGRATIONS[:schema]))[0]:
             raise StoreError(
                 f"{self.directory / FILENAME} has other tables than openeureka makes, so nothing in it is used; "
@@ -251,21 +256,23 @@ class Database:
         return self._connection.execute("PRAGMA user_version").fetchone()[0]
 
     def _migrate(self) -> None:
-        before = self._schema()
-        for number, script in enumerate(MIGRATIONS[before:], start=before + 1):
-            self._connection.execute("BEGIN IMMEDIATE")
-            try:
-                if self._schema() < number:  # else another process was faster
-                    for statement in _statements(script):
-                        self._connection.execute(statement)
-                    self._connection.execute(f"PRAGMA user_version = {number}")
-                    if fill := FILLS.get(number):
-                        fill(self._connection)
-                self._connection.execute("COMMIT")
-            except BaseException:
-                if self._connection.in_transaction:
-                    self._connection.execute("ROLLBACK")
-                raise
+        """All or none: a new file whose process was killed here must not pass for one that is too old."""
+        if self._schema() == len(MIGRATIONS):
+            return
+        self._connection.execute("BEGIN IMMEDIATE")
+        try:
+            before = self._schema()  # another process may have been faster
+            for number, script in enumerate(MIGRATIONS[before:], start=before + 1):
+                for statement in _statements(script):
+                    self._connection.execute(statement)
+                if fill := FILLS.get(number):
+                    fill(self._connection)
+            self._connection.execute(f"PRAGMA user_version = {len(MIGRATIONS)}")
+            self._connection.execute("COMMIT")
+        except BaseException:
+            if self._connection.in_transaction:
+                self._connection.execute("ROLLBACK")
+            raise
 
     def put(self, table: str, *rows: Mapping[str, Any]) -> None:
         """Insert rows, all or none, durable when this returns."""

@@ -193,7 +193,7 @@ class Store:
 
     @property
     def ranks(self) -> Ranks:
-        """By what the search ranks: it goes on as it began. Older ones with `search=best` ranked by F in training."""
+        """By what the search ranks: it goes on as it began."""
         row = self._database.row("run")
         plays = row is not None and row["ranks"] == "played" and self.config.search != "eureka"
         return "played" if plays else "training"

@@ -87,17 +87,12 @@ SEARCHES = Door(
 """Each is called with the settings of the run, in which `sample` is filled in; what it makes is a `SearchStrategy`."""
 
 
-def make(config: RunConfig, ranks: Ranks = "played") -> SearchStrategy:
+def make(config: RunConfig) -> SearchStrategy:
     """The strategy that `search=` names. Those built in are greedy: neither draws from the generator it is given.
-
-    Args:
-        ranks: by what `best` ranks, see `Store.ranks`.
 
     Raises:
         ConfigError: when there is none of that name, or it is none, or settings need one that lets policies play.
     """
-    if config.search == "best" and ranks == "training":
-        return Best(config.sample, ranks="training", peaks=("reward",))
     found: SearchStrategy = SEARCHES.make(config.search, config)
     if found.ranks == "training" and (config.cost_limits or config.screen > 1):
         key = "limits" if config.cost_limits else "screen"
