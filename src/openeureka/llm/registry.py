@@ -29,6 +29,15 @@ MODELS = Door(setting="model", group="openeureka.models", built_in={}, members=(
 """Those of others: each is called with the settings of the run, and makes a `LanguageModel`."""
 
 
+def expect_model(model: object) -> None:
+    """Raises ConfigError for an object that is no `LanguageModel`."""
+    if missing := [name for name in MODELS.members if not hasattr(model, name)]:
+        raise ConfigError(
+            f"`model` takes an object with {', '.join(MODELS.members)}; {type(model).__name__} has no "
+            f"{', '.join(missing)}."
+        )
+
+
 def open_model(config: RunConfig, *, held: int = 0) -> LanguageModel:
     """The model that `config.model` names. Costly things (weights, processes, sockets) wait for the first sample.
 

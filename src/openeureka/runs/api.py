@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Mapping, Sequence
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import TypedDict, Unpack
 
-from ..config import NO_MODEL, RobustConfig, RunConfig, TrainConfig, TuneConfig
+from ..config import RobustConfig, RunConfig, TrainConfig, TuneConfig
 from ..errors import ConfigError
 from ..llm.client import LanguageModel
-from ..llm.registry import MODELS
+from ..llm.registry import expect_model
 from ..parsing import absolute, taken
 from ..store import Store
 from ..store.directory import output_directory
@@ -310,22 +309,6 @@ def open_run(directory: str | Path) -> Run:
     return Run(Path(directory))
 
 
-def resume(
-    run: Run, *, model: LanguageModel | None, trust: bool, on_event: Tell | None, settings: Mapping[str, object]
-) -> Run:
-    """See `Run.resume`."""
-    if model is not None:
-        _expect_model(model)
-    directory = run.directory
-    config = replace(compose.stored(directory), **taken(RunConfig, settings))
-    typed = [*settings, *(["model"] if model is not None else [])]
-    agree(config, directory, typed=typed, trusted=trust, way="call resume(trust=True)")
-    if config.model == NO_MODEL:
-        work = compose.tune if config.tune else compose.train
-        return done(directory, on_event, lambda host: work(config, directory, None, host))
-    return done(directory, on_event, lambda host: compose.search(config, directory, host, model), own=model is not None)
-
-
 def _searched(
     env: str | Path, model: str | LanguageModel, settings: Mapping[str, object]
 ) -> tuple[RunConfig, LanguageModel | None]:
@@ -340,16 +323,8 @@ def _named(model: str | LanguageModel) -> tuple[LanguageModel | None, str]:
     """The model where it is an object, and what it is called."""
     if isinstance(model, str):
         return None, model
-    _expect_model(model)
+    expect_model(model)
     return model, model.name
-
-
-def _expect_model(model: object) -> None:
-    if missing := [name for name in MODELS.members if not hasattr(model, name)]:
-        raise ConfigError(
-            f"`model` takes an object with {', '.join(MODELS.members)}; {type(model).__name__} has no "
-            f"{', '.join(missing)}."
-        )
 
 
 def _expect(key: str, value: object, wanted: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,8 +12,9 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike
 
-from ..config import RunConfig
+from ..config import NO_MODEL, RunConfig
 from ..errors import ConfigError, StoreError
+from ..parsing import taken
 from ..refine.hardened import Robust
 from ..refine.polishing import Polished
 from ..refine.tuned import Tuned
@@ -263,9 +264,23 @@ class Run:
             on_event: as in `search`.
             settings: those that do not change what is searched may be given anew, such as `max_cost`.
         """
-        from .api import resume
+        from ..llm.registry import expect_model
+        from . import compose, program
+        from .trust import agree
 
-        return resume(self, model=model, trust=trust, on_event=on_event, settings=settings)
+        if model is not None:
+            expect_model(model)
+        directory = self.directory
+        config = replace(compose.stored(directory), **taken(RunConfig, settings))
+        typed = [*settings, *(["model"] if model is not None else [])]
+        agree(config, directory, typed=typed, trusted=trust, way="call resume(trust=True)")
+
+        def work(host: compose.Host) -> object:
+            if config.model != NO_MODEL:
+                return compose.search(config, directory, host, model)
+            return (compose.tune if config.tune else compose.train)(config, directory, None, host)
+
+        return program.done(directory, on_event, work, own=model is not None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
