@@ -42,7 +42,7 @@ from openeureka.executors import ray_node, retry, scheduler
 from openeureka.executors.local import LocalExecutor
 from openeureka.executors.ray import ActorCall, RayExecutor
 from openeureka.executors.retry import Errand
-from openeureka.executors.transport import Slot, WorkerLost
+from openeureka.executors.transport import Seat, WorkerLost
 from openeureka.training.wire import pack, unpack_lanes
 from openeureka.types import (
     LaneSpec,
@@ -291,13 +291,13 @@ class Hosts:
         self.dead: set[int] = set()
         self.served = 0
 
-    def call(self, request: Frame, slot: Slot) -> Hosted:
+    def call(self, request: Frame, seat: Seat) -> Hosted:
         self.served += 1
         host = (
             next(index for index in range(self.served, self.served + HOSTS) if index % HOSTS not in self.dead) % HOSTS
         )
         data = framed(request.header, request.blobs)
-        stream = self.actors[host].serve.options(num_returns="streaming").remote(data, *slot, self.seconds)
+        stream = self.actors[host].serve.options(num_returns="streaming").remote(data, *seat, self.seconds)
         return Hosted(self.ray, self.actors[host], stream, 600.0, guarded=False)
 
     def wait(self, calls: Sequence[Hosted], timeout: float | None = None) -> Sequence[Hosted]:
@@ -327,7 +327,7 @@ def scale(tiny: bool) -> dict[str, object]:
         begun, cpu = time.monotonic(), time.process_time()
         results: list[str] = []
         messages = 0
-        for message in scheduler.train(hosts, errands, [Slot("cpu", 1)] * SLOTS):
+        for message in scheduler.train(hosts, errands, [Seat("cpu", 1)] * SLOTS):
             messages += 1
             if isinstance(message, TrainingResult) and message.state is TrainingState.FINISHED:
                 results.append(message.lane)

@@ -81,7 +81,7 @@ def test_lanes_on_a_cpu_train_side_by_side(monkeypatch: pytest.MonkeyPatch, gpus
 def test_worlds_of_all_workers_on_a_device_count(monkeypatch: pytest.MonkeyPatch, gpus, device, expected):
     dealt: list[str] = []
 
-    def noted(transport, populations, slots) -> tuple[()]:
+    def noted(transport, populations, seats) -> tuple[()]:
         dealt.extend("".join(lane.id for lane in population.lanes) for population in populations)
         return ()
 

@@ -149,7 +149,7 @@ def test_what_is_left_of_a_training_keeps_the_populations_that_left_a_snapshot(
         found: list[list[str]] = []
         trainer = LocalExecutor(threads=2, snapshots=tmp_path)
 
-        def train(transport, populations, slots) -> tuple[()]:
+        def train(transport, populations, seats) -> tuple[()]:
             found.extend([lane.id for lane in population.lanes] for population in populations)
             return ()
 

@@ -17,7 +17,7 @@ import pytest
 from openeureka.cli import doctor
 from openeureka.errors import ConfigError
 from openeureka.executors import EXECUTORS, ray_node, retry
-from openeureka.executors.cluster import Place, check, shares
+from openeureka.executors.cluster import Resources, check, shares
 from openeureka.executors.local import LocalExecutor
 from openeureka.executors.ray import RayExecutor
 from openeureka.testing.conformance.trainer import TrainerConformance
@@ -269,38 +269,43 @@ def plain(result: TrainingResult) -> TrainingResult:
     return dataclasses.replace(result, seconds=0.0)
 
 
-LAPTOP, BIG = Place(cores=4), Place(cores=64)
+LAPTOP, BIG = Resources(cores=4), Resources(cores=64)
 
 
 @pytest.mark.parametrize(
-    ("places", "lanes", "threads", "expected"),
+    ("offers", "lanes", "threads", "expected"),
     [
         ([LAPTOP], 2, 0, (2, 2)),  # both at once, two cores each
         ([LAPTOP], 18, 0, (4, 1)),  # one machine: as many shares as cores
         ([LAPTOP, BIG], 18, 0, (18, 3)),  # 1 + 21 places of three cores; four would leave 17
         ([LAPTOP, LAPTOP], 100, 0, (16, 1)),  # two rounds of eight
-        ([Place(cores=32)] * 8, 18, 0, (18, 10)),  # three a node
+        ([Resources(cores=32)] * 8, 18, 0, (18, 10)),  # three a node
         ([LAPTOP, BIG], 100, 8, (8, 8)),  # the laptop has no eight cores
         ([LAPTOP], 5, 8, (0, 0)),
-        ([Place(cores=0)], 5, 0, (0, 0)),
-        ([Place(cores=1, memory=0.4e9 + 512 * 0.15e6)], 8, 0, (4, 1)),  # two lanes of 256 worlds fit
-        ([Place(cores=16, memory=5.6e9)], 16, 0, (8, 2)),  # 16 workers would take 16 * (0.4 + 256 * 0.15e-3) = 7.0 GB
-        ([Place(cores=16, memory=5.6e9)], 16, 1, (16, 1)),  # who says so decides
-        ([Place(cores=4, memory=0.4e9)], 8, 0, (8, 4)),  # too little for any: one after the other
-        ([Place(cores=4, memory=0.4e9), BIG], 8, 0, (8, 8)),  # that node takes none
+        ([Resources(cores=0)], 5, 0, (0, 0)),
+        ([Resources(cores=1, memory=0.4e9 + 512 * 0.15e6)], 8, 0, (4, 1)),  # two lanes of 256 worlds fit
+        (
+            [Resources(cores=16, memory=5.6e9)],
+            16,
+            0,
+            (8, 2),
+        ),  # 16 would take 16 * (0.4 + 256 * 0.15e-3) = 7.0 GB
+        ([Resources(cores=16, memory=5.6e9)], 16, 1, (16, 1)),  # who says so decides
+        ([Resources(cores=4, memory=0.4e9)], 8, 0, (8, 4)),  # too little for any: one after the other
+        ([Resources(cores=4, memory=0.4e9), BIG], 8, 0, (8, 8)),  # that node takes none
     ],
 )
-def test_lanes_are_dealt_by_what_nodes_have(places, lanes, threads, expected):
-    assert shares(places, lanes, 256, "cpu", threads) == expected
+def test_lanes_are_dealt_by_what_nodes_have(offers, lanes, threads, expected):
+    assert shares(offers, lanes, 256, "cpu", threads) == expected
 
 
 def test_a_gpu_takes_whole_populations():
-    places = [Place(cores=16, gpus=2), Place(cores=64)]
-    assert shares(places, 18, 4096, "cuda", 0) == (2, 1)
-    assert shares(places, 40, 4096, "cuda", 0) == (3, 1)  # 16 lanes fill the worlds of one
+    offers = [Resources(cores=16, gpus=2), Resources(cores=64)]
+    assert shares(offers, 18, 4096, "cuda", 0) == (2, 1)
+    assert shares(offers, 40, 4096, "cuda", 0) == (3, 1)  # 16 lanes fill the worlds of one
     assert shares([LAPTOP], 18, 4096, "cuda", 0) == (0, 0)
-    assert shares([Place(cores=0, gpus=8)], 18, 4096, "cuda", 0) == (0, 0)  # an actor takes a core
-    assert shares([Place(cores=3, gpus=8)], 18, 4096, "cuda", 16) == (3, 16)
+    assert shares([Resources(cores=0, gpus=8)], 18, 4096, "cuda", 0) == (0, 0)  # an actor takes a core
+    assert shares([Resources(cores=3, gpus=8)], 18, 4096, "cuda", 16) == (3, 16)
 
 
 def test_a_cluster_that_takes_orders_from_anybody_is_refused():

@@ -11,7 +11,7 @@ from openeureka.errors import StoreError, TaskError, WorkerError
 from openeureka.executors import retry
 from openeureka.executors.retry import LOSSES, Errand
 from openeureka.executors.scheduler import deal, train
-from openeureka.executors.transport import Slot, WorkerLost, farewell
+from openeureka.executors.transport import Seat, WorkerLost, farewell
 from openeureka.training.wire import SNAPSHOT, pack, unpack_lanes
 from openeureka.types import (
     LaneSpec,
@@ -60,10 +60,10 @@ class Scripted:
         self.asked: list[tuple[str, list[str]]] = []
         self.calls: list[ScriptedCall] = []
 
-    def call(self, request: Frame, slot: Slot) -> ScriptedCall:
+    def call(self, request: Frame, seat: Seat) -> ScriptedCall:
         names = [lane.id for lane in unpack_lanes(request)[1]]
-        self.asked.append((slot.device, names))
-        self.calls.append(ScriptedCall(slot.device, self.script(names)))
+        self.asked.append((seat.device, names))
+        self.calls.append(ScriptedCall(seat.device, self.script(names)))
         return self.calls[-1]
 
     def wait(self, calls: Sequence[ScriptedCall], timeout: float | None = None) -> list[ScriptedCall]:
@@ -106,7 +106,7 @@ def errands(*names: str, folder: Path | None = None, generated: bool = False) ->
 
 def trained(transport: Scripted, shares: Sequence[Errand], devices: str = "0") -> list[str]:
     """Lanes in the order of their results; those that failed with a `!`."""
-    found = train(transport, shares, [Slot(device, 1) for device in devices])
+    found = train(transport, shares, [Seat(device, 1) for device in devices])
     results = [message for message in found if isinstance(message, TrainingResult)]
     assert all(call.closed for call in transport.calls)
     return [message.lane + "!" * (message.state is TrainingState.FAILED) for message in results]
@@ -126,7 +126,7 @@ def test_lanes_are_dealt_in_order_and_those_of_a_snapshot_stay_together():
 
 def test_a_free_slot_takes_the_next_population():
     transport = Scripted(until("nobody"))
-    # Each round every worker says one thing. The first slot is free in the second round, and again in the fourth.
+    # Each round every worker says one thing. The first seat is free in the second round, and again in the fourth.
     assert trained(transport, errands("a", "bcdef", "g", "h"), "01") == ["a", "b", "c", "d", "g", "e", "f", "h"]
     assert [(device, "".join(names)) for device, names in transport.asked] == [
         ("0", "a"), ("1", "bcdef"), ("0", "g"), ("0", "h"),
@@ -137,7 +137,7 @@ def test_progress_of_one_population_after_another_counts_on():
     def script(names: list[str]) -> Said:
         yield from (progress(names), *map(result, names), DONE)
 
-    found = train(Scripted(script), errands("a", "b"), [Slot("0", 1)])
+    found = train(Scripted(script), errands("a", "b"), [Seat("0", 1)])
     seen = [message for message in found if isinstance(message, TrainingProgress)]
     assert [(m.epoch, m.epochs) for m in seen] == [(2, 8), (6, 8)]
 
@@ -177,7 +177,7 @@ def test_progress_adds_up_over_the_shares_of_a_node():
         part = TrainingProgress(epoch=1, epochs=2, env_steps_per_second=10.0, fitness={}, nodes={names[0][0]: share})
         yield from (pack(part), pack(part), *map(result, names), DONE)
 
-    found = train(Scripted(script), errands("nm", "nop", "x"), [Slot("0", 1), Slot("1", 1), Slot("2", 1)])
+    found = train(Scripted(script), errands("nm", "nop", "x"), [Seat("0", 1), Seat("1", 1), Seat("2", 1)])
     seen = [message.nodes for message in found if isinstance(message, TrainingProgress)]
     assert seen[2] == {
         "n": NodeShare(lanes=5, env_steps_per_second=20.0),
@@ -197,9 +197,9 @@ def test_where_no_generated_reward_trains_the_human_one_says_who_is_at_fault():
 class Sick(Scripted):
     """Its first device ends every worker."""
 
-    def call(self, request: Frame, slot: Slot) -> ScriptedCall:
-        call = super().call(request, slot)
-        if slot.device == "0":
+    def call(self, request: Frame, seat: Seat) -> ScriptedCall:
+        call = super().call(request, seat)
+        if seat.device == "0":
             call.coming, call.said = WorkerError("It was killed."), iter([])
         return call
 
@@ -249,7 +249,7 @@ def test_what_died_trains_at_no_rate_until_it_is_tried_again():
         yield WorkerError("It died.") if names == ["a"] else pack(part)
         yield from (*map(result, names), DONE)
 
-    found = train(Scripted(script), errands("a", "b"), [Slot("0", 1), Slot("1", 1)])
+    found = train(Scripted(script), errands("a", "b"), [Seat("0", 1), Seat("1", 1)])
     seen = [message for message in found if isinstance(message, TrainingProgress)]
     assert [(m.epoch, m.env_steps_per_second, sorted(m.nodes)) for m in seen[:3]] == [
         (1, 10.0, ["node-a"]), (2, 20.0, ["node-a", "node-b"]), (2, 10.0, ["node-b"]),
@@ -280,7 +280,7 @@ def test_who_stops_listening_is_left_the_state_of_every_population(tmp_path: Pat
         yield progress(names)
 
     transport = Scripted(script)
-    stream = train(transport, errands("a", "b", "c", folder=tmp_path / "snapshots"), [Slot("0", 1), Slot("1", 1)])
+    stream = train(transport, errands("a", "b", "c", folder=tmp_path / "snapshots"), [Seat("0", 1), Seat("1", 1)])
     assert isinstance(next(stream), TrainingProgress)
     stream.close()
     assert sorted(file.read_bytes() for file in (tmp_path / "snapshots").glob("*.pt")) == [b"0", b"1"]
@@ -330,8 +330,8 @@ def test_a_state_is_removed_once_two_workers_died_of_it_and_not_before(tmp_path:
 
 def test_results_that_were_under_way_at_ctrl_c_are_told(tmp_path: Path):
     class Interrupted(Scripted):
-        def call(self, request: Frame, slot: Slot) -> ScriptedCall:
-            call = super().call(request, slot)
+        def call(self, request: Frame, seat: Seat) -> ScriptedCall:
+            call = super().call(request, seat)
             call.stop = lambda: None  # its training is over
             return call
 
@@ -343,7 +343,7 @@ def test_results_that_were_under_way_at_ctrl_c_are_told(tmp_path: Path):
     found: list[TrainingResult | TrainingProgress] = []
     transport = Interrupted(lambda names: iter([Frame({}, {SNAPSHOT: b"state"}), result("a"), DONE]))
     with pytest.raises(KeyboardInterrupt):
-        for message in train(transport, errands("a", folder=tmp_path / "snapshots"), [Slot("0", 1)]):
+        for message in train(transport, errands("a", folder=tmp_path / "snapshots"), [Seat("0", 1)]):
             found.append(message)
     assert [message.lane for message in found if isinstance(message, TrainingResult)] == ["a"]
     assert transport.calls[0].closed and list(tmp_path.iterdir()) == []
@@ -364,7 +364,7 @@ def test_a_full_disk_costs_a_snapshot_and_no_training(tmp_path: Path, monkeypatc
     with pytest.raises(TaskError):  # also where the last snapshots find the disk full
         trained(Scripted(failing), errands("a", "b", folder=tmp_path / "snapshots"), "01")
     transport = Scripted(lambda names: iter([progress(names)]))
-    stream = train(transport, errands("a", folder=tmp_path / "snapshots"), [Slot("0", 1)])
+    stream = train(transport, errands("a", folder=tmp_path / "snapshots"), [Seat("0", 1)])
     next(stream)
     stream.close()
     assert all(call.closed for call in transport.calls)
@@ -427,7 +427,7 @@ def test_who_is_silent_for_longer_than_its_time_is_left_behind():
     said: list[None] = []
     transport = Polled(lambda names: iter([]))
     for errand in errands("a", "b"):
-        transport.call(errand.request("cpu"), Slot(errand.lanes[0].id, 1)).stop = lambda: None
+        transport.call(errand.request("cpu"), Seat(errand.lanes[0].id, 1)).stop = lambda: None
     first, second = transport.calls
     assert [call.device for call, _ in farewell(transport, {first: 0.05, second: 60.0})] == ["b", "b"]
 

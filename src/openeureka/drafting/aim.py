@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import TaskError, nearest
-from .survey import Place, Survey
+from .survey import Point, Survey
 
 NEAR = 0.2
 """Share of its way to the goal within which something has reached it, unless `NEAREST` or what both fill is more."""
@@ -32,11 +32,11 @@ class Aim:
     """The sentence for the language model, if a person gives none."""
     missing: str = ""
     """Why there is no F."""
-    mover: Place | None = None
+    mover: Point | None = None
     """What is brought to the goal."""
-    hand: Place | None = None
+    hand: Point | None = None
     """What brings it, where that is something else."""
-    goal: Place | None = None
+    goal: Point | None = None
     """Where to."""
     point: tuple[float, ...] = ()
     """[m] a goal that the model does not have."""
@@ -78,7 +78,7 @@ def _named_aim(survey: Survey, thing: str, goal: str) -> Aim:
     return _bring(survey, mover, _fitting(mover, marks))
 
 
-def _by_name(survey: Survey, name: str) -> Place:
+def _by_name(survey: Survey, name: str) -> Point:
     places = {place.name: place for place in reversed(survey.places())}
     if name not in places:
         meant = nearest(name, places) or f" It has {', '.join(reversed(places))}."
@@ -115,7 +115,7 @@ def _run(survey: Survey) -> Aim:
     )
 
 
-def _reach_a_point(survey: Survey, mover: Place) -> Aim:
+def _reach_a_point(survey: Survey, mover: Point) -> Aim:
     """Where the median of random poses brings a part of the robot."""
     start = survey.where(mover)
     reach = sorted(survey.reach(mover, POSES), key=lambda place: float(np.linalg.norm(place - start)))
@@ -135,7 +135,7 @@ def _reach_a_point(survey: Survey, mover: Place) -> Aim:
     )
 
 
-def _bring(survey: Survey, mover: Place, goal: Place) -> Aim:
+def _bring(survey: Survey, mover: Point, goal: Point) -> Aim:
     distance = float(np.linalg.norm(survey.where(mover) - survey.where(goal)))
     # Things that collide cannot come nearer than they are thick, nor an object nearer to a mark on what it lies on.
     solid = bool(survey.radius(goal)) or not survey.is_robots(mover)
@@ -162,12 +162,12 @@ def _bring(survey: Survey, mover: Place, goal: Place) -> Aim:
     )
 
 
-def _default_mover(survey: Survey) -> Place:
+def _default_mover(survey: Survey) -> Point:
     """Of a robot that goes somewhere its base, of another the end of its longest limb."""
     return survey.root or _tip(survey)
 
 
-def _tip(survey: Survey) -> Place:
+def _tip(survey: Survey) -> Point:
     """The end of the longest limb, by what is called so: a site at it, or one of several ends."""
     ends = [link for link in survey.links if survey.depth(link.body) == survey.depth(survey.links[0].body)]
     link = next((link for link in ends if _TIPS & set(_words(link.name))), ends[0])
@@ -175,16 +175,16 @@ def _tip(survey: Survey) -> Place:
     return next((site for site in sites if _TIPS & set(_words(site.name))), link)
 
 
-def _marks(survey: Survey, mover: Place) -> list[Place]:
+def _marks(survey: Survey, mover: Point) -> list[Point]:
     """What is called goal or target, but for the mover itself."""
     return [p for p in survey.places() if "goal" in _words(p.name) and not survey.are_one(p, mover)]
 
 
-def _fitting(mover: Place, marks: Sequence[Place]) -> Place:
+def _fitting(mover: Point, marks: Sequence[Point]) -> Point:
     return max(marks, key=lambda mark: _shared(mover, mark))  # the first of equals: bodies before sites before geoms
 
 
-def _shared(one: Place, other: Place) -> int:
+def _shared(one: Point, other: Point) -> int:
     return len(set(_words(one.name)) & set(_words(other.name)))
 
 
@@ -239,7 +239,7 @@ class _Reader:
             return _reach_a_point(survey, mover)
         return self._unknown(goal_words, goals)
 
-    def _movers(self, words: Sequence[str]) -> list[Place]:
+    def _movers(self, words: Sequence[str]) -> list[Point]:
         survey = self.survey
         movers = [place for place in survey.places() if survey.moves(place)]
         found = _mentioned(words, [place for place in movers if "goal" in words or "goal" not in _words(place.name)])
@@ -249,7 +249,7 @@ class _Reader:
             return survey.objects
         return [_default_mover(survey)] if set(words) <= self.itself else []
 
-    def _unknown(self, words: Sequence[str], several: Sequence[Place] = ()) -> Aim:
+    def _unknown(self, words: Sequence[str], several: Sequence[Point] = ()) -> Aim:
         """No F: the words that were not understood, or what they may stand for."""
         if several:
             return _unsaid(f"it may mean {' or '.join(dict.fromkeys(place.name for place in several))}")
@@ -269,11 +269,11 @@ def _cut(words: Sequence[str], marks: frozenset[str]) -> tuple[list[str], list[s
     return list(words[:place]), list(words[place + 1 :])
 
 
-def _mentioned(words: Sequence[str], places: Sequence[Place]) -> list[Place]:
+def _mentioned(words: Sequence[str], places: Sequence[Point]) -> list[Point]:
     """The place that has all these words in its name; several where they fit more than one equally well."""
     wanted = set(words)
     nouns = wanted - _LOOKS
-    fits: dict[tuple[int, int], list[Place]] = {}
+    fits: dict[tuple[int, int], list[Point]] = {}
     for place in places:
         has = set(_words(place.name))
         if nouns and nouns <= has:

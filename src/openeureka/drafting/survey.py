@@ -58,7 +58,7 @@ class Variable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class Point:
     """A point of a model that a task can be about."""
 
     name: str
@@ -92,7 +92,7 @@ class Survey:
         self._names: dict[tuple[str, int], str] = {}
         self._taken: set[str] = {*_OF_DRAFTS, *_OF_RUNNERS}
         self.base = base(model)
-        self.links = [Place(name=self._called(body), field="xipos", index=body, body=body) for body in self._ends()]
+        self.links = [Point(name=self._called(body), field="xipos", index=body, body=body) for body in self._ends()]
         if self.base is None and not self.links:
             raise TaskError(
                 "No actuator of the model drives a joint or a tendon, or pushes what floats at a site, so a draft does"
@@ -152,39 +152,39 @@ class Survey:
         return bool(meets.any()) or model.npair > 0 or model.opt.gravity[2] >= 0.0
 
     @property
-    def root(self) -> Place | None:
+    def root(self) -> Point | None:
         """What runs."""
         return None if self.base is None else self._body(self.base)
 
-    def places(self) -> list[Place]:
+    def places(self) -> list[Point]:
         """Every body, site and geom that has a name, in this order."""
         model, links = self.model, {link.body: link for link in self.links}
         found = [links.get(body) or self._body(body) for body in range(1, model.nbody)]
         for kind, bodies in (("SITE", model.site_bodyid), ("GEOM", model.geom_bodyid)):
             field = f"{kind.lower()}_xpos"
             found += [
-                Place(name=named(model, kind, i), field=field, index=i, body=int(body)) for i, body in enumerate(bodies)
+                Point(name=named(model, kind, i), field=field, index=i, body=int(body)) for i, body in enumerate(bodies)
             ]
         return [place for place in found if name_of(model, _kind(place), place.index)]
 
-    def moves(self, place: Place) -> bool:
+    def moves(self, place: Point) -> bool:
         """Whether physics does: a mocap body stays where it is put."""
         whole = self.model.body_weldid[place.body]
         return bool(whole) and bool(self.model.body_mocapid[whole] < 0)
 
-    def are_one(self, place: Place, other: Place) -> bool:
+    def are_one(self, place: Point, other: Point) -> bool:
         """Whether nothing can move between both."""
         return bool(self.model.body_weldid[place.body] == self.model.body_weldid[other.body])
 
-    def is_robots(self, place: Place) -> bool:
+    def is_robots(self, place: Point) -> bool:
         """Whether actuators move it."""
         return self.moves(place) and int(self.model.body_treeid[place.body]) in driven_trees(self.model)
 
-    def where(self, place: Place) -> np.ndarray:
+    def where(self, place: Point) -> np.ndarray:
         """(3,) at the start [m]."""
         return getattr(self._data, place.field)[place.index].copy()
 
-    def reach(self, place: Place, poses: int) -> np.ndarray:
+    def reach(self, place: Point, poses: int) -> np.ndarray:
         """(poses, 3) where random positions of the driven joints bring a part of the robot [m]."""
         random, pose, found = np.random.default_rng(0), home(self.model), []
         ranges = self._ranges()
@@ -209,7 +209,7 @@ class Survey:
                 ranges[joint] = held.clip(*ranges[joint]) if model.jnt_limited[joint] else held
         return ranges
 
-    def radius(self, place: Place) -> float:
+    def radius(self, place: Point) -> float:
         """[m] around the place that what collides of it fills; 0 for a mere mark."""
         if place.field == "site_xpos":
             return 0.0
@@ -221,11 +221,11 @@ class Survey:
         around = [float(np.linalg.norm(self._data.geom_xpos[g] - centre) + model.geom_rbound[g]) for g in solid]
         return max(around, default=0.0)
 
-    def variable(self, place: Place) -> str:
+    def variable(self, place: Point) -> str:
         """The name of the state variable that says where it is."""
         return f"{self._beginning(_kind(place), place.index)}_pos"
 
-    def variables(self, mover: Place | None = None, hand: Place | None = None) -> Iterator[Variable]:
+    def variables(self, mover: Point | None = None, hand: Point | None = None) -> Iterator[Variable]:
         """Those of the table, with the position of `mover`, what a task is about, observed, and that of `hand`."""
         told, known = self.variable(mover) if mover else "", set[str]()
         for variable in self._all():
@@ -247,7 +247,7 @@ class Survey:
             yield self._position(link, seen=False)
         yield from self._sensors()
 
-    def _position(self, place: Place, *, seen: bool) -> Variable:
+    def _position(self, place: Point, *, seen: bool) -> Variable:
         meaning = f"{'centre of mass' if place.field == 'xipos' else 'position'} of {place.name} [m]"
         name, observed = self.variable(place), range(3) if seen else ()
         return Variable(name=name, value=place.value, meaning=meaning, size=3, use="point", seen=observed)
@@ -353,7 +353,7 @@ class Survey:
             body = int(self.model.body_parentid[body])
         return count
 
-    def _objects(self) -> list[Place]:
+    def _objects(self) -> list[Point]:
         """What lies or slides about: bodies on a free or sliding joint that no actuator moves."""
         model, driven, found = self.model, driven_trees(self.model), []
         for body in range(1, model.nbody):
@@ -367,8 +367,8 @@ class Survey:
         self._data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self._data)
 
-    def _body(self, body: int) -> Place:
-        return Place(name=self._called(body), field="xpos", index=body, body=body)
+    def _body(self, body: int) -> Point:
+        return Point(name=self._called(body), field="xpos", index=body, body=body)
 
     def _called(self, body: int) -> str:
         return named(self.model, "BODY", body)
@@ -390,5 +390,5 @@ class Survey:
         return name
 
 
-def _kind(place: Place) -> str:
+def _kind(place: Point) -> str:
     return {"site_xpos": "SITE", "geom_xpos": "GEOM"}.get(place.field, "BODY")

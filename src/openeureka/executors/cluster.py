@@ -35,22 +35,22 @@ _SETTINGS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """What a node offers."""
+class Resources:
+    """What a node offers, or a worker needs."""
 
     cores: int
     gpus: int = 0
     memory: float = math.inf
     """[bytes]"""
 
-    def within(self, other: Place) -> bool:
+    def within(self, other: Resources) -> bool:
         """Whether the other has as many cores and GPUs."""
         return self.cores <= other.cores and self.gpus <= other.gpus
 
     @staticmethod
-    def of(node: Mapping[str, Any]) -> Place:
+    def of(node: Mapping[str, Any]) -> Resources:
         has = node["Resources"]
-        return Place(int(has.get("CPU", 0)), int(has.get("GPU", 0)), has.get("memory", math.inf))
+        return Resources(int(has.get("CPU", 0)), int(has.get("GPU", 0)), has.get("memory", math.inf))
 
 
 _joined = ""
@@ -127,12 +127,12 @@ def _open(where: str) -> ConfigError:
     )
 
 
-def living(ray: Any, without: Collection[str] = ()) -> list[Place]:
+def living(ray: Any, without: Collection[str] = ()) -> list[Resources]:
     """What each node that is there offers, without those of these ids."""
-    return [Place.of(node) for node in ray.nodes() if node["Alive"] and node["NodeID"] not in without]
+    return [Resources.of(node) for node in ray.nodes() if node["Alive"] and node["NodeID"] not in without]
 
 
-def shares(places: Sequence[Place], lanes: int, worlds: int, device: str, threads: int) -> tuple[int, int]:
+def shares(offers: Sequence[Resources], lanes: int, worlds: int, device: str, threads: int) -> tuple[int, int]:
     """Into how many populations to deal lanes, and the cores of each; (0, 0) where no node has room for one.
 
     A population takes as many cores as leave room for all of them at once, or for a population a core, where the memory
@@ -140,22 +140,22 @@ def shares(places: Sequence[Place], lanes: int, worlds: int, device: str, thread
     core.
     """
     if device == "cuda":
-        room, memory, threads = sum(min(place.gpus, place.cores) for place in places), math.inf, max(1, threads)
+        room, memory, threads = sum(min(offer.gpus, offer.cores) for offer in offers), math.inf, max(1, threads)
     else:
-        most = max((place.cores for place in places), default=0)
+        most = max((offer.cores for offer in offers), default=0)
 
         def memory_of(number: int) -> float:
-            parts = [place.memory / (place.cores // number) for place in places if place.cores >= number]
+            parts = [offer.memory / (offer.cores // number) for offer in offers if offer.cores >= number]
             return min(parts, default=0.0)
 
         roomy = [number for number in range(most, 0, -1) if memory_of(number) >= WORKER + worlds * WORLD]
         # Where no part is large enough, memory is estimated: the fewest side by side are tried.
         options = [threads] if threads else roomy or [most][: bool(most)]
-        fitting = {number: sum(place.cores // number for place in places) for number in options}
+        fitting = {number: sum(offer.cores // number for offer in offers) for number in options}
         wanted = min(lanes, max(fitting.values(), default=0))
         threads = next((number for number, room in fitting.items() if room >= wanted), 0)
         room, memory = fitting.get(threads, 0), memory_of(threads) if threads else 0.0
-        if sum(place.cores >= threads for place in places) > 1:
+        if sum(offer.cores >= threads for offer in offers) > 1:
             room *= ROUNDS if lanes >= room * FULL else 1
     if not room:
         return 0, 0
@@ -226,6 +226,6 @@ def survey(address: str) -> list[dict[str, Any]]:
             )
             found.append({"host": node["NodeManagerHostname"], "fault": str(fault)})
             continue
-        offered = Place.of(node)
+        offered = Resources.of(node)
         found.append({**said, "cores": offered.cores, "gpus": offered.gpus, "guarded": exposed(ray)})
     return found

@@ -14,7 +14,7 @@ from ..types import LaneSpec, TrainBudget, TrainingEvent
 from ..worker import usable_cores
 from . import retry, scheduler
 from .retry import Errand
-from .transport import SILENCE, Processes, Slot
+from .transport import SILENCE, Processes, Seat
 
 CPU = "cpu"
 CPU_WORKERS = 8
@@ -39,8 +39,8 @@ def devices(setting: str) -> tuple[str, ...]:
     return tuple(found)
 
 
-def workers(devices: Sequence[str], threads: int, populations: int) -> tuple[Slot, ...]:
-    """A slot for each worker process, where up to so many populations can train side by side.
+def workers(devices: Sequence[str], threads: int, populations: int) -> tuple[Seat, ...]:
+    """A seat for each worker process, where up to so many populations can train side by side.
 
     On one CPU they get a process each, as far as there are cores: while the small operations of one population keep a
     single core busy, the others need not wait.
@@ -49,10 +49,10 @@ def workers(devices: Sequence[str], threads: int, populations: int) -> tuple[Slo
         threads: of all workers on a CPU together, or of each worker where several devices are named; 0 for all cores.
     """
     if tuple(devices) != (CPU,):
-        return tuple(Slot(device, threads) for device in devices)
+        return tuple(Seat(device, threads) for device in devices)
     available = threads or usable_cores()
     count = max(1, min(available, populations, CPU_WORKERS))
-    return (Slot(CPU, available // count),) * count
+    return (Seat(CPU, available // count),) * count
 
 
 class LocalExecutor(retry.Questions):
@@ -84,7 +84,7 @@ class LocalExecutor(retry.Questions):
     ) -> None:
         self._devices = devices(device)
         self._threads, self._snapshots = threads, snapshots
-        super().__init__(Processes(module, silence), Slot(self._devices[0], threads))
+        super().__init__(Processes(module, silence), Seat(self._devices[0], threads))
         kind = "cuda" if self._devices[0].startswith("cuda") else "cpu"
         self._max_worlds = max_worlds or MAX_WORLDS[kind]
 
@@ -98,7 +98,7 @@ class LocalExecutor(retry.Questions):
                 epoch: the machine is at fault, and no generated reward.
         """
         worlds = budget.worlds or registry.get(env).recipe.worlds
-        crew = [slot.device for slot in workers(self._devices, self._threads, len(lanes))]
+        crew = [seat.device for seat in workers(self._devices, self._threads, len(lanes))]
         room = self._max_worlds // max(map(crew.count, crew))  # of one worker, where several share a device
         count = max(len(crew), math.ceil(len(lanes) / max(1, room // worlds)))
         dealt = scheduler.deal(lanes, retry.together(self._snapshots, env, budget, crew[0]), count)

@@ -19,10 +19,10 @@ from ..tasks import registry
 from ..types import LaneSpec, TrainBudget, TrainingEvent
 from ..worker import Frame, WorkerDied, framed, unframed
 from . import cluster, ray_node, retry, scheduler
-from .cluster import Place
+from .cluster import Resources
 from .local import MAX_WORLDS
 from .retry import Errand
-from .transport import SILENCE, Slot, WorkerLost
+from .transport import SILENCE, Seat, WorkerLost
 
 POLL = 1.0
 """[s] between two looks at calls that say nothing, between which Ctrl-C is heard."""
@@ -63,7 +63,7 @@ class RayExecutor(retry.Questions):
         self._actors = Actors(self._ray, module, silence, exact=threads > 0)
         # Questions wait for one core of a node, and then take what the others there leave: waiting for a whole node may
         # take for ever where several searches share a cluster, and they are brief.
-        super().__init__(self._actors, Slot("cuda:0" if device == "cuda" else "cpu", threads))
+        super().__init__(self._actors, Seat("cuda:0" if device == "cuda" else "cpu", threads))
         self._had_room = False
 
     def train(self, env: str, lanes: Sequence[LaneSpec], budget: TrainBudget) -> Generator[TrainingEvent]:
@@ -79,18 +79,18 @@ class RayExecutor(retry.Questions):
         dealt = scheduler.deal(lanes, retry.together(self._snapshots, env, budget, self._device), count)
         errands = [Errand(env, share, budget, self._snapshots) for share in dealt]
         # All are submitted at once: Ray knows best when there is room for the next.
-        return scheduler.train(self._transport, errands, [self._slot._replace(threads=threads)] * len(errands))
+        return scheduler.train(self._transport, errands, [self._seat._replace(threads=threads)] * len(errands))
 
     def _shares(self, lanes: int, worlds: int) -> tuple[int, int]:
         """See `cluster.shares`. A cluster that had room, or has neither cores nor GPUs yet, is waited for."""
         while True:
-            places = self._actors.places()
-            count, threads = cluster.shares(places, lanes, worlds, self._device, self._threads)
+            offers = self._actors.offers()
+            count, threads = cluster.shares(offers, lanes, worlds, self._device, self._threads)
             if count:
                 self._actors.tell(waiting=False)
                 self._had_room = True
                 return count, threads
-            if not self._had_room and any(place.cores or place.gpus for place in places):
+            if not self._had_room and any(offer.cores or offer.gpus for offer in offers):
                 asked = f"device={self._device}" + (f" threads={self._threads}" if self._threads else "")
                 raise ConfigError(f"No node of the cluster at address={self._address} has room for {asked}.")
             self._actors.tell(waiting=True)
@@ -101,7 +101,7 @@ class Actors:
     """A `Transport` that has each call served by an actor of its own.
 
     Args:
-        exact: a call waits for as many cores as its slot has, also while no node has them.
+        exact: a call waits for as many cores as its seat has, also while no node has them.
     """
 
     def __init__(self, ray: Any, module: str, silence: float, *, exact: bool) -> None:
@@ -114,18 +114,18 @@ class Actors:
         self._shunned = set[str]()
         """The id of the node that the next call keeps off, if another has what it needs."""
 
-    def places(self) -> list[Place]:
+    def offers(self) -> list[Resources]:
         """What the nodes offer on which actors may run."""
         return cluster.living(self._ray, self._unlike)
 
-    def call(self, request: Frame, slot: Slot) -> ActorCall:
-        gpus = int(slot.device.startswith("cuda"))
+    def call(self, request: Frame, seat: Seat) -> ActorCall:
+        gpus = int(seat.device.startswith("cuda"))
         if not gpus and not self._exact:  # the nodes that had so many may be gone
-            most = max((place.cores for place in self.places()), default=0)
-            slot = slot._replace(threads=min(slot.threads, most or slot.threads))
-        needs = Place(1 if gpus else max(1, slot.threads), gpus)
+            most = max((offer.cores for offer in self.offers()), default=0)
+            seat = seat._replace(threads=min(seat.threads, most or seat.threads))
+        needs = Resources(1 if gpus else max(1, seat.threads), gpus)
         away, self._shunned = self._unlike | self._shunned, set()
-        if away != self._unlike and not any(needs.within(place) for place in cluster.living(self._ray, away)):
+        if away != self._unlike and not any(needs.within(offer) for offer in cluster.living(self._ray, away)):
             away = self._unlike
         apart = {"label_selector": {"ray.io/node-id": f"!in({','.join(away)})"}} if away else {}
         actor = self._actor.options(
@@ -138,10 +138,10 @@ class Actors:
         ).remote(self._module)
         data = framed(request.header, request.blobs)
         serve = actor.serve.options(num_returns="streaming", max_task_retries=0)
-        stream = serve.remote(data, *slot)
+        stream = serve.remote(data, *seat)
         return ActorCall(self, self._ray, actor, stream, needs, self._silence, env=request.header["env"])
 
-    def admit(self, node: Mapping[str, Any], needs: Place, env: str) -> None:
+    def admit(self, node: Mapping[str, Any], needs: Resources, env: str) -> None:
         """Look at a node that has taken a call.
 
         Raises:
@@ -153,7 +153,7 @@ class Actors:
         except cluster.UnlikeNode as error:
             known = node["id"] in self._unlike
             self._unlike.add(node["id"])
-            if not any(needs.within(place) for place in self.places()):
+            if not any(needs.within(offer) for offer in self.offers()):
                 raise
             if not known:
                 _log.warning("%s Until then the other nodes train, and this one does not.", error)
@@ -184,10 +184,10 @@ class Actors:
         waiting = [call for call in calls if call.waiting]
         if not waiting or time.monotonic() - self._looked < POLL:
             return
-        self._looked, places = time.monotonic(), self.places()
-        vain = [call for call in waiting if not any(call.needs.within(place) for place in places)]
+        self._looked, offers = time.monotonic(), self.offers()
+        vain = [call for call in waiting if not any(call.needs.within(offer) for offer in offers)]
         for call in vain:
-            call.lost = not self._exact and not call.needs.gpus and any(place.cores for place in places)
+            call.lost = not self._exact and not call.needs.gpus and any(offer.cores for offer in offers)
         self.tell(waiting=len(vain) == len(calls) and not any(call.lost for call in vain))
 
     def tell(self, *, waiting: bool) -> None:
@@ -201,7 +201,7 @@ class ActorCall:
     """A `Call` that an actor serves, as soon as there is room for it."""
 
     def __init__(
-        self, transport: Actors, ray: Any, actor: Any, stream: Any, needs: Place, silence: float, *, env: str
+        self, transport: Actors, ray: Any, actor: Any, stream: Any, needs: Resources, silence: float, *, env: str
     ) -> None:
         self._transport, self._ray, self._actor = transport, ray, actor
         self.stream, self.needs, self.lost = stream, needs, False

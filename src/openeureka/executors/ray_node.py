@@ -19,7 +19,7 @@ from ..errors import EurekaError, TaskError
 from ..parsing import named_file
 from ..version import __version__
 from ..worker import framed, unframed
-from .transport import ProcessCall, Processes, Slot
+from .transport import ProcessCall, Processes, Seat
 
 DECIDING = ("torch", "mujoco")
 """Packages whose versions numbers depend on, beside this one and Python."""
@@ -82,7 +82,7 @@ class Share:
         """Frames of the worker, the first of which says where this is; `died` is its end, in a sentence."""
         asked = unframed(request)
         yield framed({"node": about(asked.header["env"])})
-        self._call = self._processes.call(asked, Slot(device, threads))
+        self._call = self._processes.call(asked, Seat(device, threads))
         try:
             while True:
                 frame = self._call.receive()

@@ -30,7 +30,7 @@ from ..types import (
 )
 from ..worker import Frame
 from .snapshots import Snapshot, forget, groups
-from .transport import FAREWELL, LONGEST_FAREWELL, Call, Slot, Transport, WorkerLost
+from .transport import FAREWELL, LONGEST_FAREWELL, Call, Seat, Transport, WorkerLost
 
 SNAPSHOT_SECONDS = 300.0
 """[s] between two snapshots of a training; one takes a fraction of a second."""
@@ -46,7 +46,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class Attempt:
+class Batch:
     """Lanes that are asked for at once."""
 
     lanes: tuple[LaneSpec, ...]
@@ -87,17 +87,17 @@ class Errand:
         self._reported, self._apart = 0.0, 0.0
         """[s] When the worker reported last, 0 where it has not, and how long after the report before."""
 
-    def _attempts(self) -> Iterator[Attempt]:
+    def _attempts(self) -> Iterator[Batch]:
         """What to try next, by what is left at that moment."""
         for _ in range(TOGETHER):
             if self._left:
-                yield Attempt(tuple(self._left.values()), self._budget)
+                yield Batch(tuple(self._left.values()), self._budget)
         for lane in tuple(self._left.values()):
-            yield Attempt((lane,), self._budget)
+            yield Batch((lane,), self._budget)
         generated = not any(isinstance(lane.program, str) for lane in self.lanes)
         if generated and len(self._left) == len(self.lanes):
             human = LaneSpec(id="control", program="human", seed=self.lanes[0].seed)
-            yield Attempt((human,), dataclasses.replace(self._budget, env_steps=1), control=True)
+            yield Batch((human,), dataclasses.replace(self._budget, env_steps=1), control=True)
 
     @property
     def over(self) -> bool:
@@ -114,15 +114,15 @@ class Errand:
         """[s] that the worker may take for a last snapshot: the rest of an epoch, or a slower one."""
         return min(max(FAREWELL, 2 * self._apart), LONGEST_FAREWELL)
 
-    def choose(self, free: Collection[Slot], slots: Sequence[Slot]) -> Slot | None:
-        """Which of the free slots is to try now, that where its workers died least; None for none of them.
+    def choose(self, free: Collection[Seat], seats: Sequence[Seat]) -> Seat | None:
+        """Which of the free seats is to try now, that where its workers died least; None for none of them.
 
-        A slot where they died less is waited for where two have died, or one before it reported, and by the control, as
+        A seat where they died less is waited for where two have died, or one before it reported, and by the control, as
         that judges the machine. Any other death is rare, and a GPU need not idle for hours after it.
         """
         assert self._attempt is not None
-        self._devices = {slot.device for slot in slots}
-        found = min(free, key=lambda slot: (self._deaths[slot.device], slot.device == self._device), default=None)
+        self._devices = {seat.device for seat in seats}
+        found = min(free, key=lambda seat: (self._deaths[seat.device], seat.device == self._device), default=None)
         if found is None:
             return None
         deaths = self._deaths[found.device]
@@ -208,7 +208,7 @@ class Errand:
             return None  # the machine before told it as well, before it left
         return message
 
-    def _end(self, attempt: Attempt, reason: str) -> None:
+    def _end(self, attempt: Batch, reason: str) -> None:
         """Go on with the next attempt; lanes that none of them trains have the reason of their last."""
         self._reasons |= {lane.id: reason for lane in attempt.lanes}
         self._attempt = next(self._plan, None)
@@ -240,11 +240,11 @@ class Questions:
     """What one worker answers of a `types.Trainer`: a class that inherits it adds `train`.
 
     Args:
-        slot: of the worker; what rewards pay is computed on its cores.
+        seat: of the worker; what rewards pay is computed on its cores.
     """
 
-    def __init__(self, transport: Transport[Any], slot: Slot) -> None:
-        self._transport, self._slot = transport, slot
+    def __init__(self, transport: Transport[Any], seat: Seat) -> None:
+        self._transport, self._seat = transport, seat
 
     def evaluate(
         self,
@@ -267,7 +267,7 @@ class Questions:
         header |= {"dynamics": plain(dynamics or {}), "record": list(record)}
         left, deaths, losses = dict(policies), 0, 0
         while left and deaths < 2:
-            with closing(self._transport.call(Frame(header, left), self._slot)) as call:
+            with closing(self._transport.call(Frame(header, left), self._seat)) as call:
                 try:
                     while not (frame := call.receive()).header.get("done"):
                         if "score" in frame.header:
@@ -295,7 +295,7 @@ class Questions:
             TaskError: when the task's own code fails.
         """
         paid: dict[str, Sequence[float]] = {}
-        names, cores = list(programs), self._slot._replace(device="cpu")
+        names, cores = list(programs), self._seat._replace(device="cpu")
         for _ in range(2):
             if not (left := {name: programs[name] for name in names if name not in paid}):
                 break

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from ..types import LaneSpec, NodeShare, TrainingEvent, TrainingProgress, TrainingResult
 from ..worker import Frame
 from .retry import Errand
-from .transport import AnyCall, Slot, Transport, farewell
+from .transport import AnyCall, Seat, Transport, farewell
 
 
 def deal(lanes: Sequence[LaneSpec], kept: Sequence[Sequence[str]], count: int) -> list[Sequence[LaneSpec]]:
@@ -23,35 +23,35 @@ def deal(lanes: Sequence[LaneSpec], kept: Sequence[Sequence[str]], count: int) -
     return [*together, *(rest[start : start + size] for start in range(0, len(rest), size))]
 
 
-def train(transport: Transport[AnyCall], errands: Sequence[Errand], slots: Sequence[Slot]) -> Generator[TrainingEvent]:
-    """Train every errand, as many side by side as there are slots; messages as they come.
+def train(transport: Transport[AnyCall], errands: Sequence[Errand], seats: Sequence[Seat]) -> Generator[TrainingEvent]:
+    """Train every errand, as many side by side as there are seats; messages as they come.
 
-    A slot that is free takes the next errand in turn that does not wait for another one. Where training is stopped, by
+    A seat that is free takes the next errand in turn that does not wait for another one. Where training is stopped, by
     Ctrl-C, by an error or as nobody wants more, what is under way leaves its state. Where somebody still listens,
     results that come until then are told before the error.
 
     Raises:
         TaskError, WorkerError: see `Errand.hear`.
     """
-    waiting, free = deque(errands), deque(slots)
-    running: dict[AnyCall, tuple[Errand, Slot]] = {}
+    waiting, free = deque(errands), deque(seats)
+    running: dict[AnyCall, tuple[Errand, Seat]] = {}
     joint = JointProgress(len(errands))
     try:
         while waiting or running:
             for errand in tuple(waiting):
-                if (slot := errand.choose(free, slots)) is not None:
+                if (seat := errand.choose(free, seats)) is not None:
                     waiting.remove(errand)
-                    free.remove(slot)
-                    running[transport.call(errand.request(slot.device), slot)] = errand, slot
+                    free.remove(seat)
+                    running[transport.call(errand.request(seat.device), seat)] = errand, seat
             for call in transport.wait(list(running)):
-                errand, slot = running[call]
+                errand, seat = running[call]
                 message, ended = errand.hear(call)
                 if message is not None:
                     yield joint.add(errand, message) if isinstance(message, TrainingProgress) else message
                 if ended:
                     call.close()
                     del running[call]
-                    free.appendleft(slot)
+                    free.appendleft(seat)
                     if errand.over:
                         yield from errand.failed()
                         joint.close(errand)
@@ -73,7 +73,7 @@ def train(transport: Transport[AnyCall], errands: Sequence[Errand], slots: Seque
 
 
 def _stopped(
-    transport: Transport[AnyCall], running: Mapping[AnyCall, tuple[Errand, Slot]]
+    transport: Transport[AnyCall], running: Mapping[AnyCall, tuple[Errand, Seat]]
 ) -> Iterator[tuple[Errand, Frame]]:
     """What trainings that may go on later still say: their state, and results of those that end meanwhile."""
     resumable = {call: errand.farewell for call, (errand, _) in running.items() if errand.resumable}

@@ -26,7 +26,7 @@ FAREWELL, LONGEST_FAREWELL = 10.0, 100.0
 epochs are long it may take up to the second; Slurm, as the guide to clusters sets it, kills after two minutes."""
 
 
-class Slot(NamedTuple):
+class Seat(NamedTuple):
     """Room for one worker."""
 
     device: str
@@ -65,7 +65,7 @@ AnyCall = TypeVar("AnyCall", bound=Call)
 class Transport(Protocol[AnyCall]):
     """Where requests are served."""
 
-    def call(self, request: Frame, slot: Slot) -> AnyCall:
+    def call(self, request: Frame, seat: Seat) -> AnyCall:
         """Send a request. A worker that cannot be reached is one that died: `receive` says so."""
         ...
 
@@ -85,11 +85,11 @@ class Processes:
     def __init__(self, module: str, silence: float = SILENCE) -> None:
         self._module, self._silence = module, silence
 
-    def call(self, request: Frame, slot: Slot) -> ProcessCall:
+    def call(self, request: Frame, seat: Seat) -> ProcessCall:
         # Idle OpenMP threads that spin would starve the simulator's threads, many times over on a busy machine.
         worker = Worker(self._module, env={"GOMP_SPINCOUNT": "0", **os.environ}, nice=0)
         try:
-            worker.send({**request.header, **slot._asdict()}, request.blobs)
+            worker.send({**request.header, **seat._asdict()}, request.blobs)
         except WorkerDied:
             pass  # `receive` tells how it ended
         except BaseException:
