@@ -72,8 +72,8 @@ class Paced(ScriptedModel):
 class LongTrainer(ToyTrainer):
     """Leaves curves of real length."""
 
-    def _result(self, spec: LaneSpec) -> TrainingResult:
-        result = super()._result(spec)
+    def result(self, spec: LaneSpec) -> TrainingResult:
+        result = super().result(spec)
         names = [*result.curves, *(f"component/term_{i}" for i in range(COMPONENTS))]
         curves = {
             name: tuple(math.sin(shift + epoch / 50) * math.sqrt(2 + epoch) for epoch in range(EPOCHS))

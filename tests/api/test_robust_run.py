@@ -37,14 +37,14 @@ def searched(tmp_path: Path) -> Path:
 
 def kill(trainer: ToyTrainer, monkeypatch: pytest.MonkeyPatch, after: int) -> None:
     """Ctrl-C when so many more lanes are trained."""
-    whole, before = trainer._result, len(trainer.trained)
+    whole, before = trainer.result, len(trainer.trained)
 
     def result(lane):
         if len(trainer.trained) > before + after:
             raise KeyboardInterrupt
         return whole(lane)
 
-    monkeypatch.setattr(trainer, "_result", result)
+    monkeypatch.setattr(trainer, "result", result)
 
 
 def test_a_stopped_command_says_itself_how_to_go_on(searched, trainer, monkeypatch):

@@ -37,8 +37,8 @@ def test_the_curve_counts_no_reward_that_breaks_a_limit(tmp_path: Path) -> None:
 
 def test_minutes_are_those_of_the_longest_of_what_trains_side_by_side(tmp_path: Path) -> None:
     class Slow(ToyTrainer):
-        def _result(self, lane: LaneSpec) -> TrainingResult:
-            return replace(super()._result(lane), seconds=60.0 * minutes[lane.id])
+        def result(self, lane: LaneSpec) -> TrainingResult:
+            return replace(super().result(lane), seconds=60.0 * minutes[lane.id])
 
     first, second = (Candidate.of(program(worth)).id for worth in (7, 8))
     minutes = {f"{first}-s0": 1, f"{second}-s0": 2, "human-s0": 3, "sparse-s0": 1}

@@ -82,8 +82,8 @@ def test_what_an_older_record_does_not_say_was_as_it_is_by_default(go, tmp_path)
 
 def test_a_lane_that_diverged_is_a_result_and_one_that_died_is_none(go, tmp_path, monkeypatch):
     states = {"human-s0": TrainingState.FAILED, "sparse-s0": TrainingState.DIVERGED}
-    train = ToyTrainer._result
-    monkeypatch.setattr(ToyTrainer, "_result", lambda self, lane: replace(train(self, lane), state=states[lane.id]))
+    train = ToyTrainer.result
+    monkeypatch.setattr(ToyTrainer, "result", lambda self, lane: replace(train(self, lane), state=states[lane.id]))
     go("--env", "ant", "--seeds", "1")
     assert list(json.loads((tmp_path / "all.json").read_text())["ant"]["lanes"]) == ["sparse-s0"]
     assert go("--env", "ant", "--seeds", "1") == [], "the run remembers it"
@@ -91,10 +91,10 @@ def test_a_lane_that_diverged_is_a_result_and_one_that_died_is_none(go, tmp_path
 
 
 def test_what_no_lane_survives_is_said_in_a_sentence_and_tried_again(go, monkeypatch):
-    train = ToyTrainer._result
+    train = ToyTrainer.result
     dead = {"state": TrainingState.FAILED, "message": "There is no memory."}
     with monkeypatch.context() as patch:
-        patch.setattr(ToyTrainer, "_result", lambda self, lane: replace(train(self, lane), **dead))
+        patch.setattr(ToyTrainer, "result", lambda self, lane: replace(train(self, lane), **dead))
         with pytest.raises(SystemExit, match="There is no memory"):
             go("--env", "ant", "--seeds", "1")
     assert go("--env", "ant", "--seeds", "1") == ["human-s0", "sparse-s0"]
@@ -105,14 +105,14 @@ import os, signal, sys
 import openeureka.executors.local as local
 from openeureka.testing.scripted import ToyTrainer
 
-train = ToyTrainer._result
+train = ToyTrainer.result
 
 def result(self, lane):
     if lane.id == "sparse-s0":
         os.kill(os.getpid(), signal.SIGKILL)
     return train(self, lane)
 
-ToyTrainer._result, local.LocalExecutor = result, lambda **_: ToyTrainer()
+ToyTrainer.result, local.LocalExecutor = result, lambda **_: ToyTrainer()
 import baselines
 baselines.main(sys.argv[1:])
 """

@@ -22,11 +22,11 @@ TEXT = "def compute_reward(x):\n    return 2.0 * x - 0.01 * x.abs() + (x > 0.5)\
 class Sum(ToyTrainer):
     """F is the sum of all numbers in the graph."""
 
-    def _result(self, lane: LaneSpec):
+    def result(self, lane: LaneSpec):
         assert isinstance(lane.program, RewardGraph)
         worth = sum(arg for node in lane.program.nodes for arg in node.args if isinstance(arg, float))
         graph = RewardGraph(nodes=(Node("full", (float(worth),)),), reward=0, components=())
-        return super()._result(replace(lane, program=graph))
+        return super().result(replace(lane, program=graph))
 
 
 def test_numbers_are_spoiled_by_factors_and_thresholds_by_a_tenth():

@@ -16,7 +16,7 @@ from openeureka.runs import stopping
 sys.stdout.write("begun"); sys.stdout.flush()
 sys.stdin.readline()  # by now nobody reads what is printed
 try:
-    stopping._interrupt(signal.SIGINT, None)
+    stopping.interrupt(signal.SIGINT, None)
 except KeyboardInterrupt:
     print("more", flush=True)
     print("on the way", file=sys.stderr)
@@ -38,5 +38,5 @@ def test_ctrl_c_is_heard_where_it_has_ended_who_reads_the_output():
 
 def test_ctrl_c_is_said_where_somebody_reads(capsys):
     with pytest.raises(KeyboardInterrupt):
-        stopping._interrupt(signal.SIGINT, None)
+        stopping.interrupt(signal.SIGINT, None)
     assert capsys.readouterr().out.startswith("Stopping: what is trained is being kept")

@@ -179,7 +179,7 @@ def test_a_list_of_rewards_that_makes_no_sense_is_refused(toy, reward, sentence)
 
 def ending(trainer: ToyTrainer, state: TrainingState, lanes: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Have the lanes whose ids begin so end early."""
-    whole = trainer._result
+    whole = trainer.result
 
     def result(lane):
         if not lane.id.startswith(lanes):
@@ -188,7 +188,7 @@ def ending(trainer: ToyTrainer, state: TrainingState, lanes: str, monkeypatch: p
             lane=lane.id, state=state, fitness=None, curves={}, env_steps=0, seconds=0.0, message="It went wrong."
         )
 
-    monkeypatch.setattr(trainer, "_result", result)
+    monkeypatch.setattr(trainer, "result", result)
 
 
 def test_where_nothing_could_be_trained_the_reason_is_all_that_is_said(toy, tmp_path, capsys, monkeypatch):
@@ -213,14 +213,14 @@ def test_why_a_training_ended_early_is_said(toy, tmp_path, capsys, monkeypatch):
 
 def stopping(trainer: ToyTrainer, after: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Have somebody press Ctrl-C when so many lanes have trained."""
-    whole = trainer._result
+    whole = trainer.result
 
     def result(lane):
         if len(trainer.trained) > after:
             raise KeyboardInterrupt
         return whole(lane)
 
-    monkeypatch.setattr(trainer, "_result", result)
+    monkeypatch.setattr(trainer, "result", result)
 
 
 @pytest.mark.parametrize("again", [train, resume])
@@ -252,7 +252,7 @@ def test_a_run_of_other_rewards_is_refused(toy, tmp_path):
 
 def test_a_reward_file_is_kept_so_that_the_run_needs_it_no_more(one_sandbox, toy, tmp_path, monkeypatch):
     (tmp_path / "my reward.py").write_text(GOOD)
-    monkeypatch.setattr(toy, "_result", lambda lane: ToyTrainer()._result(replace(lane, program="sparse")))
+    monkeypatch.setattr(toy, "result", lambda lane: ToyTrainer().result(replace(lane, program="sparse")))
     train([f"reward={tmp_path}/my reward.py", f"dir={tmp_path}/out"])
     (tmp_path / "my reward.py").unlink()
     with Store.view(tmp_path / "out") as store:

@@ -46,12 +46,12 @@ def compute_reward(pole_angle, cart_position):
 class Knowing(ToyTrainer):
     """F is 50, less the squared logarithms of all numbers in the graph: all should be 1."""
 
-    def _result(self, lane):
+    def result(self, lane):
         assert isinstance(lane.program, RewardGraph)
         numbers = [arg for node in lane.program.nodes for arg in node.args if isinstance(arg, float) and arg]
         worth = 50.0 - sum(math.log(abs(number)) ** 2 for number in numbers)
         graph = RewardGraph(nodes=(Node("full", (worth,)),), reward=0, components=())
-        return super()._result(openeureka.types.LaneSpec(id=lane.id, program=graph, seed=lane.seed))
+        return super().result(openeureka.types.LaneSpec(id=lane.id, program=graph, seed=lane.seed))
 
 
 @pytest.fixture
@@ -164,7 +164,7 @@ def test_it_is_json_for_programs(toy, mine, tmp_path, capsys):
 
 @pytest.mark.parametrize("again", [tune, resume])
 def test_a_stopped_tuning_goes_on_with_the_same_words_or_with_resume(toy, mine, tmp_path, monkeypatch, again):
-    whole = toy._result
+    whole = toy.result
 
     def result(lane):
         if len(toy.trained) > 8:
@@ -172,7 +172,7 @@ def test_a_stopped_tuning_goes_on_with_the_same_words_or_with_resume(toy, mine, 
         return whole(lane)
 
     with monkeypatch.context() as once, pytest.raises(Interrupted, match=f"eureka resume {tmp_path}/out"):
-        once.setattr(toy, "_result", result)
+        once.setattr(toy, "result", result)
         tune(words(mine, tmp_path))
     assert folder.entry("", tmp_path / "out").state is folder.RunState.STOPPED
     trained = toy.trained[:-1]
@@ -269,7 +269,7 @@ def test_a_tuning_in_which_every_training_dies_says_why(toy, mine, tmp_path, mon
             message="Its worker ran out of memory.",
         )  # fmt: skip
 
-    monkeypatch.setattr(toy, "_result", result)
+    monkeypatch.setattr(toy, "result", result)
     with pytest.raises(WorkerError, match=r"^Its worker ran out of memory\.$"):
         tune(words(mine, tmp_path))
     if again:

@@ -392,8 +392,8 @@ def test_a_replay_of_the_replies_is_the_same_search(begin) -> None:
 
 
 class Diverging(ToyTrainer):
-    def _result(self, lane):
-        result = super()._result(lane)
+    def result(self, lane):
+        result = super().result(lane)
         if lane.id.startswith(("human", "sparse")):
             return result
         curves = {name: (float("nan"),) for name in result.curves}
@@ -417,8 +417,8 @@ class Failing(ToyTrainer):
         super().__init__()
         self.everything = everything
 
-    def _result(self, lane):
-        result = super()._result(lane)
+    def result(self, lane):
+        result = super().result(lane)
         if not self.everything and result.fitness != 7:
             return result
         return replace(result, state=TrainingState.FAILED, message="out of memory", fitness=None, curves={},

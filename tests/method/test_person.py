@@ -177,8 +177,8 @@ def test_votes_choose_parent_and_best_where_they_judge(begin) -> None:
 
 
 class WithoutFitness(ToyTrainer):
-    def _result(self, lane) -> TrainingResult:
-        return replace(super()._result(lane), fitness=None)
+    def result(self, lane) -> TrainingResult:
+        return replace(super().result(lane), fitness=None)
 
 
 def test_votes_judge_a_task_that_never_defines_f(begin) -> None:

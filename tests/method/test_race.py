@@ -26,8 +26,8 @@ class Lucky(ToyTrainer):
 
     said: dict[str, float] = field(default_factory=dict)
 
-    def _result(self, spec: LaneSpec):
-        result = super()._result(spec)
+    def result(self, spec: LaneSpec):
+        result = super().result(spec)
         value = self.said.get(spec.id)
         if value is None:
             return result
@@ -217,10 +217,10 @@ def test_where_training_ranks_the_best_trains_with_all_seeds_at_once(tmp_path: P
 @pytest.mark.parametrize("peak", ["reward", "last", "fitness"])
 def test_a_lane_is_judged_by_that_of_its_policies_which_plays_best(tmp_path: Path, peak: str) -> None:
     class Peaked(ToyTrainer):
-        def _result(self, spec: LaneSpec):
+        def result(self, spec: LaneSpec):
             best = Checkpoint(epoch=1, value=1.0, policy=b"100")
             own = {"reward": {"best_reward": best}, "last": {"last": best.policy}, "fitness": {"best_fitness": best}}
-            return dataclasses.replace(super()._result(spec), **own[peak])
+            return dataclasses.replace(super().result(spec), **own[peak])
 
     go(tmp_path, Peaked(), [7, 8], seeds=1)
     with Store.view(tmp_path) as store:

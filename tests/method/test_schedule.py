@@ -105,9 +105,9 @@ class Dies(ToyTrainer):
         self._count()
         return super()._paused(lane, until)
 
-    def _result(self, lane):
+    def result(self, lane):
         self._count()
-        return super()._result(lane)
+        return super().result(lane)
 
     def _count(self):
         if not self.left:
@@ -211,7 +211,7 @@ class _Diverging(ToyTrainer):
     def train(self, env, lanes, budget):
         self.begun += [(budget.until, lane.id, lane.paused) for lane in lanes]
         for lane in lanes:
-            result = self._result(lane)
+            result = self.result(lane)
             if lane.program not in ("human", "sparse") and result.fitness == 2:
                 yield replace(result, state=TrainingState.DIVERGED, message="not a number", last=None)
             else:

@@ -240,9 +240,9 @@ class Dies(ToyTrainer):
             raise Killed
         self.left -= 1
 
-    def _result(self, lane):
+    def result(self, lane):
         self._count()
-        return super()._result(lane)
+        return super().result(lane)
 
     def evaluate(self, *args, **options):
         self._count()

@@ -53,7 +53,7 @@ class Runner(ToyTrainer):
         self.steps.append(budget.env_steps)
         yield from super().train(env, lanes, budget)
 
-    def _result(self, lane: LaneSpec) -> TrainingResult:
+    def result(self, lane: LaneSpec) -> TrainingResult:
         self.specs[lane.id] = lane
         if lane.id in self.failing:
             return TrainingResult(
@@ -63,7 +63,7 @@ class Runner(ToyTrainer):
             worth = float(lane.start) + self.gained - 10.0 * lane.fresh
             graph = RewardGraph(nodes=(Node("full", (worth,)),), reward=0, components=())
             lane = replace(lane, program=graph, seed=0, start=None)
-        return replace(super()._result(lane), env_steps=800)
+        return replace(super().result(lane), env_steps=800)
 
 
 def config(**settings) -> RunConfig:
@@ -154,8 +154,8 @@ def test_a_policy_that_loses_by_it_stays_the_best(tmp_path: Path) -> None:
 
 def test_a_lane_too_short_for_an_episode_plays_all_the_same(tmp_path: Path) -> None:
     class Short(Runner):
-        def _result(self, lane: LaneSpec) -> TrainingResult:
-            found = super()._result(lane)
+        def result(self, lane: LaneSpec) -> TrainingResult:
+            found = super().result(lane)
             return found if lane.start is None else replace(found, fitness=None, best_fitness=None)
 
     search(tmp_path, Short())
@@ -189,10 +189,10 @@ def test_more_lanes_than_ways_come_again_with_further_seeds() -> None:
 def test_a_stopped_one_goes_on_and_trains_nothing_twice(tmp_path: Path, after: int) -> None:
     @dataclass
     class Stopping(Runner):
-        def _result(self, lane: LaneSpec) -> TrainingResult:
+        def result(self, lane: LaneSpec) -> TrainingResult:
             if len(self.trained) > after:
                 raise KeyboardInterrupt
-            return super()._result(lane)
+            return super().result(lane)
 
     whole, first, second, third = Runner(), Stopping(), Runner(), Runner()
     search(tmp_path / "whole", whole)

@@ -154,8 +154,8 @@ class Recording(Toughening):
 class Polishing(Recording):
     """From a policy a lane gets better by 1."""
 
-    def _result(self, lane: LaneSpec) -> TrainingResult:
-        found = super()._result(lane)
+    def result(self, lane: LaneSpec) -> TrainingResult:
+        found = super().result(lane)
         if lane.start is None:
             return found
         better = str(float(lane.start) + 1).encode()
@@ -166,8 +166,8 @@ class Polishing(Recording):
 class Going(ToyTrainer):
     """A lane that goes on from a policy is as good from its first epoch on."""
 
-    def _result(self, lane: LaneSpec) -> TrainingResult:
-        found = super()._result(lane)
+    def result(self, lane: LaneSpec) -> TrainingResult:
+        found = super().result(lane)
         high = (found.fitness,) * 3
         return found if lane.start is None else replace(found, curves={**found.curves, "fitness": high})
 

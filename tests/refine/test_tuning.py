@@ -78,7 +78,7 @@ class Hill(ToyTrainer):
     noise: float = 0.0
     failing: Sequence[str] = field(default_factory=list)
 
-    def _result(self, lane: LaneSpec) -> TrainingResult:
+    def result(self, lane: LaneSpec) -> TrainingResult:
         if lane.id in self.failing:
             return TrainingResult(
                 lane=lane.id, state=TrainingState.DIVERGED, fitness=None, curves={}, env_steps=1, seconds=0.0
@@ -88,7 +88,7 @@ class Hill(ToyTrainer):
         off = sum(math.log(own / best) ** 2 for own, best in zip(numbers, BEST, strict=False))  # pyright: ignore
         worth = 100.0 - 4.0 * off + self.noise * Random(lane.id).gauss(0, 1)
         graph = RewardGraph(nodes=(Node("full", (worth,)),), reward=0, components=())
-        return super()._result(replace(lane, program=graph))
+        return super().result(replace(lane, program=graph))
 
 
 def spoiled(seed: int) -> str:
@@ -173,8 +173,8 @@ def test_a_text_that_a_search_cut_is_no_low_weighting(tmp_path: Path) -> None:
     """Half a training says nothing beside whole ones: for the proposals it stands in the middle."""
 
     class Halved(Hill):
-        def _result(self, lane: LaneSpec) -> TrainingResult:
-            result = super()._result(lane)
+        def result(self, lane: LaneSpec) -> TrainingResult:
+            result = super().result(lane)
             if lane.id != lane_id(Candidate.of(HUMAN).id, 0):
                 return result
             half = Checkpoint(epoch=1, value=2.0, policy=b"1.0")
@@ -213,10 +213,10 @@ def test_one_that_is_refused_or_diverges_is_the_worst_of_its_round(tmp_path: Pat
 
 def test_where_no_weighting_trains_the_text_as_it_came_stays(tmp_path: Path) -> None:
     class Lame(Hill):
-        def _result(self, lane: LaneSpec) -> TrainingResult:
+        def result(self, lane: LaneSpec) -> TrainingResult:
             own = f"{Candidate.of(HUMAN).id}-"
-            return super()._result(lane) if lane.id.startswith(own) else replace(
-                super()._result(lane), state=TrainingState.DIVERGED, fitness=None, best_fitness=None, best_reward=None
+            return super().result(lane) if lane.id.startswith(own) else replace(
+                super().result(lane), state=TrainingState.DIVERGED, fitness=None, best_fitness=None, best_reward=None
             )  # fmt: skip
 
     found = go(tmp_path, Lame(), HUMAN, tune=4, sample=4)
@@ -243,8 +243,8 @@ def test_where_every_proposal_is_refused_the_verdict_says_why(tmp_path: Path) ->
 
 def test_where_every_other_training_dies_the_verdict_says_why(tmp_path: Path) -> None:
     class Dying(Hill):
-        def _result(self, lane: LaneSpec) -> TrainingResult:
-            result = super()._result(lane)
+        def result(self, lane: LaneSpec) -> TrainingResult:
+            result = super().result(lane)
             if lane.id.startswith(Candidate.of(HUMAN).id):
                 return result
             died = replace(result, state=TrainingState.FAILED, fitness=None, best_fitness=None, best_reward=None)
@@ -258,10 +258,10 @@ def test_where_every_other_training_dies_the_verdict_says_why(tmp_path: Path) ->
 def test_a_stopped_tuning_goes_on_and_trains_nothing_twice(tmp_path: Path, after: int) -> None:
     @dataclass
     class Stopping(Hill):
-        def _result(self, lane: LaneSpec) -> TrainingResult:
+        def result(self, lane: LaneSpec) -> TrainingResult:
             if len(self.trained) > after:
                 raise KeyboardInterrupt
-            return super()._result(lane)
+            return super().result(lane)
 
     whole = Hill(noise=2.0)
     expected = go(tmp_path / "whole", whole, spoiled(7), tune=16)
@@ -370,12 +370,12 @@ def test_a_search_fits_the_numbers_of_its_winner(tmp_path: Path) -> None:
 class Wavering(ToyTrainer):
     """What other numbers than 7 and 12 are worth is up to the seed, so that their race takes all of them."""
 
-    def _result(self, lane: LaneSpec) -> TrainingResult:
+    def result(self, lane: LaneSpec) -> TrainingResult:
         assert isinstance(lane.program, RewardGraph | str)
         if isinstance(lane.program, str) or lane.program.nodes[0].args[0] in (7.0, 12.0):
-            return super()._result(lane)
+            return super().result(lane)
         luck = (lane.seed % 2) * 20.0 if lane.seed else 0.0
-        return super()._result(replace(lane, seed=0, program=_worth(12.5 + luck)))
+        return super().result(replace(lane, seed=0, program=_worth(12.5 + luck)))
 
 
 class Dies(Wavering):
@@ -418,11 +418,11 @@ def test_a_search_that_fits_numbers_compares_what_it_would_without(tmp_path: Pat
 class Settled(ToyTrainer):
     """Other numbers than 7 and 12 are worth less, and so is what trains with the seeds of a tuning."""
 
-    def _result(self, lane: LaneSpec) -> TrainingResult:
+    def result(self, lane: LaneSpec) -> TrainingResult:
         known = isinstance(lane.program, str) or lane.program.nodes[0].args[0] in (7.0, 12.0)
         if known and lane.seed < 4:
-            return super()._result(lane)
-        return super()._result(replace(lane, program=_worth(11.0 if known else 1.0)))
+            return super().result(lane)
+        return super().result(replace(lane, program=_worth(11.0 if known else 1.0)))
 
 
 def test_a_search_whose_numbers_stay_keeps_the_policy_that_it_found_and_tried(tmp_path: Path) -> None:

@@ -57,8 +57,8 @@ class Page(HTMLParser):
 class NamesComponents(ToyTrainer):
     """Trainings whose components and messages have hostile names."""
 
-    def _result(self, lane):
-        result = super()._result(lane)
+    def result(self, lane):
+        result = super().result(lane)
         curves = {**result.curves, f"component/{HOSTILE}": (0.0, 1.0, 2.0)}
         return dataclasses.replace(result, curves=curves, message=HOSTILE)
 

@@ -90,7 +90,7 @@ def test_the_learning_rate_follows_the_divergence():
     ppo = PPO([0, 1, 2], 3, 2, RECIPE, CPU)
     before = ppo.learning_rate.clone()
     threshold = RECIPE.kl_threshold
-    ppo._adapt(torch.tensor([[3 * threshold], [threshold], [0.1 * threshold]]))
+    ppo.adapt(torch.tensor([[3 * threshold], [threshold], [0.1 * threshold]]))
     torch.testing.assert_close(ppo.learning_rate / before, torch.tensor([[1 / 1.5], [1.0], [1.5]]))
 
 
@@ -99,8 +99,9 @@ def test_a_gradient_is_clipped_per_lane():
     ppo = PPO([0, 0], 3, 2, recipe, CPU)
     gradient = torch.zeros_like(ppo.network.flat)
     gradient[0, 0], gradient[1, 0] = 100.0, 0.5
-    ppo._adam(gradient)
-    torch.testing.assert_close(ppo._first[:, 0], torch.tensor([0.1, 0.05]), rtol=1e-4, atol=0)
+    ppo.descend(gradient)
+    first = torch.cat([ppo.lane_state(lane)["moments"][0] for lane in range(2)])
+    torch.testing.assert_close(first[:, 0], torch.tensor([0.1, 0.05]), rtol=1e-4, atol=0)
 
 
 def test_a_lane_learns_the_same_beside_others():

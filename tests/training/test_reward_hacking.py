@@ -11,7 +11,7 @@ import torch
 
 from openeureka.method import hacking
 from openeureka.method.hacking import Kind, Sign
-from openeureka.training.evaluate import _evaluation, concentration, evaluate
+from openeureka.training.evaluate import concentration, evaluate, summed_up
 from openeureka.training.population import Population
 from openeureka.types import (
     Dynamics,
@@ -106,7 +106,7 @@ class Loose(Cartpole):
 def test_the_error_of_a_score_is_that_of_a_ratio_of_two_sums():
     """Two worlds: F of 2 over one step and of 9 over three."""
     sums = torch.tensor([[2.0, 9.0], [1.0, 3.0], [1.0, 3.0]], dtype=torch.float64)
-    score = _evaluation("a", sums, torch.ones(4), 0, {}, None)
+    score = summed_up("a", sums, torch.ones(4), 0, {}, None)
     assert (score.fitness, score.episode_length) == (2.75, 2.0)  # (2 + 9) / (1 + 3), and 4 steps of 2 worlds
     # 2 - 2.75 * 1 = -0.75 and 9 - 2.75 * 3 = 0.75: sqrt((0.75^2 + 0.75^2) * 2 / 1) = 1.5, over a weight of 4.
     assert score.error == pytest.approx(0.375)

@@ -396,8 +396,8 @@ def test_a_run_that_began_again_in_the_same_folder_shows_its_own_curves(tmp_path
     class Steadier(ToyTrainer):
         """As good at its best as the other one, and before that better."""
 
-        def _result(self, lane):
-            whole = super()._result(lane)
+        def result(self, lane):
+            whole = super().result(lane)
             return replace(whole, curves={**whole.curves, "fitness": (6.25, whole.fitness, whole.fitness)})
 
     client = visitor(tmp_path)

@@ -45,7 +45,8 @@ def stopped(again: str = "") -> str:
     return f"Stopped, nothing is lost. Continue {f'with: {again}' if again else 'as you began it.'}"
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:
+def interrupt(number: int, frame: FrameType | None) -> None:
+    """Handles a signal: says that it was heard, and raises KeyboardInterrupt."""
     # What is printed right now may be in the middle of a line, and must not be entered twice.
     with suppress(RuntimeError):
         try:
@@ -65,7 +66,7 @@ def announced() -> Iterator[None]:
 
     def once(number: int, frame: FrameType | None) -> None:
         signal.signal(signal.SIGINT, before)
-        _interrupt(number, frame)
+        interrupt(number, frame)
 
     signal.signal(signal.SIGINT, once)
     try:
@@ -96,7 +97,7 @@ def stoppable(directory: Path) -> Iterator[None]:
                 signal.pthread_kill(listener, signal.SIGUSR1)
                 return
 
-    before = signal.signal(signal.SIGUSR1, _interrupt)
+    before = signal.signal(signal.SIGUSR1, interrupt)
     watcher = threading.Thread(target=watch, daemon=True)
     watcher.start()
     try:

@@ -108,17 +108,18 @@ class ToyTrainer:
         yield TrainingProgress(epoch=1, epochs=2, env_steps_per_second=1.0, fitness={lane.id: None for lane in lanes})
         for lane in lanes:
             self.trained.append(lane.id)
-            yield self._paused(lane, budget.until) if budget.until < 1.0 else self._result(lane)
+            yield self._paused(lane, budget.until) if budget.until < 1.0 else self.result(lane)
 
     def _paused(self, lane: LaneSpec, until: float) -> TrainingResult:
         """One that is worth as much as the whole; it goes on only with the state that it left."""
         begun = float(lane.paused or 0.0)
         if begun >= until:
             raise ValueError(f"{lane.id} was there already")
-        whole = self._result(lane)
+        whole = self.result(lane)
         return dataclasses.replace(whole, state=TrainingState.PAUSED, paused=str(until).encode())
 
-    def _result(self, lane: LaneSpec) -> TrainingResult:
+    def result(self, lane: LaneSpec) -> TrainingResult:
+        """Of the whole training of a lane."""
         worth = _worth(lane)
         peak = Checkpoint(epoch=1, value=worth, policy=str(worth).encode())
         own = (0.0, worth / 2, worth)

@@ -131,7 +131,7 @@ def _side_by_side(
     costs = meter.read(lanes)
     kept = dict(zip(recorded, recorder.read([sums[place] for place in recorded]), strict=True))
     played = zip(policies, sums, parts, lost, costs, map(kept.get, range(lanes)), strict=True)
-    return [replace(_evaluation(*one), noisy=noisy) for one in played]
+    return [replace(summed_up(*one), noisy=noisy) for one in played]
 
 
 def begin_alike(simulation: BatchedEnv, lanes: int = 1) -> bool:
@@ -179,7 +179,7 @@ def _play_once(
     return total, torch.stack(contributions), broken
 
 
-def _evaluation(
+def summed_up(
     lane: str, sums: Tensor, contributions: Tensor, lost: int, costs: Mapping[str, float], recorded: Episodes | None
 ) -> Evaluation:
     """One lane's score from the sums (3, n) of value times weight, weight and steps of each world, the contributions

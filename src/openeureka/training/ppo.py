@@ -233,19 +233,19 @@ class PPO:
         with torch.no_grad():
             new_mean, new_log_std = mean.detach(), log_std.detach().clone()
             divergence = self.head.divergence(new_mean, new_log_std, old_mean, old_log_std)
-            self._adapt(divergence)
-            self._adam(torch.cat([g.flatten(1) for g in gradients], dim=1))
+            self.adapt(divergence)
+            self.descend(torch.cat([g.flatten(1) for g in gradients], dim=1))
             told = torch.cat((policy_loss.mean(1, keepdim=True), value_loss.mean(1, keepdim=True), divergence), dim=1)
         return new_mean, new_log_std, told
 
-    def _adapt(self, divergence: Tensor) -> None:
+    def adapt(self, divergence: Tensor) -> None:
         """Per-lane learning rate from the KL divergence (L, 1) since the minibatch was last seen."""
         threshold, rate = self.recipe.kl_threshold, self.learning_rate
         rate = torch.where(divergence > 2.0 * threshold, rate / 1.5, rate)
         rate = torch.where(divergence < 0.5 * threshold, rate * 1.5, rate)
         self.learning_rate = rate.clamp(*LEARNING_RATES)
 
-    def _adam(self, gradient: Tensor) -> None:
+    def descend(self, gradient: Tensor) -> None:
         """Adam (arXiv 1412.6980) on all lanes' parameters, gradient (L, P) clipped by its norm per lane."""
         if self.recipe.max_grad_norm is not None:
             norm = gradient.norm(dim=1, keepdim=True)
