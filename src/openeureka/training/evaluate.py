@@ -6,7 +6,6 @@ import itertools
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
-from functools import partial
 
 import torch
 from torch import Tensor
@@ -62,61 +61,38 @@ def evaluate(
         noise: whether actions have the noise of training; None where all episodes begin alike.
         alive: called after every step of all worlds, and what else may take minutes.
     """
+    worlds, seed = episodes or EPISODES, seed + HELD_OUT_SEED
     changed = {lane: world for lane, world in (dynamics or {}).items() if world != NOMINAL}
     unplayed = changed.keys() if registry.get(env).draws_itself else set[str]()
     scores = [
         Evaluation(lane=lane, fitness=None, episode_length=0.0, episodes=0) for lane in policies if lane in unplayed
     ]
     left = [(lane, policy) for lane, policy in policies.items() if lane not in unplayed]
-    play = partial(
-        _side_by_side,
-        env,
-        worlds=episodes or EPISODES,
-        seed=seed + HELD_OUT_SEED,
-        dynamics=changed if changed.keys() - unplayed else None,
-        record=record,
-        noise=noise,
-        device=device,
-        threads=threads,
-        alive=alive,
-    )
-    most = max(1, WORLDS // (episodes or EPISODES))
+    most = max(1, WORLDS // worlds)
     for first in range(0, len(left), most):
-        scores += play(dict(left[first : first + most]))
+        together = dict(left[first : first + most])
+        own = [changed.get(lane, NOMINAL) for lane in together]
+        ranges = [Ranges(world, world) for world in own] if changed.keys() - unplayed else []
+        alive()
+        simulation = registry.make(
+            env, worlds=worlds, lane_seeds=[seed] * len(own), device=device, threads=threads, ranges=ranges
+        )
+        alive()
+        scores += _side_by_side(simulation, together, seed, record, noise, alive)
     return scores
 
 
 def _side_by_side(
-    env: str,
+    simulation: BatchedEnv,
     policies: Mapping[str, bytes],
-    *,
-    worlds: int,
     seed: int,
-    dynamics: Mapping[str, Dynamics] | None,
     record: Collection[str],
     noise: bool | None,
-    device: str,
-    threads: int,
     alive: Callable[[], None],
 ) -> list[Evaluation]:
-    """Scores of as many policies as have room at once.
-
-    Args:
-        worlds: of each policy; each plays one episode.
-        seed: of the start states and of noise.
-        dynamics: of the lanes that play in another world; None where none of the whole call does.
-    """
-    alive()
+    """Scores of as many policies as have room at once, each a lane of the simulation; `seed` is that of noise."""
     lanes = len(policies)
-    simulation = registry.make(
-        env,
-        worlds=worlds,
-        lane_seeds=[seed] * lanes,
-        device=device,
-        threads=threads,
-        ranges=[Ranges(one, one) for one in (dynamics.get(lane, NOMINAL) for lane in policies)] if dynamics else (),
-    )
-    alive()
+    worlds = simulation.num_worlds // lanes
     meter = Meter(simulation)
     recorded = [place for place, lane in enumerate(policies) if lane in record]
     recorder = Recorder(simulation.task.spec, recorded, worlds)
