@@ -1,5 +1,6 @@
 """The sentence that opens every account of a search."""
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -7,7 +8,9 @@ from pathlib import Path
 import pytest
 
 from openeureka.cli.show import summary
-from openeureka.report.tables import on_scale, scale
+from openeureka.numbers import number
+from openeureka.report import html
+from openeureka.report.tables import measures, on_scale
 from openeureka.report.verdict import meaning, nexts, verdict
 from openeureka.report.view import RunView
 from openeureka.score import Arm, Outcome
@@ -16,6 +19,7 @@ from openeureka.strategies import Ranking
 from openeureka.testing.scripted import ToyTrainer, reply
 from openeureka.types import Candidate, Evaluation, Generation, History, Place, Remark, RemarkKind
 
+from .page import words
 from .scripted import search_in
 from .search import BASELINES, BEST, HISTORY, finished, refused, result, run
 
@@ -142,23 +146,34 @@ def test_before_the_end_nothing_is_claimed() -> None:
     assert verdict(run(History((Generation(0, (refused(0, 0, "x"),)),)))) == "No reward has been trained yet."
 
 
-def test_a_score_of_0_beside_a_perfect_f_is_explained() -> None:
-    perfect = Outcome(
-        best=None, method=Arm(held_out=(499.0,)), human=Arm(held_out=(403.0,)), sparse=Arm(held_out=(499.0,))
-    )
-    assert perfect.normalised == 0
-    assert scale(perfect).endswith(
-        "the sparse reward, -1 as good as the human one. Here the sparse reward is the better of the two."
-    )
-    assert scale(Outcome(best=None, human=Arm(held_out=(3.0,)), sparse=Arm(held_out=(1.0,)))).endswith("the human one.")
-    zeros = Arm(held_out=(0.0, 0.0))
-    assert scale(Outcome(best=None, human=zeros, sparse=zeros)).endswith("Here both are equal, and there is no score.")
+@pytest.mark.parametrize(
+    ("generated", "human", "sparse", "told"),
+    [
+        ((49.0, 51.0), (39.0, 41.0), 0.0, ("1.25", "1.25")),
+        ((40.0, 42.0), (39.0, 41.0), 39.9, ("-", "-")),  # 11 of a distance of 0.1, and nothing is decided
+        ((49.0,), (40.0,), 0.0, ("-", "-")),
+        ((49.0, 51.0), (39.0, 41.0), 50.0, ("-", "-")),  # the 0 of the scale would be above its 1
+        ((49.0, 51.0), (39.0, 41.0), 40.0, ("-", "-")),
+    ],
+)
+def test_a_score_is_told_where_it_is_decided_and_its_zero_is_below_its_one(
+    generated: tuple[float, ...], human: tuple[float, ...], sparse: float, told: tuple[str, str]
+) -> None:
+    arms = [Arm(training=scores, held_out=scores) for scores in (generated, human, (sparse,))]
+    outcome = Outcome(best=None, method=arms[0], human=arms[1], sparse=arms[2])
+    assert tuple(value for _, value in measures(outcome).rows[:2]) == told
+    assert (number(on_scale(outcome), 3), number(on_scale(outcome, training=True), 3)) == told
 
 
-def test_no_score_stands_alone_where_its_zero_is_as_good_as_its_one():
-    method, one, three = Arm(held_out=(3.0,)), Arm(held_out=(1.0,)), Arm(held_out=(3.0,))
-    assert on_scale(Outcome(best=None, method=method, human=three, sparse=one)) == 1.0
-    assert on_scale(Outcome(best=None, method=method, human=one, sparse=three)) is None
+def test_every_account_of_a_run_tells_the_same_score(tmp_path: Path) -> None:
+    """Of a run whose seeds do not decide, none does."""
+    view = ended([40.0, 42.0], [39.0, 41.0])
+    sparse = Evaluation(lane="sparse-s1", fitness=0.0, episode_length=9.0, episodes=4)
+    view = replace(view, evaluations={**view.evaluations, sparse.lane: sparse})
+    assert view.outcome is not None and view.outcome.normalised is not None
+    rows = re.findall(r"human-normalised score.*\| (\S+) \|", words(html.report(view, tmp_path)))
+    lines = [line for line in summary(view) if line.startswith("Human-normalised score, held out: -. 0 is as good")]
+    assert (rows, len(lines)) == (["-"], 1)
 
 
 def test_f_is_explained_for_tasks_that_are_installed() -> None:

@@ -96,7 +96,7 @@ def summary(run: RunView) -> list[str]:
     ]
     lines += [f"{name.capitalize()} reward: F {how} {number(run.baseline_score(name))}" for name in run.baselines]
     if run.outcome is not None:
-        score = f"Human-normalised score, held out: {number(run.outcome.normalised)}. {tables.scale(run.outcome)}"
+        score = f"Human-normalised score, held out: {number(tables.on_scale(run.outcome))}. {tables.SCALE}"
         lines += ["", *_lines(tables.final(run, run.outcome)), score, verdict(run), meaning(run)]
         lines += [f"Suspected reward hacking: {sign.kind}. {sign.sentence}" for sign in run.signs]
     elif lost := limits_reason(run) or none_found(run):

@@ -15,12 +15,17 @@ from ..refine.polishing import Polished, Try
 from ..refine.tuned import ORIGINAL, Tuned
 from ..score import Arm, Outcome, human_normalised, plainly_normalised
 from ..stats import mean
-from ..types import Evaluation, Glance, Remark, RemarkKind
+from ..types import Evaluation, Remark, RemarkKind
 from .candidates import CandidateView
 from .view import RunView
 
 MOST_ARMS = 4
 """Given rewards in the head of a run; the table below holds all."""
+SCALE = (
+    "0 is as good as the sparse reward, 1 as the human one; none where the sparse one is no worse, or where it is not "
+    "decided which of the two rewards is better."
+)
+"""How to read a human-normalised score, and where `on_scale` has none."""
 NOISY = "as all episodes begin alike, actions have the noise of training"
 
 
@@ -77,10 +82,9 @@ def tiles(run: RunView) -> list[Tile]:
 
 
 def _final(outcome: Outcome) -> list[Tile]:
-    """What the verdict rests on. The best of the search's own scores flatters, and a score that is not decided too."""
+    """What the verdict rests on. The best of the search's own scores flatters."""
     found = _arms({"generated reward": outcome.method, "human reward": outcome.human})
-    difference, score = outcome.difference, on_scale(outcome)
-    if difference is not None and difference.sure and score is not None:
+    if (score := on_scale(outcome)) is not None:
         found.append(Tile("score, held out", number(score, 3), "0: sparse, 1: human reward"))
     return found
 
@@ -210,30 +214,21 @@ def _scale(run: RunView) -> tuple[tuple[float | None, float | None], str]:
 def measures(outcome: Outcome) -> Table:
     """Scores on a scale that tasks share."""
     rows = [
-        ("human-normalised score, (F - sparse) / abs(human - sparse), held out", number(outcome.normalised, 3)),
-        ("the same on maxima over training, as published", number(outcome.normalised_training, 3)),
+        ("human-normalised score, (F - sparse) / (human - sparse), held out", number(on_scale(outcome), 3)),
+        ("the same on maxima over training, as published", number(on_scale(outcome, training=True), 3)),
         ("correlation with the human reward over transitions", number(outcome.correlation, 2)),
         ("the same over epochs, as the published code computes it", number(outcome.curve_correlation, 2)),
     ]
-    return Table(("score", "value"), rows, scale(outcome))
+    return Table(("score", "value"), rows, f"Human-normalised: {SCALE}")
 
 
-def scale(outcome: Outcome) -> str:
-    """How to read the human-normalised score of a run."""
-    words = "Human-normalised: 0 is as good as the sparse reward,"
-    human, sparse = mean(outcome.human.held_out), mean(outcome.sparse.held_out)
-    if human is None or sparse is None or human >= sparse:
-        equal = " Here both are equal, and there is no score." if human is not None and human == sparse else ""
-        return f"{words} 1 as good as the human one.{equal}"
-    return f"{words} -1 as good as the human one. Here the sparse reward is the better of the two."
-
-
-def on_scale(outcome: Outcome | Glance) -> float | None:
-    """See `score.plainly_normalised`."""
-    if isinstance(outcome, Outcome):
-        arms = outcome.method, outcome.human, outcome.sparse
-        return plainly_normalised(*(mean(arm.held_out) for arm in arms))
-    return plainly_normalised(outcome.held_out, outcome.human, outcome.sparse)
+def on_scale(outcome: Outcome | None, *, training: bool = False) -> float | None:
+    """The human-normalised score, held out or on maxima over training; None where it would say nothing: before it is
+    decided which of the two rewards is better, or where the 0 of the scale is no worse than its 1 (see `SCALE`)."""
+    if outcome is None or outcome.difference is None or not outcome.difference.sure:
+        return None
+    arms = outcome.method, outcome.human, outcome.sparse
+    return plainly_normalised(*(mean(arm.training if training else arm.held_out) for arm in arms))
 
 
 def exploits(run: RunView) -> Table:
