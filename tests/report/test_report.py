@@ -1,3 +1,4 @@
+import dataclasses
 import re
 from pathlib import Path
 
@@ -37,6 +38,12 @@ def test_the_final_scores_are_means_over_fresh_seeds():
     assert "| best generated | 46.0 ± 2.8 | 48.0 ± 2.8 | 2 |" in text
     assert "| sparse | 18 (1 undefined) | 20 (1 undefined) | 2 |" in text
     assert "held out | 0.683 |" in text  # (46 - 18) / (59 - 18)
+
+
+def test_what_follows_the_sign_of_a_played_score_is_said_to_be_its_error():
+    note = "± here, and of single candidates: standard error over episodes."
+    assert note in report(dataclasses.replace(finished(), ranks="played"))
+    assert note not in report(finished())  # nothing was played
 
 
 def test_an_unfinished_run_says_what_is_missing():

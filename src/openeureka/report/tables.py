@@ -122,6 +122,7 @@ def search(run: RunView) -> Table:
         (name, scored(run.played.get(result.lane)) if result else "-", number(result.fitness if result else None))
         for name, result in trained.items()
     ]
+    note += " ± here, and of single candidates: standard error over episodes."
     return Table(("during the search", "F when played", "F in training"), rows, note)
 
 
@@ -258,7 +259,8 @@ def worlds(run: RunView) -> Table:
     ]
     fitted = run.fitted is not None
     whose = "the winner's policy, before its numbers were fitted" if fitted else "the policy in best/"
-    note = f"Of one policy, {whose}. It was picked from several seeds: its F is above their mean."
+    note = f"Of one policy, {whose}. It was picked from several seeds: its F is above their mean. "
+    note += "± here: standard error over episodes."
     return Table(("world", f"F of {whose}, held out"), rows, note)
 
 
